@@ -1,0 +1,1 @@
+"""Grade images through OpenColorIO and OpenImageIO."""

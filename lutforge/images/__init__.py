@@ -1,0 +1,1 @@
+"""Pixels in and out: image files through OpenImageIO, RAW files through rawpy."""

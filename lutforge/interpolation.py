@@ -1,0 +1,112 @@
+"""Trilinear and tetrahedral interpolation of a lattice on nonuniform axes.
+
+The weights are those of the readers of LUT files (OpenColorIO's `ops/lut3d`): trilinear over the eight corners of the
+cell, or tetrahedral over four of them, walked from the low corner to the high one along the axes in falling order of
+the fractional coordinate. Inputs outside the first and last node level are clamped, as LUT readers do.
+"""
+
+from typing import Literal, get_args
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import ArrayLike, NDArray
+
+Interpolation = Literal["trilinear", "tetrahedral"]
+INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
+
+Levels = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""The node levels of the three axes, each (N,) strictly increasing."""
+
+
+@njit(cache=True)
+def locate(levels: NDArray[np.float64], x: float) -> tuple[int, float]:
+    """Cell index (0 … N − 2) and fraction in [0, 1] of `x` on one axis; `x` is clamped. O(log N)."""
+    last = levels.shape[0] - 1
+    if not x > levels[0]:  # NaN, too, goes to the first node
+        return 0, 0.0
+    if x >= levels[last]:
+        return last - 1, 1.0
+    low, high = 0, last
+    while high - low > 1:
+        middle = (low + high) >> 1
+        if levels[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    return low, (x - levels[low]) / (levels[low + 1] - levels[low])
+
+
+@njit(cache=True)
+def corner_weights(
+    tetrahedral: bool, fr: float, fg: float, fb: float, weights: NDArray[np.float64]
+) -> None:
+    """Fill `weights` (8,) with the weights of a cell's corners; corner index = 4·r + 2·g + b with r, g, b in {0, 1}."""
+    if not tetrahedral:
+        weights[0] = (1 - fr) * (1 - fg) * (1 - fb)
+        weights[1] = (1 - fr) * (1 - fg) * fb
+        weights[2] = (1 - fr) * fg * (1 - fb)
+        weights[3] = (1 - fr) * fg * fb
+        weights[4] = fr * (1 - fg) * (1 - fb)
+        weights[5] = fr * (1 - fg) * fb
+        weights[6] = fr * fg * (1 - fb)
+        weights[7] = fr * fg * fb
+        return
+    weights[:] = 0.0
+    # Sort the axes by fraction, largest first: (fraction, corner step).
+    f0, s0, f1, s1, f2, s2 = fr, 4, fg, 2, fb, 1
+    if f0 < f1:
+        f0, s0, f1, s1 = f1, s1, f0, s0
+    if f1 < f2:
+        f1, s1, f2, s2 = f2, s2, f1, s1
+    if f0 < f1:
+        f0, s0, f1, s1 = f1, s1, f0, s0
+    weights[0] = 1 - f0
+    weights[s0] = f0 - f1
+    weights[s0 + s1] = f1 - f2
+    weights[7] += f2
+
+
+@njit(cache=True, parallel=True)
+def _interpolate(
+    x: NDArray[np.float64],
+    r_levels: NDArray[np.float64],
+    g_levels: NDArray[np.float64],
+    b_levels: NDArray[np.float64],
+    values: NDArray[np.float64],
+    tetrahedral: bool,
+) -> NDArray[np.float64]:
+    count, outputs = x.shape[0], values.shape[3]
+    y = np.empty((count, outputs))
+    block = 4096
+    for start in prange((count + block - 1) // block):
+        weights = np.empty(8)
+        for n in range(start * block, min(count, (start + 1) * block)):
+            ir, fr = locate(r_levels, x[n, 0])
+            ig, fg = locate(g_levels, x[n, 1])
+            ib, fb = locate(b_levels, x[n, 2])
+            corner_weights(tetrahedral, fr, fg, fb, weights)
+            for c in range(outputs):
+                total = 0.0
+                for corner in range(8):
+                    w = weights[corner]
+                    if w != 0.0:
+                        total += w * values[ir + (corner >> 2), ig + ((corner >> 1) & 1), ib + (corner & 1), c]
+                y[n, c] = total
+    return y
+
+
+def interpolate(
+    x: ArrayLike, levels: Levels, values: NDArray[np.float64], method: Interpolation = "trilinear"
+) -> NDArray[np.float64]:
+    """Evaluate a lattice at `x`.
+
+    x: (…, 3); levels: three (N,) axes; values: (N_r, N_g, N_b, C). Returns (…, C), float64.
+    Inputs outside the axes are clamped. Time O(n log N), multi-threaded.
+    """
+    points = np.asarray(x, dtype=np.float64)
+    flat = np.ascontiguousarray(points.reshape(-1, 3))
+    r, g, b = levels
+    result: NDArray[np.float64] = _interpolate(
+        flat, r, g, b, np.ascontiguousarray(values, dtype=np.float64), method == "tetrahedral"
+    )
+    return result.reshape(*points.shape[:-1], values.shape[3])

@@ -1,0 +1,1 @@
+"""What a calibrated camera is: evaluation only; the fits are in lutforge.calibration."""

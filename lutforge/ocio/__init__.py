@@ -1,0 +1,1 @@
+"""OpenColorIO configs that carry a calibrated camera."""

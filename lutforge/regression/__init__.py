@@ -1,0 +1,1 @@
+"""Lattice regression: the least-squares fit of a nonuniform lattice to scattered data."""

@@ -1,0 +1,1 @@
+"""From shots to the sample table that every fit reads."""

@@ -1,0 +1,66 @@
+"""The sample table: RAW and JPEG colours of the same surfaces under known settings."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.errors import SampleError
+
+Text = NDArray[np.str_]
+Numbers = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SampleSet:
+    """One sample a row: text columns (n,) numpy strings, `exposure_s` (n,), colours (n, 3) float64.
+
+    raw: linear camera RGB before white balance, 0 = black level, 1 = saturation. srgb: the JPEG value / 255.
+    wb: the white-balance multipliers with green = 1; NaN where unknown. exposure_s: NaN where unknown.
+    raw_camera: the camera that the RAW is of; equal to `camera` unless a reference camera's RAW stands in.
+    Raises SampleError where the columns differ in length.
+    """
+
+    camera: Text
+    style: Text
+    white_balance: Text
+    shot: Text
+    patch: Text
+    exposure_s: Numbers
+    raw: Numbers
+    srgb: Numbers
+    wb: Numbers
+    raw_camera: Text
+
+    def __post_init__(self) -> None:
+        count = len(self.camera)
+        for field in fields(self):
+            shape = (count, 3) if field.name in ("raw", "srgb", "wb") else (count,)
+            if getattr(self, field.name).shape != shape:
+                raise SampleError(
+                    f"samples: column {field.name} has shape {getattr(self, field.name).shape}, not {shape}"
+                )
+
+    def __len__(self) -> int:
+        return len(self.camera)
+
+    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "SampleSet":
+        """The rows of a mask or an index array."""
+        return SampleSet(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    def by_shot(self) -> Iterator[tuple[str, "SampleSet"]]:
+        """Each shot with its samples, in order of first appearance."""
+        names, first = np.unique(self.shot, return_index=True)
+        for name in names[np.argsort(first)]:
+            yield str(name), self.select(self.shot == name)
+
+
+def concatenate(sets: Iterable[SampleSet]) -> SampleSet:
+    """All rows of several sets, in order. Raises SampleError where there is none."""
+    parts = list(sets)
+    if not parts:
+        raise SampleError("samples: none given")
+    return SampleSet(
+        *(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(SampleSet))
+    )

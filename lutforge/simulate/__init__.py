@@ -1,0 +1,1 @@
+"""A physically based camera of known truth, that writes real DNG and JPEG files."""
