@@ -21,9 +21,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem[:40]}.", suffix=path.suffix)
         os.close(handle)
     except OSError as error:
-        raise LutForgeError(
-            f"{path}: cannot write here ({error.strerror}); choose another output folder"
-        ) from error
+        raise LutForgeError(f"{path}: cannot write here ({error.strerror}); choose another output folder") from error
     temporary = Path(name)
     try:
         yield temporary

@@ -37,9 +37,7 @@ def locate(levels: NDArray[np.float64], x: float) -> tuple[int, float]:
 
 
 @njit(cache=True)
-def corner_weights(
-    tetrahedral: bool, fr: float, fg: float, fb: float, weights: NDArray[np.float64]
-) -> None:
+def corner_weights(tetrahedral: bool, fr: float, fg: float, fb: float, weights: NDArray[np.float64]) -> None:
     """Fill `weights` (8,) with the weights of a cell's corners; corner index = 4·r + 2·g + b with r, g, b in {0, 1}."""
     if not tetrahedral:
         weights[0] = (1 - fr) * (1 - fg) * (1 - fb)

@@ -96,7 +96,7 @@ def _fit_channel(x: Array, encoded: Array, channel: int, weight: Array) -> tuple
     system = np.vstack([design * root, bend])
     target = np.concatenate([x[:, channel] * root[:, 0], np.zeros(KNOTS - 2)])
     # The QR factor holds the same problem in as many rows as unknowns.
-    factor = np.linalg.qr(np.column_stack([system, target]), mode="r")
+    factor = np.asarray(np.linalg.qr(np.column_stack([system, target]), mode="r"))
     lower = np.concatenate([[0.0], np.full(KNOTS - 1, 1e-6), [-3.0, -3.0]])
     upper = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])
     solution = lsq_linear(factor[:-1, :-1], factor[:-1, -1], bounds=(lower, upper)).x

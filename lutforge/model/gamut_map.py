@@ -41,11 +41,7 @@ class GamutMap:
 
     def __post_init__(self) -> None:
         count = len(self.centres)
-        if (
-            self.centres.shape != (count, 3)
-            or self.coefficients.shape != (count, 3)
-            or self.polynomial.shape != (4, 3)
-        ):
+        if self.centres.shape != (count, 3) or self.coefficients.shape != (count, 3) or self.polynomial.shape != (4, 3):
             raise ProfileError("gamut map: expected n centres, n coefficients and 4 polynomial rows of 3 numbers")
         for part in (self.centres, self.coefficients, self.polynomial):
             if not np.all(np.isfinite(part)):
@@ -55,7 +51,6 @@ class GamutMap:
         """h at x (…, 3). Time O(points · centres), multi-threaded, no matrix of distances is formed."""
         points = np.asarray(x, dtype=np.float64)
         flat = np.ascontiguousarray(points.reshape(-1, 3))
-        radial: Array = _evaluate(
-            flat, np.ascontiguousarray(self.centres.T), np.ascontiguousarray(self.coefficients.T)
-        )
-        return (radial + self.polynomial[0] + flat @ self.polynomial[1:]).reshape(points.shape)
+        radial: Array = _evaluate(flat, np.ascontiguousarray(self.centres.T), np.ascontiguousarray(self.coefficients.T))
+        mapped: Array = radial + self.polynomial[0] + flat @ self.polynomial[1:]
+        return mapped.reshape(points.shape)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,46 +16,74 @@ Transform = Callable[[ArrayLike], Array]
 """Any function of colours (…, 3) → (…, 3), float64."""
 
 
-@dataclass(frozen=True, eq=False)
-class LatticeTransform:
-    """y = matrix · lattice(gain · x), the input of the lattice clamped to its domain as the camera clips it.
+class ShapedTransform(Protocol):
+    """A transform whose first step is a gain per channel and whose last is a matrix: y = matrix · core(gain · x).
 
-    gain: (3,), the white balance in front (1 for none); matrix: (3, 3) behind.
+    The core is what a lookup table has to hold; its domain is [0, 1]³, to which the camera clips.
     """
 
-    gain: Array
-    lattice: Lattice
-    matrix: Array
+    @property
+    def gain(self) -> Array:
+        """(3,), the white balance in front; 1 for none."""
+
+    @property
+    def matrix(self) -> Array:
+        """(3, 3) behind."""
+
+    def core(self, x: Array) -> Array:
+        """The function between the two, (…, 3) in [0, 1] → (…, 3)."""
 
     def __call__(self, x: ArrayLike) -> Array:
-        """Evaluate at x (…, 3)."""
-        return self.lattice(np.asarray(x, dtype=np.float64) * self.gain) @ self.matrix.T
+        """The whole transform, (…, 3) → (…, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
-class RenderChain:
-    """I = f(h(Ts Tw E)), equation (4.1). to_linear: Ts Tw (3, 3)."""
+class _Shaped:
+    gain: Array
+    matrix: Array
+
+    def core(self, x: Array) -> Array:
+        raise NotImplementedError  # each transform below has its own
+
+    def __call__(self, x: ArrayLike) -> Array:
+        """Evaluate at x (…, 3); gain · x is clamped to [0, 1], where the camera clips."""
+        return self.core(np.clip(np.asarray(x, dtype=np.float64) * self.gain, 0.0, 1.0)) @ self.matrix.T
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeTransform(_Shaped):
+    """y = matrix · lattice(gain · x): render with the white balance as the gain, linearize with its inverse behind."""
+
+    lattice: Lattice
+
+    def core(self, x: Array) -> Array:
+        """The lattice."""
+        return self.lattice(x)
+
+
+@dataclass(frozen=True, eq=False)
+class RenderChain(_Shaped):
+    """I = f(h(Ts Tw E)), equation (4.1), Tw as the gain. to_linear: Ts (3, 3)."""
 
     to_linear: Array
     gamut_map: GamutMap
     response: Response
 
-    def __call__(self, x: ArrayLike) -> Array:
-        """RAW (…, 3) → encoded (…, 3) in [0, 1]."""
-        return self.response.encode(self.gamut_map(np.asarray(x, dtype=np.float64) @ self.to_linear.T))
+    def core(self, x: Array) -> Array:
+        """White-balanced RAW → encoded, in [0, 1]."""
+        return self.response.encode(self.gamut_map(x @ self.to_linear.T))
 
 
 @dataclass(frozen=True, eq=False)
-class LinearizeChain:
-    """E = (Ts Tw)⁻¹ h⁻¹(f⁻¹(I)), equation (4.1) backward. from_linear: (3, 3), what follows h⁻¹."""
+class LinearizeChain(_Shaped):
+    """E = Tw⁻¹ Ts⁻¹ h⁻¹(f⁻¹(I)), equation (4.1) backward; the linear steps, or another scene space, are the matrix."""
 
     response: Response
     gamut_map: GamutMap
-    from_linear: Array
 
-    def __call__(self, x: ArrayLike) -> Array:
-        """Encoded (…, 3) → scene (…, 3), not clipped."""
-        return self.gamut_map(self.response.linearize(x)) @ self.from_linear.T
+    def core(self, x: Array) -> Array:
+        """Encoded → linear, before Ts⁻¹; not clipped."""
+        return self.gamut_map(self.response.linearize(x))
 
 
 @dataclass(frozen=True, eq=False)

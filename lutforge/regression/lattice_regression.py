@@ -2,9 +2,9 @@
 
 b̂ = argmin ‖Ω^½ (W b − y)‖² + λ_S ‖S (b − b₀)‖² + λ_T ‖T (b − b₀)‖² + λ_A ρ(b) + λ_K b'Kb + ‖Λ (b − b₀)‖²
 
-S is the second difference along each axis, T the mixed one across each pair of axes (with λ_T = λ_S / 2 the two are a
-thin plate in index space). b₀ is a prior lattice that the result continues where no sample reaches, Λ² how firmly a node
-is held to it; without one b₀ = 0, which leaves the thesis's own objective (λ_T = Λ = 0).
+S is the second difference along each axis, T the mixed one across each pair of axes: together they smooth alike in all
+directions, a thin plate in index space. b₀ is a prior lattice that the result continues where no sample reaches, Λ² how
+firmly a node is held to it; without one b₀ = 0, which leaves the thesis's own objective (λ_T = Λ = 0).
 """
 
 from dataclasses import dataclass
@@ -139,7 +139,8 @@ def _hierarchy(
     penalties = [regularisation.smoothness * (rows.T @ rows) for rows in map(second_difference, levels)]
     slopes = [rows.T @ rows for rows in (first_difference(len(axis)) for axis in levels)]
     masses = [np.ones(len(axis)) for axis in levels]
-    stages, transfers = [], []
+    stages: list[Level] = []
+    transfers: list[Transfer] = []
     while True:
         r, g, b = (to_bands(penalty) for penalty in penalties)
         mr, mg, mb = masses

@@ -55,7 +55,7 @@ def _row(
     mg: Array,
     mb: Array,
     b: Array,
-    i: int,
+    i: int | np.int64,
     j: int,
     k: int,
 ) -> tuple[float, float, float, float]:
@@ -135,7 +135,7 @@ def _gauss_seidel(
     for step in range(3):
         colour = 2 - step if backward else step
         for plane in prange((nr - colour + 2) // 3):
-            i = 3 * np.int64(plane) + colour  # prange counts in unsigned integers: −i would wrap
+            i = np.int64(3 * plane + colour)  # prange counts in unsigned integers: −i would wrap
             for jj in range(ng):
                 j = ng - 1 - jj if backward else jj
                 for kk in range(nb):
@@ -147,38 +147,26 @@ def _gauss_seidel(
 
 
 @njit(cache=True)
-def _restrict(
-    fine: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array, fb: Array, coarse: Array
-) -> None:
+def _restrict(fine: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array, fb: Array, coarse: Array) -> None:
     for i in range(fine.shape[0]):
         for j in range(fine.shape[1]):
             for k in range(fine.shape[2]):
                 for corner in range(8):
                     r, g, b = corner >> 2, (corner >> 1) & 1, corner & 1
-                    w = (
-                        (fr[i] if r else 1 - fr[i])
-                        * (fg[j] if g else 1 - fg[j])
-                        * (fb[k] if b else 1 - fb[k])
-                    )
+                    w = (fr[i] if r else 1 - fr[i]) * (fg[j] if g else 1 - fg[j]) * (fb[k] if b else 1 - fb[k])
                     if w != 0.0:
                         for c in range(3):
                             coarse[ir[i] + r, ig[j] + g, ib[k] + b, c] += w * fine[i, j, k, c]
 
 
 @njit(cache=True)
-def _prolong_add(
-    coarse: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array, fb: Array, fine: Array
-) -> None:
+def _prolong_add(coarse: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array, fb: Array, fine: Array) -> None:
     for i in range(fine.shape[0]):
         for j in range(fine.shape[1]):
             for k in range(fine.shape[2]):
                 for corner in range(8):
                     r, g, b = corner >> 2, (corner >> 1) & 1, corner & 1
-                    w = (
-                        (fr[i] if r else 1 - fr[i])
-                        * (fg[j] if g else 1 - fg[j])
-                        * (fb[k] if b else 1 - fb[k])
-                    )
+                    w = (fr[i] if r else 1 - fr[i]) * (fg[j] if g else 1 - fg[j]) * (fb[k] if b else 1 - fb[k])
                     if w != 0.0:
                         for c in range(3):
                             fine[i, j, k, c] += w * coarse[ir[i] + r, ig[j] + g, ib[k] + b, c]
@@ -223,8 +211,9 @@ class Multigrid:
         self._coarsest = self._invert(levels[-1])
 
     @staticmethod
-    def _arguments(level: Level) -> tuple[Array, ...]:
-        return (level.stencil, *level.bands, *level.masses, level.anchor)
+    def _arguments(level: Level) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:
+        (pr, pg, pb), (mr, mg, mb) = level.bands, level.masses
+        return level.stencil, pr, pg, pb, mr, mg, mb, level.anchor
 
     def apply(self, b: Array, depth: int = 0) -> Array:
         """A b on the lattice of that depth."""
@@ -243,9 +232,9 @@ class Multigrid:
                 width = min(3, count - node)
                 unit[node + np.arange(width), np.arange(width)] = 1.0
                 anchor = np.repeat(level.anchor[..., channel : channel + 1], 3, axis=3)
-                result = _apply(
-                    level.stencil, *level.bands, *level.masses, anchor, unit.reshape(*shape, 3)
-                ).reshape(count, 3)
+                result = _apply(level.stencil, *level.bands, *level.masses, anchor, unit.reshape(*shape, 3)).reshape(
+                    count, 3
+                )
                 columns[:, node : node + width] = result[:, :width]
             inverses.append(np.linalg.pinv((columns + columns.T) / 2, rcond=1e-13, hermitian=True))
         return np.stack(inverses)
@@ -310,7 +299,7 @@ class Multigrid:
             direction = preconditioned + np.where(previous > 0, rho / np.maximum(previous, 1e-300), 0.0) * direction
         if np.any(size > 1000 * goal):
             raise CalibrationError(
-                f"lattice regression: {most} iterations left a relative residual of {np.max(size / goal) * tolerance:.1g}; "
+                f"lattice regression: {most} iterations left a residual of {np.max(size / goal) * tolerance:.1g}; "
                 "the samples cover too little of colour space for this size: use a smaller --size"
             )
         return b, most

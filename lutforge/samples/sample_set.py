@@ -61,6 +61,4 @@ def concatenate(sets: Iterable[SampleSet]) -> SampleSet:
     parts = list(sets)
     if not parts:
         raise SampleError("samples: none given")
-    return SampleSet(
-        *(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(SampleSet))
-    )
+    return SampleSet(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(SampleSet)))

@@ -1,0 +1,53 @@
+"""The error figures of the thesis (chapter 5): pixel error and its quartiles, RMSE, and ΔE00 beside them."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.model.colour_difference import delta_e_2000
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ErrorFigures:
+    """Pixel error: the Euclidean norm of the RGB difference, 1 = full scale. rmse: per channel, root mean square.
+
+    de00_mean, de00_max: ΔE00 between encoded sRGB colours; None where the values are not display colours.
+    """
+
+    count: int
+    mean: float
+    maximum: float
+    q1: float
+    median: float
+    q3: float
+    rmse: float
+    de00_mean: float | None = None
+    de00_max: float | None = None
+
+    def as_json(self) -> dict[str, float | int | None]:
+        """Plain values by name."""
+        return asdict(self)
+
+
+def error_figures(predicted: Array, measured: Array, *, display: bool) -> ErrorFigures:
+    """Figures of predicted (n, 3) against measured (n, 3); display: both are encoded sRGB."""
+    distance = np.linalg.norm(predicted - measured, axis=1)
+    q1, median, q3 = np.percentile(distance, [25, 50, 75])
+    de00_mean = de00_max = None
+    if display:
+        difference = delta_e_2000(predicted, measured)
+        de00_mean, de00_max = float(difference.mean()), float(difference.max())
+    return ErrorFigures(
+        count=len(distance),
+        mean=float(distance.mean()),
+        maximum=float(distance.max()),
+        q1=float(q1),
+        median=float(median),
+        q3=float(q3),
+        rmse=float(np.sqrt(np.mean((predicted - measured) ** 2))),
+        de00_mean=de00_mean,
+        de00_max=de00_max,
+    )

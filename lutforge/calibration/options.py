@@ -1,0 +1,69 @@
+"""How a camera is calibrated: one record of options, and the presets that name two sets of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Literal, get_args
+
+from lutforge.errors import CalibrationError
+from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.regression.lattice_regression import Regularisation
+
+Preset = Literal["lutforge", "thesis"]
+PRESETS: tuple[Preset, ...] = get_args(Preset)
+
+SMALLEST, LARGEST = 3, 65
+SHAPER_SIZE = 4096
+"""Entries of the shaper whose grid the node levels are snapped to."""
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """Options of the lattice fit.
+
+    preset: "thesis" is chapter 5 as written (uniform prior, fixed weights, α by fitting error); "lutforge" continues
+    the matrix and response where there are no samples, smooths in all directions, and chooses its weight by
+    cross-validation over shots. size: nodes per axis, 3 … 65. nonuniform: False stops at the uniform lattice.
+    Raises CalibrationError on values outside these.
+    """
+
+    preset: Preset = "lutforge"
+    size: int = 33
+    interpolation: Interpolation = "trilinear"
+    nonuniform: bool = True
+    shaper_size: int = SHAPER_SIZE
+
+    def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise CalibrationError(f'unknown preset "{self.preset}"; choose one of {", ".join(PRESETS)}')
+        if not SMALLEST <= self.size <= LARGEST:
+            raise CalibrationError(f"lattice size {self.size} is not within {SMALLEST} … {LARGEST}")
+        if self.interpolation not in INTERPOLATIONS:
+            raise CalibrationError(
+                f'unknown interpolation "{self.interpolation}"; choose one of {", ".join(INTERPOLATIONS)}'
+            )
+        if self.shaper_size < self.size:
+            raise CalibrationError(f"a shaper of {self.shaper_size} entries cannot hold {self.size} node levels")
+
+    def as_json(self) -> dict[str, object]:
+        """The options as plain values, for the profile."""
+        return {
+            "model": "lattice",
+            "preset": self.preset,
+            "size": self.size,
+            "interpolation": self.interpolation,
+            "nonuniform": self.nonuniform,
+            "shaper_size": self.shaper_size,
+        }
+
+
+THESIS = Regularisation()
+"""λ_S = 0.1, λ_A = 0.01, λ_K = 1e−6 (thesis 5.3)."""
+
+
+def options_from_json(values: Mapping[str, object]) -> CalibrationOptions:
+    """The options that a profile was calibrated with; what it does not say is the default."""
+    known = {field.name: values[field.name] for field in fields(CalibrationOptions) if field.name in values}
+    try:
+        return CalibrationOptions(**known)  # type: ignore[arg-type]  # checked by __post_init__, and TypeError here
+    except TypeError as error:
+        raise CalibrationError(f"the profile's options cannot be read ({error})") from error

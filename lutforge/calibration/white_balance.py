@@ -1,0 +1,72 @@
+"""White-balance multipliers of samples whose files do not tell them (thesis 4.2.2)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.errors import CalibrationError
+from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
+from lutforge.samples.sample_set import SampleSet
+
+Array = NDArray[np.float64]
+
+NEUTRAL_SATURATION = 0.12
+"""Standard deviation in HSV saturation of the weight by which near-neutral JPEG colours vote for the multipliers."""
+LEAST_NEUTRALS = 3.0
+"""Summed weight below which there is nothing neutral to read a white balance from."""
+
+
+def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
+    """The multipliers (n, 3) of every sample, green = 1, estimated per shot and setting where the table has none.
+
+    What the camera rendered neutral was neutral after white balance: the multipliers are the weighted median of G / R
+    and G / B over near-neutral JPEG colours. Returns them with one note per estimate.
+    Raises CalibrationError, naming the shots, where a white balance without multipliers has no neutral colour.
+    """
+    multipliers = samples.wb.copy()
+    notes = []
+    unknown = ~np.all(np.isfinite(multipliers), axis=1)
+    automatic = samples.white_balance == "auto"
+    # One estimate per setting; under auto the camera may change it from shot to shot.
+    setting = np.where(automatic, np.char.add("auto\x00", samples.shot), samples.white_balance)
+    for name in np.unique(setting[unknown]):
+        rows = unknown & (setting == name)
+        label = name.replace("auto\x00", "auto of ") or "unnamed"
+        multipliers[rows] = _neutral_multipliers(samples.raw[rows], samples.srgb[rows], label)
+        r, _, b = multipliers[rows][0]
+        notes.append(f"white balance {label}: multipliers {r:.3f}, 1, {b:.3f} read from neutral colours of the JPEGs")
+    return multipliers, tuple(notes)
+
+
+def _neutral_multipliers(raw: Array, srgb: Array, label: str) -> Array:
+    high = srgb.max(axis=1)
+    saturation = 1.0 - srgb.min(axis=1) / np.maximum(high, 1e-6)
+    weight = np.exp(-((saturation / NEUTRAL_SATURATION) ** 2))
+    weight[(high > 0.95) | (high < 0.08) | (raw.min(axis=1) <= 1e-4)] = 0.0
+    if weight.sum() < LEAST_NEUTRALS:
+        raise CalibrationError(
+            f"white balance {label}: the files give no multipliers and no near-neutral colour shows them; "
+            "add a shot with something grey in it, or the columns wb_r,wb_g,wb_b"
+        )
+    ratios = [_weighted_median(raw[:, 1] / np.maximum(raw[:, c], 1e-6), weight) for c in range(3)]
+    return np.array(ratios)
+
+
+def _weighted_median(values: Array, weight: Array) -> float:
+    order = np.argsort(values)
+    mass = np.cumsum(weight[order])
+    return float(values[order][np.searchsorted(mass, 0.5 * mass[-1])])
+
+
+def named_white_balances(samples: SampleSet, multipliers: Array) -> dict[str, WhiteBalance]:
+    """One entry per white-balance name: the median over its shots, and how far a shot departs from it."""
+    result = {}
+    for name in np.unique(samples.white_balance):
+        rows = samples.white_balance == name
+        shots = np.array(
+            [np.median(multipliers[rows & (samples.shot == shot)], axis=0) for shot in np.unique(samples.shot[rows])]
+        )
+        middle = np.median(shots, axis=0)
+        r, b = float(middle[0] / middle[1]), float(middle[2] / middle[1])
+        spread = float(np.max(np.abs(shots / middle - 1.0)))
+        result[str(name)] = WhiteBalance((r, 1.0, b), NAMED_KELVIN.get(str(name)), spread)
+    return result

@@ -1,0 +1,150 @@
+"""Write an image file with OpenImageIO, keeping what the source file said about itself."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+from numpy.typing import ArrayLike, NDArray
+
+from lutforge.atomic_write import atomic_path
+from lutforge.errors import ImageError
+from lutforge.images.read import Image
+
+JPEG_QUALITY = 97
+SOFTWARE = "LutForge"
+
+_WIDEST: dict[str, str] = {  # the deepest pixel type that a format takes, where it is not float
+    "jpeg": "uint8",
+    "png": "uint16",
+    "targa": "uint8",
+    "bmp": "uint8",
+    "webp": "uint8",
+    "gif": "uint8",
+    "ico": "uint8",
+    "dpx": "uint16",
+    "jpeg2000": "uint16",
+    "sgi": "uint16",
+    "pnm": "uint16",
+}
+_NO_INTEGERS = frozenset({"openexr", "hdr"})
+_DEPTHS = ("uint8", "uint16", "half", "float")
+_KEEPS_ORIENTATION = frozenset({"jpeg", "tiff", "png", "openexr"})
+_OWN_ATTRIBUTES = ("jpeg:", "png:", "tiff:", "openexr:", "dpx:", "targa:", "bmp:", "webp:", "gif:", "jpegxl:")
+
+
+def write_image(path: str | Path, pixels: ArrayLike, spec_like: Image, note: str | None = None) -> None:
+    """Write `pixels` (h, w, c) with the metadata of `spec_like`; the suffix picks the format.
+
+    Pixels are in the encoding of the file: integers from [0, 1] (clipped), half and float as they are. Bit
+    depth is the source's where the format has it, else the nearest that loses least. JPEG: quality 97, no
+    chroma subsampling. EXIF, IPTC, XMP, ICC profile and orientation are kept; thumbnails are dropped, as they
+    show the old pixels. `note` says what was done, for Software and ImageHistory. Atomic. Raises ImageError.
+    """
+    path = Path(path)
+    array = np.ascontiguousarray(pixels, dtype=np.float32)
+    if array.ndim != 3 or array.shape[2] < 1 or array.size == 0:
+        raise ImageError(f"{path}: an image has shape (height, width, channels), not {array.shape}")
+    probe = oiio.ImageOutput.create(path.name)
+    if probe is None or path.suffix.lower() == ".pfm":
+        oiio.geterror()
+        raise ImageError(f'{path}: cannot write "{path.suffix}" images; use .tif, .exr, .png, .jpg or .dpx')
+    spec, array = _output_spec(path, probe, array, spec_like)
+    if note is not None:
+        spec.attribute("Software", SOFTWARE)
+        history = spec.get_string_attribute("Exif:ImageHistory")
+        line = " ".join(note.split())
+        spec.attribute("Exif:ImageHistory", f"{history}\n{line}" if history else line)
+    with atomic_path(path) as temporary:
+        # The class is found by the final name: the temporary one has the same suffix.
+        target = oiio.ImageOutput.create(str(temporary))
+        if target is None or not target.open(str(temporary), spec):
+            raise ImageError(f"{path}: {_one_line(target.geterror() if target else oiio.geterror())}")
+        written = target.write_image(array)
+        closed = target.close()
+        if not (written and closed):
+            raise ImageError(f"{path}: {_one_line(target.geterror())}")
+
+
+def _output_spec(
+    path: Path, target: oiio.ImageOutput, array: NDArray[np.float32], source: Image
+) -> tuple[oiio.ImageSpec, NDArray[np.float32]]:
+    """The source's description, changed where the pixels or the format ask for it."""
+    name = target.format_name()
+    spec = oiio.ImageSpec(source.spec)
+    if source.format != name:
+        for attribute in list(spec.extra_attribs):
+            if attribute.name.lower().startswith(_OWN_ATTRIBUTES) or attribute.name in (
+                "compression",
+                "oiio:BitsPerSample",
+                "planarconfig",
+            ):
+                spec.erase_attribute(attribute.name)
+    for thumbnail in ("thumbnail_image", "thumbnail_width", "thumbnail_height", "thumbnail_nchannels"):
+        spec.erase_attribute(thumbnail)
+    if not _is_icc_profile(spec.getattribute("ICCProfile")):
+        spec.erase_attribute("ICCProfile")  # a broken one makes the PNG writer fail
+    orientation = spec.get_int_attribute("Orientation", 1)
+    if orientation != 1 and name not in _KEEPS_ORIENTATION:
+        array = upright(array, orientation)
+        spec.attribute("Orientation", 1)
+    height, width, channels = array.shape
+    if (height, width, channels) != (source.spec.height, source.spec.width, source.spec.nchannels):
+        if channels != source.spec.nchannels:
+            spec.nchannels = channels
+            spec.default_channel_names()
+        spec.x = spec.y = spec.full_x = spec.full_y = 0
+        spec.width = spec.full_width = width
+        spec.height = spec.full_height = height
+    if not target.supports("tiles"):
+        spec.tile_width = spec.tile_height = spec.tile_depth = 0
+    depth = _depth(name, str(source.spec.format))
+    if depth != str(source.spec.format):
+        spec.erase_attribute("oiio:BitsPerSample")
+    spec.set_format(oiio.TypeDesc(depth))
+    if name == "tiff" and spec.get_string_attribute("compression").startswith("jpeg"):
+        spec.attribute("compression", "zip")
+    if name == "pnm":
+        spec.attribute("pnm:pfmflip", 0)  # OpenImageIO 3.2 else writes them upside down
+    if name == "jpeg":
+        if channels not in (1, 3):
+            raise ImageError(f"{path}: JPEG holds no alpha or extra channels; write .tif, .png or .exr")
+        spec.attribute("compression", f"jpeg:{JPEG_QUALITY}")
+        spec.attribute("jpeg:subsampling", "4:4:4")
+    return spec, array
+
+
+def _depth(name: str, source: str) -> str:
+    """The pixel type to write: the source's, else the nearest that the format has and that loses least."""
+    if name in _NO_INTEGERS:
+        return {"uint8": "half", "half": "half"}.get(source, "float") if name == "openexr" else "float"
+    wanted = {"int8": "uint8", "int16": "uint16"}.get(source, source)
+    if wanted not in _DEPTHS:
+        wanted = "float"  # 32-bit integers, doubles
+    widest = _WIDEST.get(name, "float")
+    return wanted if _DEPTHS.index(wanted) <= _DEPTHS.index(widest) else widest
+
+
+def upright(array: NDArray[np.float32], orientation: int) -> NDArray[np.float32]:
+    """Turn a stored image (h, w, c) the way its EXIF orientation (1–8) asks for."""
+    turned = {
+        2: lambda a: a[:, ::-1],
+        3: lambda a: a[::-1, ::-1],
+        4: lambda a: a[::-1],
+        5: lambda a: a.transpose(1, 0, 2),
+        6: lambda a: a[::-1].transpose(1, 0, 2),
+        7: lambda a: a[::-1, ::-1].transpose(1, 0, 2),
+        8: lambda a: a[:, ::-1].transpose(1, 0, 2),
+    }.get(orientation, lambda a: a)(array)
+    return np.ascontiguousarray(turned)
+
+
+def _is_icc_profile(profile: object) -> bool:
+    """True where the bytes carry the signature and the length that ICC.1:2022, 7.2 asks for."""
+    if not isinstance(profile, bytes | np.ndarray):
+        return False
+    data = bytes(profile)
+    return len(data) >= 132 and data[36:40] == b"acsp" and int.from_bytes(data[:4], "big") == len(data)
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split()) or "cannot be written"

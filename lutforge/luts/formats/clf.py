@@ -1,0 +1,77 @@
+"""`.clf` and `.ctf`: the Academy/ASC Common LUT Format (SMPTE ST 2136-1) and Autodesk's superset of it."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+from lutforge.errors import LutError
+from lutforge.luts.lut import Lut
+
+FORMATS = {".clf": "Academy/ASC Common LUT Format", ".ctf": "Color Transform Format"}
+
+
+def transforms(lut: Lut) -> OCIO.GroupTransform:
+    """Matrix (gain) → Range (clamp to [0, 1]) → LUT1D (shaper) → LUT3D → Matrix; idle ones are left out."""
+    group = OCIO.GroupTransform()
+    if lut.has_gain:
+        group.appendTransform(OCIO.MatrixTransform(np.diag([*lut.gain, 1.0]).ravel().tolist()))
+    group.appendTransform(OCIO.RangeTransform(minInValue=0.0, maxInValue=1.0, minOutValue=0.0, maxOutValue=1.0))
+    if not lut.is_uniform:
+        group.appendTransform(_lut1d(lut))
+    group.appendTransform(_lut3d(lut))
+    if lut.has_matrix:
+        matrix = np.eye(4)
+        matrix[:3, :3] = lut.matrix
+        group.appendTransform(OCIO.MatrixTransform(matrix.ravel().tolist()))
+    return group
+
+
+def write(lut: Lut, path: Path) -> None:
+    """Write any LUT, exactly; the suffix says whether CLF or CTF. Raises LutError."""
+    group = transforms(lut)
+    metadata = group.getFormatMetadata()
+    metadata.setID(_identifier(lut))
+    if lut.title:
+        metadata.setName(_line(lut.title))
+    for comment in lut.comments:
+        if line := _line(comment):
+            metadata.addChildElement("Description", line)
+    try:
+        text = group.write(FORMATS[path.suffix.lower()], OCIO.Config.CreateRaw())
+    except OCIO.Exception as error:
+        raise LutError(f"{path}: OpenColorIO cannot write it: {' '.join(str(error).split())}") from error
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _lut1d(lut: Lut) -> OCIO.Lut1DTransform:
+    shaper = OCIO.Lut1DTransform(lut.shaper_size, False)
+    shaper.setFileOutputBitDepth(OCIO.BIT_DEPTH_F32)
+    shaper.setInterpolation(OCIO.INTERP_LINEAR)
+    shaper.setData(np.ascontiguousarray(lut.shaper, dtype=np.float32).ravel())
+    return shaper
+
+
+def _lut3d(lut: Lut) -> OCIO.Lut3DTransform:
+    cube = OCIO.Lut3DTransform(lut.size)
+    cube.setFileOutputBitDepth(OCIO.BIT_DEPTH_F32)
+    tetrahedral = lut.interpolation == "tetrahedral"
+    cube.setInterpolation(OCIO.INTERP_TETRAHEDRAL if tetrahedral else OCIO.INTERP_LINEAR)
+    cube.setData(np.ascontiguousarray(lut.cube, dtype=np.float32).ravel())  # blue fastest, as CLF has it
+    return cube
+
+
+def _identifier(lut: Lut) -> str:
+    """An id that depends on the content alone, so that the same LUT is the same file."""
+    digest = hashlib.sha256()
+    for array in (lut.gain, *lut.levels, lut.cube, lut.matrix):
+        digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+    digest.update(lut.interpolation.encode())
+    h = digest.hexdigest()
+    return f"urn:uuid:{h[:8]}-{h[8:12]}-8{h[13:16]}-8{h[17:20]}-{h[20:32]}"
+
+
+def _line(text: str) -> str:
+    """One line without characters that XML forbids."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:500]

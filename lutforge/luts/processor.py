@@ -1,0 +1,70 @@
+"""A LUT file as OpenColorIO evaluates it."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+from numpy.typing import ArrayLike, NDArray
+
+from lutforge.errors import LutError
+from lutforge.interpolation import Interpolation
+
+OCIO_ERRORS = (OCIO.Exception, OCIO.ExceptionMissingFile)
+"""What OpenColorIO raises; in Python the second is not a kind of the first."""
+
+MAX_BYTES = 512 * 1024 * 1024
+"""Largest LUT file that is read; a 129³ cube as text takes about 70 MB."""
+
+
+def file_processor(
+    path: str | Path, interpolation: Interpolation = "tetrahedral", inverse: bool = False
+) -> OCIO.CPUProcessor:
+    """An OpenColorIO processor, float32 in and out, of any LUT file that it reads.
+
+    interpolation: for cubes of files that name none themselves (CLF and CTF do). inverse: the file backward.
+    Raises LutError, in one line.
+    """
+    path = Path(path)
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise LutError(f"{path}: {error.strerror or 'cannot be opened'}") from error
+    if path.is_dir() or size == 0 or size > MAX_BYTES:
+        what = "a folder" if path.is_dir() else "empty" if size == 0 else "too large for a LUT"
+        raise LutError(f"{path}: {what}, not a LUT file")
+    OCIO.ClearAllCaches()  # else a file that was written again is read from memory
+    direction = OCIO.TRANSFORM_DIR_INVERSE if inverse else OCIO.TRANSFORM_DIR_FORWARD
+    # "Best" is tetrahedral for cubes, and unlike that name it is quiet about files of 1D tables.
+    method = OCIO.INTERP_BEST if interpolation == "tetrahedral" else OCIO.INTERP_LINEAR
+    with tempfile.TemporaryDirectory() as folder:
+        link = path.absolute()
+        if {"$", "%"} & set(str(path)):  # OpenColorIO replaces variables in a path: give it one that has none
+            link = Path(folder) / f"lut{path.suffix}"
+            link.symlink_to(path.resolve())
+        try:
+            transform = OCIO.FileTransform(str(link), "", method, direction)
+            processor = OCIO.Config.CreateRaw().getProcessor(transform)
+            return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+        except OCIO_ERRORS as error:
+            raise LutError(f"{path}: {_reason(str(error), str(link), path)}") from error
+
+
+def evaluate(processor: OCIO.CPUProcessor, x: ArrayLike) -> NDArray[np.float32]:
+    """Apply a processor to colours (…, 3); float32."""
+    y = np.array(x, dtype=np.float32, order="C", ndmin=2)
+    processor.applyRGB(y)
+    return y.reshape(np.shape(x))
+
+
+def _reason(message: str, link: str, path: Path) -> str:
+    """OpenColorIO's message about a file as part of one line, with what to do where the cause is known."""
+    line = " ".join(message.replace(link, path.name).split())
+    if path.suffix.lower() == ".cube":
+        text = path.read_text("utf-8", "replace")[:4000].upper()
+        if "LUT_1D_SIZE" in text and "LUT_3D_SIZE" in text and ("TITLE" in text or "DOMAIN_M" in text):
+            return (
+                "a .cube with a shaper (LUT_1D_SIZE and LUT_3D_SIZE) must hold neither TITLE nor DOMAIN "
+                "lines for OpenColorIO; delete those lines"
+            )
+    return f"OpenColorIO cannot read it: {line[:300]}"

@@ -1,0 +1,80 @@
+"""Read a LUT file back through OpenColorIO and measure how far it is from what it should be."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.interpolation import Interpolation
+from lutforge.luts.lut import Lut
+from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.sample_points import sample_points
+from lutforge.model.colour_difference import delta_e_2000
+from lutforge.model.lattice import uniform_levels
+from lutforge.model.transform import Transform
+
+
+@dataclass(frozen=True)
+class FileError:
+    """How far a file is from a reference, on `samples` fixed points of the input cube.
+
+    mean, p99, max: Euclidean norm of the RGB difference (1 = full scale). worst_input: where the largest is.
+    mean_de00, max_de00: CIEDE2000 with both taken for encoded sRGB; None for outputs that are not for a
+    display.
+    """
+
+    mean: float
+    p99: float
+    max: float
+    worst_input: tuple[float, float, float]
+    mean_de00: float | None
+    max_de00: float | None
+    samples: int
+
+    def __str__(self) -> str:
+        text = f"mean {self.mean:.2g}, 99 % {self.p99:.2g}, max {self.max:.2g}"
+        if self.mean_de00 is not None and self.max_de00 is not None:
+            text += f"; dE00 mean {self.mean_de00:.2g}, max {self.max_de00:.2g}"
+        return text
+
+
+def verify(
+    path: str | Path,
+    reference: Transform,
+    lut: Lut | None = None,
+    interpolation: Interpolation | None = None,
+    display_referred: bool = True,
+) -> FileError:
+    """Compare the file, evaluated by OpenColorIO in float32, with a reference.
+
+    lut: the LUT that was written: more points near its node levels, and its interpolation; without it, a
+    uniform cube and tetrahedral. interpolation overrides: what the file's consumer will use. Raises LutError.
+    """
+    method = interpolation or (lut.interpolation if lut is not None else "tetrahedral")
+    levels = lut.levels if lut is not None else uniform_levels(33)
+    gain = lut.gain if lut is not None else np.ones(3)
+    # Rounded to float32 first: both sides get the very same input.
+    x = sample_points(levels, gain).astype(np.float32).astype(np.float64)
+    return compare(evaluate(file_processor(path, method), x), reference(x), x, display_referred)
+
+
+def compare(
+    got: NDArray[np.float32],
+    wanted: NDArray[np.float64],
+    x: NDArray[np.float64],
+    display_referred: bool = True,
+) -> FileError:
+    """Figures of the difference of two outputs (n, 3) at the inputs x (n, 3)."""
+    norm = np.linalg.norm(got - wanted, axis=1)
+    worst = x[int(np.argmax(norm))]
+    de00 = delta_e_2000(got.astype(np.float64), wanted) if display_referred else None
+    return FileError(
+        mean=float(norm.mean()),
+        p99=float(np.quantile(norm, 0.99)),
+        max=float(norm.max()),
+        worst_input=(float(worst[0]), float(worst[1]), float(worst[2])),
+        mean_de00=None if de00 is None else float(de00.mean()),
+        max_de00=None if de00 is None else float(de00.max()),
+        samples=len(x),
+    )

@@ -1,0 +1,158 @@
+"""A calibrated camera: its white balances, its matrix, and per picture style the models of its rendering."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.errors import ProfileError, SettingsError
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.lattice import Lattice
+from lutforge.model.response import Response
+from lutforge.model.scene_spaces import SceneSpace, from_linear_srgb
+from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
+from lutforge.model.white_balance import WhiteBalance, resolve
+from lutforge.settings import Selector, parse_selector
+
+Array = NDArray[np.float64]
+ModelName = Literal["lattice", "rbf"]
+MODELS: tuple[ModelName, ...] = get_args(ModelName)
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicalModel:
+    """I = f(h(Ts Tw E)) for some white balances of a style (4.1). matrix: Ts (3, 3), for multipliers with green = 1."""
+
+    white_balances: tuple[str, ...]
+    matrix: Array
+    response: Response
+    gamut_map: GamutMap
+    inverse_gamut_map: GamutMap
+
+
+@dataclass(frozen=True, eq=False)
+class PictureStyle:
+    """What is known of one picture style.
+
+    render: Tw E → I; linearize: I → Tw E; errors: held-out figures by name; coverage: per direction the summed weight
+    of the samples at each node of its lattice, (N_r, N_g, N_b).
+    """
+
+    render: Lattice | None = None
+    linearize: Lattice | None = None
+    physical: tuple[PhysicalModel, ...] = ()
+    errors: Mapping[str, float] = field(default_factory=dict)
+    coverage: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraProfile:
+    """A camera. matrix: Ts (3, 3), white-balanced camera RGB → linear sRGB, rows sum to 1.
+
+    shots: the names that it was calibrated from; options: how, as plain JSON values.
+    Raises ProfileError where there is no style or no white balance, or the matrix is singular.
+    """
+
+    camera: str
+    matrix: Array
+    white_balances: Mapping[str, WhiteBalance]
+    styles: Mapping[str, PictureStyle]
+    shots: tuple[str, ...] = ()
+    options: Mapping[str, object] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.styles or not self.white_balances:
+            raise ProfileError(f"{self.camera}: a profile needs at least one picture style and one white balance")
+        if self.matrix.shape != (3, 3) or not np.all(np.isfinite(self.matrix)):
+            raise ProfileError(f"{self.camera}: the matrix is not 3 × 3 finite numbers")
+        if np.linalg.cond(self.matrix) > 1e6:
+            raise ProfileError(f"{self.camera}: the matrix cannot be inverted")
+
+    def selector(self, text: str | Selector) -> Selector:
+        """A selector whose style and white balance this profile knows. Raises SettingsError listing the known ones."""
+        selector = parse_selector(text) if isinstance(text, str) else text
+        if selector.style not in self.styles:
+            raise SettingsError(f'unknown style "{selector.style}"; {self.camera} has {", ".join(sorted(self.styles))}')
+        resolve(selector.white_balance, self.white_balances)
+        return selector
+
+    def multipliers(self, text: str | Selector) -> Array:
+        """The white-balance multipliers (3,) that a selector asks for, green = 1."""
+        return resolve(self.selector(text).white_balance, self.white_balances)
+
+    def render(self, to: str | Selector, model: ModelName | None = None) -> Transform:
+        """RAW (before white balance) → the camera's JPEG, encoded [0, 1]."""
+        selector = self.selector(to)
+        gain = self.multipliers(selector)
+        style = self.styles[selector.style]
+        if self._model(selector, model) == "lattice":
+            if style.render is None:
+                raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for rendering")
+            return LatticeTransform(gain, np.eye(3), style.render)
+        physical = self._physical(selector)
+        return RenderChain(gain, np.eye(3), physical.matrix, physical.gamut_map, physical.response)
+
+    def linearize(self, source: str | Selector, space: SceneSpace = "raw", model: ModelName | None = None) -> Transform:
+        """The camera's JPEG, encoded [0, 1] → RAW before white balance, or another scene-linear space."""
+        selector = self.selector(source)
+        gain = self.multipliers(selector)
+        style = self.styles[selector.style]
+        if self._model(selector, model) == "lattice":
+            if style.linearize is None:
+                raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for linearizing")
+            scene = np.diag(1 / gain) if space == "raw" else from_linear_srgb(space) @ self.matrix
+            return LatticeTransform(np.ones(3), scene, style.linearize)
+        physical = self._physical(selector)
+        to_balanced = np.linalg.inv(physical.matrix)
+        scene = to_balanced / gain[:, None] if space == "raw" else from_linear_srgb(space) @ self.matrix @ to_balanced
+        return LinearizeChain(np.ones(3), scene, physical.response, physical.inverse_gamut_map)
+
+    def refinish(
+        self, source: str | Selector, target: str | Selector, ev: float = 0.0, model: ModelName | None = None
+    ) -> Transform:
+        """A finished JPEG → the JPEG that the camera would have made with other settings (6.1); ev in stops."""
+        return match(self, source, self, target, ev, model=model)
+
+    def _model(self, selector: Selector, model: ModelName | None) -> ModelName:
+        if model is not None:
+            return model
+        return "rbf" if self.styles[selector.style].render is None else "lattice"
+
+    def _physical(self, selector: Selector) -> PhysicalModel:
+        """The physical model fitted for this white balance, else the style's first."""
+        models = self.styles[selector.style].physical
+        if not models:
+            raise ProfileError(f"{self.camera}: style {selector.style} holds no physical model; use --model lattice")
+        named = [model for model in models if selector.white_balance in model.white_balances]
+        return (named or list(models))[0]
+
+
+def match(
+    source_camera: CameraProfile,
+    source: str | Selector,
+    target_camera: CameraProfile,
+    target: str | Selector,
+    ev: float = 0.0,
+    model: ModelName | None = None,
+) -> Transform:
+    """One camera's JPEG → the JPEG of another, or of itself under other settings (6.1, 6.3).
+
+    Between two cameras Tc = (Ts_b Tw_b)⁻¹ Ts_a Tw_a, with both white balances those of the source's light; where the
+    target camera does not know that setting, its own target white balance stands in.
+    Raises SettingsError on an exposure beyond ±20 stops.
+    """
+    if not -20.0 <= ev <= 20.0:
+        raise SettingsError(f"exposure change {ev:g} EV is not within ±20 stops")
+    between = 2.0**ev * np.eye(3)
+    if source_camera is not target_camera:
+        balanced = np.linalg.inv(target_camera.matrix) @ source_camera.matrix
+        light = source_camera.selector(source).white_balance
+        try:
+            reference = resolve(light, target_camera.white_balances)
+        except SettingsError:
+            reference = target_camera.multipliers(target)
+        between = 2.0**ev * (balanced * source_camera.multipliers(source)) / reference[:, None]
+    return Refinish(source_camera.linearize(source, model=model), between, target_camera.render(target, model=model))

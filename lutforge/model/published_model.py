@@ -1,0 +1,173 @@
+"""Camera models as published by the thesis's authors (National University of Singapore): plain text folders.
+
+A folder holds, for RAW → JPEG (`raw2jpg_*`) and back (`jpg2raw_*`), the matrix Ts and the white balances, the centres
+and images of the gamut map, its coefficients, and the response f⁻¹ at 256 JPEG values. White balances carry the codes
+of the EXIF LightSource tag.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.errors import ProfileError
+from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.response import Response
+from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
+
+Array = NDArray[np.float64]
+
+LIGHT_SOURCES = {
+    1: "daylight",
+    2: "fluorescent",
+    3: "tungsten",
+    4: "flash",
+    9: "daylight",
+    10: "cloudy",
+    11: "shade",
+    14: "fluorescent",
+}
+"""EXIF LightSource codes (EXIF 2.3, tag 37384) that name a camera's white balance."""
+
+LARGEST_FILE = 64 * 1024 * 1024
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedModel:
+    """One folder: the model, its white balances, and the measured pairs that its centres and images are.
+
+    linear: Ts Tw E (n, 3); mapped: f⁻¹(I) (n, 3), from the forward direction.
+    """
+
+    model: PhysicalModel
+    white_balances: dict[str, WhiteBalance]
+    linear: Array
+    mapped: Array
+
+    @property
+    def balanced(self) -> Array:
+        """The pairs' white-balanced RAW Tw E (n, 3)."""
+        return self.linear @ np.linalg.inv(self.model.matrix).T
+
+    @property
+    def encoded(self) -> Array:
+        """The pairs' JPEG values I (n, 3)."""
+        return self.model.response.encode(self.mapped)
+
+
+def read_published_model(folder: str | Path) -> PublishedModel:
+    """Read one model folder. Raises ProfileError with the file (and line) that is missing or malformed."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise ProfileError(f"{folder}: no such folder; give the folder that holds raw2jpg_transform.txt")
+    matrix, balances = _read_transform(folder / "raw2jpg_transform.txt")
+    linear = _read_points(folder / "raw2jpg_ctrlPoints.txt")
+    forward = _read_gamut_map(folder, "raw2jpg", linear)
+    back = _read_gamut_map(folder, "jpg2raw", _read_points(folder / "jpg2raw_ctrlPoints.txt"))
+    mapped = _read_points(folder / "raw2jpg_destPoints.txt")
+    if len(mapped) != len(linear):
+        raise ProfileError(f"{folder}: {len(linear)} control points but {len(mapped)} destination points")
+    response = Response(np.maximum.accumulate(_numbers(folder / "raw2jpg_respFcns.txt", 1)[:256], axis=0))
+    model = PhysicalModel(tuple(balances), matrix, response, forward, back)
+    return PublishedModel(model, balances, linear, mapped)
+
+
+def import_published(folders: Iterable[str | Path], camera: str, style: str = "standard") -> CameraProfile:
+    """A profile of one camera and style from its model folders, as they stand."""
+    models = [read_published_model(folder) for folder in folders]
+    if not models:
+        raise ProfileError("no model folder given")
+    balances = {name: balance for model in models for name, balance in model.white_balances.items()}
+    largest = max(models, key=lambda model: len(model.linear)).model
+    rows = largest.matrix.sum(axis=1, keepdims=True)
+    return CameraProfile(
+        camera=camera,
+        matrix=largest.matrix / rows,
+        white_balances=balances,
+        styles={style: PictureStyle(physical=tuple(model.model for model in models))},
+        options={"source": "published model of the thesis's authors"},
+    )
+
+
+def _read_transform(path: Path) -> tuple[Array, dict[str, WhiteBalance]]:
+    """Ts (3, 3) and the white balances: the count, three rows, then blocks of code, Ts·Tw and the diagonal of Tw."""
+    lines = _lines(path)
+    values: list[list[float]] = [_row(path, number, line) for number, line in lines]
+    count = int(values[0][0]) if values and len(values[0]) == 1 else -1
+    if not 1 <= count <= 64 or len(values) != 4 + 5 * count:
+        raise ProfileError(
+            f"{path}: expected a count n, 3 matrix rows and n blocks of 5 lines; found {len(values)} lines"
+        )
+    shape = [1] + [3] * 3 + ([1] + [3] * 4) * count
+    for (number, line), row, width in zip(lines, values, shape, strict=True):
+        if len(row) != width:
+            raise ProfileError(f'{path}, line {number}: expected {width} numbers, found "{line[:60]}"')
+    balances = {}
+    for block in range(count):
+        start = 4 + 5 * block
+        code = int(values[start][0])
+        r, g, b = values[start + 4]
+        if min(r, g, b) <= 0:
+            raise ProfileError(f"{path}, line {lines[start + 4][0]}: white-balance multipliers must be positive")
+        name = LIGHT_SOURCES.get(code, f"light source {code}")
+        balances[name] = WhiteBalance((r / g, 1.0, b / g), NAMED_KELVIN.get(name))
+    return np.array(values[1:4]), balances
+
+
+def _read_gamut_map(folder: Path, direction: str, centres: Array) -> GamutMap:
+    path = folder / f"{direction}_coefs.txt"
+    rows = _read_points(path)
+    if len(rows) != len(centres) + 4:
+        raise ProfileError(f"{path}: expected {len(centres)} + 4 rows for {len(centres)} centres, found {len(rows)}")
+    return GamutMap(centres, rows[:-4], rows[-4:])
+
+
+def _read_points(path: Path) -> Array:
+    """A count, then that many points."""
+    lines = _lines(path)
+    points = _numbers(path, 1)
+    if not lines[0][1].strip().isdigit() or int(lines[0][1]) != len(points):
+        raise ProfileError(f"{path}, line 1: says {lines[0][1][:20]!r} points, {len(points)} follow")
+    return points
+
+
+def _lines(path: Path) -> list[tuple[int, str]]:
+    """The lines that are not empty, with their numbers."""
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ProfileError(f"{path}: refused, it is far larger than any published model")
+        text = path.read_text(encoding="ascii")
+    except OSError as error:
+        raise ProfileError(f"{path}: cannot read ({error.strerror}); is this a published model folder?") from error
+    except UnicodeDecodeError as error:
+        raise ProfileError(f"{path}: not a plain text file of numbers") from error
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    if not lines:
+        raise ProfileError(f"{path}: empty")
+    return lines
+
+
+def _row(path: Path, number: int, line: str) -> list[float]:
+    try:
+        row = [float(word) for word in line.split()]
+    except ValueError:
+        raise ProfileError(f'{path}, line {number}: not a row of numbers: "{line[:60]}"') from None
+    if not np.all(np.isfinite(row)):
+        raise ProfileError(f'{path}, line {number}: not finite: "{line[:60]}"')
+    return row
+
+
+def _numbers(path: Path, skip: int = 0) -> Array:
+    """All rows after the first `skip` lines, three numbers each."""
+    rows = []
+    for number, line in _lines(path)[skip:]:
+        row = _row(path, number, line)
+        if len(row) != 3:
+            raise ProfileError(f'{path}, line {number}: expected 3 numbers, found "{line[:60]}"')
+        rows.append(row)
+    if not rows:
+        raise ProfileError(f"{path}: no rows of numbers")
+    return np.array(rows)

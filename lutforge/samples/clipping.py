@@ -1,0 +1,94 @@
+"""The one place of the limits: where a JPEG or a RAW value no longer says what the scene was."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+JPEG_GUARD = 1
+"""Codes beside 0 and 255 that count as clipped too: JPEG compression moves a clipped pixel by a code."""
+RAW_GUARD = 0.98
+"""Share of the saturation level from which RAW counts as saturated: sensors bend below their ceiling."""
+RAW_BLACK = 0.0
+"""Decoders cut noise below black at 0: from there on a mean of RAW pixels is too bright."""
+
+_PILE_BIN = 0.005  # of the channel's maximum
+_PILE_COUNT = 50
+_PILE_RATIO = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """Least and greatest value in each area, (…, 3): JPEG codes 0–255, or RAW on [0, 1]."""
+
+    minimum: Array
+    maximum: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Clipping:
+    """(…) masks of areas with at least one clipped pixel in any channel, one mask a reason."""
+
+    jpeg_white: Mask
+    jpeg_black: Mask
+    raw_white: Mask
+    raw_black: Mask
+
+    @property
+    def any(self) -> Mask:
+        return self.jpeg_white | self.jpeg_black | self.raw_white | self.raw_black
+
+    def counts(self, where: Mask | None = None) -> dict[str, int]:
+        """Areas in `where` per reason, in words; each is counted once, under its first reason."""
+        counted = np.zeros(self.jpeg_white.shape, dtype=np.bool_) if where is None else ~where
+        counts: dict[str, int] = {}
+        for reason, mask in self._reasons():
+            counts[reason] = int(np.count_nonzero(mask & ~counted))
+            counted |= mask
+        return counts
+
+    def _reasons(self) -> Iterator[tuple[str, Mask]]:
+        yield "JPEG white", self.jpeg_white
+        yield "JPEG black", self.jpeg_black
+        yield "RAW saturated", self.raw_white
+        yield "RAW black", self.raw_black
+
+
+def clipping(jpeg: Extremes, raw: Extremes, saturation: Array) -> Clipping:
+    """Which areas hold clipped pixels. saturation: (3,) RAW level of each channel, see
+    `saturation_levels`."""
+    return Clipping(
+        jpeg_white=_in_any_channel(jpeg.maximum >= 255 - JPEG_GUARD),
+        jpeg_black=_in_any_channel(jpeg.minimum <= JPEG_GUARD),
+        raw_white=_in_any_channel(raw.maximum >= RAW_GUARD * saturation),
+        raw_black=_in_any_channel(raw.minimum <= RAW_BLACK),
+    )
+
+
+def _in_any_channel(mask: Mask) -> Mask:
+    result: Mask = np.any(mask, axis=-1)
+    return result
+
+
+def saturation_levels(pixels: NDArray[np.float32]) -> Array:
+    """(3,) RAW level at which each channel of (h, w, 3) saturates, at most 1.
+
+    Many sensors saturate below the file's nominal white. Their pixels pile up at the channel's maximum, where
+    the histogram of a scene runs out; without a pile-up nothing was saturated, and the level is 1.
+    """
+    levels = np.ones(3)
+    for channel in range(3):
+        values = pixels[..., channel]
+        ceiling = float(values.max(initial=0.0))
+        if not 0.2 < ceiling < 1.0:
+            continue
+        edges = ceiling * (1 - _PILE_BIN * np.arange(13, -1, -1)) + 1e-7
+        histogram, _ = np.histogram(values, bins=edges)
+        top, below = int(histogram[-2:].sum()), float(histogram[:10].mean())
+        if top >= _PILE_COUNT and top > 2 * _PILE_RATIO * below:
+            levels[channel] = ceiling
+    return levels

@@ -1,0 +1,147 @@
+"""Colour samples of one shot: chart patches and flat tiles, with an account of what was left out and why."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.samples.balance import balance
+from lutforge.samples.chart import detector_note, find_chart, sample_chart
+from lutforge.samples.clipping import Extremes, clipping, saturation_levels
+from lutforge.samples.sample_set import SampleSet, concatenate
+from lutforge.samples.tiles import LEVELS, agreement, cell_size, flatness, jpeg_cells
+from lutforge.shots.align import raw_on_jpeg_cells
+from lutforge.shots.shot import Shot
+
+FEW_TILES = 100
+"""A shot with fewer tiles within the first two limits may use the hard bound, and is told about charts."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShotSamples:
+    """The samples of one shot and the account of its areas.
+
+    tiles, patches: kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a
+    line each.
+    """
+
+    shot: str
+    samples: SampleSet
+    tiles: int
+    patches: int
+    clipped: dict[str, int]
+    rejected: dict[str, int]
+    notes: tuple[str, ...]
+
+    @property
+    def kept(self) -> int:
+        """All samples of the shot."""
+        return len(self.samples)
+
+    @property
+    def summary(self) -> str:
+        """One line for people."""
+        kept = f"kept {self.kept} ({self.tiles} tiles, {self.patches} chart patches)"
+        parts = [kept, _account("clipped", self.clipped), _account("rejected", self.rejected), *self.notes]
+        return f"{self.shot}: " + "; ".join(parts)
+
+
+def extract(shot: Shot) -> ShotSamples:
+    """Sample a shot: the patches of a ColorChecker where one is found, and flat tiles that cover its colours
+    evenly.
+
+    A shot that gives nothing has an empty set, and a note that says why. Raises nothing of its own.
+    """
+    saturation = saturation_levels(shot.raw.pixels)
+    tiles = _tiles(shot, saturation)
+    patches = _patches(shot, saturation)
+    clipped = {key: tiles.clipped.get(key, 0) + patches.clipped.get(key, 0) for key in tiles.clipped}
+    # That charts are not searched for matters where the scene itself gives little.
+    notes = [*tiles.notes, *(patches.notes if len(tiles.samples) < FEW_TILES else ())]
+    samples = concatenate([patches.samples, tiles.samples])
+    if len(samples) == 0:
+        notes.insert(0, _why_nothing(clipped, tiles.rejected))
+    return ShotSamples(
+        shot.name, samples, len(tiles.samples), len(patches.samples), clipped, tiles.rejected, tuple(notes)
+    )
+
+
+def _tiles(shot: Shot, saturation: NDArray[np.float64]) -> ShotSamples:
+    cell = cell_size(shot.registration)
+    jpeg, raw = jpeg_cells(shot.jpeg, cell), raw_on_jpeg_cells(shot, cell)
+    inside: NDArray[np.bool_] = np.isfinite(raw.mean[..., 0])
+    clip = clipping(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation)
+    usable = inside & ~clip.any
+    flat = flatness(jpeg, raw, shot.metadata.multipliers, usable)
+    agrees = agreement(jpeg, raw)
+    is_flat = flat.level < len(LEVELS) - 1
+    notes: list[str] = []
+    if np.count_nonzero(is_flat & agrees) < FEW_TILES:
+        relaxed = (flat.level < len(LEVELS)) & agrees
+        if np.count_nonzero(relaxed) > np.count_nonzero(is_flat & agrees):
+            notes.append("few flat tiles: limits relaxed")
+            is_flat = flat.level < len(LEVELS)
+    rows, columns = np.nonzero(is_flat & agrees)
+    kept = balance(jpeg.mean[rows, columns], flat.level[rows, columns], flat.roughness[rows, columns])
+    rejected = {
+        "outside the RAW": int(np.count_nonzero(~inside)),
+        "not flat": int(np.count_nonzero(usable & ~is_flat)),
+        "RAW and JPEG disagree": int(np.count_nonzero(is_flat & ~agrees)),
+        "colour already covered": len(rows) - len(kept),
+    }
+    rows, columns = rows[kept], columns[kept]
+    names = [f"tile_{x * cell:04d}_{y * cell:04d}" for y, x in zip(rows, columns, strict=True)]
+    samples = _sample_set(shot, names, raw.mean[rows, columns], jpeg.mean[rows, columns])
+    return ShotSamples(shot.name, samples, len(samples), 0, clip.counts(inside), rejected, tuple(notes))
+
+
+def _patches(shot: Shot, saturation: NDArray[np.float64]) -> ShotSamples:
+    empty = np.zeros((0, 3))
+    nothing = _sample_set(shot, [], empty, empty)
+    missing = detector_note()
+    chart = find_chart(shot.jpeg) if missing is None else None
+    if chart is None:
+        return ShotSamples(shot.name, nothing, 0, 0, {}, {}, (missing,) if missing else ())
+    sampled = sample_chart(shot, chart, saturation)
+    kept = np.flatnonzero(np.isfinite(sampled.raw).all(axis=-1) & ~sampled.clipping.any)
+    names = [f"chart_{index + 1:02d}" for index in kept]
+    samples = _sample_set(shot, names, sampled.raw[kept], sampled.codes[kept])
+    return ShotSamples(shot.name, samples, 0, len(kept), sampled.clipping.counts(), {}, ())
+
+
+def _sample_set(shot: Shot, names: list[str], raw: NDArray[np.float64], codes: NDArray[np.float64]) -> SampleSet:
+    metadata, count = shot.metadata, len(names)
+    multipliers = metadata.multipliers if metadata.multipliers is not None else np.full(3, math.nan)
+    return SampleSet(
+        camera=np.full(count, metadata.camera),
+        style=np.full(count, metadata.style),
+        white_balance=np.full(count, metadata.white_balance),
+        shot=np.full(count, shot.name),
+        patch=np.array(names, dtype=np.str_),
+        exposure_s=np.full(count, metadata.exposure_s, dtype=np.float64),
+        raw=np.array(raw, dtype=np.float64),
+        srgb=codes / 255,
+        wb=np.tile(np.asarray(multipliers, dtype=np.float64), (count, 1)),
+        raw_camera=np.full(count, metadata.camera),
+    )
+
+
+def _account(word: str, counts: dict[str, int]) -> str:
+    found = {reason: count for reason, count in counts.items() if count}
+    reasons = ", ".join(f"{count} {reason}" for reason, count in found.items())
+    return f"{word} {sum(found.values())}" + (f" ({reasons})" if found else "")
+
+
+def _why_nothing(clipped: dict[str, int], rejected: dict[str, int]) -> str:
+    reasons = {**clipped, **rejected}
+    worst = max(reasons, key=lambda reason: reasons[reason])
+    advice = {
+        "JPEG white": "it is overexposed: expose less",
+        "RAW saturated": "it is overexposed: expose less",
+        "JPEG black": "it is underexposed: expose more",
+        "RAW black": "it is underexposed: expose more",
+        "outside the RAW": "the JPEG shows what the RAW does not: use the camera's own JPEG",
+        "RAW and JPEG disagree": "the JPEG was edited or corrected: use the camera's own JPEG",
+    }.get(worst, "nothing in it is flat: photograph plain surfaces or a chart, in focus or out of it")
+    return f"gives no samples, {advice}"

@@ -1,0 +1,371 @@
+"""Registration of a camera's JPEG on its RAW: one scale and an offset, found by search, refined below a tenth
+of a pixel.
+
+The two pictures differ by a tone curve and a colour matrix, so what is compared is their local structure:
+luma, gamma-compressed, band-passed, and divided by its local contrast. A coarse search (all plausible scales;
+all offsets at once by FFT) is refined by Gauss–Newton steps on scale and offset (Lucas & Kanade 1981), coarse
+to fine. The RAW is always averaged over exactly the area of a JPEG pixel.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, ndimage, sparse
+
+from lutforge.errors import ShotError
+from lutforge.images.raw import RawImage
+from lutforge.shots.shot import Registration, Shot
+
+MIN_SIDE = 200
+"""A JPEG whose longer side is shorter than this is a thumbnail: its pixels average too much of the scene."""
+
+MIN_CORRELATION = 0.5
+"""Below this, structure does not agree: another scene, or a picture too blurred or noisy to register."""
+
+SCALE_SLACK = 0.06
+"""Search range around the scales that the two sizes suggest: cameras trim the borders before they make the
+JPEG."""
+
+_LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601, as in JPEG
+_CODE_NOISE = 0.3 / 255  # of rounding to 8 bits: less structure than this is none
+_COARSE_SIDE = 192
+_WORK_PIXELS = 1_000_000
+_BAND_SIGMA = 6.0  # JPEG pixels: structure coarser than this is left out (shading, tone)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class CellStatistics:
+    """RAW statistics over the areas of cell×cell JPEG pixels: each (hc, wc, 3) float64; NaN where RAW has no
+    pixels.
+
+    minimum and maximum are over every RAW pixel that the cell touches.
+    """
+
+    mean: Array
+    std: Array
+    minimum: Array
+    maximum: Array
+
+
+def register(raw: RawImage, jpeg: NDArray[np.uint8]) -> Registration:
+    """Scale and offset of a JPEG (h, w, 3) that is oriented like the sensor.
+
+    Raises ShotError where it is too small, or where nothing correlates by at least MIN_CORRELATION.
+    """
+    return register_rotated(raw, jpeg, (0,))[1]
+
+
+def register_rotated(
+    raw: RawImage, jpeg: NDArray[np.uint8], turns: Sequence[int] = (0, 1, 2, 3)
+) -> tuple[NDArray[np.uint8], Registration]:
+    """Turn the JPEG to the sensor's orientation, and register it.
+
+    turns: quarter turns (numpy.rot90) that may do it, the likeliest first; the first to match clearly is
+    taken, else the best. Raises ShotError as `register`.
+    """
+    channels = _compressed_channels(raw)
+    luma = channels @ _LUMA
+    starts: list[tuple[Registration, int]] = []
+    for turn in turns:
+        reduced = _reduced(raw, np.rot90(jpeg, turn))
+        starts.append((_search(luma, raw.pixel_size, reduced), turn))
+        if starts[-1][0].correlation > 0.55:
+            break
+    start, turn = max(starts, key=lambda found: found[0].correlation)
+    turned = np.ascontiguousarray(np.rot90(jpeg, turn))
+    found = _refine(channels, raw.pixel_size, _reduced(raw, turned), start)
+    if not found.correlation >= MIN_CORRELATION:
+        raise ShotError(
+            f"the JPEG does not match the RAW (correlation {found.correlation:.2f}, "
+            f"needed {MIN_CORRELATION}): another scene, or too little structure to register"
+        )
+    return turned, found
+
+
+def raw_on_jpeg_cells(shot: Shot, cell: int) -> CellStatistics:
+    """RAW statistics over the grid of non-overlapping cell×cell blocks of JPEG pixels (a rest at the border
+    is left out).
+
+    The mean and standard deviation weigh each RAW pixel by the area of it that the cell covers, exactly.
+    """
+    height, width = shot.jpeg.shape[0] // cell, shot.jpeg.shape[1] // cell
+    return raw_on_grid(shot.raw, shot.registration, height, width, cell)
+
+
+def raw_on_grid(raw: RawImage, registration: Registration, height: int, width: int, cell: int) -> CellStatistics:
+    """As `raw_on_jpeg_cells`, for a grid of height × width cells."""
+    pixels = raw.pixels
+    rows = _edges(registration.scale, registration.offset_y, height, cell, raw.pixel_size)
+    columns = _edges(registration.scale, registration.offset_x, width, cell, raw.pixel_size)
+    weigh_rows = _area_weights(rows, pixels.shape[0])
+    weigh_columns = _area_weights(columns, pixels.shape[1])
+    covered_rows = (rows[:-1] >= -1e-9) & (rows[1:] <= pixels.shape[0] + 1e-9)
+    covered_columns = (columns[:-1] >= -1e-9) & (columns[1:] <= pixels.shape[1] + 1e-9)
+    outside = ~(covered_rows[:, None] & covered_columns[None, :])
+    result = np.full((4, height, width, 3), np.nan)
+    for channel in range(3):
+        plane = pixels[..., channel].astype(np.float64)
+        mean = weigh_rows @ plane @ weigh_columns.T
+        square = weigh_rows @ (plane * plane) @ weigh_columns.T
+        result[0, ..., channel] = mean
+        result[1, ..., channel] = np.sqrt(np.maximum(0, square - mean * mean))
+        result[2, ..., channel] = _touched(np.minimum, plane, rows, columns)
+        result[3, ..., channel] = _touched(np.maximum, plane, rows, columns)
+    result[:, outside] = np.nan
+    return CellStatistics(*result)
+
+
+def _edges(scale: float, offset: float, count: int, cell: int, pixel_size: float) -> Array:
+    """Borders of `count` cells in units of array pixels, where array pixel i covers [i, i + 1]."""
+    return np.asarray((scale * (np.arange(count + 1) * float(cell)) + offset) / pixel_size, dtype=np.float64)
+
+
+def _area_weights(edges: Array, size: int) -> sparse.csr_array:
+    """(cells, size) share of each array pixel in the mean over each cell; rows of cells outside are cut off
+    or empty."""
+    low, high = np.clip(edges[:-1], 0, size), np.clip(edges[1:], 0, size)
+    first, last = np.floor(low).astype(int), np.ceil(high).astype(int)
+    lengths = np.maximum(0, last - first)
+    starts = np.concatenate([[0], np.cumsum(lengths)])
+    cell = np.repeat(np.arange(len(low)), lengths)
+    pixel = np.arange(starts[-1]) - starts[cell] + first[cell]
+    overlap = np.minimum(pixel + 1, high[cell]) - np.maximum(pixel, low[cell])
+    share = overlap / (high - low)[cell]
+    return sparse.csr_array((share, pixel, starts), shape=(len(low), size))
+
+
+def _touched(reduce: np.ufunc, plane: Array, rows: Array, columns: Array) -> Array:
+    """Minimum or maximum over the array pixels that each cell touches."""
+    for axis, edges in ((0, rows), (1, columns)):
+        size = plane.shape[axis]
+        first = np.clip(np.floor(edges[:-1] + 1e-9).astype(int), 0, size - 1)
+        last = np.clip(np.ceil(edges[1:] - 1e-9).astype(int), first + 1, size)
+        pairs = np.stack([first, last], axis=1).ravel()
+        # reduceat wants indices inside the array: a repeated border row changes no extremum
+        padded = np.concatenate([plane, np.take(plane, [size - 1], axis=axis)], axis=axis)
+        plane = np.take(reduce.reduceat(padded, pairs, axis=axis), np.arange(0, len(pairs), 2), axis=axis)
+    return plane
+
+
+@dataclass(frozen=True, eq=False)
+class _ReducedJpeg:
+    """Luma of the JPEG, averaged over factor×factor pixels, and the weight of each pixel (0: clipped, or a
+    black bar)."""
+
+    luma: Array
+    weight: Array
+    factor: int
+
+    def halved(self, times: int) -> "_ReducedJpeg":
+        """Reduced by 2^times more."""
+        if times == 0:
+            return self
+        weight = (_block_mean(self.weight, 2**times) > 0.99).astype(np.float64)
+        return _ReducedJpeg(_block_mean(self.luma, 2**times), weight, self.factor * 2**times)
+
+
+def _reduced(raw: RawImage, jpeg: NDArray[np.uint8]) -> _ReducedJpeg:
+    """At most _WORK_PIXELS, and not finer than the RAW array, whose blocks would be compared otherwise."""
+    height, width = jpeg.shape[:2]
+    if max(height, width) < MIN_SIDE or min(height, width) < MIN_SIDE // 2:
+        raise ShotError(f"only {width}×{height} pixels: a thumbnail, too small to register")
+    factor = max(
+        math.ceil(math.sqrt(height * width / _WORK_PIXELS)),
+        math.ceil(max(height, width) / max(raw.pixels.shape)),
+    )
+    small = _block_mean(jpeg.astype(np.float32), factor).astype(np.float64)
+    brightest = small.max(axis=2)
+    weight = ((brightest < 252) & (brightest > 4)) * _inside_bars(brightest)
+    return _ReducedJpeg(small @ _LUMA / 255, weight, factor)
+
+
+def _compressed_channels(raw: RawImage) -> Array:
+    """RAW channels (h, w, 3) brought to equal brightness (a grey-world white balance), then gamma 1/2.2."""
+    means = raw.pixels[::4, ::4].mean(axis=(0, 1), dtype=np.float64)
+    balanced = raw.pixels * (0.25 / np.maximum(means, 1e-6)).astype(np.float32)
+    return np.asarray(np.power(np.maximum(balanced, 0), np.float32(1 / 2.2)), dtype=np.float64)
+
+
+def _predicted_luma(channels: Array, pixel_size: float, jpeg: _ReducedJpeg, found: Registration) -> Array:
+    """RAW as the luma that the camera would make of it: a quadratic of the channels, fitted on the overlap.
+
+    The colour matrix and the tone curve are unknown; a fixed luma would invert the contrast of many edges
+    between saturated colours.
+    """
+    shape = (jpeg.luma.shape[0], jpeg.luma.shape[1])
+    sampled = [_sample(channels[..., index], pixel_size, found, shape) for index in range(3)]
+    use = np.flatnonzero((jpeg.weight * sampled[0][1]).ravel() > 0.5)
+    use = use[:: max(1, len(use) // 20_000)]
+    terms = np.stack([*_quadratic(*(plane.ravel()[use] for plane, _ in sampled))], axis=1)
+    normal = terms.T @ terms
+    normal += 1e-6 * (np.trace(normal) / len(normal) + 1e-12) * np.eye(len(normal))
+    weights = np.linalg.solve(normal, terms.T @ jpeg.luma.ravel()[use])
+    luma = np.zeros(channels.shape[:2])
+    for weight, term in zip(weights, _quadratic(*np.moveaxis(channels, 2, 0)), strict=True):
+        luma += weight * term
+    return luma
+
+
+def _quadratic(r: Array, g: Array, b: Array) -> Iterator[Array]:
+    yield from (np.ones_like(r), r, g, b, r * r, g * g, b * b, r * g, g * b, b * r)
+
+
+def _inside_bars(brightest: Array) -> Array:
+    """(h, w) 0 on the black bars that some cameras put around a preview of another aspect ratio, else 1."""
+    dark = brightest < 16
+    mask = np.ones(dark.shape)
+    for axis in (0, 1):
+        lines = np.asarray(dark.mean(axis=1 - axis) > 0.99)
+        inside = np.flatnonzero(~lines)
+        if inside.size and len(lines) - inside.size < 0.4 * len(lines):
+            low, high = int(inside[0]), int(inside[-1]) + 1
+            index = np.arange(len(lines))
+            bar = (index < low + (2 if low else 0)) | (index >= high - (2 if high < len(lines) else 0))
+            mask *= (~bar)[:, None] if axis == 0 else (~bar)[None, :]
+    return mask
+
+
+def _block_mean(image: Array, factor: int) -> Array:
+    if factor == 1:
+        return image
+    height, width = image.shape[0] // factor, image.shape[1] // factor
+    blocks = image[: height * factor, : width * factor].reshape(height, factor, width, factor, *image.shape[2:])
+    return np.asarray(blocks.mean(axis=(1, 3)))
+
+
+def _structure(luma: Array, weight: Array, sigma: float = _BAND_SIGMA) -> Array:
+    """Luma without its coarse part, divided by its local contrast: what a tone curve leaves as it is."""
+    share = np.maximum(ndimage.gaussian_filter(weight, sigma), 1e-6)
+    detail = luma - ndimage.gaussian_filter(luma * weight, sigma) / share
+    energy = ndimage.gaussian_filter(detail * detail * weight, sigma) / share
+    floor = 0.5 * float(np.average(energy, weights=weight + 1e-12))
+    return np.asarray(detail / np.sqrt(energy + floor + _CODE_NOISE**2) * weight)
+
+
+def _sample(luma: Array, pixel_size: float, registration: Registration, shape: tuple[int, int]) -> tuple[Array, Array]:
+    """RAW luma averaged over each JPEG pixel (h, w), and the share of each that RAW covers."""
+    planes, covers = [], []
+    for axis, offset in ((0, registration.offset_y), (1, registration.offset_x)):
+        edges = _edges(registration.scale, offset, shape[axis], 1, pixel_size)
+        planes.append(_area_weights(edges, luma.shape[axis]))
+        covers.append((edges[:-1] >= 0) & (edges[1:] <= luma.shape[axis]))
+    sampled = planes[0] @ luma @ planes[1].T
+    return np.asarray(sampled), (covers[0][:, None] & covers[1][None, :]).astype(np.float64)
+
+
+def _search(raw_luma: Array, pixel_size: float, jpeg: _ReducedJpeg) -> Registration:
+    """Best of all plausible scales, each with all offsets, on a small copy; in coordinates of the whole
+    JPEG."""
+    factor = max(1, round(max(jpeg.luma.shape) / _COARSE_SIDE))
+    mask = (_block_mean(jpeg.weight, factor) > 0.5).astype(np.float64)
+    template = _structure(_block_mean(jpeg.luma, factor), mask)
+    best = Registration(1.0, 0.0, 0.0, -1.0)
+    for scale in _plausible_scales(raw_luma.shape, pixel_size, mask):
+        found = _match(raw_luma, pixel_size, template, mask, float(scale))
+        if found.correlation > best.correlation:
+            best = found
+    return _unreduced(best, factor * jpeg.factor)
+
+
+def _plausible_scales(raw_shape: tuple[int, ...], pixel_size: float, mask: Array) -> Array:
+    """Scales at which the picture (without bars) is as wide or as high as the RAW, and some percent less or
+    more."""
+    inside = np.flatnonzero(mask.max(axis=1)), np.flatnonzero(mask.max(axis=0))
+    if not inside[0].size or not inside[1].size:
+        return np.zeros(0)
+    ratios = [raw_shape[axis] * pixel_size / (inside[axis][-1] - inside[axis][0] + 1) for axis in (0, 1)]
+    steps = np.arange(-round(SCALE_SLACK / 0.0075), 2 + round(SCALE_SLACK / 2 / 0.0075)) * 0.0075
+    scales = np.concatenate([ratio * np.exp(steps) for ratio in ratios])
+    scales = np.sort(scales)
+    keep = np.concatenate([[True], np.diff(np.log(scales)) > 1e-9])
+    return np.asarray(scales[keep])
+
+
+def _match(raw_luma: Array, pixel_size: float, template: Array, mask: Array, scale: float) -> Registration:
+    """Best offset at one scale: normalised cross-correlation of the masked template by FFT."""
+    height, width = template.shape
+    rows = math.ceil(raw_luma.shape[0] * pixel_size / scale)
+    columns = math.ceil(raw_luma.shape[1] * pixel_size / scale)
+    origin = Registration(scale, 0.0, 0.0, 0.0)
+    plane, cover = _sample(raw_luma, pixel_size, origin, (rows, columns))
+    field = _structure(plane, cover)
+    shape = [fft.next_fast_len(size, real=True) for size in (rows + height, columns + width)]
+    transform = fft.rfft2(field, shape)
+    matched = fft.irfft2(transform * np.conj(fft.rfft2(template, shape)), shape)
+    kernel = np.conj(fft.rfft2(mask, shape))
+    energy = fft.irfft2(fft.rfft2(field * field, shape) * kernel, shape)
+    overlap = fft.irfft2(fft.rfft2(cover, shape) * kernel, shape)
+    total = float((template * template).sum())
+    score = matched / np.sqrt(np.maximum(energy, 0.2 * total) * total + 1e-12)
+    score[overlap < 0.8 * mask.sum()] = -1.0
+    y, x = np.unravel_index(int(np.argmax(score)), score.shape)
+    shift_y = int(y) if y < rows else int(y) - shape[0]
+    shift_x = int(x) if x < columns else int(x) - shape[1]
+    return Registration(scale, scale * shift_x, scale * shift_y, float(score[y, x]))
+
+
+def _refine(channels: Array, pixel_size: float, jpeg: _ReducedJpeg, start: Registration) -> Registration:
+    """Gauss–Newton from coarse to fine copies of the JPEG; in coordinates of the whole JPEG."""
+    found = start
+    for times in range(max(0, round(math.log2(max(jpeg.luma.shape) / _COARSE_SIDE))), -1, -1):
+        level = jpeg.halved(times)
+        scaled = _unreduced(found, 1 / level.factor)
+        raw_luma = _predicted_luma(channels, pixel_size, level, scaled)
+        found = _unreduced(_gauss_newton(raw_luma, pixel_size, level.luma, level.weight, scaled), level.factor)
+    return found
+
+
+def _gauss_newton(raw_luma: Array, pixel_size: float, jpeg: Array, weight: Array, start: Registration) -> Registration:
+    height, width = jpeg.shape
+    y = np.arange(height)[:, None] - (height - 1) / 2
+    x = np.arange(width)[None, :] - (width - 1) / 2
+    target = _structure(jpeg, weight)
+    found = start
+    for _ in range(8):
+        plane, cover = _sample(raw_luma, pixel_size, found, (height, width))
+        mask = weight * cover
+        moving = _structure(plane, mask)
+        norm = math.sqrt(float((moving**2 * mask).sum()) * float((target**2 * mask).sum())) + 1e-12
+        product = float((moving * target * mask).sum())
+        found = Registration(found.scale, found.offset_x, found.offset_y, product / norm)
+        gain = product / (float((target**2 * mask).sum()) + 1e-12)
+        # gradient of the mean of both pictures: an unbiased, faster converging step (Benhimane & Malis 2004)
+        mean = (moving + gain * target) / 2
+        gradient_y, gradient_x = np.gradient(mean)
+        inner = ndimage.minimum_filter(mask, 3)
+        columns = np.stack([(gradient_x * x + gradient_y * y), gradient_x, gradient_y]) * inner
+        residual = ((gain * target - moving) * inner).ravel()
+        flat = columns.reshape(3, -1)
+        try:
+            step = np.linalg.solve(flat @ flat.T + 1e-9 * np.eye(3), flat @ residual)
+        except np.linalg.LinAlgError:
+            break
+        if not np.all(np.isfinite(step)) or abs(step[0]) > 0.05 or np.abs(step[1:]).max() > 8:
+            break
+        found = _moved(found, step, height, width)
+        if abs(step[0]) * width < 2e-3 and np.abs(step[1:]).max() < 2e-3:
+            break
+    return found
+
+
+def _moved(found: Registration, step: Array, height: int, width: int) -> Registration:
+    """Apply a step (relative scale, x, y in JPEG pixels) taken about the JPEG's centre."""
+    cx, cy = width / 2, height / 2
+    scale = found.scale * (1 + float(step[0]))
+    return Registration(
+        scale,
+        found.offset_x + found.scale * (cx + float(step[1])) - scale * cx,
+        found.offset_y + found.scale * (cy + float(step[2])) - scale * cy,
+        found.correlation,
+    )
+
+
+def _unreduced(found: Registration, factor: float) -> Registration:
+    """From coordinates of a JPEG reduced by `factor` to those of the JPEG itself; 1/factor goes the other
+    way."""
+    return Registration(found.scale / factor, found.offset_x, found.offset_y, found.correlation)

@@ -1,0 +1,70 @@
+"""Which of the given files and folders are shots."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from lutforge.errors import ShotError
+
+RAW_SUFFIXES = frozenset(
+    [
+        ".3fr", ".ari", ".arw", ".bay", ".cap", ".cr2", ".cr3", ".crw", ".cs1", ".dc2", ".dcr", ".dng",
+        ".drf", ".dsc", ".eip", ".erf", ".fff", ".gpr", ".iiq", ".k25", ".kc2", ".kdc", ".mdc", ".mef",
+        ".mfw", ".mos", ".mrw", ".nef", ".nrw", ".obm", ".orf", ".ori", ".pef", ".ptx", ".pxn", ".qtk",
+        ".r3d", ".raf", ".raw", ".rdc", ".rw2", ".rwl", ".rwz", ".sr2", ".srf", ".srw", ".sti", ".x3f",
+    ]
+)  # fmt: skip
+"""Suffixes, in lower case, that a folder is searched for."""
+
+JPEG_SUFFIXES = (".jpg", ".jpeg", ".jpe")
+
+MAX_FILES = 100_000
+
+
+def discover(paths: Iterable[Path | str]) -> list[Path]:
+    """RAW files among files and folders, in the order given (inside a folder: by name, subfolders included),
+    once each.
+
+    A JPEG that belongs to a RAW file beside it is left out; any other file named is kept, whatever its
+    suffix: reading it decides. Raises ShotError: no such file or folder, or a folder without RAW files.
+    """
+    found: dict[Path, Path] = {}
+    for path in map(Path, paths):
+        if not path.exists():
+            raise ShotError(f"{path}: no such file or folder")
+        for file in _in_folder(path) if path.is_dir() else [path]:
+            if file.suffix.lower() not in JPEG_SUFFIXES or not _has_raw_beside(file):
+                found.setdefault(file.resolve(), file)
+    if not found:
+        raise ShotError("no RAW files: name RAW files, or folders that hold some")
+    return list(found.values())
+
+
+def jpeg_beside(raw: Path) -> Path | None:
+    """The JPEG of the same stem in the RAW file's folder, whatever the case of its name; None where there is
+    none."""
+    try:
+        names = sorted(entry for entry in raw.parent.iterdir() if entry.suffix.lower() in JPEG_SUFFIXES)
+    except OSError:
+        return None
+    exact = [entry for entry in names if entry.stem == raw.stem]
+    similar = [entry for entry in names if entry.stem.lower() == raw.stem.lower()]
+    return next(iter(exact + similar), None)
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    files = []
+    for entry in folder.rglob("*"):
+        if entry.suffix.lower() in RAW_SUFFIXES and not entry.name.startswith(".") and entry.is_file():
+            files.append(entry)
+            if len(files) > MAX_FILES:
+                raise ShotError(f"{folder}: more than {MAX_FILES} RAW files; name a smaller folder")
+    if not files:
+        raise ShotError(f"{folder}: the folder holds no RAW files")
+    return sorted(files)
+
+
+def _has_raw_beside(jpeg: Path) -> bool:
+    return any(
+        entry.stem.lower() == jpeg.stem.lower() and entry.suffix.lower() in RAW_SUFFIXES
+        for entry in jpeg.parent.iterdir()
+    )

@@ -1,0 +1,144 @@
+"""What the file says about a shot: camera, picture style, white balance, exposure."""
+
+import contextlib
+import math
+import mmap
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.images.raw import RawImage
+from lutforge.shots.exif import Tags, Value, read_exif
+from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
+
+UNKNOWN = "unknown"
+
+_BRANDS = (
+    "Canon", "Nikon", "Sony", "Olympus", "Pentax", "Panasonic", "Fujifilm", "Samsung", "Leica", "Kodak",
+    "Minolta", "Ricoh", "Sigma", "Casio", "Hasselblad", "Epson", "Apple", "Google", "DJI", "Mamiya", "Leaf",
+    "Sinar", "Contax", "Kyocera", "Sanyo",
+)  # fmt: skip
+"""As their makers write them, whatever the Make tag says."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShotMetadata:
+    """Settings of one shot.
+
+    style, white_balance: lower-case words ("standard", "vivid", …; "auto", "daylight", …; "unknown").
+    multipliers: (3,) with green = 1, None where unknown. exposure_s, iso: NaN where unknown. notes: what the
+    user should know, a line each.
+    """
+
+    make: str
+    model: str
+    style: str
+    white_balance: str
+    multipliers: NDArray[np.float64] | None
+    exposure_s: float
+    iso: float
+    notes: tuple[str, ...]
+
+    @property
+    def camera(self) -> str:
+        """Make and model in one, without a doubled make: "Canon PowerShot S40", "Nikon D40"."""
+        return tidy_camera(self.make, self.model)
+
+
+def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
+    """Settings from the RAW file's own tags, completed by those of its preview and of the JPEG beside it.
+
+    exiv2 is asked first where that optional package is installed. Exposure, ISO and multipliers are LibRaw's.
+    Never
+    raises: what is not to be found is unknown, and said so in the notes.
+    """
+    tags = file_tags(path)
+    preview = read_exif(raw.preview or b"")
+    software = str(preview.get(("Image", 0x0131), "")).lower()
+    if software.startswith(("dcraw", "libraw")):
+        # LibRaw made this header for a preview that had none: it names the camera, nothing else that is new.
+        preview = {key: value for key, value in preview.items() if key in (("Image", 0x010F), ("Image", 0x0110))}
+    for other in (file_tags(jpeg) if jpeg else {}, preview):
+        tags = {**other, **tags}
+    make, model = (str(tags.get(("Image", tag), "")).strip() for tag in (0x010F, 0x0110))
+    notes = list(notes_of(tags))
+    if raw.multipliers is None:
+        notes.append("the file has no valid white-balance multipliers: they must be fitted or given")
+    if not make and not model:
+        notes.append("the file does not name its camera")
+    style = style_of(tags)
+    if style is None:
+        notes.append('the file does not name its picture style: taken for "standard"')
+    return ShotMetadata(
+        make=make or UNKNOWN,
+        model=model or "camera",
+        style=style or "standard",
+        white_balance=white_balance_of(tags) or UNKNOWN,
+        multipliers=raw.multipliers,
+        exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else _ratio(tags.get(("Photo", 0x829A))),
+        iso=raw.iso if math.isfinite(raw.iso) else _number(tags.get(("Photo", 0x8827))),
+        notes=tuple(notes),
+    )
+
+
+def file_tags(path: Path) -> Tags:
+    """Tags of a file: exiv2's where it is installed and can read the file, completed by LutForge's own
+    reader."""
+    tags: Tags = {}
+    with contextlib.suppress(OSError, ValueError), path.open("rb") as file:
+        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        with data:
+            tags = read_exif(data)
+    return {**tags, **_exiv2_tags(path)}
+
+
+def tidy_camera(make: str, model: str) -> str:
+    """One name from the Make and Model tags, with the brand once and in its usual spelling."""
+    words = f"{make} {model}".lower()
+    # The model names the brand more reliably: Pentax cameras say "RICOH IMAGING COMPANY, LTD." and "PENTAX
+    # K-3".
+    brand = next((name for name in _BRANDS if model.lower().startswith(name.lower())), None)
+    brand = brand or next((name for name in _BRANDS if name.lower() in words), None)
+    if brand is None:
+        return re.sub(r"\s+", " ", model if model.lower().startswith(make.lower()) else f"{make} {model}").strip()
+    rest = re.sub(rf"^{brand}\b", "", model.strip(), flags=re.IGNORECASE).strip()
+    return re.sub(r"\s+", " ", f"{brand} {rest}").strip()
+
+
+def _exiv2_tags(path: Path) -> Tags:
+    """Tags as the optional exiv2 package reads them; none where it is missing or fails."""
+    try:
+        import exiv2
+    except ImportError:
+        return {}
+    tags: Tags = {}
+    with contextlib.suppress(Exception):  # exiv2.Exiv2Error exists only where the package does
+        exiv2.LogMsg.setLevel(exiv2.LogMsg.Level.mute)
+        image = exiv2.ImageFactory.open(str(path))
+        image.readMetadata()
+        for datum in image.exifData():
+            group = re.sub(r"^(Nikon|Sony)\d$", r"\1", datum.groupName())
+            if datum.size() <= 8192:
+                tags.setdefault((group, int(datum.tag())), _parsed(datum.toString()))
+    return tags
+
+
+def _parsed(text: str) -> Value:
+    """exiv2's text of a value, as the own reader gives it: integers (ratios as two) or text."""
+    parts = text.replace("/", " ").split()
+    if parts and all(re.fullmatch(r"-?\d+", part) for part in parts):
+        return tuple(int(part) for part in parts)
+    return text.strip()
+
+
+def _number(value: Value | None) -> float:
+    return float(value[0]) if isinstance(value, tuple) and value and value[0] > 0 else math.nan
+
+
+def _ratio(value: Value | None) -> float:
+    if isinstance(value, tuple) and len(value) >= 2 and value[0] > 0 and value[1] > 0:
+        return value[0] / value[1]
+    return math.nan

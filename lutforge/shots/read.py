@@ -1,0 +1,82 @@
+"""Read a shot: RAW, the JPEG that the camera made of it, settings, and the registration of the two."""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.errors import ImageError, ShotError
+from lutforge.images.raw import RawImage, read_raw
+from lutforge.images.read import read_image
+from lutforge.shots.align import register_rotated
+from lutforge.shots.discover import JPEG_SUFFIXES, jpeg_beside
+from lutforge.shots.jpeg_header import read_jpeg_header
+from lutforge.shots.metadata import read_metadata
+from lutforge.shots.shot import Registration, Shot
+
+EMBEDDED = "embedded preview"
+
+_TURNS = {0: 0, 3: 2, 5: 3, 6: 1}
+"""LibRaw's flip → quarter turns (numpy.rot90) that bring an upright picture back to the sensor's
+orientation."""
+
+
+def read_shot(path: Path | str) -> Shot:
+    """RAW at half size, the registered camera JPEG, and the metadata of one RAW file.
+
+    The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; metadata.notes
+    says which was passed over and why. Raises ImageError where the RAW cannot be decoded, ShotError where no
+    JPEG matches it.
+    """
+    path = Path(path)
+    if path.suffix.lower() in JPEG_SUFFIXES:
+        raise ShotError(f"{path}: a JPEG by itself is not a shot; name the RAW file that it was made from")
+    raw = read_raw(path, half_size=True)
+    beside = jpeg_beside(path)
+    reasons: list[str] = []
+    for source in ([str(beside)] if beside else []) + [EMBEDDED]:
+        try:
+            jpeg, registration = _registered(raw, path, source)
+        except (ImageError, ShotError) as error:
+            reasons.append(str(error))
+            continue
+        metadata = read_metadata(path, raw, Path(source) if source != EMBEDDED else None)
+        notes = tuple(f"passed over: {reason}" for reason in reasons)
+        metadata = replace(metadata, notes=metadata.notes + notes)
+        return Shot(path.stem, path, raw, jpeg, source, metadata, registration)
+    raise ShotError(f"{path}: no camera JPEG to pair it with: " + "; ".join(reasons))
+
+
+def _registered(raw: RawImage, path: Path, source: str) -> tuple[NDArray[np.uint8], Registration]:
+    if source == EMBEDDED and raw.preview is None:
+        raise ShotError(raw.preview_note)
+    data = raw.preview if source == EMBEDDED else None
+    try:
+        jpeg = _decode(data, EMBEDDED) if data is not None else _decode(Path(source).read_bytes(), source)
+    except OSError as error:
+        raise ImageError(f"{source}: cannot be read ({error.strerror or error})") from None
+    # Previews lie like the sensor or upright; a file beside may have been turned by any program.
+    likely = (0, _TURNS.get(raw.flip, 0), 1, 2, 3)
+    try:
+        return register_rotated(raw, jpeg, tuple(dict.fromkeys(likely)))
+    except ShotError as error:
+        raise ShotError(f"{source}: {error}") from None
+
+
+def _decode(data: bytes, source: str) -> NDArray[np.uint8]:
+    """(h, w, 3) of JPEG bytes, as stored. Raises ImageError: damaged, not RGB, or too large."""
+    header = read_jpeg_header(data, source)
+    if header.components != 3:
+        raise ImageError(f"{source}: a JPEG of {header.components} components; a colour (RGB) JPEG is needed")
+    with tempfile.NamedTemporaryFile(suffix=".jpg") as file:
+        file.write(data)
+        file.flush()
+        try:
+            pixels = read_image(Path(file.name)).pixels
+        except ImageError as error:
+            raise ImageError(str(error).replace(file.name, source)) from None
+    if pixels.ndim != 3 or pixels.shape[2] != 3:
+        raise ImageError(f"{source}: decodes to {pixels.shape} pixels, not to a colour image")
+    return np.rint(pixels * 255).astype(np.uint8)

@@ -1,0 +1,42 @@
+"""A shot: one RAW image, the JPEG that the camera made of it, and how the two lie on each other."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.images.raw import RawImage
+from lutforge.shots.metadata import ShotMetadata
+
+
+@dataclass(frozen=True)
+class Registration:
+    """x_raw = scale * x_jpeg + offset_x, and the same for y.
+
+    Both count from the picture's top left corner: pixel i covers [i, i + 1], its centre is i + 0.5. RAW
+    coordinates are full-resolution pixels of the visible area, whatever the size of the decoded array.
+    correlation: of the two pictures' local structure, after registration, in [−1, 1].
+    """
+
+    scale: float
+    offset_x: float
+    offset_y: float
+    correlation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A RAW/JPEG pair, both oriented like the sensor.
+
+    name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the file
+    beside it.
+    """
+
+    name: str
+    path: Path
+    raw: RawImage
+    jpeg: NDArray[np.uint8]
+    jpeg_source: str
+    metadata: ShotMetadata
+    registration: Registration

@@ -1,0 +1,207 @@
+"""A camera whose every stage is known: measured sensitivities and a rendering chain in the thesis's terms.
+
+render:     I = f(h(Ts · min(Tw · k · E, 1)))        linearize:  E = (k Tw)⁻¹ Ts⁻¹ h⁻¹(f⁻¹(I))
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lutforge.errors import SettingsError
+from lutforge.simulate.gamut_map import GamutMap
+from lutforge.simulate.response import ToneResponse
+from lutforge.simulate.spectra import (
+    chart_reflectances,
+    light,
+    linear_srgb_under,
+    sensitivities,
+    surface_reflectances,
+)
+
+Array = NDArray[np.float64]
+
+WHITE_AT_NOMINAL = 0.9
+"""The largest RAW value of a perfect diffuser at the camera's nominal exposure."""
+
+LIGHT_OF_WHITE_BALANCE: Mapping[str, float | str] = MappingProxyType(
+    {
+        "tungsten": "A",
+        "fluorescent": "FL2",
+        "daylight": 5200.0,
+        "flash": 5500.0,
+        "cloudy": 6000.0,
+        "shade": 7500.0,
+    }
+)
+"""The light that each setting is made for: a CIE illuminant, or CIE daylight of a colour temperature."""
+
+
+@dataclass(frozen=True)
+class SimulatedWhiteBalance:
+    """Tw: multipliers of camera RGB, green = 1, and the colour temperature of the light they are made for."""
+
+    multipliers: tuple[float, float, float]
+    kelvin: float
+
+
+@dataclass(frozen=True)
+class SimulatedStyle:
+    """A picture style: h, then f."""
+
+    name: str
+    gamut_map: GamutMap
+    response: ToneResponse
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedCamera:
+    """The ground truth: sensor and rendering of one camera.
+
+    sensitivity: (L, 3) over `spectra.WAVELENGTHS`, scaled so that E = reflectance · light · sensitivity.
+    matrix: Ts (3, 3), white-balanced camera RGB to linear sRGB; rows sum to 1.
+    nominal_exposure_s: the exposure at which a perfect diffuser reads 0.9 in its strongest channel.
+    black, white: sensor codes of no light and of saturation. full_well, read_noise: electrons.
+    """
+
+    make: str
+    model: str
+    sensitivity: Array
+    matrix: Array
+    white_balances: Mapping[str, SimulatedWhiteBalance]
+    styles: Mapping[str, SimulatedStyle]
+    nominal_exposure_s: float = 1 / 60
+    black: int = 600
+    white: int = 15520
+    full_well: float = 40000.0
+    read_noise: float = 4.0
+    cfa: str = "RGGB"
+
+    @property
+    def name(self) -> str:
+        """Make and model."""
+        return f"{self.make} {self.model}"
+
+    def expose(self, reflectances: ArrayLike, white_balance: str, exposure_s: float | None = None) -> Array:
+        """E of surfaces under the light of a white-balance setting; no noise, no clipping at saturation.
+
+        reflectances: (…, L) over `spectra.WAVELENGTHS`. exposure_s: None for the nominal exposure. Returns
+        (…, 3). Raises SettingsError for a white balance that the camera has not.
+        """
+        spectrum = light(LIGHT_OF_WHITE_BALANCE[self._known(white_balance, self.white_balances)])
+        responses = spectrum[:, None] * self.sensitivity
+        responses = responses * (WHITE_AT_NOMINAL / responses.sum(axis=0).max())
+        times = 1.0 if exposure_s is None else exposure_s / self.nominal_exposure_s
+        result: Array = times * (np.asarray(reflectances, dtype=np.float64) @ responses)
+        return result
+
+    def multipliers(self, white_balance: str | ArrayLike) -> Array:
+        """Tw's diagonal (3,): of a named setting, or the given multipliers themselves."""
+        if isinstance(white_balance, str):
+            name = self._known(white_balance, self.white_balances)
+            return np.asarray(self.white_balances[name].multipliers)
+        return np.asarray(white_balance, dtype=np.float64)
+
+    def render(self, raw: ArrayLike, style: str, white_balance: str | ArrayLike, ev: float = 0.0) -> Array:
+        """I = f(h(Ts min(Tw k E, 1))), k = 2^ev: RAW (…, 3) to encoded values in [0, 1], not quantised."""
+        chain = self.styles[self._known(style, self.styles)]
+        balanced = np.clip(np.asarray(raw) * self.multipliers(white_balance) * 2.0**ev, 0.0, 1.0)
+        return chain.response(chain.gamut_map(balanced @ self.matrix.T))
+
+    def linearize(self, encoded: ArrayLike, style: str, white_balance: str | ArrayLike, ev: float = 0.0) -> Array:
+        """E = (k Tw)⁻¹ Ts⁻¹ h⁻¹(f⁻¹(I)): encoded values (…, 3) to RAW.
+
+        Exact to about 1e-9 for values strictly between 0 and 1 that the camera can make; a value of 0 or 1
+        may be clipped, and then the result is one of many.
+        """
+        chain = self.styles[self._known(style, self.styles)]
+        linear = chain.gamut_map.inverse(chain.response.inverse(encoded))
+        balanced = linear @ np.linalg.inv(self.matrix).T
+        result: Array = balanced / (self.multipliers(white_balance) * 2.0**ev)
+        return result
+
+    def color_matrix(self) -> Array:
+        """XYZ (D65) → camera RGB (3, 3), as DNG's ColorMatrix1 wants it, from the training surfaces."""
+        from_xyz = np.linalg.inv(self.matrix) @ np.linalg.inv(SRGB_TO_XYZ)
+        daylight = self.multipliers("daylight")
+        result: Array = from_xyz / daylight[:, None]
+        return result
+
+    def _known(self, name: str, names: Mapping[str, object]) -> str:
+        if name not in names:
+            raise SettingsError(f'{self.name} has no "{name}"; it has {", ".join(names)}')
+        return name
+
+
+SRGB_TO_XYZ = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+)
+"""Linear sRGB → XYZ, D65 (IEC 61966-2-1)."""
+
+
+LAYER_UNMIXING = np.array([[1.0, -0.6, 0.0], [-0.64, 1.0, -0.64], [0.0, -0.52, 1.0]])
+"""Takes out of each layer of the SD Merrill's sensor what its neighbours see too."""
+
+
+@cache
+def nikon_d5100() -> SimulatedCamera:
+    """A camera with the sensitivities of a Nikon D5100 as measured by the NPL (Darrodi et al. 2015)."""
+    return _build("Simulated D5100", sensitivities("Nikon 5100 (NPL)") * (0.85, 1.0, 0.85))
+
+
+@cache
+def sigma_sd_merrill() -> SimulatedCamera:
+    """A camera with other filters: the NPL's Sigma SD Merrill (Darrodi et al. 2015), its layers unmixed.
+
+    The real sensor stacks layers that overlap widely; unmixed and cut at 0 they could be Bayer filters.
+    """
+    unmixed = np.maximum(sensitivities("Sigma SDMerill (NPL)") @ LAYER_UNMIXING, 0.0)
+    return _build("Simulated SD Merrill", unmixed / unmixed.max(axis=0) * (1.0, 1.0, 0.78), warmth=0.03)
+
+
+def _build(model: str, sensitivity: Array, warmth: float = 0.0) -> SimulatedCamera:
+    """White balances and matrix follow from the sensor; the styles are the maker's taste."""
+    balances = {name: _balance(sensitivity, spd) for name, spd in LIGHT_OF_WHITE_BALANCE.items()}
+    matrix = _fit_matrix(sensitivity)
+    signal = np.array([0.25, 0.5, 0.25]) @ np.linalg.inv(matrix)
+    w = (float(signal[0]), float(signal[1]), float(signal[2]))
+    styles = {
+        "standard": SimulatedStyle(
+            "standard",
+            GamutMap(w, knee=0.6, onset=0.5, turn=warmth),
+            ToneResponse(toe=(0.26,) * 3, shoulder=(0.94,) * 3),
+        ),
+        "vivid": SimulatedStyle(
+            "vivid",
+            GamutMap(w, knee=0.7, boost=0.9, turn=0.1 + warmth, bend=0.15),
+            ToneResponse(toe=(0.2,) * 3, shoulder=(0.97,) * 3),
+        ),
+        "landscape": SimulatedStyle(
+            "landscape",
+            GamutMap(w, knee=0.65, boost=0.5, turn=warmth - 0.06, bend=-0.14),
+            ToneResponse(toe=(0.23,) * 3, shoulder=(0.95,) * 3),
+        ),
+    }
+    return SimulatedCamera("LutForge", model, sensitivity, matrix, MappingProxyType(balances), MappingProxyType(styles))
+
+
+def _balance(sensitivity: Array, name: float | str) -> SimulatedWhiteBalance:
+    spectrum = light(name)
+    r, g, b = (float(value) for value in spectrum @ sensitivity)
+    kelvin = {"A": 2856.0, "FL2": 4230.0}.get(name, 0.0) if isinstance(name, str) else name
+    return SimulatedWhiteBalance((g / r, 1.0, g / b), kelvin)
+
+
+def _fit_matrix(sensitivity: Array) -> Array:
+    """Ts by least squares over the training surfaces under daylight, each row constrained to sum to 1."""
+    reflectances = np.vstack([surface_reflectances(), chart_reflectances()])
+    spectrum = light(5200.0)
+    balanced = (reflectances * spectrum) @ sensitivity / (spectrum @ sensitivity)
+    linear = linear_srgb_under(reflectances, spectrum)
+    # row · x = y with row_g = 1 − row_r − row_b:  row_r (x_r − x_g) + row_b (x_b − x_g) = y − x_g
+    unknowns, *_ = np.linalg.lstsq(balanced[:, [0, 2]] - balanced[:, [1]], linear - balanced[:, [1]])
+    red, blue = unknowns
+    return np.column_stack([red, 1 - red - blue, blue])

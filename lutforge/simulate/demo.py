@@ -1,0 +1,123 @@
+"""The shots of the demo: two picture styles, five lights, bracketed exposures, and a picture to grade."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
+from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
+from lutforge.simulate.scene import Scene
+from lutforge.simulate.scenes import SCENES
+
+
+@dataclass(frozen=True)
+class DemoShot:
+    """One shot to take: the camera's dials, the scene and its seed, relative exposure, and the light.
+
+    The light is the one that the dial is made for, unless it is named: a dial that is wrong for the light
+    gives strong colours, and so covers the corners of the colour space, as the thesis's shots do (4.2.3).
+    """
+
+    style: str
+    white_balance: str
+    scene: str
+    seed: int
+    exposure: float
+    light: str | None = None
+
+
+SHOTS = (
+    DemoShot("standard", "daylight", "chart", 0, 1.0),
+    DemoShot("standard", "daylight", "wall", 0, 1.4),
+    DemoShot("standard", "daylight", "wall", 1, 0.35),
+    DemoShot("standard", "tungsten", "wall", 2, 1.0),
+    DemoShot("standard", "tungsten", "wall", 3, 0.6, light="daylight"),
+    DemoShot("standard", "tungsten", "still-life", 0, 0.8, light="daylight"),
+    DemoShot("standard", "fluorescent", "wall", 4, 0.8),
+    DemoShot("standard", "cloudy", "wall", 3, 1.2),
+    DemoShot("vivid", "daylight", "chart", 0, 1.0),
+    DemoShot("vivid", "daylight", "wall", 0, 1.4),
+    DemoShot("vivid", "daylight", "wall", 1, 0.35),
+    DemoShot("vivid", "tungsten", "wall", 2, 1.0),
+    DemoShot("vivid", "daylight", "wall", 3, 0.8, light="tungsten"),
+    DemoShot("vivid", "shade", "wall", 4, 1.2),
+    DemoShot("vivid", "cloudy", "still-life", 0, 1.4),
+)
+"""What the demo calibrates from; every other shot has no JPEG beside it, only the preview in the DNG."""
+
+HELD_OUT = DemoShot("standard", "tungsten", "still-life", 7, 0.6, light="daylight")
+"""The finished picture that the demo grades, never calibrated from: the camera was left on tungsten in
+daylight, and the exposure is short."""
+
+WANTED_STYLE, WANTED_WHITE_BALANCE, WANTED_EV = "vivid", "daylight", 0.7
+"""What it should have had."""
+
+HEIGHT, WIDTH = 808, 1216
+"""Pixels of the demo's sensor."""
+
+
+@dataclass(frozen=True)
+class DemoShots:
+    """What `demo_shots` wrote: RAW files to calibrate from, a spoilt photograph, and what it should be.
+
+    source, target: its settings as selectors, now and wanted; ev: the stops that it lacks. wanted: the JPEG
+    that the camera makes of the same exposure with the wanted settings: what a refinished `held_out` should
+    be.
+    """
+
+    camera: SimulatedCamera
+    calibration: tuple[Path, ...]
+    held_out: Photograph
+    wanted: Path
+    source: str
+    target: str
+    ev: float
+
+
+def demo_shots(
+    folder: str | Path,
+    progress: Callable[[str], None] = lambda _: None,
+    camera: SimulatedCamera | None = None,
+    shape: tuple[int, int] = (HEIGHT, WIDTH),
+) -> DemoShots:
+    """Photograph the demo's scenes into `folder`, and a held-out one into its subfolder "held-out".
+
+    progress: is told each shot's name before it is taken. shape: height and width of the sensor, even
+    numbers.
+    """
+    camera, folder = nikon_d5100() if camera is None else camera, Path(folder)
+    scenes: dict[tuple[str, int], Scene] = {}
+
+    def take(shot: DemoShot, where: Path, name: str, jpeg_beside: bool) -> Photograph:
+        progress(name)
+        key = (shot.scene, shot.seed)
+        if key not in scenes:
+            scenes[key] = SCENES[shot.scene](*shape, shot.seed)
+        settings = _settings(camera, shot)
+        return photograph(camera, scenes[key], settings, where, name, jpeg_beside=jpeg_beside, light=shot.light)
+
+    calibration = tuple(
+        take(shot, folder, f"LF{number:04d}-{shot.style}-{shot.white_balance}-{shot.scene}", number % 2 == 1).dng
+        for number, shot in enumerate(SHOTS, start=1)
+    )
+    held_out = take(HELD_OUT, folder / "held-out", "held-out", True)
+    right = replace(
+        _settings(camera, HELD_OUT),
+        style=WANTED_STYLE,
+        white_balance=WANTED_WHITE_BALANCE,
+        push_ev=WANTED_EV,
+    )
+    wanted = develop_again(camera, held_out, right, folder / "held-out" / "wanted.JPG")
+    return DemoShots(
+        camera,
+        calibration,
+        held_out,
+        wanted,
+        source=f"{HELD_OUT.style}/{HELD_OUT.white_balance}",
+        target=f"{WANTED_STYLE}/{WANTED_WHITE_BALANCE}",
+        ev=WANTED_EV,
+    )
+
+
+def _settings(camera: SimulatedCamera, shot: DemoShot) -> CameraSettings:
+    return CameraSettings(shot.style, shot.white_balance, camera.nominal_exposure_s * shot.exposure)

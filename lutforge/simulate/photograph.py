@@ -1,0 +1,163 @@
+"""Take a photograph with the simulated camera: a DNG of the noisy mosaic, and the JPEG developed from it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+import rawpy
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lutforge.atomic_write import atomic_path
+from lutforge.errors import ImageError
+from lutforge.simulate.camera import SimulatedCamera
+from lutforge.simulate.dng import LIGHT_SOURCES, write_dng
+from lutforge.simulate.jpeg import ExposureTags, Subsampling, encode_jpeg
+from lutforge.simulate.scene import Scene
+from lutforge.simulate.sensor import capture, demosaic, normalized
+
+BORDER = 8
+"""Sensor pixels left out of the JPEG at the left and at the right; half as many above and below."""
+
+HIGH_SATURATION = 2
+"""The Exif tag Saturation where the style boosts colours (Exif 2.32, 4.6.5)."""
+
+
+@dataclass(frozen=True)
+class CameraSettings:
+    """The dials of the camera.
+
+    preview_scale: size of the embedded JPEG relative to the full one. sharpening: strength of an unsharp
+    mask, 0 is off. push_ev: brightening in the development, in stops. orientation: how the camera was held
+    (TIFF 1, 3, 6 or 8); pixels stay as the sensor has them.
+    """
+
+    style: str = "standard"
+    white_balance: str = "daylight"
+    exposure_s: float = 1 / 60
+    iso: int = 100
+    f_number: float = 8.0
+    quality: int = 95
+    subsampling: Subsampling = "4:2:2"
+    preview_scale: float = 0.5
+    sharpening: float = 0.0
+    push_ev: float = 0.0
+    orientation: int = 1
+
+
+@dataclass(frozen=True)
+class Photograph:
+    """The files of one shot; `jpeg` is None where only the preview inside the DNG was asked for."""
+
+    dng: Path
+    jpeg: Path | None
+
+
+def photograph(
+    camera: SimulatedCamera,
+    scene: Scene,
+    settings: CameraSettings,
+    folder: str | Path,
+    name: str,
+    *,
+    jpeg_beside: bool = True,
+    light: str | None = None,
+    seed: int = 0,
+) -> Photograph:
+    """Write `name`.dng, with an embedded preview, and `name`.JPG beside it unless it is not wanted.
+
+    light: the white-balance name whose light falls on the scene; None for the one that the camera is set
+    to. The noise depends on seed and name only. Raises SettingsError for a style, white balance or light
+    the camera has not.
+    """
+    irradiance = scene.irradiance(camera, light or settings.white_balance, settings.exposure_s)
+    rng = np.random.default_rng([seed, crc32(name.encode())])
+    mosaic = capture(camera, irradiance, rng, settings.iso)
+    picture = develop(camera, mosaic, settings)
+    tags = _tags(camera, settings)
+    dng, jpeg = Path(folder) / f"{name}.dng", Path(folder) / f"{name}.JPG"
+    write_dng(
+        dng,
+        mosaic,
+        black=camera.black,
+        white=camera.white,
+        cfa=camera.cfa,
+        as_shot_neutral=1 / camera.multipliers(settings.white_balance),
+        color_matrix=camera.color_matrix(),
+        make=camera.make,
+        model=camera.model,
+        exposure_s=settings.exposure_s,
+        f_number=settings.f_number,
+        iso=settings.iso,
+        light_source=tags.light_source,
+        saturation=tags.saturation,
+        profile_name=settings.style,
+        preview_jpeg=encode_jpeg(shrink(picture, settings.preview_scale), tags, settings.quality, settings.subsampling),
+        orientation=settings.orientation,
+    )
+    if not jpeg_beside:
+        return Photograph(dng, None)
+    _write_jpeg(jpeg, picture, settings, tags)
+    return Photograph(dng, jpeg)
+
+
+def develop_again(camera: SimulatedCamera, shot: Photograph, settings: CameraSettings, path: str | Path) -> Path:
+    """Write the JPEG that the camera would have made of the same exposure with other settings.
+
+    The mosaic comes from the shot's DNG, so noise and detail are the same: the truth for a refinished JPEG.
+    Raises ImageError where the DNG cannot be read, SettingsError for a style or white balance that the
+    camera has not.
+    """
+    try:
+        with rawpy.imread(str(shot.dng)) as raw:
+            mosaic = np.array(raw.raw_image_visible, dtype=np.uint16)
+    except (rawpy.LibRawError, OSError) as error:
+        raise ImageError(f"{shot.dng}: cannot be developed again ({error}); photograph it anew") from error
+    _write_jpeg(Path(path), develop(camera, mosaic, settings), settings, _tags(camera, settings))
+    return Path(path)
+
+
+def _write_jpeg(path: Path, picture: NDArray[np.uint8], settings: CameraSettings, tags: ExposureTags) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(encode_jpeg(picture, tags, settings.quality, settings.subsampling))
+
+
+def develop(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: CameraSettings) -> NDArray[np.uint8]:
+    """What the camera does to its mosaic (h, w): demosaic, crop the border, render, sharpen, round."""
+    raw = demosaic(normalized(camera, mosaic), camera.cfa)[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
+    encoded = camera.render(raw, settings.style, settings.white_balance, settings.push_ev)
+    if settings.sharpening:
+        blurred = ndimage.gaussian_filter(encoded, (1.0, 1.0, 0.0), mode="nearest")
+        encoded = np.clip(encoded + settings.sharpening * (encoded - blurred), 0.0, 1.0)
+    return np.rint(255 * encoded).astype(np.uint8)
+
+
+def shrink(picture: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
+    """A finished picture (h, w, 3) made smaller, with no more than its share of aliasing."""
+    if scale == 1:
+        return picture
+    height, width, _ = picture.shape
+    rows, columns = max(round(height * scale), 1), max(round(width * scale), 1)
+    blur = 0.42 * np.sqrt(max(scale**-2 - 1, 0.0))
+    soft = ndimage.gaussian_filter(picture.astype(np.float32), (blur, blur, 0), mode="nearest")
+    y, x = ((np.arange(n) + 0.5) / n for n in (rows, columns))
+    grid = np.meshgrid(y * height - 0.5, x * width - 0.5, indexing="ij")
+    channels = [ndimage.map_coordinates(soft[..., c], grid, order=1, mode="nearest") for c in range(3)]
+    small: NDArray[np.uint8] = np.clip(np.rint(np.stack(channels, axis=-1)), 0, 255).astype(np.uint8)
+    return small
+
+
+def _tags(camera: SimulatedCamera, settings: CameraSettings) -> ExposureTags:
+    return ExposureTags(
+        camera.make,
+        camera.model,
+        settings.style,
+        settings.white_balance,
+        settings.exposure_s,
+        settings.iso,
+        settings.f_number,
+        LIGHT_SOURCES[settings.white_balance],
+        0 if settings.style == "standard" else HIGH_SATURATION,
+        settings.orientation,
+    )

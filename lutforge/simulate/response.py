@@ -1,0 +1,69 @@
+"""The simulated camera's response f: linear sRGB to encoded JPEG value, one film-like curve per channel."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lutforge.errors import ProfileError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ToneResponse:
+    """f(x) = S(srgb(x)): the sRGB curve (IEC 61966-2-1), then a cubic Bézier curve from (0, 0) to (1, 1).
+
+    S(v) = 3 toe v (1 − v)² + 3 shoulder v² (1 − v) + v³: slope 3 toe at black and 3 (1 − shoulder) at
+    white. It increases strictly, f(0) = 0 and f(1) = 1. Raises ProfileError unless 0 < toe ≤ shoulder < 1
+    in each channel.
+    """
+
+    toe: tuple[float, float, float]
+    shoulder: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        if not all(0 < toe <= high < 1 for toe, high in zip(self.toe, self.shoulder, strict=True)):
+            raise ProfileError(f"tone response: not 0 < toe {self.toe} ≤ shoulder {self.shoulder} < 1")
+
+    def __call__(self, linear: ArrayLike) -> Array:
+        """f: linear sRGB (…, 3), clipped to [0, 1] as the camera does, to encoded values in [0, 1]."""
+        clipped = np.clip(linear, 0.0, 1.0)
+        return np.where(clipped < 1, self._curve(srgb_encode(clipped)), 1.0)  # rounding must not hide a clip
+
+    def inverse(self, encoded: ArrayLike) -> Array:
+        """f⁻¹: encoded values (…, 3), clipped to [0, 1], to linear sRGB in [0, 1], to about 1e-12."""
+        target = np.clip(encoded, 0.0, 1.0)
+        return srgb_decode(invert_increasing(self._curve, target, 0.0, 1.0))
+
+    def _curve(self, v: Array) -> Array:
+        toe, shoulder = np.asarray(self.toe), np.asarray(self.shoulder)
+        result: Array = v * (3 * toe * (1 - v) ** 2 + v * (3 * shoulder * (1 - v) + v))
+        return result
+
+
+def srgb_encode(linear: ArrayLike) -> Array:
+    """Linear sRGB in [0, ∞) to encoded sRGB (IEC 61966-2-1)."""
+    x = np.asarray(linear, dtype=np.float64)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def srgb_decode(encoded: ArrayLike) -> Array:
+    """Encoded sRGB in [0, ∞) to linear sRGB: the inverse of `srgb_encode`."""
+    v = np.asarray(encoded, dtype=np.float64)
+    return np.where(v <= 12.92 * 0.0031308, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+
+
+def invert_increasing(function: Callable[[Array], Array], target: Array, low: float, high: float) -> Array:
+    """Solve function(x) = target for x in [low, high], elementwise, where the function increases strictly.
+
+    Bisection to float precision: slow but sure. Targets outside the function's range give the nearer end.
+    """
+    a: Array = np.full(target.shape, low)
+    b: Array = np.full(target.shape, high)
+    for _ in range(54):
+        middle = (a + b) / 2
+        below = function(middle) < target
+        a, b = np.where(below, middle, a), np.where(below, b, middle)
+    return a / 2 + b / 2

@@ -1,0 +1,81 @@
+"""The simulated sensor: lens blur, filter array, photon and read noise, quantisation; and demosaicking."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lutforge.simulate.camera import SimulatedCamera
+
+Float32 = NDArray[np.float32]
+
+LENS_BLUR = 0.7
+"""Standard deviation, in pixels, of the blur by lens and low-pass filter."""
+
+
+def capture(
+    camera: SimulatedCamera, irradiance: Float32, rng: np.random.Generator, iso: int = 100
+) -> NDArray[np.uint16]:
+    """One exposure: irradiance (h, w, 3), 1 = saturation, to a mosaic (h, w) of sensor codes.
+
+    Shot noise is Poisson's, as a normal distribution: variance = electrons; read noise is added, then the
+    value is clipped at saturation and rounded. A higher ISO fills less of the well.
+    """
+    blurred = ndimage.gaussian_filter(irradiance, (LENS_BLUR, LENS_BLUR, 0), mode="nearest")
+    well = camera.full_well * 100 / iso
+    electrons = np.minimum(filtered(blurred, camera.cfa), 1.5) * well
+    noise = rng.standard_normal(electrons.shape, dtype=np.float32)
+    electrons += noise * np.sqrt(np.maximum(electrons, 0) + camera.read_noise**2)
+    codes = camera.black + electrons * ((camera.white - camera.black) / well)
+    return np.clip(np.rint(codes), 0, camera.white).astype(np.uint16)
+
+
+def filtered(image: Float32, cfa: str) -> Float32:
+    """The mosaic (h, w) that a 2 × 2 filter array, such as "RGGB", lets through of an image (h, w, 3)."""
+    mosaic = np.empty(image.shape[:2], dtype=image.dtype)
+    for place, color in enumerate(cfa):
+        row, column = divmod(place, 2)
+        mosaic[row::2, column::2] = image[row::2, column::2, "RGB".index(color)]
+    return mosaic
+
+
+def normalized(camera: SimulatedCamera, mosaic: NDArray[np.uint16]) -> Float32:
+    """Sensor codes to E: black = 0, white = 1."""
+    return (mosaic.astype(np.float32) - camera.black) / np.float32(camera.white - camera.black)
+
+
+# Malvar, He & Cutler, "High-quality linear interpolation for demosaicing of Bayer-patterned color images"
+# (ICASSP 2004), figure 2, times 8: green at red or blue; red at green in a red row; red at green in a blue
+# row; red at blue.
+_GREEN = np.array(
+    [[0, 0, -1, 0, 0], [0, 0, 2, 0, 0], [-1, 2, 4, 2, -1], [0, 0, 2, 0, 0], [0, 0, -1, 0, 0]],
+    dtype=np.float32,
+)
+_ALONG_ROW = np.array(
+    [[0, 0, 0.5, 0, 0], [0, -1, 0, -1, 0], [-1, 4, 5, 4, -1], [0, -1, 0, -1, 0], [0, 0, 0.5, 0, 0]],
+    dtype=np.float32,
+)
+_DIAGONAL = np.array(
+    [[0, 0, -1.5, 0, 0], [0, 2, 0, 2, 0], [-1.5, 0, 6, 0, -1.5], [0, 2, 0, 2, 0], [0, 0, -1.5, 0, 0]],
+    dtype=np.float32,
+)
+
+
+def demosaic(mosaic: Float32, cfa: str) -> Float32:
+    """Full colour (h, w, 3) from a Bayer mosaic: gradient-corrected linear interpolation (Malvar et al.)."""
+    green, along_row, along_column, diagonal = (
+        ndimage.convolve(mosaic, kernel / 8, mode="mirror") for kernel in (_GREEN, _ALONG_ROW, _ALONG_ROW.T, _DIAGONAL)
+    )
+    image = np.empty((*mosaic.shape, 3), dtype=np.float32)
+    for place, color in enumerate(cfa):
+        area = (slice(place // 2, None, 2), slice(place % 2, None, 2))
+        if color == "G":
+            row_color = "RGB".index(cfa[place ^ 1])  # the filter beside this one
+            image[..., 1][area] = mosaic[area]
+            image[..., row_color][area] = along_row[area]
+            image[..., 2 - row_color][area] = along_column[area]
+        else:
+            own = "RGB".index(color)
+            image[..., own][area] = mosaic[area]
+            image[..., 1][area] = green[area]
+            image[..., 2 - own][area] = diagonal[area]
+    return image

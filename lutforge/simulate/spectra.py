@@ -1,0 +1,70 @@
+"""Measured spectra: sensitivities, lights and surface reflectances, all resampled to one wavelength axis.
+
+The data ship with colour-science: sensitivities (NPL; Darrodi et al. 2015), CIE illuminants, the ColorChecker
+(ISO 17321-1) and the 99 surfaces of the CIE 2017 colour fidelity index (paints, textiles, skin, plants,
+plastics).
+"""
+
+from functools import cache
+from typing import Any
+
+import colour
+import numpy as np
+from colour.quality.cfi2017 import load_TCS_CIE2017
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+WAVELENGTHS = np.arange(380.0, 781.0, 5.0)
+"""Nanometres; L = 81."""
+
+
+def _resampled(wavelengths: Array, values: Array) -> Array:
+    """Columns of values at WAVELENGTHS; 0 outside the measured range."""
+    return np.column_stack([np.interp(WAVELENGTHS, wavelengths, column, left=0.0, right=0.0) for column in values.T])
+
+
+@cache
+def sensitivities(dataset: str) -> Array:
+    """A camera's spectral sensitivities (L, 3), each with maximum 1."""
+    measured: Any = colour.MSDS_CAMERA_SENSITIVITIES[dataset]
+    return _resampled(measured.wavelengths, measured.values)
+
+
+@cache
+def light(name: float | str) -> Array:
+    """Relative spectral power (L,): a CIE illuminant by name, or CIE daylight of a temperature in kelvin."""
+    spectrum: Any
+    if isinstance(name, str):
+        spectrum = colour.SDS_ILLUMINANTS[name]
+    else:
+        # c₂ was revised after the daylight locus was defined (CIE 15:2018, 4.1.2).
+        xy = colour.temperature.CCT_to_xy_CIE_D(name * 1.4388 / 1.438)
+        spectrum = colour.sd_CIE_illuminant_D_series(xy)
+    return _resampled(spectrum.wavelengths, spectrum.values[:, None])[:, 0]
+
+
+@cache
+def chart_reflectances() -> Array:
+    """The 24 patches of a ColorChecker Classic (24, L), row by row from dark skin to black."""
+    patches: Any = colour.SDS_COLOURCHECKERS["ISO 17321-1"]
+    return np.vstack([_resampled(patch.wavelengths, patch.values[:, None])[:, 0] for patch in patches.values()])
+
+
+@cache
+def surface_reflectances() -> Array:
+    """The 99 surfaces of the CIE 2017 colour fidelity index (99, L)."""
+    surfaces: Any = load_TCS_CIE2017(colour.SpectralShape(380, 780, 5))
+    return np.ascontiguousarray(surfaces.values.T)
+
+
+def linear_srgb_under(reflectances: Array, spectrum: Array) -> Array:
+    """Linear sRGB (n, 3) of surfaces (n, L) under a light (L,), diffuser = 1, adapted to D65 (Bradford)."""
+    observer: Any = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    weights = spectrum[:, None] * _resampled(observer.wavelengths, observer.values)
+    white = weights.sum(axis=0) / weights[:, 1].sum()
+    xyz = reflectances @ weights / weights[:, 1].sum()
+    d65 = np.array([0.95047, 1.0, 1.08883])
+    adapted = colour.chromatic_adaptation(xyz, white, d65, method="Von Kries", transform="Bradford")
+    srgb: Any = colour.RGB_COLOURSPACES["sRGB"]
+    return np.asarray(adapted @ np.linalg.inv(srgb.matrix_RGB_to_XYZ).T)

@@ -1,0 +1,171 @@
+"""Grading images through OpenColorIO: the pixels are the LUT's, everything else stays."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import pytest
+from numpy.typing import NDArray
+
+from lutforge.apply.batch import apply_batch, plan_outputs
+from lutforge.apply.image import BLOCK, apply_image, apply_to_pixels
+from lutforge.errors import ImageError, LutError
+from lutforge.images.read import Image, read_image
+from lutforge.images.write import write_image
+from lutforge.luts.lut import Lut
+from lutforge.luts.processor import file_processor
+from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.model.lattice import grid
+from lutforge.regression.node_levels import snap_levels
+
+Pixels = NDArray[np.float32]
+
+
+@pytest.fixture(scope="module")
+def lut() -> Lut:
+    axis = snap_levels(np.linspace(0, 1, 17) ** 2, SHAPER_SIZE)
+    levels = (axis, axis, axis)
+    return Lut(np.array([1.4, 1.0, 0.9]), levels, np.sqrt(grid(levels))[..., ::-1], np.eye(3))
+
+
+@pytest.fixture(scope="module")
+def lut_file(lut: Lut, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return lut.write(tmp_path_factory.mktemp("lut") / "look.clf").path
+
+
+def picture(height: int = 30, width: int = 50, channels: int = 3) -> Pixels:
+    return np.random.default_rng(9).random((height, width, channels), dtype=np.float32)
+
+
+def save(path: Path, pixels: Pixels, kind: str = "float", names: tuple[str, ...] | None = None) -> Path:
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
+    if names:
+        spec.channelnames = names
+    spec.attribute("Model", "Nikon D40")
+    spec.attribute("Orientation", 6)
+    write_image(path, pixels, Image(pixels, spec))
+    return path
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5])
+def test_every_block_and_thread_gives_the_lut(lut: Lut, lut_file: Path, workers: int) -> None:
+    pixels = picture(2 * BLOCK // 500 + 3, 500)  # two whole blocks and a part
+    before = pixels.copy()
+    graded = apply_to_pixels(file_processor(lut_file), pixels, workers=workers)
+    np.testing.assert_allclose(graded, lut(pixels), atol=1e-5)
+    np.testing.assert_array_equal(pixels, before)
+
+
+def test_extra_channels_are_untouched(lut: Lut, lut_file: Path) -> None:
+    pixels = picture(channels=6)
+    graded = apply_to_pixels(file_processor(lut_file), pixels)
+    np.testing.assert_array_equal(graded[..., 3:], pixels[..., 3:])
+    np.testing.assert_allclose(graded[..., :3], lut(pixels[..., :3]), atol=1e-5)
+
+
+def test_premultiplied_colours_are_graded_as_colours(lut: Lut, lut_file: Path) -> None:
+    straight = picture(channels=4)
+    straight[0, 0, 3] = 0.0
+    pixels = straight.copy()
+    pixels[..., :3] *= pixels[..., 3:]
+    pixels[0, 0, :3] = (0.25, 0.5, 0.75)  # light without coverage, such as a flame
+    graded = apply_to_pixels(file_processor(lut_file), pixels, premultiplied=True)
+    wanted = lut(straight[..., :3]) * straight[..., 3:]
+    np.testing.assert_allclose(graded[1:, :, :3], wanted[1:], atol=2e-5)
+    np.testing.assert_array_equal(graded[0, 0], pixels[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind", "tolerance"),
+    [(".exr", "float", 1e-5), (".tif", "uint16", 2e-5), (".png", "uint8", 0.0025)],
+)
+def test_an_image_file_keeps_its_metadata(
+    tmp_path: Path, lut: Lut, lut_file: Path, suffix: str, kind: str, tolerance: float
+) -> None:
+    source = save(tmp_path / f"in{suffix}", picture(), kind)
+    done = apply_image(lut_file, source, tmp_path / "out" / f"in{suffix}")
+    stored, graded = read_image(source), read_image(done.target)
+    np.testing.assert_allclose(graded.pixels, np.clip(lut(stored.pixels), 0, 1), atol=tolerance)
+    assert graded.spec.format == stored.spec.format
+    assert graded.spec.get_string_attribute("Model") == "Nikon D40"
+    assert graded.spec.get_int_attribute("Orientation") == 6
+    assert graded.spec.get_string_attribute("Software") == "LutForge"
+    if suffix != ".tif":
+        assert graded.spec.get_string_attribute("Exif:ImageHistory") == "graded with look.clf"
+    assert (done.width, done.height) == (50, 30)
+
+
+def test_it_agrees_with_openimageio(tmp_path: Path, lut_file: Path) -> None:
+    source = save(tmp_path / "in.exr", picture())
+    apply_image(lut_file, source, tmp_path / "out.exr")
+    reference = oiio.ImageBufAlgo.ociofiletransform(oiio.ImageBuf(str(source)), str(lut_file))
+    np.testing.assert_allclose(
+        read_image(tmp_path / "out.exr").pixels, np.asarray(reference.get_pixels(oiio.FLOAT)), atol=1e-5
+    )
+
+
+def test_what_cannot_be_graded(tmp_path: Path, lut_file: Path) -> None:
+    grey = save(tmp_path / "grey.tif", picture(channels=1))
+    with pytest.raises(ImageError, match="red, green and blue; this image has 1 channel"):
+        apply_image(lut_file, grey, tmp_path / "out.tif")
+    odd = save(tmp_path / "odd.exr", picture(channels=4), names=("A", "B", "G", "R"))
+    assert read_image(odd).spec.channelnames[:3] == ("R", "G", "B")  # OpenImageIO puts them in order
+    colour = save(tmp_path / "colour.tif", picture())
+    with pytest.raises(ImageError, match="replace the input"):
+        apply_image(lut_file, colour, colour)
+    os.link(colour, tmp_path / "link.tif")
+    with pytest.raises(ImageError, match="replace the input"):
+        apply_image(lut_file, colour, tmp_path / "link.tif")
+    with pytest.raises(LutError, match="No such file"):
+        apply_image(tmp_path / "none.clf", colour, tmp_path / "out.tif")
+    assert not (tmp_path / "out.tif").exists()
+
+
+def test_a_batch_goes_on_past_failures(tmp_path: Path, lut: Lut, lut_file: Path) -> None:
+    good = [save(tmp_path / f"{name}.png", picture(), "uint16") for name in "ab"]
+    broken = tmp_path / "broken.png"
+    broken.write_bytes(good[0].read_bytes()[:600])
+    missing = tmp_path / "missing.png"
+    seen: list[tuple[int, int, str]] = []
+    result = apply_batch(
+        lut_file,
+        [good[0], broken, missing, good[1]],
+        tmp_path / "out",
+        suffix="tif",
+        progress=lambda number, total, path: seen.append((number, total, path.name)),
+    )
+    assert [done.target.name for done in result.done] == ["a.tif", "b.tif"]
+    assert [failure.source for failure in result.failed] == [broken, missing]
+    assert "no such file" in result.failed[1].reason
+    assert seen == [(1, 4, "a.png"), (2, 4, "broken.png"), (3, 4, "missing.png"), (4, 4, "b.png")]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.tif", "b.tif"]
+    np.testing.assert_allclose(
+        read_image(tmp_path / "out" / "a.tif").pixels,
+        np.clip(lut(read_image(good[0]).pixels), 0, 1),
+        atol=2e-5,
+    )
+
+
+def test_a_batch_refuses_to_replace_inputs_or_to_merge_names(tmp_path: Path, lut_file: Path) -> None:
+    source = save(tmp_path / "a.png", picture(), "uint8")
+    before = source.read_bytes()
+    with pytest.raises(ImageError, match="replace an input"):
+        apply_batch(lut_file, [source], tmp_path)
+    with pytest.raises(ImageError, match="would both become"):
+        plan_outputs([Path("x/a.png"), Path("y/A.PNG")], tmp_path / "out")
+    with pytest.raises(ImageError, match="would both become"):
+        plan_outputs([Path("x/a.png"), Path("x/a.tif")], tmp_path / "out", ".exr")
+    with pytest.raises(LutError):
+        apply_batch(tmp_path / "none.cube", [source], tmp_path / "out")
+    assert source.read_bytes() == before
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_real_photograph(tmp_path: Path, shared_data: Path, lut: Lut, lut_file: Path) -> None:
+    source = shared_data / "canon_powershot_s40" / "IMG_0102.JPG"
+    done = apply_image(lut_file, source, tmp_path / "out.tif")
+    graded, original = read_image(done.target), read_image(source)
+    rows = slice(0, 1704, 40)
+    np.testing.assert_allclose(graded.pixels[rows], lut(original.pixels[rows]), atol=0.51 / 255)
+    assert graded.spec.get_string_attribute("Exif:DateTimeOriginal") == "2021:04:08 14:51:29"

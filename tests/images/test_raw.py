@@ -1,0 +1,125 @@
+"""RAW files: scale, saturation, and what is refused."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rawpy
+
+from lutforge.errors import ImageError
+from lutforge.images.raw import read_raw, saturation_spike
+from lutforge.simulate.dng import write_dng
+
+
+@pytest.fixture
+def mosaic() -> np.ndarray[tuple[int, int], np.dtype[np.uint16]]:
+    """RGGB, black 64, white 4095: red 1000, greens 2000 and 2010, blue 3000; a saturated corner."""
+    pixels = np.empty((80, 120), dtype=np.uint16)
+    pixels[0::2, 0::2], pixels[0::2, 1::2], pixels[1::2, 0::2], pixels[1::2, 1::2] = 1000, 2000, 2010, 3000
+    pixels[:20, :20] = 4095
+    return pixels
+
+
+def test_black_is_zero_and_saturation_one(tmp_path: Path, mosaic: np.ndarray) -> None:
+    path = tmp_path / "flat.dng"
+    write_dng(path, mosaic, black=64, white=4095, as_shot_neutral=(0.5, 1, 0.8), exposure_s=1 / 50, iso=400)
+    raw = read_raw(path, half_size=True)
+    assert raw.pixels.shape == (40, 60, 3)
+    assert raw.pixels.dtype == np.float32
+    assert raw.pixel_size == 2
+    expected = [(1000 - 64) / 4031, (2005 - 64) / 4031, (3000 - 64) / 4031]
+    np.testing.assert_allclose(raw.pixels[20, 30], expected, atol=2e-4)
+    np.testing.assert_array_equal(raw.pixels[:10, :10], 1)
+    assert raw.multipliers is not None
+    np.testing.assert_allclose(raw.multipliers, [2, 1, 1.25], rtol=1e-3)
+    assert raw.exposure_s == pytest.approx(1 / 50)
+    assert raw.iso == 400
+    full = read_raw(path)
+    assert full.pixels.shape == (80, 120, 3)
+    assert full.pixel_size == 1
+    np.testing.assert_allclose(full.pixels[40, 60], expected, atol=3e-3)
+
+
+def test_black_level_and_scale_against_the_mosaic_itself(shared_data: Path) -> None:
+    path = shared_data / "canon_powershot_s40" / "CRW_0112.CRW"
+    with rawpy.imread(str(path)) as opened:
+        mosaic = opened.raw_image_visible.astype(np.float64)
+        white, black = opened.white_level, opened.black_level_per_channel[0]
+    red = np.clip((mosaic[0::2, 0::2] - black) / (white - black), 0, 1)
+    raw = read_raw(path, half_size=True)
+    np.testing.assert_allclose(raw.pixels[..., 0], red, atol=1e-4)
+    assert (raw.pixels[..., 1] == 1).any()
+
+
+@pytest.mark.parametrize("neutral", [(1, 1, 1)])
+def test_equal_multipliers_mean_unknown(tmp_path: Path, mosaic: np.ndarray, neutral: tuple[int, ...]) -> None:
+    path = tmp_path / "unknown.dng"
+    write_dng(path, mosaic, black=64, white=4095, as_shot_neutral=neutral)
+    assert read_raw(path, half_size=True).multipliers is None
+
+
+def test_invalid_multipliers_of_a_real_file(shared_data: Path) -> None:
+    path = shared_data / "canon_eos_d30" / "Canon_D30_imagemeta_CRW.CRW"
+    assert read_raw(path, half_size=True).multipliers is None  # LibRaw says −1
+
+
+def test_clipping_below_the_nominal_white_is_saturation() -> None:
+    rng = np.random.default_rng(0)
+    signal = np.minimum(rng.uniform(0, 1.3, 100_000) * 3800, 3800 + rng.normal(0, 2, 100_000))
+    histogram = np.bincount(signal.astype(int), minlength=4096)
+    assert saturation_spike(histogram, 4095) == pytest.approx(3800 / 4095, abs=0.006)
+    assert saturation_spike(np.bincount(np.minimum(signal, 3000).astype(int)), 4095) == pytest.approx(
+        3000 / 4095, abs=0.006
+    )
+    assert saturation_spike(np.bincount(rng.uniform(0, 3900, 100_000).astype(int)), 4095) == 1
+
+
+def test_a_bright_even_surface_is_not_clipping() -> None:
+    photons = np.random.default_rng(0).normal(3300, 3300 * 0.01, 200_000)
+    assert saturation_spike(np.bincount(photons.astype(int)), 4095) == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"", "the file is empty"),
+        (b"just text\n" * 50, "not a RAW file"),
+        (b"II*\0\x08\0\0\0" * 9, "RAW file"),
+    ],
+)
+def test_illegal_files(tmp_path: Path, content: bytes, why: str) -> None:
+    path = tmp_path / "photo.CR2"
+    path.write_bytes(content)
+    with pytest.raises(ImageError, match=why) as caught:
+        read_raw(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    with pytest.raises(ImageError, match="cannot be read"):
+        read_raw(tmp_path / "none.NEF")
+    with pytest.raises(ImageError, match="is a folder"):
+        read_raw(tmp_path)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.9])
+def test_truncated_files_are_refused(shared_data: Path, tmp_path: Path, share: float) -> None:
+    whole = (shared_data / "unusual_raw" / "Nikon_D1_RAW_NIKON_D1.NEF").read_bytes()
+    path = tmp_path / "cut.NEF"
+    path.write_bytes(whole[: math.floor(share * len(whole))])
+    with pytest.raises(ImageError, match=r"cut\.NEF"):
+        read_raw(path, half_size=True)
+
+
+def test_four_colour_mosaics_are_refused(shared_data: Path) -> None:
+    with pytest.raises(ImageError, match=r"a mosaic of 4 colours \(GMCY\)"):
+        read_raw(shared_data / "unusual_raw" / "Canon_G1_bayer4.crw")
+
+
+def test_clipping_of_a_real_file_below_the_nominal_white(shared_data: Path) -> None:
+    # All channels of this EOS D30 pile up at codes 3790–3840, black 128, while LibRaw's white is 4095.
+    raw = read_raw(shared_data / "canon_eos_d30" / "Canon_D30_imagemeta_CRW.CRW", half_size=True)
+    np.testing.assert_allclose(raw.clip_level, (3790 - 128) / (4095 - 128), atol=0.004)
+    assert ((raw.pixels == 1).mean(axis=(0, 1)) > 0.005).all()

@@ -1,0 +1,188 @@
+"""Images through OpenImageIO: what a file says about itself survives, and bad files give one clear line."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import pytest
+from numpy.typing import NDArray
+from PIL import ImageCms
+
+from lutforge.errors import ImageError
+from lutforge.images.read import Image, read_image
+from lutforge.images.write import upright, write_image
+
+PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+
+
+def ramp(height: int = 40, width: int = 64, channels: int = 3) -> NDArray[np.float32]:
+    y, x = np.mgrid[0:height, 0:width]
+    planes = [x / (width - 1), y / (height - 1), (x + y) / (width + height - 2), 0.25 + 0.5 * x / width]
+    return np.stack(planes[:channels], axis=-1).astype(np.float32)
+
+
+def source(kind: str = "uint8", channels: int = 3, orientation: int = 1) -> Image:
+    spec = oiio.ImageSpec(64, 40, channels, kind)
+    spec.attribute("Make", "Canon")
+    spec.attribute("Model", "Canon PowerShot S40")
+    spec.attribute("ExposureTime", 0.01)
+    spec.attribute("Exif:FocalLength", 7.0938)
+    spec.attribute("Copyright", "someone")
+    spec.attribute("IPTC:City", "Singapore")
+    spec.attribute("Orientation", orientation)
+    spec.attribute("thumbnail_width", 160)
+    spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(PROFILE)}]"), PROFILE)
+    return Image(ramp(channels=channels), spec)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind", "expected", "tolerance"),
+    [
+        (".jpg", "uint8", "uint8", 4 / 255),
+        (".png", "uint8", "uint8", 0.5 / 255),
+        (".png", "uint16", "uint16", 0.5 / 65535),
+        (".png", "half", "uint16", 0.5 / 65535),
+        (".tif", "uint8", "uint8", 0.5 / 255),
+        (".tif", "uint16", "uint16", 0.5 / 65535),
+        (".tif", "half", "float", 0.0),  # OpenImageIO writes no half TIFF
+        (".tif", "float", "float", 0.0),
+        (".exr", "half", "half", 2.5e-4),
+        (".exr", "float", "float", 0.0),
+        (".exr", "uint16", "float", 0.0),
+        (".dpx", "uint16", "uint16", 0.5 / 65535),
+    ],
+)
+def test_bit_depth_is_kept_where_the_format_has_it(
+    tmp_path: Path, suffix: str, kind: str, expected: str, tolerance: float
+) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_image(path, ramp(), source(kind))
+    image = read_image(path)
+    assert image.spec.format == expected
+    assert image.pixels.dtype == np.float32
+    np.testing.assert_allclose(image.pixels, ramp(), atol=tolerance * 1.01 + 1e-7)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".tif", ".png"])
+def test_metadata_and_profile_survive(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_image(path, ramp(), source(orientation=6), note="standard/daylight to\nvivid/shade")
+    spec = read_image(path).spec
+    assert spec.get_string_attribute("Model") == "Canon PowerShot S40"
+    assert spec.get_float_attribute("ExposureTime") == pytest.approx(0.01, rel=1e-3)
+    assert spec.get_float_attribute("Exif:FocalLength") == pytest.approx(7.0938, rel=1e-3)
+    assert spec.get_int_attribute("Orientation") == 6
+    assert bytes(spec.getattribute("ICCProfile")) == PROFILE
+    assert spec.get_string_attribute("Software") == "LutForge"
+    if suffix != ".tif":  # OpenImageIO's TIFF writer has no such tag
+        assert spec.get_string_attribute("Exif:ImageHistory") == "standard/daylight to vivid/shade"
+    if suffix != ".png":
+        assert spec.get_string_attribute("IPTC:City") == "Singapore"
+    assert (spec.width, spec.height) == (64, 40)
+
+
+def test_jpeg_keeps_full_chroma(tmp_path: Path) -> None:
+    checker = np.zeros((64, 64, 3), np.float32)
+    checker[:, ::2] = (0.8, 0.2, 0.2)
+    checker[:, 1::2] = (0.2, 0.2, 0.8)
+    path = tmp_path / "a.jpg"
+    write_image(path, checker, source())
+    assert np.abs(read_image(path).pixels - checker).mean() < 0.02  # 4:2:0 averages neighbours: 0.2
+
+
+def test_real_photograph_round_trip(tmp_path: Path, shared_data: Path) -> None:
+    original = read_image(shared_data / "canon_powershot_s40" / "IMG_0102.JPG")
+    assert original.pixels.shape == (1704, 2272, 3)
+    path = tmp_path / "again.jpg"
+    write_image(path, original.pixels[:400, :600], original)
+    again = read_image(path)
+    assert np.abs(again.pixels - original.pixels[:400, :600]).mean() < 1.0 / 255
+    for name in ("Make", "Model", "DateTime", "Exif:DateTimeOriginal"):
+        assert again.spec.get_string_attribute(name) == original.spec.get_string_attribute(name) != ""
+    assert again.spec.get_float_attribute("FNumber") == pytest.approx(2.8, rel=1e-3)
+    assert again.spec.getattribute("thumbnail_width") is None
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_formats_without_orientation_are_turned_upright(tmp_path: Path, orientation: int) -> None:
+    """OpenImageIO's own `reorient` is the reference."""
+    image = source("float", orientation=orientation)
+    buffer = oiio.ImageBuf(image.pixels)
+    buffer.specmod().attribute("Orientation", orientation)
+    expected = np.asarray(oiio.ImageBufAlgo.reorient(buffer).get_pixels(oiio.FLOAT), np.float32)
+    np.testing.assert_array_equal(upright(image.pixels, orientation), expected)
+    path = tmp_path / "a.ppm"
+    write_image(path, image.pixels, image)
+    np.testing.assert_allclose(read_image(path).pixels, expected, atol=1e-4)
+
+
+def test_straight_alpha_is_not_multiplied_in(tmp_path: Path) -> None:
+    image = source("uint16", channels=4)
+    image.spec.attribute("oiio:UnassociatedAlpha", 1)
+    path = tmp_path / "a.png"
+    write_image(path, image.pixels, image)
+    again = read_image(path)
+    assert not again.alpha_is_premultiplied
+    np.testing.assert_allclose(again.pixels, image.pixels, atol=1e-4)
+    exr = tmp_path / "a.exr"
+    write_image(exr, image.pixels, Image(image.pixels, oiio.ImageSpec(64, 40, 4, "float")))
+    assert read_image(exr).alpha_is_premultiplied
+
+
+def test_bad_input_is_one_line(tmp_path: Path) -> None:
+    empty = tmp_path / "empty.jpg"
+    empty.touch()
+    text = tmp_path / "text.png"
+    text.write_text("hello")
+    for path, words in [
+        (tmp_path / "none.jpg", "no such file"),
+        (empty, "empty"),
+        (text, "not an image|signature|PNG"),
+        (tmp_path, "folder"),
+        (tmp_path / ("x" * 300), "cannot be opened"),
+    ]:
+        with pytest.raises(ImageError, match=words) as caught:
+            read_image(path)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif", ".exr", ".dpx", ".webp"])
+def test_truncated_files_are_refused(tmp_path: Path, suffix: str) -> None:
+    whole, cut = tmp_path / f"whole{suffix}", tmp_path / f"cut{suffix}"
+    pixels = np.random.default_rng(0).random((40, 64, 3), dtype=np.float32)
+    write_image(whole, pixels, source())
+    data = whole.read_bytes()
+    cut.write_bytes(data[: len(data) // 2])
+    with pytest.raises(ImageError):
+        read_image(cut)
+
+
+def test_absurd_size_is_refused_before_it_is_allocated(tmp_path: Path) -> None:
+    path = tmp_path / "huge.ppm"
+    path.write_bytes(b"P6\n200000 200000\n255\n" + b"\0" * 64)
+    with pytest.raises(ImageError):
+        read_image(path)
+
+
+def test_unwritable_targets(tmp_path: Path) -> None:
+    with pytest.raises(ImageError, match=r"cannot write \"\.xyz\""):
+        write_image(tmp_path / "a.xyz", ramp(), source())
+    with pytest.raises(ImageError, match="alpha"):
+        write_image(tmp_path / "a.jpg", ramp(channels=4), source(channels=4))
+    with pytest.raises(ImageError, match="shape"):
+        write_image(tmp_path / "a.tif", ramp()[..., 0], source())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_oiiotool_reads_what_is_written(tmp_path: Path) -> None:
+    tool = shutil.which("oiiotool", path=str(Path(sys.executable).parent))
+    if tool is None:
+        pytest.skip("oiiotool is not in this environment")
+    path = tmp_path / "a.exr"
+    write_image(path, ramp(), source("half"))
+    out = subprocess.run([tool, "--info", "-v", str(path)], capture_output=True, text=True, check=True).stdout
+    assert "64 x   40, 3 channel, half" in out
+    assert "Canon PowerShot S40" in out

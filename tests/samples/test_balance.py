@@ -1,0 +1,39 @@
+"""Balance: even coverage of colours, the flattest tiles, the same answer each time."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lutforge.samples.balance import PER_BIN, PER_BIN_RELAXED, balance
+
+
+def test_caps_and_preferences() -> None:
+    codes = np.full((100, 3), 100.0)
+    codes[99] = 20.0
+    level = np.zeros(100, dtype=np.intp)
+    level[:50] = 1
+    roughness = np.linspace(1, 0, 100)
+    kept = balance(codes, level, roughness)
+    # the flattest strict tiles of the common colour, and the lone tile of the other
+    assert kept.tolist() == [*range(99 - PER_BIN, 99), 99]
+    assert len(balance(codes[:50], level[:50], roughness[:50])) == PER_BIN_RELAXED
+
+
+@given(st.integers(0, 2**32), st.integers(1, 400), st.integers(1, 60))
+def test_properties(seed: int, count: int, per_shot: int) -> None:
+    rng = np.random.default_rng(seed)
+    codes = rng.uniform(0, 255, (count, 3)) * rng.choice([0.1, 1.0])
+    level, roughness = rng.integers(0, 3, count), rng.integers(0, 5, count) / 5
+    kept = balance(codes, level, roughness, per_shot)
+    assert len(kept) == len(set(kept.tolist()))
+    assert 1 <= len(kept) <= per_shot
+    assert (np.diff(kept) > 0).all()
+    np.testing.assert_array_equal(kept, balance(codes, level, roughness, per_shot))
+    bins = {tuple(row) for row in (codes // 16).astype(int).tolist()}
+    covered = {tuple(row) for row in (codes[kept] // 16).astype(int).tolist()}
+    assert covered == bins or len(kept) == per_shot or per_shot < len(bins)
+
+
+def test_no_tiles() -> None:
+    nothing = balance(np.zeros((0, 3)), np.zeros(0, dtype=np.intp), np.zeros(0))
+    assert nothing.shape == (0,)

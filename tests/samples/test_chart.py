@@ -1,0 +1,162 @@
+"""Charts: a ColorChecker is believed, anything else is not, and its patches are where they are."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from numpy.typing import NDArray
+from samples_synthetic import MULTIPLIERS, render, synthetic_shot
+
+from lutforge.images.read import read_image
+from lutforge.samples.chart import REFERENCE, Chart, detector_note, find_chart, likeness, sample_chart
+from lutforge.samples.extract import extract
+from lutforge.shots.read import read_shot
+
+PLAIN = np.ones((24, 3))
+needs_detector = pytest.mark.skipif(
+    importlib.util.find_spec("colour_checker_detection") is None,
+    reason="needs the optional package colour-checker-detection",
+)
+
+
+def chart_scene(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(320, 480, 3) RAW of a chart between these corners (top left, top right, bottom left)."""
+    y, x = np.mgrid[:320, :480]
+    origin, across, down = corners[0], corners[1] - corners[0], corners[2] - corners[0]
+    u, v = np.linalg.solve(np.stack([across, down], axis=1), np.stack([x, y]).reshape(2, -1) - origin[:, None])
+    column, row = np.floor(6 * u).astype(int), np.floor(4 * v).astype(int)
+    inside = (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
+    gap = (np.abs(6 * u % 1 - 0.5) > 0.44) | (np.abs(4 * v % 1 - 0.5) > 0.44)
+    linear = np.clip(REFERENCE / 255, 0.01, 0.97) ** 2.2 / MULTIPLIERS
+    index = np.clip(row, 0, 3) * 6 + np.clip(column, 0, 5)
+    scene = np.where((inside & ~gap)[:, None], linear[index], 0.04)
+    return scene.reshape(320, 480, 3)
+
+
+CORNERS = np.array([[60.0, 40.0], [420.0, 70.0], [40.0, 280.0]])
+
+
+@pytest.mark.filterwarnings("ignore")  # colour-science tells of optional packages when it is imported
+def test_reference_is_the_published_one() -> None:
+    import colour
+
+    chart = colour.CCS_COLOURCHECKERS["ColorChecker24 - After November 2014"]
+    srgb = colour.XYZ_to_sRGB(colour.xyY_to_XYZ(list(chart.data.values())), chart.illuminant)
+    np.testing.assert_allclose(REFERENCE, np.clip(255 * srgb, 0, 255), atol=0.51)
+
+
+def test_likeness_of_tinted_charts() -> None:
+    for gain in ((1, 1, 1), (1, 0.85, 0.6), (0.7, 0.9, 1), (0.5, 0.5, 0.5)):
+        score = likeness(REFERENCE * gain, PLAIN)
+        assert score is not None
+        assert score > 0.99
+
+
+def test_false_charts_are_refused() -> None:
+    grid = REFERENCE.reshape(4, 6, 3)
+    for false in (
+        grid[:, ::-1],
+        grid[::-1],
+        grid[::-1, ::-1],
+        np.roll(grid, 1, axis=1),
+        np.roll(grid, 1, axis=0),
+    ):
+        assert likeness(false.reshape(24, 3), PLAIN) is None
+    rng = np.random.default_rng(6)
+    for _ in range(500):
+        codes = rng.uniform(0, 255, (24, 3))
+        codes[18:] = np.linspace(230, 30, 6)[:, None]
+        assert likeness(codes, PLAIN) is None
+    grey = np.repeat(np.linspace(250, 20, 24)[:, None], 3, axis=1)
+    assert likeness(grey, PLAIN) is None
+    assert likeness(REFERENCE, 20 * PLAIN) is None
+    assert likeness(np.full((24, 3), np.nan), PLAIN) is None
+
+
+def test_patches_are_sampled_where_they_are() -> None:
+    shot = synthetic_shot(chart_scene(CORNERS))
+    fourth = CORNERS[1] + CORNERS[2] - CORNERS[0]
+    result = sample_chart(shot, Chart(np.stack([CORNERS[0], CORNERS[1], fourth, CORNERS[2]])), np.ones(3))
+    linear = np.clip(REFERENCE / 255, 0.01, 0.97) ** 2.2 / MULTIPLIERS
+    np.testing.assert_allclose(result.raw, linear, rtol=1e-5)
+    np.testing.assert_allclose(result.codes, np.rint(render(linear)), atol=1e-9)
+
+
+def test_patches_outside_the_picture_are_left_out() -> None:
+    shot = synthetic_shot(chart_scene(CORNERS))
+    corners = np.array([[60.0, 40.0], [600.0, 40.0], [600.0, 280.0], [60.0, 280.0]])
+    result = sample_chart(shot, Chart(corners), np.ones(3))
+    assert np.isnan(result.raw).any()
+    assert np.isfinite(result.raw).any()
+
+
+def test_without_the_detector(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
+    note = detector_note()
+    assert note is not None
+    assert "pip install 'lutforge[chart]'" in note
+    assert find_chart(np.zeros((100, 100, 3), dtype=np.uint8)) is None
+    result = extract(synthetic_shot(np.full((320, 480, 3), 0.1)))
+    assert 0 < result.tiles < 100
+    assert result.patches == 0
+    assert note in result.summary
+
+
+def test_real_chart_against_its_own_tiles(shared_data: Path) -> None:
+    shot = read_shot(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
+    # where colour-checker-detection 0.2.3 finds it
+    corners = np.array([[38.8, 37.9], [585.9, 28.6], [592.2, 397.9], [45.1, 406.8]])
+    result = sample_chart(shot, Chart(corners), np.ones(3))
+    assert not result.clipping.any.any()
+    assert shot.metadata.multipliers is not None
+    greys = (result.raw * shot.metadata.multipliers)[18:]
+    # grey after white balance, and as dark as the published densities (0.05 … 1.5 D), within flare
+    assert np.abs(greys[1:5] / greys[1:5].mean(axis=1, keepdims=True) - 1).max() < 0.09
+    density = -np.log10(greys[:, 1] / greys[0, 1])
+    np.testing.assert_allclose(density, [0, 0.18, 0.39, 0.65, 1.0, 1.45], atol=0.13)
+
+
+@needs_detector
+@pytest.mark.parametrize(
+    "name",
+    [
+        "chart_jpegs/Canon_PowerShot_G6_IMG_0003.JPG",
+        "chart_jpegs/Kodak_DC280_DCP_4394.JPG",
+        "chart_jpegs/Pentax_ist_DL_IMGP6667.JPG",
+        "canon_powershot_s40/IMG_0102.JPG",
+    ],
+)
+def test_charts_of_many_cameras_are_found(name: str, shared_data: Path) -> None:
+    jpeg = np.rint(read_image(shared_data / name).pixels * 255).astype(np.uint8)
+    upright, turned = find_chart(jpeg), find_chart(np.ascontiguousarray(np.rot90(jpeg)))
+    assert upright is not None
+    assert turned is not None
+    # dark skin is top left in all of these; rot90 takes x, y to y, width − 1 − x
+    assert (upright.corners[0] < upright.corners[2]).all()
+    back = np.stack([jpeg.shape[1] - 1 - turned.corners[:, 1], turned.corners[:, 0]], axis=1)
+    np.testing.assert_allclose(back, upright.corners, atol=0.01 * jpeg.shape[1])
+
+
+@needs_detector
+def test_no_chart_is_found_where_there_is_none(shared_data: Path) -> None:
+    for name in ("CRW_0104", "CRW_0112", "CRW_0117"):  # 0104 shows part of a chart
+        assert find_chart(read_shot(shared_data / "canon_powershot_s40" / f"{name}.CRW").jpeg) is None
+    for blank in (np.zeros((50, 60, 3), dtype=np.uint8), np.full((700, 300, 3), 128, dtype=np.uint8)):
+        assert find_chart(blank) is None
+
+
+def test_likeness_of_measured_charts(shared_data: Path) -> None:
+    """10 cameras × 2 lights × 4 exposures, clipped and dark ones too: believed, but in no false order."""
+    table = pl.read_csv(shared_data / "middlebury_charts" / "patch_means.csv").filter(pl.col("kind") != "raw")
+    believed = []
+    for _, rows in table.group_by(["camera", "wb", "illum", "exposure"], maintain_order=True):
+        rows = rows.sort("patch")
+        grid = rows.select("R", "G", "B").to_numpy().reshape(4, 6, 3)
+        deviation = rows.select("sdR", "sdG", "sdB").to_numpy()
+        believed.append(likeness(grid.reshape(24, 3), deviation) is not None)
+        for false in (grid[::-1, ::-1], grid[:, ::-1], grid[::-1], np.roll(grid, 1, axis=1)):
+            assert likeness(false.reshape(24, 3), deviation) is None
+    assert len(believed) == 80
+    assert sum(believed) >= 72

@@ -1,0 +1,296 @@
+"""Sample tables: what is written is read, and what is wrong is said in one line with its place."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from lutforge.errors import SampleError
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import read_samples, write_samples
+
+HEADER = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b,wb_r,wb_g,wb_b"
+ROW = "Canon S40,standard,daylight,a,p1,0.25,0.1,0.2,0.3,0.4,0.5,0.6,2,1,1.5"
+
+NAMES = st.text(st.characters(exclude_categories=["C", "Z"], codec="utf-8"), min_size=1, max_size=12)
+
+
+def unit(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high, allow_nan=False)
+
+
+@st.composite
+def sample_sets(draw: st.DrawFn) -> SampleSet:
+    n = draw(st.integers(1, 6))
+
+    def text() -> "np.ndarray[tuple[int], np.dtype[np.str_]]":
+        return np.array(draw(st.lists(NAMES, min_size=n, max_size=n)), dtype=np.str_)
+
+    def numbers(low: float, high: float, columns: int = 3) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
+        return draw(hnp.arrays(np.float64, (n, columns), elements=unit(low, high)))
+
+    wb = numbers(0.01, 100.0)
+    wb[:, 1] = 1.0
+    wb[draw(hnp.arrays(np.bool_, n))] = np.nan
+    exposure = numbers(1e-6, 1000.0, 1)[:, 0]
+    exposure[draw(hnp.arrays(np.bool_, n))] = np.nan
+    camera = text()
+    return SampleSet(
+        camera, text(), text(), text(), text(), exposure, numbers(-0.05, 1), numbers(0, 1), wb,
+        text() if draw(st.booleans()) else camera,
+    )  # fmt: skip
+
+
+def assert_same(a: SampleSet, b: SampleSet, tolerance: float) -> None:
+    for name in ("camera", "style", "white_balance", "shot", "patch", "raw_camera"):
+        assert getattr(a, name).tolist() == getattr(b, name).tolist()
+    for name in ("raw", "srgb"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=0, atol=tolerance)
+    for name in ("wb", "exposure_s"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=tolerance, atol=tolerance)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+@given(samples=sample_sets())
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_round_trip(samples: SampleSet, suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"samples{suffix}"
+    write_samples(path, samples)
+    assert_same(read_samples(path), samples, 1e-9 if suffix == ".csv" else 0)
+    first = path.read_bytes()
+    write_samples(path, read_samples(path))
+    assert suffix == ".parquet" or path.read_bytes() == first
+
+
+@given(content=st.one_of(st.binary(max_size=300), st.text(max_size=300).map(str.encode)))
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.parametrize("prefix", ["", f"{HEADER}\n", f"{HEADER}\n{ROW}\n"])
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_arbitrary_bytes_never_crash(content: bytes, prefix: str, suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"fuzz{suffix}"
+    path.write_bytes(prefix.encode() + content)
+    try:
+        assert len(read_samples(path)) > 0
+    except SampleError as error:
+        assert "\n" not in str(error)
+        assert "fuzz" in str(error)
+
+
+@given(data=st.data())
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_mutated_rows_never_crash(data: st.DataObject, tmp_path: Path) -> None:
+    alphabet = [
+        "",
+        " ",
+        '"',
+        '""',
+        ",",
+        "\n",
+        "\r",
+        "\r\n",
+        ";",
+        "0.5",
+        " 0.5 ",
+        "1e999",
+        "nan",
+        "-1",
+        "é",
+        "\0",
+        "0x1",
+        "1_0",
+    ]
+    cells = ROW.split(",")
+    for _ in range(data.draw(st.integers(1, 3))):
+        cells[data.draw(st.integers(0, len(cells) - 1))] = data.draw(st.sampled_from(alphabet))
+    path = tmp_path / "fuzz.csv"
+    path.write_bytes(f"{HEADER}\n{ROW}\n{','.join(cells)}\n{ROW}".encode())
+    try:
+        samples = read_samples(path)
+    except SampleError as error:
+        assert "\n" not in str(error)
+        assert "line" in str(error)
+        return
+    assert 2 <= len(samples) <= 4
+    assert np.isfinite(samples.raw).all()
+    assert ((samples.srgb >= 0) & (samples.srgb <= 1)).all()
+
+
+def with_cell(column: str, value: str) -> str:
+    cells = ROW.split(",")
+    cells[HEADER.split(",").index(column)] = value
+    return f"{HEADER}\n{ROW}\n{','.join(cells)}\n"
+
+
+LAST = with_cell("raw_r", "?").split("\n")[2]
+ILLEGAL = {
+    "missing column": (f"{HEADER.replace('raw_g', 'x').replace('shot', 'y')}\n", "columns shot, raw_g"),
+    "one multiplier column": (f"{HEADER.replace(',wb_b', ',z')}\n{ROW}\n", "missing column wb_b"),
+    "not a number": (with_cell("raw_r", "abc"), "line 3: raw_r is 'abc', not a number"),
+    "decimal comma": (with_cell("raw_r", '"0,5"'), "line 3: raw_r is '0,5', not a number; write"),
+    "nan": (with_cell("srgb_g", "nan"), "line 3: srgb_g is nan"),
+    "infinite": (with_cell("raw_b", "inf"), "line 3: raw_b is inf"),
+    "overflow": (with_cell("exposure_s", "1e999"), "line 3: exposure_s is 1e999"),
+    "empty colour": (with_cell("raw_r", ""), "line 3: raw_r is empty"),
+    "8-bit": (with_cell("srgb_r", "128"), "line 3: srgb_r is 128; sRGB lies in [0, 1]: divide 8-bit"),
+    "raw too high": (with_cell("raw_r", "1.01"), "line 3: raw_r is 1.01; RAW lies in"),
+    "raw too low": (with_cell("raw_r", "-0.06"), "line 3: raw_r is -0.06"),
+    "no exposure": (with_cell("exposure_s", "0"), "line 3: exposure_s is 0; the exposure time in seconds is"),
+    "negative multiplier": (with_cell("wb_r", "-1"), "line 3: wb_r is -1; the multiplier is positive"),
+    "two multipliers": (with_cell("wb_r", ""), "line 3: wb_r,wb_g,wb_b is ',1,1.5'; give all three"),
+    "absurd multiplier": (with_cell("wb_r", "1e300"), "no camera has such"),
+    "no style": (with_cell("style", ""), "line 3: style is empty; write the style"),
+    "long cell": (with_cell("shot", "x" * 5000), "line 3: shot holds 5000 characters"),
+    "short row": (f"{HEADER}\n{ROW}\n{ROW[:-10]}\n", "line 3: 12 cells where the header has"),
+    "long row": (f"{HEADER}\n{ROW}\n{ROW},7\n", "line 3: 16 cells where the header has"),
+    "later line": (with_cell("shot", '"two\nlines"') + LAST, "line 5: raw_r is '?'"),
+    "blank line": (f"{HEADER}\n\n{LAST}", "line 3: raw_r is '?'"),
+    "header only": (f"{HEADER}\n", "a header but no samples"),
+    "empty": ("", "empty file"),
+    "doubled column": (f"{HEADER},shot\n{ROW},b\n", "column 'shot' occurs twice"),
+    "many columns": (f"{HEADER}{''.join(f',x{i}' for i in range(2000))}\n", "2015 columns"),
+    "semicolons": (f"{HEADER};\n{ROW}\n".replace(",", ";"), "separated by semicolons; save it comma"),
+    "tabs": (f"{HEADER}\n{ROW}\n".replace(",", "\t"), "separated by tabs"),
+    "old line ends": (f"{HEADER}\r{ROW}\r", "CR alone"),
+    "no newline": ("x" * 100_000, "no header within"),
+    "open quote": ('"camera,style\n', "missing columns|header cannot be read"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ILLEGAL)
+def test_illegal(name: str, tmp_path: Path) -> None:
+    content, message = ILLEGAL[name]
+    path = tmp_path / "samples.csv"
+    path.write_bytes(content.encode())
+    with pytest.raises(SampleError) as caught:
+        read_samples(path)
+    text = str(caught.value)
+    assert text.startswith(f"{path}: ")
+    assert any(part in text for part in message.split("|")), text
+    assert "\n" not in text
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (f"{HEADER}\n{ROW}\n".encode("utf-16"), "not UTF-8 text"),
+        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "not UTF-8 text"),
+        (b"\x1f\x8b\x08" + b"\xff" * 50, "not UTF-8"),
+        (f"{HEADER}\n{ROW}\n{ROW.replace('standard', 'förtrollad')}\n".encode("latin-1"), "not UTF-8 text"),
+        (f"{HEADER},wärme\n".encode("latin-1"), "line 1: byte 105 is not UTF-8"),
+    ],
+)
+def test_binary(content: bytes, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "samples.csv"
+    path.write_bytes(content)
+    with pytest.raises(SampleError, match=message):
+        read_samples(path)
+
+
+def test_other_paths(tmp_path: Path) -> None:
+    for path, message in (
+        (tmp_path / "none.csv", "cannot be read"),
+        (tmp_path / "samples.xlsx", r"\.csv or \.parquet"),
+        (tmp_path, r"\.csv or \.parquet"),
+    ):
+        with pytest.raises(SampleError, match=message):
+            read_samples(path)
+    (tmp_path / "dir.csv").mkdir()
+    with pytest.raises(SampleError, match="a folder"):
+        read_samples(tmp_path / "dir.csv")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: "\ufeff" + text,
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: text.rstrip("\n"),
+        lambda text: text.replace(",", " , "),
+        lambda text: "\n".join('"' + line.replace(",", '","') + '"' for line in text.splitlines()),
+        lambda text: text.replace("\n", ",\n"),
+        lambda text: text + "\n\n",
+        lambda text: text.upper().replace("CANON", "Canon").replace("STANDARD", "standard")
+        .replace("DAYLIGHT", "daylight").replace(",A,P1", ",a,p1"),
+    ],
+    ids=["bom", "crlf", "last line end", "blanks", "quoted", "trailing commas", "blank lines", "capitals"],
+)  # fmt: skip
+def test_dialects(change: "object", tmp_path: Path) -> None:
+    path = tmp_path / "samples.csv"
+    assert callable(change)
+    path.write_bytes(change(f"{HEADER}\n{ROW}\n{ROW}\n").encode())
+    samples = read_samples(path)
+    assert len(samples) == 2
+    assert samples.camera.tolist() == ["Canon S40"] * 2
+    assert samples.patch.tolist() == ["p1"] * 2
+    np.testing.assert_array_equal(samples.raw, [[0.1, 0.2, 0.3]] * 2)
+    np.testing.assert_array_equal(samples.wb, [[2, 1, 1.5]] * 2)
+
+
+def test_columns_in_any_order_and_unknown_ones(tmp_path: Path) -> None:
+    frame = pl.read_csv(io.BytesIO(f"{HEADER}\n{ROW}\n".encode())).with_columns(pl.lit("ü").alias("note"))
+    frame = frame.select(sorted(frame.columns))
+    for path in (tmp_path / "a.csv", tmp_path / "a.parquet"):
+        frame.write_csv(path) if path.suffix == ".csv" else frame.write_parquet(path)
+        samples = read_samples(path)
+        np.testing.assert_array_equal(samples.srgb, [[0.4, 0.5, 0.6]])
+        assert samples.raw_camera.tolist() == ["Canon S40"]
+
+
+def test_unknown_and_scaled_multipliers(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(
+        f"{HEADER}\n{ROW.replace('2,1,1.5', '4,2,3')}\n{ROW.replace('0.25', '').replace('2,1,1.5', ',,')}\n"
+    )
+    samples = read_samples(path)
+    np.testing.assert_array_equal(samples.wb, [[2, 1, 1.5], [np.nan] * 3])
+    np.testing.assert_array_equal(samples.exposure_s, [0.25, np.nan])
+
+
+def test_noise_and_rounding_are_kept_in_range(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"{HEADER}\n{ROW.replace('0.1,0.2,0.3,0.4', '-0.04,1.0000005,0.3,1.0000005')}\n")
+    samples = read_samples(path)
+    np.testing.assert_array_equal(samples.raw, [[-0.04, 1.0, 0.3]])
+    np.testing.assert_array_equal(samples.srgb, [[1.0, 0.5, 0.6]])
+
+
+@pytest.mark.parametrize(
+    ("column", "message"),
+    [
+        (pl.lit(7.0).alias("raw_r"), "row 1: raw_r is 7.0; RAW lies in"),
+        (pl.lit("x").alias("raw_r"), "column raw_r holds String"),
+        (pl.lit([1.0]).alias("style"), "damaged|style"),
+        (pl.lit(None).alias("shot"), "row 1: shot is empty"),
+    ],
+)
+def test_illegal_parquet(column: pl.Expr, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    pl.read_csv(io.BytesIO(f"{HEADER}\n{ROW}\n".encode())).with_columns(column).write_parquet(path)
+    with pytest.raises(SampleError, match=message):
+        read_samples(path)
+
+
+def test_truncated_parquet(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    pl.read_csv(io.BytesIO(f"{HEADER}\n{ROW}\n".encode())).write_parquet(path)
+    whole = path.read_bytes()
+    for size in range(1, len(whole), 97):
+        path.write_bytes(whole[:size])
+        with pytest.raises(SampleError):
+            read_samples(path)
+
+
+def test_nothing_to_write(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"{HEADER}\n{ROW}\n")
+    samples = read_samples(path)
+    with pytest.raises(SampleError, match="no samples"):
+        write_samples(path, samples.select(np.zeros(1, dtype=np.bool_)))
+    with pytest.raises(SampleError, match=r"\.csv or \.parquet"):
+        write_samples(tmp_path / "a.txt", samples)
+    assert len(read_samples(path)) == 1

@@ -1,0 +1,176 @@
+"""Registration: known geometry is found again through an unknown tone curve and colour matrix."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lutforge.errors import ShotError
+from lutforge.images.raw import RawImage
+from lutforge.shots.align import raw_on_grid, register, register_rotated
+from lutforge.shots.read import read_shot
+from lutforge.shots.shot import Registration
+
+Array = NDArray[np.float64]
+
+
+def raw_image(pixels: Array, pixel_size: float = 1.0) -> RawImage:
+    small = pixels.astype(np.float32)
+    return RawImage(small, pixel_size, 0, None, None, "", None, math.nan, math.nan, np.ones(3))
+
+
+def rectangles(height: int = 600, width: int = 800, seed: int = 0) -> Array:
+    """A linear scene (h, w, 3) of turned, softened rectangles of random colour."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[:height, :width]
+    scene = np.full((height, width, 3), 0.3)
+    for _ in range(90):
+        cy, cx, angle = rng.uniform(0, height), rng.uniform(0, width), rng.uniform(0, math.pi)
+        u = (x - cx) * math.cos(angle) + (y - cy) * math.sin(angle)
+        v = (y - cy) * math.cos(angle) - (x - cx) * math.sin(angle)
+        inside = np.maximum(abs(u) / rng.uniform(5, 80), abs(v) / rng.uniform(5, 80)) < 1
+        scene[inside] = rng.uniform(0.02, 0.9, 3)
+    return np.asarray(ndimage.gaussian_filter(scene, (1, 1, 0)))
+
+
+def area_means(plane: Array, scale: float, offset: float, count: int) -> Array:
+    """Means over [offset + scale * i, offset + scale * (i + 1)] along the first axis, by the integral."""
+    integral = np.concatenate([np.zeros((1, *plane.shape[1:])), np.cumsum(plane, axis=0)])
+    edges = offset + scale * np.arange(count + 1)
+    whole = np.clip(np.floor(edges).astype(int), 0, len(plane) - 1)
+    rest = (edges - whole).reshape(-1, *[1] * (plane.ndim - 1))
+    return np.asarray(np.diff(integral[whole] + rest * plane[whole], axis=0) / scale)
+
+
+def developed(scene: Array, scale: float, offset: tuple[float, float], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """The scene resized, through a strong colour matrix and a tone curve, rounded to 8 bits."""
+    rows = np.swapaxes(area_means(scene, scale, offset[1], size[0]), 0, 1)
+    resized = np.swapaxes(area_means(rows, scale, offset[0], size[1]), 0, 1)
+    matrix = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.6, 1.6]])
+    encoded = np.clip(resized @ matrix.T * 1.1, 0, 1) ** (1 / 2.4)
+    toned = np.clip(encoded + 0.06 * np.sin(2 * np.pi * (encoded - 0.5)), 0, 1)
+    return np.asarray(np.rint(255 * toned), dtype=np.uint8)
+
+
+def sensor(scene: Array, noise: float = 0.005) -> RawImage:
+    rng = np.random.default_rng(1)
+    mixed = scene * np.array([0.5, 1.0, 0.6]) + rng.normal(0, noise, scene.shape)
+    return raw_image(np.clip(mixed, 0, 1))
+
+
+def error(found: Registration, scale: float, offset: tuple[float, float], jpeg: NDArray[np.uint8]) -> float:
+    """Largest error anywhere in the picture, in JPEG pixels."""
+    errors = [
+        (found.scale - scale) * place + got - true
+        for got, true, side in (
+            (found.offset_x, offset[0], jpeg.shape[1]),
+            (found.offset_y, offset[1], jpeg.shape[0]),
+        )
+        for place in (0, side)
+    ]
+    return float(np.abs(errors).max() / scale)
+
+
+@pytest.mark.parametrize(
+    ("scale", "offset", "size"),
+    [
+        (2.37, (11.3, 7.7), (245, 330)),  # trimmed borders
+        (2.4, (4.0, 2.6), (247, 330)),
+        (2.45, (3.0, 82.5), (180, 324)),  # 16:9 of a 4:3 sensor
+        (2.45, (101.0, 3.0), (242, 242)),  # square
+        (1.2, (5.2, 4.1), (490, 655)),
+        (1.0, (4.0, 4.0), (590, 790)),
+    ],
+)
+def test_finds_scale_and_offset(scale: float, offset: tuple[float, float], size: tuple[int, int]) -> None:
+    scene = rectangles(seed=round(10 * scale))
+    jpeg = developed(scene, scale, offset, size)
+    assert error(register(sensor(scene), jpeg), scale, offset, jpeg) < 0.1
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_finds_the_rotation(turns: int) -> None:
+    scene = rectangles(seed=2)
+    jpeg = developed(scene, 2.37, (11.3, 7.7), (245, 330))
+    turned, found = register_rotated(sensor(scene), np.rot90(jpeg, -turns))
+    np.testing.assert_array_equal(turned, jpeg)
+    assert error(found, 2.37, (11.3, 7.7), jpeg) < 0.1
+
+
+def test_ignores_black_bars() -> None:
+    scene = rectangles(seed=3)
+    jpeg = developed(scene, 2.45, (3.0, 82.5), (180, 324))
+    barred = np.zeros((240, 324, 3), dtype=np.uint8)
+    barred[30:210] = jpeg
+    assert error(register(sensor(scene), barred), 2.45, (3.0, 82.5 - 30 * 2.45), barred) < 0.1
+
+
+def test_half_size_and_full_size_agree() -> None:
+    scene = rectangles(seed=4)
+    full = sensor(scene)
+    blocks = full.pixels.reshape(300, 2, 400, 2, 3).mean(axis=(1, 3)).astype(np.float64)
+    jpeg = developed(scene, 2.37, (11.3, 7.7), (245, 330))
+    found = register(raw_image(blocks, pixel_size=2.0), jpeg)
+    assert error(found, 2.37, (11.3, 7.7), jpeg) < 0.1
+
+
+@pytest.mark.parametrize("other", ["another scene", "flat"])
+def test_refuses_what_does_not_match(other: str) -> None:
+    jpeg = developed(rectangles(seed=8), 2.37, (11.3, 7.7), (245, 330))
+    if other == "flat":
+        jpeg = np.full_like(jpeg, 120)
+    with pytest.raises(ShotError, match=r"does not match the RAW \(correlation"):
+        register(sensor(rectangles(seed=5)), jpeg)
+
+
+def test_refuses_thumbnails() -> None:
+    with pytest.raises(ShotError, match="160×120 pixels: a thumbnail"):
+        register(sensor(rectangles()), np.zeros((120, 160, 3), dtype=np.uint8))
+
+
+@pytest.mark.parametrize("pixel_size", [1.0, 2.0])
+def test_cell_statistics_weigh_fractional_borders(pixel_size: float) -> None:
+    rng = np.random.default_rng(0)
+    pixels = rng.uniform(0, 1, (40, 50, 3))
+    found = Registration(1.3, 2.6, 1.1, 1.0)
+    cells = raw_on_grid(raw_image(pixels, pixel_size), found, 4, 5, 3)
+    # by counting on a grid so fine that every border lies on it: 1/20 of a full-resolution pixel
+    fine = np.repeat(np.repeat(pixels, round(20 * pixel_size), axis=0), round(20 * pixel_size), axis=1)
+    for row in range(4):
+        for column in range(5):
+            top, left = (1.3 * 3 * row + 1.1) * 20, (1.3 * 3 * column + 2.6) * 20
+            block = fine[round(top) : round(top + 78), round(left) : round(left + 78)]
+            np.testing.assert_allclose(cells.mean[row, column], block.mean(axis=(0, 1)), atol=1e-6)
+            np.testing.assert_allclose(cells.std[row, column], block.std(axis=(0, 1)), atol=1e-5)
+            np.testing.assert_allclose(cells.minimum[row, column], block.min(axis=(0, 1)), atol=1e-6)
+            np.testing.assert_allclose(cells.maximum[row, column], block.max(axis=(0, 1)), atol=1e-6)
+
+
+def test_cells_outside_the_raw_are_nan() -> None:
+    cells = raw_on_grid(raw_image(np.ones((10, 10, 3))), Registration(1.0, -1.0, 0.0, 1.0), 6, 6, 2)
+    assert np.isnan(cells.mean[:, 0]).all()
+    assert np.isnan(cells.mean[5]).all()
+    np.testing.assert_allclose(cells.mean[:5, 1:5], 1)
+    np.testing.assert_allclose(cells.std[:5, 1:5], 0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("file", "scale", "offset"),
+    [
+        ("canon_powershot_s40/CRW_0101.CRW", 3.55, (19.3, 7.5)),
+        ("canon_powershot_s40/CRW_0104.CRW", 3.55, (19.3, 7.5)),
+        ("canon_powershot_s40/CRW_0112.CRW", 3.55, (19.3, 7.5)),
+        ("canon_powershot_s40/CRW_0117.CRW", 3.55, (19.3, 7.5)),
+        ("canon_powershot_s40/CRW_0118.CRW", 3.55, (19.3, 7.5)),
+        ("canon_eos_d30/Canon_D30_imagemeta_CRW.CRW", 1.4994, (8.3, 5.0)),
+    ],
+)
+def test_real_cameras(shared_data: Path, file: str, scale: float, offset: tuple[float, float]) -> None:
+    shot = read_shot(shared_data / file)
+    assert shot.registration.scale == pytest.approx(scale, abs=0.002)
+    assert shot.registration.offset_x == pytest.approx(offset[0], abs=0.5)
+    assert shot.registration.offset_y == pytest.approx(offset[1], abs=0.5)
+    assert shot.registration.correlation > 0.9

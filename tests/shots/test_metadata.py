@@ -1,0 +1,121 @@
+"""Settings from tags: gold values of real files, codes of the makers, and damaged metadata."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.images.raw import read_raw
+from lutforge.shots.ciff import read_ciff
+from lutforge.shots.exif import Tags, read_exif
+from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
+from lutforge.shots.metadata import file_tags, read_metadata, tidy_camera
+
+
+@pytest.mark.parametrize(
+    ("file", "camera", "exposure", "iso", "known"),
+    [
+        # exposures: CIFF record 0x1818 through LibRaw; settings agree with exiv2 0.28
+        ("canon_powershot_s40/CRW_0101.CRW", "Canon PowerShot S40", 2 ** -(213 / 32), 50, True),
+        ("canon_powershot_s40/CRW_0117.CRW", "Canon PowerShot S40", 1 / 4, 50, True),
+        ("canon_powershot_s40/CRW_0118.CRW", "Canon PowerShot S40", 1 / 8, 50, True),
+        ("canon_eos_d30/Canon_D30_imagemeta_CRW.CRW", "Canon EOS D30", 2 ** (74 / 32), 100, False),
+    ],
+)
+def test_crw(shared_data: Path, file: str, camera: str, exposure: float, iso: float, known: bool) -> None:
+    path = shared_data / file
+    found = read_metadata(path, read_raw(path, half_size=True), None)
+    assert (found.camera, found.style, found.white_balance) == (camera, "standard", "auto")
+    assert found.exposure_s == pytest.approx(exposure, rel=1e-3)
+    assert found.iso == iso
+    assert (found.multipliers is not None) == known
+    assert any("multipliers" in note for note in found.notes) == (not known)
+
+
+@pytest.mark.parametrize(
+    ("file", "camera", "style", "white_balance", "note"),
+    [
+        ("Nikon_D90_DSC_0003.JPG", "Nikon D90", "portrait", "daylight", "Active D-Lighting"),
+        ("Sony_A6400_DSC00007.JPG", "Sony ILCE-6400", "standard", "auto", "D-Range Optimizer"),
+        ("Pentax_ist_DL_IMGP6667.JPG", "Pentax *ist DL", "bright", "auto", ""),
+        ("Olympus_C-5050_PB180005.JPG", "Olympus C5050Z", "standard", "auto", ""),
+        ("Canon_PowerShot_G6_IMG_0003.JPG", "Canon PowerShot G6", "standard", "auto", ""),
+    ],
+)
+def test_maker_notes(shared_data: Path, file: str, camera: str, style: str, white_balance: str, note: str) -> None:
+    tags = file_tags(shared_data / "chart_jpegs" / file)
+    assert tidy_camera(str(tags["Image", 0x010F]), str(tags["Image", 0x0110])) == camera
+    assert style_of(tags) == style
+    assert white_balance_of(tags) == white_balance
+    assert [line.startswith(note) for line in notes_of(tags)] == ([True] if note else [])
+
+
+@pytest.mark.parametrize(
+    ("make", "model", "camera"),
+    [
+        ("Canon", "Canon PowerShot S40", "Canon PowerShot S40"),
+        ("NIKON CORPORATION", "NIKON D40", "Nikon D40"),
+        ("RICOH IMAGING COMPANY, LTD.", "PENTAX K-3", "Pentax K-3"),
+        ("SONY", "ILCE-7M3", "Sony ILCE-7M3"),
+        ("LutForge", "Simulated", "LutForge Simulated"),
+    ],
+)
+def test_camera_names(make: str, model: str, camera: str) -> None:
+    assert tidy_camera(make, model) == camera
+
+
+@pytest.mark.parametrize(
+    ("tags", "style"),
+    [
+        ({("CanonCs", 13): (0,), ("CanonCs", 14): (1,)}, "standard saturation+1"),
+        ({("CanonCs", 13): (0xFFFF,), ("CanonCs", 14): (0,)}, "standard contrast-1"),
+        ({("CanonCs", 14): (0,), ("CanonPr", 10): (0x83,)}, "landscape"),
+        ({("NikonPc", 4): "VIVID", ("NikonPc", 53): (0x82,)}, "vivid saturation+2"),
+        ({("Sony", 0xB020): "Landscape"}, "landscape"),
+        ({("Fujifilm", 0x1401): (0x600,)}, "classic chrome"),
+        ({("OlympusCs", 0x0520): (3, 1)}, "muted"),
+        ({("Photo", 0xA409): (2,)}, "standard saturation+1"),
+        ({}, None),
+    ],
+)
+def test_styles(tags: Tags, style: str | None) -> None:
+    assert style_of(tags) == style
+
+
+def ciff(entries: list[tuple[int, bytes]]) -> bytes:
+    heap, directory = b"", b""
+    for tag, body in entries:
+        directory += struct.pack("<HII", tag, len(body), len(heap))
+        heap += body
+    heap += (start := struct.pack("<H", len(entries)) + directory) and b""
+    return b"II" + struct.pack("<I", 26) + b"HEAPCCDR" + bytes(12) + heap + start + struct.pack("<I", len(heap))
+
+
+def test_ciff_records() -> None:
+    data = ciff([(0x080A, b"Canon\0Canon EOS X\0"), (0x102D, struct.pack("<16H", 32, *[0] * 13, 1, 0))])
+    tags = read_exif(data)
+    assert tags["Image", 0x0110] == "Canon EOS X"
+    assert style_of(tags) == "standard saturation+1"
+
+
+def test_ciff_that_contains_itself_ends() -> None:
+    data = ciff([(0x300A, b"")] * 40)
+    directory = len(data) - 4 - 400
+    loop = bytearray(data)
+    for index in range(40):  # each subheap is the whole heap again
+        struct.pack_into("<HII", loop, directory + 10 * index, 0x300A, len(data) - 26, 0)
+    assert read_ciff(bytes(loop)) == ("<", {})
+
+
+def test_damaged_metadata_never_raises(shared_data: Path) -> None:
+    rng = np.random.default_rng(0)
+    for file in ("chart_jpegs/Nikon_D90_DSC_0003.JPG", "canon_powershot_s40/CRW_0101.CRW"):
+        whole = (shared_data / file).read_bytes()
+        data = whole[:20_000] if file.endswith("JPG") else whole[:1000] + whole[-20_000:]
+        for _ in range(100):
+            broken = bytearray(data)
+            for place in rng.integers(0, min(len(data), 4000), 20):
+                broken[place] = rng.integers(0, 256)
+            tags = read_exif(bytes(broken[: rng.integers(0, len(broken))]))
+            style_of(tags), white_balance_of(tags), list(notes_of(tags))

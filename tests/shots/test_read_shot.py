@@ -1,0 +1,99 @@
+"""A shot from its files: which JPEG is taken, what is said where none will do, and what the tags mean."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.errors import ImageError, LutForgeError, ShotError
+from lutforge.shots.discover import discover
+from lutforge.shots.read import EMBEDDED, read_shot
+from lutforge.simulate.camera import nikon_d5100
+from lutforge.simulate.dng import write_dng
+from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.scenes import paint_wall, still_life
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three shots: pair.dng with its JPEG, alone.dng with a preview only, wrong.dng beside another's JPEG."""
+    folder = tmp_path_factory.mktemp("shots")
+    camera, scene = nikon_d5100(), still_life(448, 664, seed=1)
+    settings = CameraSettings(style="vivid", white_balance="tungsten", exposure_s=1 / 30)
+    photograph(camera, scene, settings, folder, "pair")
+    photograph(camera, scene, settings, folder, "alone", jpeg_beside=False)
+    photograph(camera, scene, settings, folder, "wrong", jpeg_beside=False)
+    other = photograph(camera, paint_wall(448, 664, seed=5), settings, folder, "other")
+    assert other.jpeg is not None
+    other.jpeg.rename(folder / "wrong.jpeg")
+    other.dng.unlink()
+    return folder
+
+
+def test_prefers_the_jpeg_beside(folder: Path) -> None:
+    shot = read_shot(folder / "pair.dng")
+    assert shot.name == "pair"
+    assert shot.jpeg_source == str(folder / "pair.JPG")
+    assert shot.registration.scale == pytest.approx(1.0, abs=1e-3)
+    embedded = read_shot(folder / "alone.dng")
+    assert embedded.jpeg_source == EMBEDDED
+    assert embedded.registration.scale == pytest.approx(2.0, abs=3e-3)
+    assert embedded.registration.offset_x == pytest.approx(shot.registration.offset_x, abs=0.5)
+    assert embedded.registration.offset_y == pytest.approx(shot.registration.offset_y, abs=0.5)
+
+
+def test_settings_of_a_dng(folder: Path) -> None:
+    settings = read_shot(folder / "alone.dng").metadata
+    assert settings.style == "vivid"
+    assert settings.white_balance == "tungsten"
+    assert settings.exposure_s == pytest.approx(1 / 30, rel=1e-5)
+    assert settings.iso == 100
+    assert settings.multipliers is not None
+    np.testing.assert_allclose(settings.multipliers, nikon_d5100().multipliers("tungsten"), rtol=1e-4)
+
+
+def test_passes_over_a_jpeg_of_another_scene(folder: Path) -> None:
+    shot = read_shot(folder / "wrong.dng")
+    assert shot.jpeg_source == EMBEDDED
+    assert any("wrong.jpeg" in note and "does not match" in note for note in shot.metadata.notes)
+
+
+def test_discover(folder: Path) -> None:
+    raws = [folder / name for name in ("alone.dng", "pair.dng", "wrong.dng")]
+    assert discover([folder]) == raws
+    assert discover([folder / "pair.dng", folder / "pair.JPG", folder]) == [raws[1], raws[0], raws[2]]
+    assert discover([folder / "pair.dng", str(folder / "." / "pair.dng")]) == [raws[1]]
+    with pytest.raises(ShotError, match="no such file"):
+        discover([folder / "nothing.CR2"])
+
+
+def test_discover_refuses_a_folder_without_raw(tmp_path: Path) -> None:
+    with pytest.raises(ShotError, match="holds no RAW files"):
+        discover([tmp_path])
+
+
+def test_a_raw_without_preview_is_one_clear_line(tmp_path: Path) -> None:
+    path = tmp_path / "bare.dng"
+    write_dng(path, np.full((64, 64), 500, dtype=np.uint16), black=64, white=4095)
+    with pytest.raises(ShotError, match=r"bare.dng: no camera JPEG to pair it with: ") as caught:
+        read_shot(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("file", "why"),
+    [
+        ("Canon_G1_bayer4.crw", "a mosaic of 4 colours"),
+        ("DC0008L.KDC", "only a 96×64 bitmap thumbnail"),
+        ("Nikon_D1_RAW_NIKON_D1.NEF", "only a 160×120 bitmap thumbnail"),
+    ],
+)
+def test_unusual_raw_is_refused(shared_data: Path, file: str, why: str) -> None:
+    with pytest.raises((ShotError, ImageError), match=why):
+        read_shot(shared_data / "unusual_raw" / file)
+
+
+@pytest.mark.parametrize("jpeg", ["IMG_0102.JPG", "IMG_0103.JPG"])
+def test_a_jpeg_alone_is_no_shot(shared_data: Path, jpeg: str) -> None:
+    with pytest.raises(LutForgeError, match="a JPEG by itself is not a shot"):
+        read_shot(shared_data / "canon_powershot_s40" / jpeg)

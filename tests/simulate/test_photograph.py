@@ -1,0 +1,269 @@
+"""Photographs: the sensor measures the truth plus its noise, and the JPEG is the rendering of the RAW."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 -- the name that its own documentation uses
+import pytest
+import rawpy
+from numpy.typing import NDArray
+
+from lutforge.errors import ImageError, SettingsError
+from lutforge.simulate.camera import nikon_d5100
+from lutforge.simulate.demo import SHOTS, demo_shots
+from lutforge.simulate.photograph import (
+    BORDER,
+    CameraSettings,
+    Photograph,
+    develop,
+    develop_again,
+    photograph,
+    shrink,
+)
+from lutforge.simulate.scene import Scene
+from lutforge.simulate.scenes import SCENES, chart_scene
+from lutforge.simulate.sensor import capture, demosaic, filtered, normalized
+
+HEIGHT, WIDTH = 248, 376
+
+
+def read_jpeg(path: Path) -> NDArray[np.uint8]:
+    buffer = oiio.ImageBuf(str(path))
+    pixels: NDArray[np.uint8] = np.asarray(buffer.get_pixels("uint8"), dtype=np.uint8)
+    return pixels
+
+
+@pytest.fixture(scope="module")
+def chart() -> Scene:
+    return chart_scene(HEIGHT, WIDTH, seed=4)
+
+
+def patch_areas(scene: Scene) -> list[tuple[slice, slice]]:
+    half = 0.3 * scene.patch_side
+    return [
+        (slice(int(y - half), int(y + half) + 1), slice(int(x - half), int(x + half) + 1)) for x, y in scene.patches
+    ]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scenes_are_deterministic_and_valid(name: str) -> None:
+    first, again, other = (SCENES[name](HEIGHT, WIDTH, seed) for seed in (1, 1, 2))
+    assert first.shape == (HEIGHT, WIDTH)
+    assert first.reflectances.min() >= 0
+    assert first.reflectances.max() <= 1
+    assert first.mix.min() >= 0
+    assert first.mix.max() <= 1
+    assert first.shade.min() > 0
+    irradiance = first.irradiance(nikon_d5100(), "daylight")
+    np.testing.assert_array_equal(irradiance, again.irradiance(nikon_d5100(), "daylight"))
+    assert np.abs(irradiance - other.irradiance(nikon_d5100(), "daylight")).max() > 0.1
+
+
+def test_scenes_give_sampling_clipping_and_shadow_work_to_do() -> None:
+    camera = nikon_d5100()
+    still = SCENES["still-life"](HEIGHT, WIDTH, 0).irradiance(camera, "daylight")
+    assert (still.max(axis=-1) > 1).any()
+    assert np.quantile(still[..., 1], 0.01) < 0.02
+    wall = SCENES["wall"](HEIGHT, WIDTH, 0).irradiance(camera, "daylight")
+    encoded = camera.render(wall, "standard", "daylight")
+    saturation = 1 - encoded.min(axis=-1) / encoded.max(axis=-1)
+    assert np.quantile(saturation, 0.95) > 0.6
+    bins = np.unique(np.floor(encoded.reshape(-1, 3) * 8).astype(int), axis=0)
+    assert len(bins) > 80
+
+
+def test_the_chart_has_its_patches_where_it_says(chart: Scene) -> None:
+    camera = nikon_d5100()
+    irradiance = chart.irradiance(camera, "daylight")
+    expected = camera.expose(chart.reflectances[:24], "daylight")
+    for number, area in enumerate(patch_areas(chart)):
+        assert (chart.first[area] == number).all()
+        ratio = irradiance[area].mean(axis=(0, 1)) / expected[number]
+        assert np.ptp(ratio) < 1e-4
+        assert 0.7 < ratio[0] < 1.1
+
+
+def test_a_scene_whose_images_differ_is_refused(chart: Scene) -> None:
+    with pytest.raises(ImageError, match="differ in shape"):
+        Scene(
+            "bad",
+            chart.reflectances,
+            chart.first,
+            chart.second,
+            chart.mix[1:],
+            chart.shade,
+            chart.gloss,
+            chart.patches,
+        )
+
+
+@pytest.mark.parametrize("cfa", ["RGGB", "BGGR", "GRBG", "GBRG"])
+def test_demosaicking_keeps_flat_colours_and_gradients(cfa: str) -> None:
+    y, x = np.mgrid[0:32, 0:40].astype(np.float32)
+    image = np.stack([0.1 + 0.01 * x, 0.3 + 0.01 * y, 0.9 - 0.01 * x], axis=-1).astype(np.float32)
+    restored = demosaic(filtered(image, cfa), cfa)
+    np.testing.assert_allclose(restored[2:-2, 2:-2], image[2:-2, 2:-2], atol=0.0051)
+    flat = np.broadcast_to(np.array([0.2, 0.5, 0.7], dtype=np.float32), (16, 16, 3))
+    np.testing.assert_allclose(demosaic(filtered(flat, cfa), cfa), flat, atol=1e-6)
+
+
+def test_the_sensor_measures_the_truth_within_its_noise() -> None:
+    camera, rng = nikon_d5100(), np.random.default_rng(0)
+    level = np.array([0.1, 0.4, 0.02], dtype=np.float32)
+    mosaic = capture(camera, np.broadcast_to(level, (400, 400, 3)), rng)
+    raw = normalized(camera, mosaic)
+    for value, samples in ((0.1, raw[0::2, 0::2]), (0.4, raw[0::2, 1::2]), (0.02, raw[1::2, 1::2])):
+        electrons = value * camera.full_well
+        noise = np.sqrt(electrons + camera.read_noise**2) / camera.full_well
+        assert samples.mean() == pytest.approx(value, abs=4 * noise / 200)
+        assert samples.std() == pytest.approx(noise, rel=0.03)
+
+
+def test_the_sensor_clips_at_white_and_straddles_black() -> None:
+    camera, rng = nikon_d5100(), np.random.default_rng(0)
+    assert (capture(camera, np.full((20, 20, 3), 1.4, np.float32), rng) == camera.white).all()
+    dark = capture(camera, np.zeros((200, 200, 3), np.float32), rng)
+    assert dark.min() < camera.black < dark.max()
+    assert dark.mean() == pytest.approx(camera.black, abs=0.1)
+
+
+def test_libraw_measures_the_charts_patches(tmp_path: Path, chart: Scene) -> None:
+    camera = nikon_d5100()
+    settings = CameraSettings("vivid", "tungsten", camera.nominal_exposure_s)
+    shot = photograph(camera, chart, settings, tmp_path, "chart")
+    truth = chart.irradiance(camera, "tungsten", settings.exposure_s)
+    with rawpy.imread(str(shot.dng)) as raw:
+        np.testing.assert_allclose(
+            np.array(raw.camera_whitebalance[:3]) / raw.camera_whitebalance[1],
+            camera.multipliers("tungsten"),
+            rtol=1e-5,
+        )
+        image = raw.postprocess(
+            gamma=(1, 1),
+            no_auto_bright=True,
+            adjust_maximum_thr=0.0,
+            user_wb=[1, 1, 1, 1],
+            output_bps=16,
+            output_color=rawpy.ColorSpace.raw,
+            user_flip=0,
+        )
+    measured = image / 65535
+    for area in patch_areas(chart):
+        pixels = measured[area].reshape(-1, 3)
+        error = 5 * pixels.std(axis=0) / np.sqrt(len(pixels)) + 2e-4
+        assert (np.abs(pixels.mean(axis=0) - truth[area].mean(axis=(0, 1))) < error).all()
+
+
+@pytest.mark.parametrize("style", ["standard", "vivid"])
+def test_the_jpeg_is_the_rendering_of_the_raw(tmp_path: Path, chart: Scene, style: str) -> None:
+    camera = nikon_d5100()
+    settings = CameraSettings(style, "daylight", camera.nominal_exposure_s, subsampling="4:4:4")
+    shot = photograph(camera, chart, settings, tmp_path, "chart")
+    assert shot.jpeg is not None
+    jpeg = read_jpeg(shot.jpeg)
+    assert jpeg.shape == (HEIGHT - BORDER, WIDTH - 2 * BORDER, 3)
+    with rawpy.imread(str(shot.dng)) as raw:
+        developed = develop(camera, raw.raw_image_visible.copy(), settings)
+        preview = bytes(raw.extract_thumb().data)
+    difference = jpeg.astype(float) - developed
+    assert np.sqrt(np.mean(difference**2)) < 3
+    rendered = camera.render(chart.irradiance(camera, "daylight"), style, "daylight")
+    (tmp_path / "preview.jpg").write_bytes(preview)
+    small = read_jpeg(tmp_path / "preview.jpg")
+    assert small.shape == (jpeg.shape[0] // 2, jpeg.shape[1] // 2, 3)
+    for area in patch_areas(chart):
+        truth = 255 * rendered[area].mean(axis=(0, 1))
+        shifted = tuple(slice(s.start - b, s.stop - b) for s, b in zip(area, (BORDER // 2, BORDER), strict=True))
+        np.testing.assert_allclose(jpeg[shifted].mean(axis=(0, 1)), truth, atol=1.2)
+        halved = tuple(slice(s.start // 2 + 1, s.stop // 2) for s in shifted)
+        np.testing.assert_allclose(small[halved].mean(axis=(0, 1)), truth, atol=2.0)
+
+
+def test_the_jpeg_says_its_settings(tmp_path: Path, chart: Scene) -> None:
+    camera = nikon_d5100()
+    settings = CameraSettings("vivid", "shade", 1 / 90, iso=400, orientation=6)
+    shot = photograph(camera, chart, settings, tmp_path, "chart", light="cloudy")
+    spec = oiio.ImageBuf(str(shot.jpeg)).spec()
+    assert spec["Make"] == camera.make
+    assert spec["Model"] == camera.model
+    assert spec["ImageDescription"] == "PictureStyle=vivid; WhiteBalance=shade"
+    assert spec["ExposureTime"] == pytest.approx(1 / 90, rel=1e-4)
+    assert spec["Exif:LightSource"] == 11
+    assert spec["Exif:Saturation"] == 2
+    assert spec["Orientation"] == 6
+
+
+def test_developing_again_changes_the_rendering_only(tmp_path: Path, chart: Scene) -> None:
+    camera, settings = nikon_d5100(), CameraSettings("standard", "tungsten", 1 / 120)
+    shot = photograph(camera, chart, settings, tmp_path, "chart", light="daylight")
+    again = develop_again(camera, shot, settings, tmp_path / "again.JPG")
+    assert shot.jpeg is not None
+    np.testing.assert_array_equal(read_jpeg(again), read_jpeg(shot.jpeg))
+    right = CameraSettings("standard", "daylight", 1 / 120, push_ev=1.0)
+    pixels = read_jpeg(develop_again(camera, shot, right, tmp_path / "right.JPG"))
+    area = patch_areas(chart)[19]  # a light neutral: now neutral in the JPEG
+    assert np.ptp(pixels[area[0], area[1]].mean(axis=(0, 1))) < 3
+    (tmp_path / "empty.dng").write_bytes(b"not a DNG")
+    with pytest.raises(ImageError, match="photograph it anew"):
+        develop_again(camera, Photograph(tmp_path / "empty.dng", None), right, tmp_path / "no.JPG")
+
+
+def test_an_unknown_light_is_refused(tmp_path: Path, chart: Scene) -> None:
+    with pytest.raises(SettingsError, match="candle"):
+        photograph(nikon_d5100(), chart, CameraSettings(), tmp_path, "shot", light="candle")
+
+
+def test_sharpening_overshoots_edges_only(chart: Scene) -> None:
+    camera = nikon_d5100()
+    mosaic = capture(camera, chart.irradiance(camera, "daylight"), np.random.default_rng(0))
+    plain, sharp = (develop(camera, mosaic, CameraSettings(sharpening=amount)).astype(float) for amount in (0.0, 1.0))
+    assert np.abs(sharp - plain).max() > 10
+    assert np.abs(sharp.mean() - plain.mean()) < 0.5
+
+
+def test_shrinking_keeps_the_mean_and_the_size_asked_for() -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (120, 180, 3)).astype(np.uint8)
+    small = shrink(picture, 0.4)
+    assert small.shape == (48, 72, 3)
+    assert small.mean() == pytest.approx(picture.mean(), abs=1.0)
+    assert shrink(picture, 1.0) is picture
+
+
+def test_the_same_name_and_seed_give_the_same_file(tmp_path: Path, chart: Scene) -> None:
+    camera, settings = nikon_d5100(), CameraSettings()
+    first = photograph(camera, chart, settings, tmp_path / "a", "shot", jpeg_beside=False)
+    again = photograph(camera, chart, settings, tmp_path / "b", "shot", jpeg_beside=False)
+    other = photograph(camera, chart, settings, tmp_path / "c", "shot", jpeg_beside=False, seed=1)
+    assert first.jpeg is None
+    assert first.dng.read_bytes() == again.dng.read_bytes() != other.dng.read_bytes()
+
+
+def test_unknown_styles_are_refused_before_a_file_is_written(tmp_path: Path, chart: Scene) -> None:
+    with pytest.raises(SettingsError, match="sepia"):
+        photograph(nikon_d5100(), chart, CameraSettings("sepia"), tmp_path, "shot")
+    assert not list(tmp_path.iterdir())
+
+
+def test_demo_shots_cover_styles_lights_and_both_kinds_of_jpeg(tmp_path: Path) -> None:
+    told: list[str] = []
+    shots = demo_shots(tmp_path, told.append, shape=(160, 240))
+    assert len(told) == len(SHOTS) + 1
+    assert len(shots.calibration) == len(SHOTS)
+    beside = [path.with_suffix(".JPG").exists() for path in shots.calibration]
+    assert any(beside)
+    assert not all(beside)
+    assert shots.held_out.jpeg is not None
+    assert shots.held_out.jpeg.exists()
+    assert shots.held_out.dng not in shots.calibration
+    camera = shots.camera
+    spoilt, wanted = read_jpeg(shots.held_out.jpeg) / 255, read_jpeg(shots.wanted) / 255
+    (style, balance), (new_style, new_balance) = shots.source.split("/"), shots.target.split("/")
+    raw = camera.linearize(spoilt, style, balance)
+    refinished = camera.render(raw, new_style, new_balance, shots.ev)
+    unclipped = ((spoilt > 0.02) & (spoilt < 0.99)).all(axis=-1)
+    assert unclipped.mean() > 0.7
+    # What 8 bits, chroma subsampling and noise leave of it; before, the picture is far off.
+    assert np.median(np.abs(refinished - wanted)[unclipped]) < 0.02
+    assert np.median(np.abs(spoilt - wanted)[unclipped]) > 0.05
+    assert {shot.style for shot in SHOTS} == {"standard", "vivid"}
+    assert len({shot.white_balance for shot in SHOTS}) >= 4

@@ -1,0 +1,187 @@
+"""The ground truth: each stage has the properties that the thesis assumes, and render inverts exactly."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lutforge.errors import ProfileError, SettingsError
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.gamut_map import GamutMap
+from lutforge.simulate.response import ToneResponse, invert_increasing, srgb_decode, srgb_encode
+from lutforge.simulate.spectra import (
+    WAVELENGTHS,
+    chart_reflectances,
+    light,
+    linear_srgb_under,
+    surface_reflectances,
+)
+
+CAMERAS = [nikon_d5100(), sigma_sd_merrill()]
+CAMERA = pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: camera.model)
+STYLES = pytest.mark.parametrize("style", ["standard", "vivid", "landscape"])
+
+
+def balanced_colors(camera: SimulatedCamera, count: int = 30000) -> NDArray[np.float64]:
+    """All white-balanced RAW values, and Ts of them: the domain of h."""
+    return np.random.default_rng(5).random((count, 3)) @ camera.matrix.T
+
+
+@CAMERA
+def test_a_white_surface_is_neutral_under_every_white_balance(camera: SimulatedCamera) -> None:
+    for name, balance in camera.white_balances.items():
+        white = camera.expose(np.ones(len(WAVELENGTHS)), name)
+        assert white.max() == pytest.approx(0.9)
+        assert balance.multipliers[1] == 1.0
+        assert min(balance.multipliers) >= 1.0
+        for style in camera.styles:
+            for level in (0.05, 0.2, 0.9):
+                encoded = camera.render(level * white, style, name)
+                assert np.ptp(encoded) < 1e-12
+                assert 0 < encoded[0] < 1
+
+
+@CAMERA
+def test_multipliers_are_ordered_by_colour_temperature(camera: SimulatedCamera) -> None:
+    daylights = sorted(
+        (balance.kelvin, balance.multipliers)
+        for name, balance in camera.white_balances.items()
+        if name != "fluorescent"
+    )
+    red = [multipliers[0] for _, multipliers in daylights]
+    blue = [multipliers[2] for _, multipliers in daylights]
+    assert red == sorted(red)
+    assert blue == sorted(blue, reverse=True)
+
+
+@CAMERA
+def test_exposure_is_linear(camera: SimulatedCamera) -> None:
+    once = camera.expose(chart_reflectances(), "cloudy", camera.nominal_exposure_s)
+    twice = camera.expose(chart_reflectances(), "cloudy", 2 * camera.nominal_exposure_s)
+    np.testing.assert_allclose(twice, 2 * once, rtol=1e-12)
+    np.testing.assert_array_equal(once, camera.expose(chart_reflectances(), "cloudy"))
+
+
+@CAMERA
+def test_the_matrix_keeps_white_and_sees_colours_nearly_as_people_do(camera: SimulatedCamera) -> None:
+    np.testing.assert_allclose(camera.matrix.sum(axis=1), 1.0, atol=1e-12)
+    surfaces = np.vstack([surface_reflectances(), chart_reflectances()])
+    white = camera.expose(np.ones(len(WAVELENGTHS)), "daylight")
+    estimated = camera.expose(surfaces, "daylight") / white @ camera.matrix.T
+    true = linear_srgb_under(surfaces, light(5200.0))
+    assert np.sqrt(np.mean((estimated - true) ** 2)) < 0.035
+    np.testing.assert_allclose(
+        camera.color_matrix() @ [0.95047, 1.0, 1.08883], 1 / camera.multipliers("daylight"), rtol=1e-3
+    )
+
+
+@CAMERA
+@STYLES
+def test_linearize_inverts_render(camera: SimulatedCamera, style: str) -> None:
+    raw = np.random.default_rng(1).random((40, 500, 3)) / camera.multipliers("tungsten") / 2**0.5
+    encoded = camera.render(raw, style, "tungsten", ev=0.5)
+    assert encoded.shape == raw.shape
+    assert encoded.min() >= 0
+    assert encoded.max() <= 1
+    unclipped = ((encoded > 0) & (encoded < 1)).all(axis=-1)
+    assert unclipped.mean() > 0.6
+    back = camera.linearize(encoded, style, "tungsten", ev=0.5)
+    np.testing.assert_allclose(back[unclipped], raw[unclipped], atol=1e-9)
+
+
+@CAMERA
+def test_render_is_the_stages_in_the_papers_order(camera: SimulatedCamera) -> None:
+    raw = camera.expose(surface_reflectances(), "shade")
+    style = camera.styles["vivid"]
+    tw = np.diag(camera.white_balances["shade"].multipliers)
+    balanced = np.minimum(raw @ tw.T, 1)
+    np.testing.assert_allclose(
+        camera.render(raw, "vivid", "shade"),
+        style.response(style.gamut_map(balanced @ camera.matrix.T)),
+        atol=1e-14,
+    )
+    np.testing.assert_array_equal(camera.render(raw, "vivid", "shade"), camera.render(raw, "vivid", np.diag(tw)))
+
+
+@CAMERA
+@STYLES
+def test_low_saturations_do_not_move(camera: SimulatedCamera, style: str) -> None:
+    rng = np.random.default_rng(2)
+    largest = rng.uniform(0.01, 1.0, (20000, 1))
+    colors = largest * (1 - 0.15 * rng.random((20000, 3)))
+    np.testing.assert_allclose(camera.styles[style].gamut_map(colors), colors, atol=1e-12)
+
+
+@CAMERA
+@STYLES
+def test_the_gamut_map_is_smooth_and_never_folds(camera: SimulatedCamera, style: str) -> None:
+    h, colors, step = camera.styles[style].gamut_map, balanced_colors(camera), 1e-6
+    shifts = step * np.eye(3)
+    jacobian = np.stack([(h(colors + d) - h(colors - d)) / (2 * step) for d in shifts], axis=-1)
+    assert np.linalg.det(jacobian).min() > 0
+    assert np.linalg.norm(jacobian, ord=2, axis=(1, 2)).max() < 6
+
+
+@CAMERA
+@STYLES
+def test_surfaces_fit_the_cube_and_vivid_moves_them(camera: SimulatedCamera, style: str) -> None:
+    surfaces = camera.expose(np.vstack([surface_reflectances(), chart_reflectances()]), "daylight")
+    linear = surfaces * camera.multipliers("daylight") @ camera.matrix.T
+    mapped = camera.styles[style].gamut_map(linear)
+    assert mapped.min() > 0
+    assert mapped.max() < 1
+    if style == "vivid":
+        assert np.linalg.norm(mapped - linear, axis=-1).max() > 0.05
+
+
+def test_response_increases_and_fixes_black_and_white() -> None:
+    f = ToneResponse(toe=(0.2, 0.25, 0.3), shoulder=(0.9, 0.95, 0.97))
+    x = np.linspace(0, 1, 5001)[:, None] * np.ones(3)
+    y = f(x)
+    assert np.diff(y, axis=0).min() > 0
+    np.testing.assert_allclose(y[[0, -1]], [[0] * 3, [1] * 3], atol=1e-15)
+    np.testing.assert_allclose(f.inverse(y), x, atol=1e-12)
+    assert len(np.unique(np.round(y[2500], 6))) == 3
+
+
+def test_srgb_curve_gold_values() -> None:
+    """IEC 61966-2-1: the segment's end, and mid grey."""
+    np.testing.assert_allclose(srgb_encode([0.0031308, 0.18, 1.0]), [0.04045, 0.46135613, 1.0], atol=1e-5)
+    values = np.linspace(0, 1, 1001)
+    np.testing.assert_allclose(srgb_decode(srgb_encode(values)), values, atol=1e-15)
+
+
+def test_bisection_ends_at_the_bracket_for_targets_out_of_range() -> None:
+    solved = invert_increasing(lambda x: x**3, np.array([-1.0, 0.125, 9.0]), 0.0, 1.0)
+    np.testing.assert_allclose(solved, [0.0, 0.5, 1.0], atol=1e-12)
+
+
+def test_stages_that_would_fold_are_refused() -> None:
+    with pytest.raises(ProfileError, match="tone response"):
+        ToneResponse(toe=(0.9,) * 3, shoulder=(0.5,) * 3)
+    with pytest.raises(ProfileError, match="folds"):
+        GamutMap((0.2, 0.5, 0.3), knee=1.2)
+
+
+def test_unknown_settings_name_the_known() -> None:
+    camera = nikon_d5100()
+    with pytest.raises(SettingsError, match="standard, vivid, landscape"):
+        camera.render(np.zeros(3), "sepia", "daylight")
+    with pytest.raises(SettingsError, match="tungsten"):
+        camera.expose(np.ones(len(WAVELENGTHS)), "candle")
+
+
+def test_black_and_noise_below_black_render_to_black() -> None:
+    camera = nikon_d5100()
+    for style in camera.styles:
+        rendered = camera.render([[0.0, 0.0, 0.0], [-1e-3, -1e-4, -1e-3]], style, "shade")
+        np.testing.assert_allclose(rendered, 0, atol=1e-9)
+        assert np.isfinite(camera.linearize([[0, 0, 0], [1, 0, 1], [1, 1, 1]], style, "shade")).all()
+
+
+def test_the_two_cameras_differ_by_about_a_matrix() -> None:
+    """Camera to camera (thesis, eq. 6.2) is worth doing here: one matrix explains much, but not all."""
+    first, second = (camera.expose(surface_reflectances(), "daylight") for camera in CAMERAS)
+    matrix, *_ = np.linalg.lstsq(first, second)
+    residual = np.sqrt(np.mean((first @ matrix - second) ** 2))
+    assert 1e-4 < residual < 0.02
+    assert np.sqrt(np.mean((first - second) ** 2)) > 3 * residual

@@ -1,0 +1,170 @@
+"""The DNG writer, against two independent readers: libraw (rawpy) and ExifRead."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import exifread
+import numpy as np
+import pytest
+import rawpy
+from numpy.typing import NDArray
+
+from lutforge.errors import ImageError, LutForgeError
+from lutforge.simulate.dng import write_dng
+from lutforge.simulate.jpeg import ExposureTags, encode_jpeg
+
+TAGS = ExposureTags("LutForge", "Simulated D5100", "vivid", "daylight", 1 / 640, 200, 5.6, 1, 2)
+
+
+@pytest.fixture(scope="module")
+def mosaic() -> NDArray[np.uint16]:
+    codes = np.random.default_rng(3).integers(600, 15521, (120, 182)).astype(np.uint16)
+    codes[:4] = 15520
+    return codes
+
+
+@pytest.fixture(scope="module")
+def preview() -> bytes:
+    ramp = np.linspace(0, 255, 90 * 60 * 3).reshape(60, 90, 3).astype(np.uint8)
+    return encode_jpeg(ramp, TAGS, subsampling="4:2:0")
+
+
+@pytest.mark.parametrize("cfa", ["RGGB", "BGGR", "GRBG", "GBRG"])
+@pytest.mark.parametrize("embedded", [True, False])
+def test_libraw_reads_what_was_written(
+    tmp_path: Path, mosaic: NDArray[np.uint16], preview: bytes, cfa: str, embedded: bool
+) -> None:
+    path = tmp_path / "a.dng"
+    write_dng(
+        path,
+        mosaic,
+        black=600,
+        white=15520,
+        cfa=cfa,
+        as_shot_neutral=(0.5, 1.0, 0.625),
+        preview_jpeg=preview if embedded else None,
+    )
+    with rawpy.imread(str(path)) as raw:
+        np.testing.assert_array_equal(raw.raw_image_visible, mosaic)
+        assert raw.black_level_per_channel == [600] * 4
+        assert raw.white_level == 15520
+        np.testing.assert_allclose(raw.camera_whitebalance[:3], [2.0, 1.0, 1.6], rtol=1e-6)
+        letters = [chr(raw.color_desc[index]) for index in np.ravel(np.asarray(raw.raw_pattern))]
+        assert "".join(letters) == cfa
+        if embedded:
+            thumb = raw.extract_thumb()
+            assert thumb.format == rawpy.ThumbFormat.JPEG
+            # libraw may put its own Exif block in front; the picture data are ours, byte for byte.
+            data = bytes(thumb.data)
+            assert data[data.index(b"\xff\xdb") :] == preview[preview.index(b"\xff\xdb") :]
+        else:
+            with pytest.raises(rawpy.LibRawError):
+                raw.extract_thumb()
+
+
+def test_libraw_scales_to_black_and_white(tmp_path: Path) -> None:
+    codes = np.full((64, 64), 600 + (15520 - 600) // 2, dtype=np.uint16)
+    codes[:, 32:] = 600
+    write_dng(tmp_path / "half.dng", codes, black=600, white=15520)
+    with rawpy.imread(str(tmp_path / "half.dng")) as raw:
+        image = raw.postprocess(
+            gamma=(1, 1),
+            no_auto_bright=True,
+            adjust_maximum_thr=0.0,
+            use_camera_wb=True,
+            output_bps=16,
+            output_color=rawpy.ColorSpace.raw,
+        )
+    np.testing.assert_allclose(image[32, 8] / 65535, 0.5, atol=2e-4)
+    np.testing.assert_allclose(image[32, 56], 0, atol=1)
+
+
+@pytest.mark.parametrize(("orientation", "flip"), [(1, 0), (3, 3), (6, 6), (8, 5)])
+def test_orientation_is_libraws_flip(tmp_path: Path, mosaic: NDArray[np.uint16], orientation: int, flip: int) -> None:
+    write_dng(tmp_path / "a.dng", mosaic, orientation=orientation)
+    with rawpy.imread(str(tmp_path / "a.dng")) as raw:
+        assert raw.sizes.flip == flip
+
+
+def test_exif_says_the_settings(tmp_path: Path, mosaic: NDArray[np.uint16], preview: bytes) -> None:
+    path = tmp_path / "a.dng"
+    write_dng(
+        path,
+        mosaic,
+        make="LutForge",
+        model="Simulated D5100",
+        exposure_s=1 / 640,
+        f_number=5.6,
+        iso=200,
+        light_source=10,
+        saturation=2,
+        profile_name="vivid",
+        preview_jpeg=preview,
+    )
+    with path.open("rb") as file:
+        tags = {key: str(value) for key, value in exifread.process_file(file, details=False).items()}
+    assert tags["Image Make"] == "LutForge"
+    assert tags["Image Model"] == "Simulated D5100"
+    assert tags["EXIF ExposureTime"] == "1/640"
+    assert tags["EXIF ISOSpeedRatings"] == "200"
+    assert tags["EXIF FNumber"] == "28/5"
+    assert tags["EXIF LightSource"] == "Cloudy weather"
+    assert tags["EXIF Saturation"] == "Hard"  # what ExifRead calls 2, "high saturation"
+    assert tags["Image Tag 0xC6F8"] == "vivid"
+
+
+def test_directories_obey_tiff(tmp_path: Path, mosaic: NDArray[np.uint16], preview: bytes) -> None:
+    """TIFF 6.0, section 2: tags rise within a directory, directories and values begin on even offsets."""
+    path = tmp_path / "a.dng"
+    write_dng(path, mosaic, preview_jpeg=preview, make="Odd")
+    content = path.read_bytes()
+    magic, number, offset = struct.unpack_from("<2sHI", content)
+    assert (magic, number) == (b"II", 42)
+    (count,) = struct.unpack_from("<H", content, offset)
+    entries = [struct.unpack_from("<HHII", content, offset + 2 + 12 * i) for i in range(count)]
+    tags = [entry[0] for entry in entries]
+    assert offset % 2 == 0
+    assert tags == sorted(set(tags))
+    sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 7: 1, 10: 8}
+    for _, kind, values, at in entries:
+        if sizes[kind] * values > 4:
+            assert at % 2 == 0
+            assert at + sizes[kind] * values <= len(content)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ({"cfa": "RGBX"}, "Bayer pattern"),
+        ({"black": 70000}, "black level"),
+        ({"black": 500, "white": 400}, "black level"),
+        ({"orientation": 9}, "orientation"),
+        ({"preview_jpeg": b"GIF89a and so on"}, "not a colour JPEG"),
+        ({"preview_jpeg": b""}, "not a colour JPEG"),
+        ({"preview_jpeg": b"\xff\xd8\xff\xe0\xff"}, "not a colour JPEG"),
+        ({"exposure_s": float("nan")}, "not all positive"),
+        ({"as_shot_neutral": (0.5, -1.0, 1.0)}, "not all positive"),
+        ({"as_shot_neutral": (1e9, 1.0, 1e30)}, "not all positive"),
+        ({"color_matrix": np.full((3, 3), np.nan)}, "not a number"),
+        ({"iso": 70000}, "65535"),
+    ],
+)
+def test_illegal_arguments_are_refused(
+    tmp_path: Path, mosaic: NDArray[np.uint16], arguments: dict[str, Any], complaint: str
+) -> None:
+    with pytest.raises(ImageError, match=complaint):
+        write_dng(tmp_path / "bad.dng", mosaic, **arguments)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_float_mosaic_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ImageError, match="uint16"):
+        write_dng(tmp_path / "bad.dng", np.zeros((4, 4)))  # type: ignore[arg-type]  # the error under test
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path, mosaic: NDArray[np.uint16]) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(LutForgeError) as failure:
+        write_dng(tmp_path / "file" / "a.dng", mosaic)
+    assert "\n" not in str(failure.value)
