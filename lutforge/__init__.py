@@ -1,3 +1,88 @@
-"""LutForge: calibrate a camera from its RAW and JPEG files, and bake its rendering into LUTs and OCIO configs."""
+"""LutForge: calibrate a camera from its RAW and JPEG files, and bake its rendering into LUTs and OCIO configs.
+
+    import lutforge as lf
+
+    samples = lf.read_samples("samples.csv")  # or lf.sample(["a.CRW", …])
+    profile = lf.calibrate(samples)
+    transform = profile.refinish("standard/tungsten", "vivid/5200K", ev=0.5)
+    lut = lf.bake(transform, size=33)
+    lut.write("fix.cube")
+
+The names are loaded when they are first used, so that importing the package stays fast.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from lutforge.calibration.evaluate import Evaluation
+    from lutforge.calibration.options import CalibrationOptions
+    from lutforge.errors import LutForgeError
+    from lutforge.luts.bake import bake
+    from lutforge.luts.lut import Lut
+    from lutforge.luts.verify import verify
+    from lutforge.model.camera_profile import CameraProfile, match
+    from lutforge.model.profile_file import load_profile, save_profile
+    from lutforge.model.published_model import import_published
+    from lutforge.ocio.config import build_config, write_config
+    from lutforge.pipeline import calibrate, evaluate, sample
+    from lutforge.samples.sample_set import SampleSet
+    from lutforge.samples.table import read_samples, write_samples
+
+__all__ = [
+    "CalibrationOptions",
+    "CameraProfile",
+    "Evaluation",
+    "Lut",
+    "LutForgeError",
+    "SampleSet",
+    "bake",
+    "build_config",
+    "calibrate",
+    "evaluate",
+    "import_published",
+    "load_profile",
+    "match",
+    "read_samples",
+    "sample",
+    "save_profile",
+    "verify",
+    "write_config",
+    "write_samples",
+]
+
+_HOMES = {
+    "CalibrationOptions": "calibration.options",
+    "CameraProfile": "model.camera_profile",
+    "Evaluation": "calibration.evaluate",
+    "Lut": "luts.lut",
+    "LutForgeError": "errors",
+    "SampleSet": "samples.sample_set",
+    "bake": "luts.bake",
+    "build_config": "ocio.config",
+    "calibrate": "pipeline",
+    "evaluate": "pipeline",
+    "import_published": "model.published_model",
+    "load_profile": "model.profile_file",
+    "match": "model.camera_profile",
+    "read_samples": "samples.table",
+    "sample": "pipeline",
+    "save_profile": "model.profile_file",
+    "verify": "luts.verify",
+    "write_config": "ocio.config",
+    "write_samples": "samples.table",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'lutforge' has no attribute '{name}'")
+    value = getattr(import_module(f"lutforge.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

@@ -15,6 +15,7 @@ from lutforge.regression.node_levels import (
     blended_levels,
     equidistributed_levels,
     error_histogram,
+    resized_levels,
     snap_levels,
 )
 from lutforge.regression.normal_equations import normal_equations
@@ -163,7 +164,13 @@ class _Problem:
         )
 
     def search(self, size: int) -> tuple[Levels, Array]:
-        """Node levels by rounds of equidistribution, and the robust weight of each sample; the best round is kept."""
+        """Node levels by rounds of equidistribution, and the robust weight of each sample; the best round is kept.
+
+        Large lattices take the levels of a small one, refined: the density that the rounds find has no size.
+        """
+        if size > SEARCH_SIZE:
+            levels, weight = self.search(SEARCH_SIZE)
+            return resized_levels(levels, size), weight
         subset = _Problem(*_subset(self.x, self.y), self.guess, self.options, self.clips, self.smoothness)
         levels = uniform_levels(size)
         fit = subset.fit(levels, None, tolerance=SEARCH_TOLERANCE)

@@ -6,6 +6,7 @@ from typing import Literal, get_args
 
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.model.camera_profile import MODELS, ModelName
 from lutforge.regression.lattice_regression import Regularisation
 
 Preset = Literal["lutforge", "thesis"]
@@ -18,14 +19,16 @@ SHAPER_SIZE = 4096
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """Options of the lattice fit.
+    """Options of the fit.
 
-    preset: "thesis" is chapter 5 as written (uniform prior, fixed weights, α by fitting error); "lutforge" continues
-    the matrix and response where there are no samples, smooths in all directions, and chooses its weight by
-    cross-validation over shots. size: nodes per axis, 3 … 65. nonuniform: False stops at the uniform lattice.
-    Raises CalibrationError on values outside these.
+    model: "lattice" fits the whole pipeline as lookup tables, "rbf" the thesis's physical stages (chapter 4) as well.
+    preset: "thesis" is its chapters as written (uniform prior, fixed weights, α by fitting error, saturation threshold
+    β); "lutforge" continues the matrix and response where there are no samples, smooths in all directions, chooses its
+    weights by cross-validation over shots, and tells outliers by their residual. size: nodes per axis, 3 … 65.
+    nonuniform: False stops at the uniform lattice. Raises CalibrationError on values outside these.
     """
 
+    model: ModelName = "lattice"
     preset: Preset = "lutforge"
     size: int = 33
     interpolation: Interpolation = "trilinear"
@@ -33,6 +36,8 @@ class CalibrationOptions:
     shaper_size: int = SHAPER_SIZE
 
     def __post_init__(self) -> None:
+        if self.model not in MODELS:
+            raise CalibrationError(f'unknown model "{self.model}"; choose one of {", ".join(MODELS)}')
         if self.preset not in PRESETS:
             raise CalibrationError(f'unknown preset "{self.preset}"; choose one of {", ".join(PRESETS)}')
         if not SMALLEST <= self.size <= LARGEST:
@@ -47,7 +52,7 @@ class CalibrationOptions:
     def as_json(self) -> dict[str, object]:
         """The options as plain values, for the profile."""
         return {
-            "model": "lattice",
+            "model": self.model,
             "preset": self.preset,
             "size": self.size,
             "interpolation": self.interpolation,

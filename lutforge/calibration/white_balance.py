@@ -27,10 +27,10 @@ def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
     unknown = ~np.all(np.isfinite(multipliers), axis=1)
     automatic = samples.white_balance == "auto"
     # One estimate per setting; under auto the camera may change it from shot to shot.
-    setting = np.where(automatic, np.char.add("auto\x00", samples.shot), samples.white_balance)
+    setting = np.where(automatic, np.char.add("auto of ", samples.shot), samples.white_balance)
     for name in np.unique(setting[unknown]):
         rows = unknown & (setting == name)
-        label = name.replace("auto\x00", "auto of ") or "unnamed"
+        label = str(name) or "unnamed"
         multipliers[rows] = _neutral_multipliers(samples.raw[rows], samples.srgb[rows], label)
         r, _, b = multipliers[rows][0]
         notes.append(f"white balance {label}: multipliers {r:.3f}, 1, {b:.3f} read from neutral colours of the JPEGs")

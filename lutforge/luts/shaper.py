@@ -12,6 +12,9 @@ from lutforge.interpolation import Levels
 SHAPER_SIZE = 65536
 """Entries of a sampled shaper: the most that DaVinci Resolve and OpenColorIO read in a .cube file."""
 
+SHAPER_SIZES = (4096, SHAPER_SIZE)
+"""What a lattice's node levels are looked for on: profiles snap theirs to the first, which keeps files small."""
+
 
 def sampled_shaper(levels: Levels, size: int = SHAPER_SIZE) -> NDArray[np.float64]:
     """The curves s_c at `size` uniform points on [0, 1]: (size, 3) in [0, 1]."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
@@ -51,7 +52,9 @@ class PictureStyle:
 class CameraProfile:
     """A camera. matrix: Ts (3, 3), white-balanced camera RGB → linear sRGB, rows sum to 1.
 
-    shots: the names that it was calibrated from; options: how, as plain JSON values.
+    shots: the names that it was calibrated from; options: how, as plain JSON values. raw_camera: the reference camera
+    whose RAW stood in for a camera without RAW (4.9), else "": each white balance then has a physical model of its own,
+    whose matrix takes that camera's RAW to linear sRGB.
     Raises ProfileError where there is no style or no white balance, or the matrix is singular.
     """
 
@@ -62,6 +65,7 @@ class CameraProfile:
     shots: tuple[str, ...] = ()
     options: Mapping[str, object] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    raw_camera: str = ""
 
     def __post_init__(self) -> None:
         if not self.styles or not self.white_balances:
@@ -77,6 +81,11 @@ class CameraProfile:
         if selector.style not in self.styles:
             raise SettingsError(f'unknown style "{selector.style}"; {self.camera} has {", ".join(sorted(self.styles))}')
         resolve(selector.white_balance, self.white_balances)
+        if self.raw_camera and not isinstance(selector.white_balance, str):
+            raise SettingsError(
+                f"{self.camera} was calibrated through the RAW of {self.raw_camera}: name one of its white balances, "
+                f"{', '.join(sorted(self.white_balances))}"
+            )
         return selector
 
     def multipliers(self, text: str | Selector) -> Array:
@@ -96,7 +105,18 @@ class CameraProfile:
         return RenderChain(gain, np.eye(3), physical.matrix, physical.gamut_map, physical.response)
 
     def linearize(self, source: str | Selector, space: SceneSpace = "raw", model: ModelName | None = None) -> Transform:
-        """The camera's JPEG, encoded [0, 1] → RAW before white balance, or another scene-linear space."""
+        """The camera's JPEG, encoded [0, 1] → RAW before white balance, or another scene-linear space.
+
+        Raises ProfileError where the camera's own RAW is asked for and another camera's stood in.
+        """
+        if space == "raw" and self.raw_camera:
+            raise ProfileError(
+                f"{self.camera} has no RAW: this profile was calibrated through the RAW of {self.raw_camera}; "
+                "refinish works, or linearize to linear-srgb, acescg or aces2065-1"
+            )
+        return self._linearize(source, space, model)
+
+    def _linearize(self, source: str | Selector, space: SceneSpace, model: ModelName | None) -> Transform:
         selector = self.selector(source)
         gain = self.multipliers(selector)
         style = self.styles[selector.style]
@@ -107,7 +127,10 @@ class CameraProfile:
             return LatticeTransform(np.ones(3), scene, style.linearize)
         physical = self._physical(selector)
         to_balanced = np.linalg.inv(physical.matrix)
-        scene = to_balanced / gain[:, None] if space == "raw" else from_linear_srgb(space) @ self.matrix @ to_balanced
+        if space == "raw":
+            scene = to_balanced / gain[:, None]
+        else:
+            scene = from_linear_srgb(space) @ (np.eye(3) if self.raw_camera else self.matrix @ to_balanced)
         return LinearizeChain(np.ones(3), scene, physical.response, physical.inverse_gamut_map)
 
     def refinish(
@@ -116,10 +139,25 @@ class CameraProfile:
         """A finished JPEG → the JPEG that the camera would have made with other settings (6.1); ev in stops."""
         return match(self, source, self, target, ev, model=model)
 
+    def save(self, path: str | Path) -> None:
+        """Write the profile to a file (.npz), atomically; `lutforge.load_profile` reads it."""
+        from lutforge.model.profile_file import save_profile  # the file format imports this module
+
+        save_profile(self, path)
+
+    def raw_to_linear_srgb(self, selector: Selector) -> Array:
+        """(3, 3): Ts Tw for a setting; with a reference camera, its RAW → linear sRGB."""
+        if self.raw_camera:
+            return self._physical(selector).matrix
+        return self.matrix * self.multipliers(selector)
+
     def _model(self, selector: Selector, model: ModelName | None) -> ModelName:
+        style = self.styles[selector.style]
         if model is not None:
             return model
-        return "rbf" if self.styles[selector.style].render is None else "lattice"
+        if style.render is None:
+            return "rbf"
+        return "rbf" if style.physical and self.options.get("model") == "rbf" else "lattice"
 
     def _physical(self, selector: Selector) -> PhysicalModel:
         """The physical model fitted for this white balance, else the style's first."""
@@ -148,11 +186,12 @@ def match(
         raise SettingsError(f"exposure change {ev:g} EV is not within ±20 stops")
     between = 2.0**ev * np.eye(3)
     if source_camera is not target_camera:
-        balanced = np.linalg.inv(target_camera.matrix) @ source_camera.matrix
-        light = source_camera.selector(source).white_balance
+        light = source_camera.selector(source)
         try:
-            reference = resolve(light, target_camera.white_balances)
+            reference = target_camera.selector(Selector(target_camera.selector(target).style, light.white_balance))
         except SettingsError:
-            reference = target_camera.multipliers(target)
-        between = 2.0**ev * (balanced * source_camera.multipliers(source)) / reference[:, None]
-    return Refinish(source_camera.linearize(source, model=model), between, target_camera.render(target, model=model))
+            reference = target_camera.selector(target)
+        to_target = np.linalg.inv(target_camera.raw_to_linear_srgb(reference))
+        between = 2.0**ev * to_target @ source_camera.raw_to_linear_srgb(light)
+    source_linear = source_camera._linearize(source, "raw", model)
+    return Refinish(source_linear, between, target_camera.render(target, model=model))

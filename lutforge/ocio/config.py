@@ -1,16 +1,18 @@
-"""An OpenColorIO config whose colour spaces are cameras: their RAW, and their JPEGs per picture style.
+"""An OpenColorIO config whose colour spaces are cameras: their RAW, and their JPEGs per style and white balance.
 
-The scene reference is ACES2065-1, white balanced: what the camera's setting makes neutral is neutral. So
-- "<Camera> RAW <white balance>" is the camera's RAW; each white balance develops it to its own neutral;
-- "<Camera> <style>" is the camera's JPEG. Its linearization ends at white-balanced camera RGB, hence one LUT
-  per direction serves all white balances. RAW <wb> → <style> is the render of the profile, <style> → RAW <wb>
-  its inverse;
-- the look "<Camera> as <white balance>" changes the white balance as a refinish does (thesis, equation 6.1):
-  the looks "-<Camera> as tungsten, +<Camera> as shade" between two styles turn a tungsten JPEG into a shade
-  JPEG.
+The scene reference is ACES2065-1 under one white balance of each camera, its daylight (or what comes nearest): the
+reference RAW of a scene does not change with the dial. So
+- "<Camera> RAW" is the camera's RAW, and "<Camera> RAW <white balance>" the same after that white balance;
+- "<Camera> <style> <white balance>" is its JPEG under those settings. RAW → JPEG is the render of the profile,
+  JPEG → RAW its inverse, and from one JPEG space to another is a refinish (thesis, equation 6.1);
+- the look "<Camera> as <white balance>" changes the white balance of scene-linear pixels, so that a view shows them as
+  the camera would have under that setting.
+
+White balance is a matrix in front of the LUTs or behind them: all white balances of a style share one file a direction.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -20,13 +22,18 @@ from numpy.typing import NDArray
 
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ConfigError
-from lutforge.luts.lut import Lut, lut_from_lattice
+from lutforge.luts.bake import bake
+from lutforge.luts.lut import Lut
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.luts.write import write_lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.scene_spaces import from_linear_srgb
+from lutforge.model.transform import LatticeTransform, LinearizeChain, RenderChain, Transform
 from lutforge.ocio.base_config import DISPLAY, LUT_FOLDER, REFERENCE, ROLES, base_config, matrix_transform
 from lutforge.ocio.names import UniqueNames, file_stem, space_name
+from lutforge.settings import Selector
+
+DAYLIGHT_KELVIN = 5200.0
 
 
 def build_config(profiles: Sequence[CameraProfile], folder: str | Path | None = None) -> OCIO.Config:
@@ -41,14 +48,15 @@ def build_config(profiles: Sequence[CameraProfile], folder: str | Path | None = 
     if folder is not None:
         config.setWorkingDir(str(folder))
     spaces = UniqueNames((*config.getColorSpaceNames(), *ROLES, *_aliases(config)))
-    files = UniqueNames()
-    views: list[str] = []
-    for profile, camera in zip(profiles, _camera_names(profiles), strict=True):
+    cameras = _camera_names(profiles)
+    for profile, camera in zip(profiles, cameras, strict=True):
         _add_raw(config, profile, camera, spaces)
-        views += [_add_style(config, profile, camera, style, spaces, files) for style in profile.styles]
         _add_looks(config, profile, camera)
-    for name in views:
-        config.addDisplayView(DISPLAY, name, name, "")
+    for rendering in _renderings(profiles, cameras):
+        added = _add_jpegs(config, rendering, spaces)
+        name = reference_white_balance(rendering.profile)
+        if name in added and rendering.render is not None:
+            config.addDisplayView(DISPLAY, space_name(rendering.camera, rendering.style), added[name], "")
     config.setActiveViews("")
     try:
         config.validate()
@@ -59,15 +67,57 @@ def build_config(profiles: Sequence[CameraProfile], folder: str | Path | None = 
 
 def config_luts(profiles: Sequence[CameraProfile]) -> dict[str, Lut]:
     """The LUT files that the config of these profiles refers to: file name → LUT."""
-    files, luts = UniqueNames(), {}
-    for profile, camera in zip(profiles, _camera_names(profiles), strict=True):
-        for name, style in profile.styles.items():
-            stem = files(file_stem(camera, name)).replace(" ", "_")
-            for direction in ("render", "linearize"):
-                lattice = getattr(style, direction)
-                if lattice is not None:
-                    luts[f"{stem}_{direction}.clf"] = lut_from_lattice(lattice, title=f"{camera} {name} {direction}")
+    luts: dict[str, Lut] = {}
+    for rendering in _renderings(profiles, _camera_names(profiles)):
+        for direction, transform in (("render", rendering.render), ("linearize", rendering.linearize)):
+            if transform is not None:
+                title = f"{rendering.camera} {rendering.style} {direction}"
+                luts[f"{rendering.stem}_{direction}.clf"] = bake(transform, title=title)
     return luts
+
+
+@dataclass(frozen=True, eq=False)
+class _Rendering:
+    """What shares its LUTs: a style, and the white balances that one model of it covers.
+
+    render: white-balanced RAW → JPEG; linearize: JPEG → white-balanced RAW.
+    """
+
+    profile: CameraProfile
+    camera: str
+    style: str
+    white_balances: tuple[str, ...]
+    stem: str
+    render: Transform | None
+    linearize: Transform | None
+
+
+def _renderings(profiles: Sequence[CameraProfile], cameras: Sequence[str]) -> Iterator[_Rendering]:
+    files = UniqueNames()
+    for profile, camera in zip(profiles, cameras, strict=True):
+        for name, style in profile.styles.items():
+            everywhere = tuple(profile.white_balances)
+            groups = [everywhere] if style.render or style.linearize else []
+            if not groups:
+                groups = [tuple(b for b in everywhere if b in model.white_balances) for model in style.physical]
+            if not any(groups):
+                raise ConfigError(f"{profile.camera}: style {name} holds no model; calibrate it first")
+            for balances in filter(None, groups):
+                selector = Selector(name, balances[0])
+                gain = profile.multipliers(selector)
+                render = linearize = None
+                if style.render or style.physical:
+                    render = replace(_shaped(profile.render(selector)), gain=np.ones(3))
+                if style.linearize or style.physical:
+                    back = _shaped(profile.linearize(selector))
+                    linearize = replace(back, matrix=np.diag(gain) @ back.matrix)
+                stem = files(file_stem(camera, name)).replace(" ", "_")
+                yield _Rendering(profile, camera, name, balances, stem, render, linearize)
+
+
+def _shaped(transform: Transform) -> LatticeTransform | RenderChain | LinearizeChain:
+    assert isinstance(transform, LatticeTransform | RenderChain | LinearizeChain)
+    return transform
 
 
 def write_config(profiles: Sequence[CameraProfile], target: str | Path) -> Path:
@@ -109,16 +159,41 @@ def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
-def _to_reference(profile: CameraProfile) -> NDArray[np.float64]:
-    """White-balanced camera RGB → ACES2065-1, (3, 3)."""
-    return from_linear_srgb("aces2065-1") @ profile.matrix
+def reference_white_balance(profile: CameraProfile) -> str:
+    """The white balance under which this camera's neutral is the reference's: daylight, or what comes nearest."""
+
+    def distance(name: str) -> tuple[bool, float]:
+        kelvin = profile.white_balances[name].kelvin
+        return (kelvin is None, abs(1e6 / (kelvin or DAYLIGHT_KELVIN) - 1e6 / DAYLIGHT_KELVIN))
+
+    return "daylight" if "daylight" in profile.white_balances else min(profile.white_balances, key=distance)
+
+
+def _gain(profile: CameraProfile, name: str) -> NDArray[np.float64]:
+    return np.asarray(profile.white_balances[name].multipliers, dtype=np.float64)
+
+
+def _to_reference(profile: CameraProfile, balance: str | None) -> NDArray[np.float64]:
+    """Camera RGB after the named white balance, or before any (None) → ACES2065-1, (3, 3)."""
+    gain = _gain(profile, reference_white_balance(profile))
+    if balance is not None:
+        gain = gain / _gain(profile, balance)
+    return (from_linear_srgb("aces2065-1") @ profile.matrix) * gain
 
 
 def _add_raw(config: OCIO.Config, profile: CameraProfile, camera: str, spaces: UniqueNames) -> None:
-    for name, balance in profile.white_balances.items():
-        gain = np.asarray(balance.multipliers, dtype=np.float64)
-        kelvin = f", about {balance.kelvin:.0f} K" if balance.kelvin is not None else ""
-        full = spaces(space_name(camera, "RAW", name))
+    """The camera's RAW before white balance, and after each."""
+    reference = reference_white_balance(profile)
+    for name in (None, *profile.white_balances):
+        full = spaces(space_name(camera, "RAW", name or ""))
+        what = f"Linear RAW of the {camera}, black 0, saturation 1, "
+        if name is None:
+            what += f"before white balance. Neutral in the reference under {reference}"
+        else:
+            balance = profile.white_balances[name]
+            kelvin = f", about {balance.kelvin:.0f} K" if balance.kelvin is not None else ""
+            r, g, b = balance.multipliers
+            what += f"after white balance {name}{kelvin}: multipliers {r:.4f}, {g:.4f}, {b:.4f}"
         config.addColorSpace(
             OCIO.ColorSpace(
                 name=full,
@@ -126,55 +201,42 @@ def _add_raw(config: OCIO.Config, profile: CameraProfile, camera: str, spaces: U
                 family=f"Input/{camera}",
                 encoding="scene-linear",
                 categories=["file-io"],
-                description=(
-                    f"Linear RAW of the {camera}, black 0, saturation 1, before white balance; developed "
-                    f"with {name}{kelvin}: multipliers {gain[0]:.4f}, {gain[1]:.4f}, {gain[2]:.4f}"
-                ),
+                description=what,
                 bitDepth=OCIO.BIT_DEPTH_F32,
-                toReference=matrix_transform(_to_reference(profile) * gain),
+                toReference=matrix_transform(_to_reference(profile, name)),
             )
         )
 
 
-def _add_style(
-    config: OCIO.Config,
-    profile: CameraProfile,
-    camera: str,
-    style: str,
-    spaces: UniqueNames,
-    files: UniqueNames,
-) -> str:
-    """Add the colour space of a picture style; returns its name."""
-    known = profile.styles[style]
-    if known.render is None and known.linearize is None:
-        raise ConfigError(
-            f"{profile.camera}: style {style} holds no lattice; calibrate with --model lattice for a config"
+def _add_jpegs(config: OCIO.Config, rendering: _Rendering, spaces: UniqueNames) -> dict[str, str]:
+    """The colour space of each white balance of a rendering: white balance → its name."""
+    profile, style = rendering.profile, rendering.profile.styles[rendering.style]
+    errors = "; ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in sorted(style.errors.items()))
+    added = {}
+    for balance in rendering.white_balances:
+        full = spaces(space_name(rendering.camera, rendering.style, balance))
+        space = OCIO.ColorSpace(
+            name=full,
+            aliases=[alias for alias in [spaces(file_stem(full))] if " " not in alias],
+            family=f"Input/{rendering.camera}",
+            encoding="sdr-video",
+            categories=["file-io"],
+            description=(
+                f"JPEG of the {rendering.camera}, picture style {rendering.style}, white balance {balance}. "
+                + (f"Held-out error: {errors}" if errors else "Held-out error: not measured")
+            ),
+            bitDepth=OCIO.BIT_DEPTH_F32,
         )
-    stem = files(file_stem(camera, style)).replace(" ", "_")
-    to_reference = _to_reference(profile)
-    full = spaces(space_name(camera, style))
-    errors = "; ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in sorted(known.errors.items()))
-    space = OCIO.ColorSpace(
-        name=full,
-        aliases=[alias for alias in [spaces(file_stem(full))] if " " not in alias],
-        family=f"Input/{camera}",
-        encoding="sdr-video",
-        categories=["file-io"],
-        description=(
-            f"JPEG of the {camera}, picture style {style}, any white balance. "
-            + (f"Held-out error: {errors}" if errors else "Held-out error: not measured")
-        ),
-        bitDepth=OCIO.BIT_DEPTH_F32,
-    )
-    if known.linearize is not None:
-        group = OCIO.GroupTransform([_file(f"{stem}_linearize.clf"), matrix_transform(to_reference)])
-        space.setTransform(group, OCIO.COLORSPACE_DIR_TO_REFERENCE)
-    if known.render is not None:
-        inverse = matrix_transform(_inverse(to_reference))
-        group = OCIO.GroupTransform([inverse, _file(f"{stem}_render.clf")])
-        space.setTransform(group, OCIO.COLORSPACE_DIR_FROM_REFERENCE)
-    config.addColorSpace(space)
-    return full
+        matrix = _to_reference(profile, balance)
+        if rendering.linearize is not None:
+            group = OCIO.GroupTransform([_file(f"{rendering.stem}_linearize.clf"), matrix_transform(matrix)])
+            space.setTransform(group, OCIO.COLORSPACE_DIR_TO_REFERENCE)
+        if rendering.render is not None:
+            group = OCIO.GroupTransform([matrix_transform(_inverse(matrix)), _file(f"{rendering.stem}_render.clf")])
+            space.setTransform(group, OCIO.COLORSPACE_DIR_FROM_REFERENCE)
+        config.addColorSpace(space)
+        added[balance] = full
+    return added
 
 
 def _file(name: str) -> OCIO.FileTransform:
@@ -182,23 +244,20 @@ def _file(name: str) -> OCIO.FileTransform:
 
 
 def _add_looks(config: OCIO.Config, profile: CameraProfile, camera: str) -> None:
-    """One look per white balance, from the first one's neutral; two, one of them inverted, change it."""
+    """One look per white balance: from the reference's own to that one."""
     looks = UniqueNames(tuple(config.getLookNames()))
-    to_reference = _to_reference(profile)
-    inverse = _inverse(to_reference)
-    balances = {name: np.asarray(balance.multipliers) for name, balance in profile.white_balances.items()}
-    first = next(iter(balances))
-    for name, gain in balances.items():
-        change = np.eye(3) if name == first else (to_reference * (gain / balances[first])) @ inverse
+    own = reference_white_balance(profile)
+    to_reference = from_linear_srgb("aces2065-1") @ profile.matrix
+    for name in profile.white_balances:
+        change = np.eye(3)
+        if name != own:
+            change = (to_reference * (_gain(profile, name) / _gain(profile, own))) @ _inverse(to_reference)
         config.addLook(
             OCIO.Look(
                 name=looks(space_name(camera, "as", name)),
                 processSpace=REFERENCE,
                 transform=matrix_transform(change),
                 inverseTransform=matrix_transform(_inverse(change)),
-                description=(
-                    f"From a {first} to a {name} white balance. From A to B: "
-                    f"-{space_name(camera, 'as', 'A')}, +{space_name(camera, 'as', 'B')}"
-                ),
+                description=f"Scene-linear pixels white balanced for {name} instead of {own}",
             )
         )

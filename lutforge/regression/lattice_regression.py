@@ -1,15 +1,18 @@
 """Lattice regression at given node levels (thesis 5.4; Garcia & Gupta, NIPS 2009).
 
-b̂ = argmin ‖Ω^½ (W b − y)‖² + λ_S ‖S (b − b₀)‖² + λ_T ‖T (b − b₀)‖² + λ_A ρ(b) + λ_K b'Kb + ‖Λ (b − b₀)‖²
+b̂ = argmin ‖Ω^½ (W b − y)‖² + λ_S ‖S (b − b₀)‖² + λ_T ‖T (b − b₀)‖² + λ_A ρ(b)
+            + λ_K (b − b₀)'K (b − b₀) + ‖Λ (b − b₀)‖²
 
 S is the second difference along each axis, T the mixed one across each pair of axes: together they smooth alike in all
 directions, a thin plate in index space. b₀ is a prior lattice that the result continues where no sample reaches, Λ² how
-firmly a node is held to it; without one b₀ = 0, which leaves the thesis's own objective (λ_T = Λ = 0).
+firmly a node is held to it; without one b₀ = 0, which leaves the thesis's own objective (λ_T = Λ = 0). Solved is for
+b − b₀, from the samples' differences to the prior.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from lutforge.interpolation import Interpolation, Levels, interpolate
@@ -19,10 +22,12 @@ from lutforge.regression.multigrid import (
     Multigrid,
     Transfer,
     coarse_nodes,
+    coarse_stencil,
     interpolation_matrix,
+    restrict,
     to_bands,
 )
-from lutforge.regression.normal_equations import normal_equations
+from lutforge.regression.normal_equations import NormalEquations, normal_equations
 from lutforge.regression.smoothness import first_difference, second_difference, thin_plate
 
 Array = NDArray[np.float64]
@@ -73,24 +78,40 @@ def fit_lattice(
 
     weight: Ω, (n,); start: a first guess of the values, for a warm start. Time O(n) to assemble, O(N³) per iteration.
     """
-    finest = normal_equations(x, y, levels, method, weight)
-    anchors, anchored = _boundary(finest.right.shape, regularisation.anchor)
-    right = finest.right + anchored
+    difference = y if prior is None else y - interpolate(x, levels, prior.values, method)
+    equations = normal_equations(x, difference, levels, method, weight)
+    return solve_lattice(equations, levels, regularisation, prior=prior, start=start, tolerance=tolerance)
+
+
+def solve_lattice(
+    equations: NormalEquations,
+    levels: Levels,
+    regularisation: Regularisation,
+    *,
+    prior: Prior | None = None,
+    start: Array | None = None,
+    tolerance: float = 1e-8,
+) -> LatticeFit:
+    """The same from W'ΩW and W'Ω(y − W b₀), for several fits to the same samples."""
+    size = equations.right.shape[:3]
+    held, target = _boundary(equations.right.shape, regularisation.anchor)
+    anchor = held
+    right = equations.right + held * target
     if prior is not None:
-        anchors += prior.hold
-        right += prior.hold * prior.values + _smoothness(prior.values, levels, regularisation)
-    multigrid = _hierarchy(x, levels, method, weight, finest.stencil, anchors, regularisation)
+        anchor = held + prior.hold
+        right -= held * prior.values
     extra = None
     if regularisation.thin_plate:
-        plate = thin_plate(finest.right.shape[:3])
+        plate = thin_plate(size)
 
         def extra(b: Array) -> Array:
             return regularisation.thin_plate * plate(b)
 
-    if start is None:
-        start = prior.values if prior is not None else np.zeros_like(right)
-    values, iterations = multigrid.solve(right, start, tolerance, extra)
-    return LatticeFit(levels, values, iterations)
+    offset = np.zeros_like(right) if prior is None else prior.values
+    first = np.zeros_like(right) if start is None else start - offset
+    multigrid = hierarchy(levels, equations.stencil, anchor, regularisation)
+    difference, iterations = multigrid.solve(right, first, tolerance, extra)
+    return LatticeFit(levels, offset + difference, iterations)
 
 
 def predict(fit: LatticeFit, x: Array, method: Interpolation = "trilinear") -> Array:
@@ -99,87 +120,63 @@ def predict(fit: LatticeFit, x: Array, method: Interpolation = "trilinear") -> A
 
 
 def _boundary(shape: tuple[int, ...], weight: float) -> tuple[Array, Array]:
-    """The diagonal and the right-hand side of λ_A ρ(b): black maps to black, a full channel to a full channel."""
-    diagonal, right = np.zeros(shape), np.zeros(shape)
-    if weight:
-        diagonal[0, 0, 0, :] = weight
-        for face in (np.s_[-1, :, :, 0], np.s_[:, -1, :, 1], np.s_[:, :, -1, 2]):
-            diagonal[face] = weight
-            right[face] = weight
-    return diagonal, right
+    """λ_A ρ(b) as a diagonal and the values that it draws to: black to black, a full channel to a full channel."""
+    diagonal, target = np.zeros(shape), np.zeros(shape)
+    diagonal[0, 0, 0, :] = weight
+    for face in (np.s_[-1, :, :, 0], np.s_[:, -1, :, 1], np.s_[:, :, -1, 2]):
+        diagonal[face] = weight
+        target[face] = 1.0
+    return diagonal, target
 
 
-def _smoothness(b: Array, levels: Levels, regularisation: Regularisation) -> Array:
-    """(λ_S S'S + λ_T T'T) b."""
-    total = np.zeros_like(b)
-    for axis, nodes in enumerate(levels):
-        rows = second_difference(nodes)
-        total += np.moveaxis(np.tensordot(rows.T @ rows, b, axes=(1, axis)), 0, axis)
-    total *= regularisation.smoothness
-    if regularisation.twist:
-        for one, two in AXIS_PAIRS:
-            part = b
-            for axis in (one, two):
-                rows = first_difference(len(levels[axis]))
-                part = np.moveaxis(np.tensordot(rows.T @ rows, part, axes=(1, axis)), 0, axis)
-            total += regularisation.twist * part
-    return total
+def hierarchy(levels: Levels, stencil: Array, anchor: Array, regularisation: Regularisation) -> Multigrid:
+    """The operator of the data term `stencil`, the smoothness terms and the diagonal `anchor`, on the lattice and on
+    ever coarser ones.
 
-
-def _hierarchy(
-    x: Array,
-    levels: Levels,
-    method: Interpolation,
-    weight: Array | None,
-    stencil: Array,
-    anchor: Array,
-    regularisation: Regularisation,
-) -> Multigrid:
-    """The operator on the lattice and on ever coarser ones, down to a few nodes per axis."""
+    stencil: (N_r, N_g, N_b, 27), not changed; anchor: (N_r, N_g, N_b, 3).
+    """
     penalties = [regularisation.smoothness * (rows.T @ rows) for rows in map(second_difference, levels)]
-    slopes = [rows.T @ rows for rows in (first_difference(len(axis)) for axis in levels)]
     masses = [np.ones(len(axis)) for axis in levels]
+    if regularisation.twist:
+        stencil = stencil.copy()
+        _add_twist(stencil, regularisation.twist, *(_slopes(len(axis)) for axis in levels))
     stages: list[Level] = []
     transfers: list[Transfer] = []
     while True:
         r, g, b = (to_bands(penalty) for penalty in penalties)
         mr, mg, mb = masses
-        if regularisation.twist:
-            _add_twist(stencil, slopes, masses, regularisation.twist)
         stages.append(Level(stencil, (r, g, b), (mr, mg, mb), anchor))
         if max(len(axis) for axis in levels) <= COARSEST:
             return Multigrid(stages, transfers)
         kept = [coarse_nodes(len(axis)) for axis in levels]
         parts = [interpolation_matrix(axis, nodes) for axis, nodes in zip(levels, kept, strict=True)]
         (cr, fr, pr), (cg, fg, pg), (cb, fb, pb) = parts
-        transfers.append(Transfer((cr, cg, cb), (fr, fg, fb)))
-        projections = [pr, pg, pb]
+        transfer = Transfer((cr, cg, cb), (fr, fg, fb))
+        transfers.append(transfer)
+        projections = (pr, pg, pb)
         penalties = [p.T @ penalty @ p for p, penalty in zip(projections, penalties, strict=True)]
-        slopes = [p.T @ slope @ p for p, slope in zip(projections, slopes, strict=True)]
+        # What is diagonal stays so: the row sums of P'MP, which are at least as stiff as P'MP itself.
         masses = [p.T @ mass for p, mass in zip(projections, masses, strict=True)]
-        lumped = np.einsum("ia,jb,kc,ijkd->abcd", pr**2, pg**2, pb**2, anchor, optimize=True)
-        anchor = np.ascontiguousarray(lumped)
+        anchor = restrict(anchor, transfer)
+        stencil = coarse_stencil(stencil, transfer)
         r, g, b = (axis[nodes] for axis, nodes in zip(levels, kept, strict=True))
         levels = (r, g, b)
-        stencil = normal_equations(x, np.zeros_like(x), levels, method, weight).stencil
 
 
-def _add_twist(stencil: Array, slopes: list[Array], masses: list[Array], weight: float) -> None:
-    """Add λ_T T'T, tensor products of two tridiagonal matrices, to the 27-point stencil in place."""
-    for one, two in AXIS_PAIRS:
-        for d1 in (-1, 0, 1):
-            for d2 in (-1, 0, 1):
-                factors = []
-                offset = [0, 0, 0]
-                offset[one], offset[two] = d1, d2
-                for axis in range(3):
-                    if axis in (one, two):
-                        band = np.zeros(len(masses[axis]))
-                        values = np.diagonal(slopes[axis], offset[axis])
-                        band[max(0, -offset[axis]) : len(band) - max(0, offset[axis])] = values
-                        factors.append(band)
-                    else:
-                        factors.append(masses[axis])
-                index = 9 * offset[0] + 3 * offset[1] + offset[2] + 13
-                r, g, b = factors
-                stencil[..., index] += weight * r[:, None, None] * g[None, :, None] * b[None, None, :]
+def _slopes(count: int) -> Array:
+    """The Gram matrix of the first difference of one axis as a band (N, 3), offsets −1 … 1."""
+    rows = first_difference(count)
+    return np.ascontiguousarray(to_bands(rows.T @ rows)[:, 1:4])
+
+
+@njit(cache=True, nogil=True)
+def _add_twist(stencil: Array, weight: float, sr: Array, sg: Array, sb: Array) -> None:
+    """Add λ_T T'T, the tensor products of the slopes of two axes, to the 27-point stencil in place."""
+    for i in range(stencil.shape[0]):
+        for j in range(stencil.shape[1]):
+            for k in range(stencil.shape[2]):
+                for one in range(3):
+                    for two in range(3):
+                        stencil[i, j, k, 9 * one + 3 * two + 1] += weight * sr[i, one] * sg[j, two]
+                        stencil[i, j, k, 9 * one + 3 + two] += weight * sr[i, one] * sb[k, two]
+                        stencil[i, j, k, 9 + 3 * one + two] += weight * sg[j, one] * sb[k, two]

@@ -1,25 +1,29 @@
 """Conjugate gradients, preconditioned by geometric multigrid, for the normal equations of lattice regression.
 
 The system A b = y has A = W'W + Σ_axis S'S + anchors (+ K): a 27-point stencil, three pentadiagonal bands along the
-axes, and a diagonal. Coarser lattices keep every other node level, so the trilinear functions nest; one symmetric
-V-cycle (coloured Gauss-Seidel, planes of one colour in parallel) preconditions the iteration for all three outputs at
-once. Time and memory O(N³) per iteration. Briggs, Henson & McCormick, A Multigrid Tutorial (2000).
+axes, and a diagonal. Coarser lattices keep every other node level, so the trilinear functions nest, and their stencil
+is the Galerkin product P'W'WP; one symmetric V-cycle (coloured Gauss-Seidel, planes of one colour in parallel)
+preconditions the iteration for all three outputs at once. Time and memory O(N³) per iteration. Briggs, Henson & McCormick, A Multigrid Tutorial (2000).
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from lutforge.errors import CalibrationError
+from lutforge.regression.threads import cores, run, slabs
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Axes = tuple[Array, Array, Array]
 
-COARSEST = 5
+NODES_PER_THREAD = 15_000
+"""Below this the threads would wait for each other longer than they work."""
+
+COARSEST = 3
 """Axes of this many nodes or fewer are not coarsened; the coarsest lattice is solved densely."""
 
 
@@ -55,7 +59,7 @@ def _row(
     mg: Array,
     mb: Array,
     b: Array,
-    i: int | np.int64,
+    i: int,
     j: int,
     k: int,
 ) -> tuple[float, float, float, float]:
@@ -92,7 +96,7 @@ def _row(
     return a0, a1, a2, stencil[i, j, k, 13] + wr * pr[i, 2] + wg * pg[j, 2] + wb * pb[k, 2]
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _apply(
     stencil: Array,
     pr: Array,
@@ -103,20 +107,21 @@ def _apply(
     mb: Array,
     anchor: Array,
     b: Array,
-) -> Array:
-    out = np.empty_like(b)
-    for plane in prange(b.shape[0]):
-        i = np.int64(plane)  # prange counts in unsigned integers: −i would wrap
+    out: Array,
+    first: int,
+    last: int,
+) -> None:
+    """out = A b on the planes first … last − 1."""
+    for i in range(first, last):
         for j in range(b.shape[1]):
             for k in range(b.shape[2]):
                 a0, a1, a2, diagonal = _row(stencil, pr, pg, pb, mr, mg, mb, b, i, j, k)
                 out[i, j, k, 0] = a0 + (diagonal + anchor[i, j, k, 0]) * b[i, j, k, 0]
                 out[i, j, k, 1] = a1 + (diagonal + anchor[i, j, k, 1]) * b[i, j, k, 1]
                 out[i, j, k, 2] = a2 + (diagonal + anchor[i, j, k, 2]) * b[i, j, k, 2]
-    return out
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _gauss_seidel(
     stencil: Array,
     pr: Array,
@@ -129,24 +134,42 @@ def _gauss_seidel(
     right: Array,
     b: Array,
     backward: bool,
+    first: int,
+    last: int,
 ) -> None:
-    """One sweep in place. Planes three apart along the first axis do not couple: they are swept in parallel."""
-    nr, ng, nb = b.shape[0], b.shape[1], b.shape[2]
-    for step in range(3):
-        colour = 2 - step if backward else step
-        for plane in prange((nr - colour + 2) // 3):
-            i = np.int64(3 * plane + colour)  # prange counts in unsigned integers: −i would wrap
-            for jj in range(ng):
-                j = ng - 1 - jj if backward else jj
-                for kk in range(nb):
-                    k = nb - 1 - kk if backward else kk
-                    a0, a1, a2, diagonal = _row(stencil, pr, pg, pb, mr, mg, mb, b, i, j, k)
-                    b[i, j, k, 0] = (right[i, j, k, 0] - a0) / (diagonal + anchor[i, j, k, 0])
-                    b[i, j, k, 1] = (right[i, j, k, 1] - a1) / (diagonal + anchor[i, j, k, 1])
-                    b[i, j, k, 2] = (right[i, j, k, 2] - a2) / (diagonal + anchor[i, j, k, 2])
+    """Sweep the planes first, first + 3, … < last in place. Planes three apart do not couple."""
+    ng, nb = b.shape[1], b.shape[2]
+    for i in range(first, last, 3):
+        for jj in range(ng):
+            j = ng - 1 - jj if backward else jj
+            for kk in range(nb):
+                k = nb - 1 - kk if backward else kk
+                a0, a1, a2, diagonal = _row(stencil, pr, pg, pb, mr, mg, mb, b, i, j, k)
+                b[i, j, k, 0] = (right[i, j, k, 0] - a0) / (diagonal + anchor[i, j, k, 0])
+                b[i, j, k, 1] = (right[i, j, k, 1] - a1) / (diagonal + anchor[i, j, k, 1])
+                b[i, j, k, 2] = (right[i, j, k, 2] - a2) / (diagonal + anchor[i, j, k, 2])
 
 
 @njit(cache=True)
+def _galerkin(stencil: Array, cell: Index, fraction: Array, coarse: Array) -> None:
+    """Add P'AP for the first axis: stencil (N, n, 3, m) and coarse (N_coarse, n, 3, m), offset along it third."""
+    for i in range(stencil.shape[0]):
+        for d in range(-1, 2):
+            if not 0 <= i + d < stencil.shape[0]:
+                continue
+            for p in range(2):
+                wp = fraction[i] if p else 1 - fraction[i]
+                for q in range(2):
+                    w = wp * (fraction[i + d] if q else 1 - fraction[i + d])
+                    if w == 0.0:
+                        continue
+                    row, offset = cell[i] + p, cell[i + d] + q - cell[i] - p + 1
+                    for n in range(stencil.shape[1]):
+                        for m in range(stencil.shape[3]):
+                            coarse[row, n, offset, m] += w * stencil[i, n, d + 1, m]
+
+
+@njit(cache=True, nogil=True)
 def _restrict(fine: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array, fb: Array, coarse: Array) -> None:
     for i in range(fine.shape[0]):
         for j in range(fine.shape[1]):
@@ -159,7 +182,7 @@ def _restrict(fine: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array
                             coarse[ir[i] + r, ig[j] + g, ib[k] + b, c] += w * fine[i, j, k, c]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _prolong_add(coarse: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array, fb: Array, fine: Array) -> None:
     for i in range(fine.shape[0]):
         for j in range(fine.shape[1]):
@@ -202,13 +225,41 @@ def to_bands(matrix: Array) -> Array:
     return bands
 
 
+def coarse_stencil(stencil: Array, transfer: Transfer) -> Array:
+    """P'AP for a 27-point stencil A (N_r, N_g, N_b, 27), one axis after the other; a 27-point stencil again."""
+    for axis in range(3):
+        cell, fraction = transfer.cells[axis], transfer.fractions[axis]
+        shape = stencil.shape[:3]
+        # The axis, and the offset along it, to the front of the nodes and of the offsets.
+        grid = np.moveaxis(stencil.reshape(*shape, 3, 3, 3), (axis, 3 + axis), (0, 3))
+        fine = np.ascontiguousarray(grid).reshape(shape[axis], -1, 3, 9)
+        coarse = np.zeros((int(cell[-1]) + 2, *fine.shape[1:]))
+        _galerkin(fine, cell, fraction, coarse)
+        others = grid.shape[1:3]
+        stencil = np.moveaxis(coarse.reshape(len(coarse), *others, 3, 3, 3), (0, 3), (axis, 3 + axis))
+        stencil = np.ascontiguousarray(stencil).reshape(*stencil.shape[:3], 27)
+    return stencil
+
+
+def restrict(fine: Array, transfer: Transfer) -> Array:
+    """P' of a lattice (N_r, N_g, N_b, 3)."""
+    r, g, b = (int(cell[-1]) + 2 for cell in transfer.cells)
+    coarse = np.zeros((r, g, b, 3))
+    _restrict(fine, *transfer.cells, *transfer.fractions, coarse)
+    return coarse
+
+
+def _threads(b: Array) -> int:
+    return max(1, min(cores(), b.size // (3 * NODES_PER_THREAD)))
+
+
 class Multigrid:
     """A hierarchy of levels, made once for a lattice and used for every right-hand side."""
 
     def __init__(self, levels: list[Level], transfers: list[Transfer]) -> None:
         self.levels = levels
         self.transfers = transfers
-        self._coarsest = self._invert(levels[-1])
+        self._coarsest = self._invert(len(levels) - 1)
 
     @staticmethod
     def _arguments(level: Level) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:
@@ -217,45 +268,42 @@ class Multigrid:
 
     def apply(self, b: Array, depth: int = 0) -> Array:
         """A b on the lattice of that depth."""
-        result: Array = _apply(*self._arguments(self.levels[depth]), b)
-        return result
+        arguments, out = self._arguments(self.levels[depth]), np.empty_like(b)
+        run(lambda first, last: _apply(*arguments, b, out, first, last), slabs(0, len(b), 1, _threads(b)))
+        return out
 
-    def _invert(self, level: Level) -> Array:
+    def _sweep(self, right: Array, b: Array, depth: int, backward: bool) -> None:
+        """One Gauss-Seidel sweep in place, colour by colour; the way back is the way there reversed."""
+        arguments = self._arguments(self.levels[depth])
+        for colour in (2, 1, 0) if backward else (0, 1, 2):
+            run(
+                lambda first, last: _gauss_seidel(*arguments, right, b, backward, first, last),
+                slabs(colour, len(b), 3, _threads(b)),
+            )
+
+    def _invert(self, depth: int) -> Array:
         """The dense inverse per output channel of the coarsest operator, (3, m, m); pseudo-inverse where singular."""
-        shape = level.anchor.shape[:3]
-        count = int(np.prod(shape))
-        inverses = []
-        for channel in range(3):
-            columns = np.zeros((count, count))
-            for node in range(0, count, 3):  # three unit vectors a time, one in each output channel
-                unit = np.zeros((count, 3))
-                width = min(3, count - node)
-                unit[node + np.arange(width), np.arange(width)] = 1.0
-                anchor = np.repeat(level.anchor[..., channel : channel + 1], 3, axis=3)
-                result = _apply(level.stencil, *level.bands, *level.masses, anchor, unit.reshape(*shape, 3)).reshape(
-                    count, 3
-                )
-                columns[:, node : node + width] = result[:, :width]
-            inverses.append(np.linalg.pinv((columns + columns.T) / 2, rcond=1e-13, hermitian=True))
-        return np.stack(inverses)
+        shape = self.levels[depth].anchor.shape
+        count = int(np.prod(shape[:3]))
+        units = np.eye(count).reshape(count, *shape[:3])
+        columns = [self.apply(np.repeat(unit[..., None], 3, axis=3), depth).reshape(count, 3) for unit in units]
+        matrices = np.stack(columns, axis=1).transpose(2, 0, 1)
+        inverse: Array = np.linalg.pinv(matrices, rcond=1e-13, hermitian=True)
+        return inverse
 
     def cycle(self, right: Array, depth: int = 0) -> Array:
         """One symmetric V-cycle for A b = right, from b = 0."""
-        level = self.levels[depth]
         if depth == len(self.levels) - 1:
             flat = right.reshape(-1, 3)
             solved = np.einsum("cmn,nc->mc", self._coarsest, flat)
             return np.ascontiguousarray(solved.reshape(right.shape))
-        arguments = self._arguments(level)
         b = np.zeros_like(right)
-        _gauss_seidel(*arguments, right, b, False)
-        residual = right - _apply(*arguments, b)
+        self._sweep(right, b, depth, False)
+        residual = right - self.apply(b, depth)
         transfer = self.transfers[depth]
-        coarse_right = np.zeros(self.levels[depth + 1].anchor.shape)
-        _restrict(residual, *transfer.cells, *transfer.fractions, coarse_right)
-        correction = self.cycle(coarse_right, depth + 1)
+        correction = self.cycle(restrict(residual, transfer), depth + 1)
         _prolong_add(correction, *transfer.cells, *transfer.fractions, b)
-        _gauss_seidel(*arguments, right, b, True)
+        self._sweep(right, b, depth, True)
         return b
 
     def solve(

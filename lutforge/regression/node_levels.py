@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
 from lutforge.errors import LutError
@@ -67,6 +68,17 @@ def equidistributed_levels(x: Array, error: Array, levels: Levels) -> Levels:
         density = gaussian_filter1d(density, SMOOTHING / 4, mode="nearest")
         result.append(equidistribute((1 - FLOOR) * density / density.sum() + FLOOR / BINS, len(axis)))
     r, g, b = result
+    return (r, g, b)
+
+
+def resized_levels(levels: Levels, size: int) -> Levels:
+    """Node levels of another number that follow the same density: the level function, interpolated monotonically."""
+    resized = []
+    for axis in levels:
+        curve = PchipInterpolator(np.linspace(0.0, 1.0, len(axis)), axis)
+        resized.append(np.asarray(curve(np.linspace(0.0, 1.0, size)), dtype=np.float64))
+        resized[-1][0], resized[-1][-1] = axis[0], axis[-1]
+    r, g, b = resized
     return (r, g, b)
 
 

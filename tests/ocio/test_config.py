@@ -57,42 +57,48 @@ def colours() -> NDArray[np.float32]:
 
 @pytest.mark.parametrize("balance", ["daylight", "tungsten"])
 @pytest.mark.parametrize("style", ["standard", "vivid"])
-def test_raw_to_style_is_the_render_and_back_the_linearization(
+def test_raw_to_jpeg_is_the_render_and_back_the_linearization(
     written: tuple[CameraProfile, OCIO.Config, Path], style: str, balance: str
 ) -> None:
     profile, config, _ = written
-    raw, jpeg, selector = f"Nikon D40 RAW {balance}", f"Nikon D40 {style}", f"{style}/{balance}"
+    raw, jpeg, selector = "Nikon D40 RAW", f"Nikon D40 {style} {balance}", f"{style}/{balance}"
     np.testing.assert_allclose(convert(config, raw, jpeg), profile.render(selector)(colours()), atol=1e-5)
     np.testing.assert_allclose(convert(config, jpeg, raw), profile.linearize(selector)(colours()), atol=1e-5)
 
 
 def test_style_to_scene_linear(written: tuple[CameraProfile, OCIO.Config, Path]) -> None:
     profile, config, _ = written
+    jpeg = "Nikon D40 standard daylight"
     for space, name in (("acescg", "ACEScg"), ("aces2065-1", "ACES2065-1")):
         wanted = profile.linearize("standard/daylight", space)(colours())  # type: ignore[arg-type]  # both are spaces
-        np.testing.assert_allclose(convert(config, "Nikon D40 standard", name), wanted, atol=2e-5)
+        np.testing.assert_allclose(convert(config, jpeg, name), wanted, atol=2e-5)
     wanted = profile.linearize("standard/daylight", "linear-srgb")(colours())
-    np.testing.assert_allclose(convert(config, "nikon_d40_standard", "Linear Rec.709 (sRGB)"), wanted, atol=1e-5)
-
-
-def test_two_looks_are_a_refinish(written: tuple[CameraProfile, OCIO.Config, Path]) -> None:
-    profile, config, _ = written
-    transform = OCIO.LookTransform(
-        src="Nikon D40 standard",
-        dst="Nikon D40 vivid",
-        looks="-Nikon D40 as tungsten, +Nikon D40 as daylight",
+    np.testing.assert_allclose(
+        convert(config, "nikon_d40_standard_daylight", "Linear Rec.709 (sRGB)"), wanted, atol=1e-5
     )
+
+
+def test_from_jpeg_to_jpeg_is_a_refinish(written: tuple[CameraProfile, OCIO.Config, Path]) -> None:
+    profile, config, _ = written
+    got = convert(config, "Nikon D40 standard tungsten", "Nikon D40 vivid daylight")
     wanted = profile.refinish("standard/tungsten", "vivid/daylight")(colours())
-    np.testing.assert_allclose(convert(config, transform), wanted, atol=1e-5)
+    np.testing.assert_allclose(got, wanted, atol=1e-5)
 
 
-def test_neutral_stays_neutral_in_scene_linear(written: tuple[CameraProfile, OCIO.Config, Path]) -> None:
-    """A grey that the white balance makes neutral has equal ACES values: rows of each matrix sum to 1."""
+def test_a_look_changes_the_white_balance(written: tuple[CameraProfile, OCIO.Config, Path]) -> None:
+    profile, config, _ = written
+    look = OCIO.LookTransform(src="Nikon D40 RAW", dst="Nikon D40 standard daylight", looks="+Nikon D40 as tungsten")
+    np.testing.assert_allclose(convert(config, look), profile.render("standard/tungsten")(colours()), atol=1e-5)
+
+
+def test_daylight_neutral_is_neutral_in_scene_linear(written: tuple[CameraProfile, OCIO.Config, Path]) -> None:
+    """What daylight makes neutral has equal ACES values, as RAW before and after any white balance."""
     _, config, _ = written
-    for name, multipliers in (("daylight", (2.0, 1.0, 1.4)), ("tungsten", (1.2, 1.0, 2.4))):
-        grey = (0.18 / np.array([multipliers])).astype(np.float32)
-        config.getProcessor(f"Nikon D40 RAW {name}", "ACES2065-1").getDefaultCPUProcessor().applyRGB(grey)
-        np.testing.assert_allclose(grey, 0.18, atol=1e-3)
+    grey = 0.18 / np.array([[2.0, 1.0, 1.4]])
+    for name, multipliers in (("RAW", (1, 1, 1)), ("RAW daylight", (2.0, 1.0, 1.4)), ("RAW tungsten", (1.2, 1.0, 2.4))):
+        pixels = (grey * np.array(multipliers)).astype(np.float32)
+        config.getProcessor(f"Nikon D40 {name}", "ACES2065-1").getDefaultCPUProcessor().applyRGB(pixels)
+        np.testing.assert_allclose(pixels, 0.18, atol=1e-3)
 
 
 def test_the_srgb_spaces_agree_with_the_standard(written: tuple[CameraProfile, OCIO.Config, Path]) -> None:
@@ -107,18 +113,16 @@ def test_the_srgb_spaces_agree_with_the_standard(written: tuple[CameraProfile, O
 
 def test_a_view_through_the_camera(written: tuple[CameraProfile, OCIO.Config, Path]) -> None:
     profile, config, _ = written
-    shown = convert(
-        config, "Nikon D40 RAW daylight", "sRGB - Display", "Nikon D40 standard", OCIO.TRANSFORM_DIR_FORWARD
-    )
+    shown = convert(config, "Nikon D40 RAW", "sRGB - Display", "Nikon D40 standard", OCIO.TRANSFORM_DIR_FORWARD)
     np.testing.assert_allclose(shown, profile.render("standard/daylight")(colours()), atol=1e-5)
 
 
 def test_descriptions_and_families(written: tuple[CameraProfile, OCIO.Config, Path]) -> None:
     _, config, _ = written
-    space = config.getColorSpace("Nikon D40 standard")
+    space = config.getColorSpace("Nikon D40 standard tungsten")
     assert space.getFamily() == "Input/Nikon D40"
     assert "render mean 0.0123" in space.getDescription()
-    assert "not measured" in config.getColorSpace("Nikon D40 vivid").getDescription()
+    assert "not measured" in config.getColorSpace("Nikon D40 vivid daylight").getDescription()
     assert "multipliers 1.2000, 1.0000, 2.4000" in config.getColorSpace("Nikon D40 RAW tungsten").getDescription()
 
 
@@ -147,7 +151,8 @@ def test_ociocheck_passes_without_warnings(tmp_path: Path, form: str) -> None:
     assert "ERROR" not in run.stdout
     config = load_config(path)
     assert check_config(config) == []
-    assert {"Nikon D40 standard", "Nikon D40 2 standard", "Canon EOS 5D e standard"} <= set(config.getColorSpaceNames())
+    wanted = {"Nikon D40 standard daylight", "Nikon D40 2 vivid tungsten", "Canon EOS 5D e standard daylight"}
+    assert wanted <= set(config.getColorSpaceNames())
 
 
 def test_ociocheck_of_this_package_sees_what_is_broken(tmp_path: Path) -> None:
@@ -156,7 +161,7 @@ def test_ociocheck_of_this_package_sees_what_is_broken(tmp_path: Path) -> None:
     findings = check_config(load_config(path))
     assert findings
     assert all(finding.severity == "error" for finding in findings)
-    assert any("Nikon D40 vivid, from the reference" in finding.where for finding in findings)
+    assert any("Nikon D40 vivid daylight, from the reference" in finding.where for finding in findings)
     assert not any("standard" in finding.where for finding in findings)
     assert all("\n" not in str(finding) for finding in findings)
 
@@ -171,7 +176,7 @@ def test_a_style_with_one_direction_only() -> None:
     style = PictureStyle(render=full.styles["standard"].render)
     profile = CameraProfile("One Way", full.matrix, full.white_balances, {"standard": style})
     assert set(config_luts([profile])) == {"one_way_standard_render.clf"}
-    assert build_config([profile]).getColorSpace("One Way standard") is not None
+    assert build_config([profile]).getColorSpace("One Way standard tungsten") is not None
 
 
 def test_what_cannot_be_built_or_read(tmp_path: Path) -> None:
@@ -179,7 +184,7 @@ def test_what_cannot_be_built_or_read(tmp_path: Path) -> None:
         build_config([])
     full = made_profile()
     empty = CameraProfile("X", full.matrix, full.white_balances, {"standard": PictureStyle()})
-    with pytest.raises(ConfigError, match="holds no lattice"):
+    with pytest.raises(ConfigError, match="holds no model"):
         build_config([empty])
     with pytest.raises(ConfigError, match="choose another"):
         write_config([full], tmp_path / "$HOME")

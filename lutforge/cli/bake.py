@@ -1,0 +1,137 @@
+"""`lutforge bake`: a profile's transform → LUT files, each read back and measured."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lutforge import __version__
+from lutforge.cli.console import note, progress_bar, say
+from lutforge.errors import LutError, SettingsError
+from lutforge.interpolation import INTERPOLATIONS
+
+if TYPE_CHECKING:
+    from lutforge.model.camera_profile import CameraProfile
+    from lutforge.model.transform import Transform
+
+KINDS = ("render", "linearize", "refinish", "match")
+
+
+def bake(
+    profile: Annotated[Path, typer.Argument(help="The profile (.npz).", show_default=False)],
+    kind: Annotated[str, typer.Argument(help="render, linearize, refinish or match.", show_default=False)],
+    other: Annotated[Path | None, typer.Argument(help="For match: the profile whose look is wanted.")] = None,
+    output: Annotated[
+        list[Path] | None, typer.Option("-o", "--output", help="A LUT file; may repeat. The suffix picks the format.")
+    ] = None,
+    source: Annotated[str | None, typer.Option("--from", help="STYLE/WB of the JPEG that comes in.")] = None,
+    target: Annotated[str | None, typer.Option("--to", help="STYLE/WB of the JPEG that comes out.")] = None,
+    ev: Annotated[float, typer.Option(help="Exposure change in stops (refinish, match).")] = 0.0,
+    space: Annotated[str, typer.Option(help="For linearize: raw, linear-srgb, acescg or aces2065-1.")] = "raw",
+    reader: Annotated[
+        str | None, typer.Option("--for", help="The program that will read it: resolve, ffmpeg, …")
+    ] = None,
+    size: Annotated[int | None, typer.Option(help="Nodes per axis of the cube.")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="Instead: the ΔE00 that 99 % of colours keep within.")] = None,
+    interpolation: Annotated[
+        str | None, typer.Option(help="trilinear or tetrahedral: how the reader interpolates.")
+    ] = None,
+    model: Annotated[str | None, typer.Option(help="lattice or rbf, where the profile holds both.")] = None,
+) -> None:
+    """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
+    from lutforge.luts.bake import bake as fit_lut
+    from lutforge.luts.verify import verify
+    from lutforge.luts.write import write_lut
+    from lutforge.model.profile_file import load_profile
+
+    outputs = output or []
+    if not outputs:
+        raise LutError("no output: name a file with -o, for example -o look.cube or -o look.clf")
+    if interpolation is not None and interpolation not in INTERPOLATIONS:
+        raise SettingsError(f'unknown interpolation "{interpolation}"; choose {" or ".join(INTERPOLATIONS)}')
+    camera = load_profile(profile)
+    partner = load_profile(other) if other is not None else None
+    transform, title = choose_transform(camera, kind, partner, source, target, ev, space, model)
+    display = kind != "linearize"
+    comments = (title, f"LutForge {__version__}", *_held_out(camera, kind, source, target))
+    with progress_bar("baking") as report:
+        lut = fit_lut(
+            transform,
+            size,
+            tolerance=tolerance,
+            interpolation=interpolation,
+            display_referred=display,
+            title=title,
+            comments=comments,
+            progress=report,
+        )
+    for path in outputs:
+        written = write_lut(lut, path, reader)
+        error = verify(written.path, transform, lut, display_referred=display)
+        lost = f"; {written.what_was_lost}" if written.what_was_lost else ""
+        say(f"{written.path}: {written.format}, {lut.size} nodes per axis, {lut.interpolation}{lost}")
+        say(f"  read back, against the model: {error}")
+
+
+def choose_transform(
+    camera: "CameraProfile",
+    kind: str,
+    partner: "CameraProfile | None",
+    source: str | None,
+    target: str | None,
+    ev: float,
+    space: str,
+    model: str | None,
+) -> tuple["Transform", str]:
+    """The transform that the words ask for, and its title. Raises SettingsError where one is missing or unknown."""
+    from lutforge.model.camera_profile import MODELS, match
+    from lutforge.model.scene_spaces import SCENE_SPACES
+
+    if kind not in KINDS:
+        raise SettingsError(f'unknown transform "{kind}"; choose {", ".join(KINDS)}')
+    if model is not None and model not in MODELS:
+        raise SettingsError(f'unknown model "{model}"; choose {" or ".join(MODELS)}')
+    if space not in SCENE_SPACES:
+        raise SettingsError(f'unknown space "{space}"; choose {", ".join(SCENE_SPACES)}')
+    if (partner is not None) != (kind == "match"):
+        raise SettingsError("match needs two profiles, A.npz match B.npz; the other transforms need one")
+    if kind == "render":
+        wanted = _needed(target, "--to", kind, camera)
+        return camera.render(wanted, model), f"{camera.camera} RAW to {wanted}"
+    given = _needed(source, "--from", kind, camera)
+    if kind == "linearize":
+        return camera.linearize(given, space, model), f"{camera.camera} {given} to {space}"
+    end = partner or camera
+    wanted = _needed(target, "--to", kind, end)
+    exposure = f", {ev:+g} EV" if ev else ""
+    name = f"{end.camera} {wanted}" if partner else wanted
+    return match(camera, given, end, wanted, ev, model), f"{camera.camera} {given} to {name}{exposure}"
+
+
+def _needed(selector: str | None, option: str, kind: str, profile: "CameraProfile") -> str:
+    if selector is None:
+        raise SettingsError(
+            f"{kind} needs {option} STYLE/WB; {profile.camera} has the styles {', '.join(profile.styles)} "
+            f"and the white balances {', '.join(profile.white_balances)}"
+        )
+    chosen = profile.selector(selector)
+    known = profile.white_balances.get(str(chosen.white_balance))
+    if known is not None and known.spread > 0.02:
+        r, g, b = known.multipliers
+        note(
+            f"{profile.camera} sets {chosen.white_balance} anew for each shot (by up to {known.spread:.0%}); this LUT "
+            f"is for its median, {r:.3f},{g:g},{b:.3f}; name a shot's own multipliers for an exact one"
+        )
+    return selector
+
+
+def _held_out(camera: "CameraProfile", kind: str, source: str | None, target: str | None) -> tuple[str, ...]:
+    """The held-out errors of the styles that take part, for the file's comments."""
+    lines = []
+    for selector, direction in ((source, "linearize"), (target, "render")):
+        used = selector is not None and direction in {"refinish": "linearize render"}.get(kind, kind)
+        if used and selector is not None:
+            style = camera.styles[camera.selector(selector).style]
+            if f"{direction}_mean" in style.errors:
+                lines.append(f"held-out {direction} error: mean {style.errors[f'{direction}_mean']:.4f}")
+    return tuple(lines)

@@ -1,0 +1,77 @@
+"""`lutforge calibrate`: samples or RAW files → a camera profile."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+import typer
+
+from lutforge.cli.console import note, print_table, progress_bar, say
+from lutforge.cli.sample import tell
+from lutforge.errors import CalibrationError
+from lutforge.interpolation import Interpolation
+
+if TYPE_CHECKING:
+    from lutforge.model.camera_profile import CameraProfile
+
+Sources = Annotated[
+    list[Path],
+    typer.Argument(help="Sample tables (.csv, .parquet), RAW files, folders of RAW files.", show_default=False),
+]
+
+
+def calibrate(
+    sources: Sources,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The profile to write (.npz).")] = Path("camera.npz"),
+    model: Annotated[str, typer.Option(help="lattice.")] = "lattice",
+    preset: Annotated[str, typer.Option(help="lutforge, or thesis (chapter 5 as written).")] = "lutforge",
+    size: Annotated[int, typer.Option(help="Nodes per axis of the lattices, 3 to 65.")] = 33,
+    interpolation: Annotated[str, typer.Option(help="trilinear or tetrahedral: what will read the LUT.")] = "trilinear",
+    uniform: Annotated[bool, typer.Option("--uniform", help="Keep the node levels evenly spaced.")] = False,
+) -> None:
+    """Calibrate a camera, and print the error on shots that were held out."""
+    from lutforge.calibration.options import CalibrationOptions, Preset
+    from lutforge.model.profile_file import save_profile
+    from lutforge.pipeline import calibrate as fit
+    from lutforge.pipeline import gather_samples
+
+    if model != "lattice":
+        raise CalibrationError(f'unknown model "{model}"; choose lattice')
+    options = CalibrationOptions(
+        preset=cast(Preset, preset),
+        size=size,
+        interpolation=cast(Interpolation, interpolation),
+        nonuniform=not uniform,
+    )
+    with progress_bar("sampling") as report:
+        sampled = gather_samples(sources, report)
+    tell(sampled)
+    with progress_bar("calibrating") as report:
+        profile = fit(sampled.samples, options, report)
+    for text in profile.notes:
+        note(text)
+    print_held_out(profile)
+    save_profile(profile, output)
+    say(f"{output}: {profile.camera}, {len(sampled.samples)} samples of {len(profile.shots)} shots")
+    say(f"styles: {', '.join(profile.styles)}; white balances: {', '.join(profile.white_balances)}")
+
+
+def print_held_out(profile: "CameraProfile") -> None:
+    """The held-out errors of each style, as a table."""
+    rows = []
+    for name, style in profile.styles.items():
+        for direction in ("render", "linearize"):
+            mean = style.errors.get(f"{direction}_mean")
+            if mean is None:
+                continue
+            difference = style.errors.get(f"{direction}_de00_mean")
+            rows.append(
+                (
+                    name,
+                    direction,
+                    f"{mean:.4f}",
+                    f"{style.errors[f'{direction}_max']:.4f}",
+                    "–" if difference is None else f"{difference:.2f}",
+                )
+            )
+    if rows:
+        print_table("Error on held-out shots", ("style", "direction", "mean", "max", "mean ΔE00"), rows)

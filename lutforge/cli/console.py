@@ -1,0 +1,56 @@
+"""What all commands share: progress bars on stderr, tables and notes."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+out = Console(highlight=False, soft_wrap=True)
+_TABLES = Console(highlight=False, width=None if out.is_terminal else 240)
+"""Where no terminal sets a width, tables are as wide as they need."""
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
+    """A bar on stderr while the block runs, where stderr is a terminal; yields report(what, share)."""
+    columns = (
+        TextColumn("[bold]{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[what]}"),
+    )
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bars:
+        task = bars.add_task(title, total=1.0, what="")
+
+        def report(what: str, share: float) -> None:
+            bars.update(task, completed=share, what=escape(what[:60]))
+
+        yield report
+
+
+def say(text: str) -> None:
+    """One line on stdout, as it is."""
+    out.print(escape(text))
+
+
+def note(text: str) -> None:
+    """One line on stderr that is not an error."""
+    err.print(f"[dim]note:[/dim] {escape(text)}")
+
+
+def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A table on stdout; columns after the first are set right where they hold numbers."""
+    table = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False)
+    for index, name in enumerate(header):
+        cells = [row[index] for row in rows]
+        numeric = bool(cells) and all(not cell or cell == "–" or cell[0].isdigit() for cell in cells)
+        table.add_column(name, justify="right" if numeric else "left", overflow="fold", no_wrap=numeric)
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    _TABLES.print(table)

@@ -1,0 +1,31 @@
+"""`lutforge import-nus`: a camera model published by the thesis's authors → a profile."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lutforge.cli.console import say
+
+
+def import_nus(
+    folders: Annotated[list[Path], typer.Argument(help="Folders that hold raw2jpg_transform.txt.", show_default=False)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The profile to write (.npz).")] = Path("camera.npz"),
+    camera: Annotated[str, typer.Option(help="The camera's name; by default read off the folder's.")] = "",
+    style: Annotated[str, typer.Option(help="The picture style that the folders are of.")] = "standard",
+) -> None:
+    """Read the thesis authors' model folders (response, matrix, white balances, gamut map) into a profile."""
+    from lutforge.model.profile_file import save_profile
+    from lutforge.model.published_model import import_published
+
+    profile = import_published(folders, camera or _camera_name(folders[0]), style.lower())
+    save_profile(profile, output)
+    centres = sum(len(model.gamut_map.centres) for model in profile.styles[style.lower()].physical)
+    say(f"{output}: {profile.camera}, style {style.lower()}, {centres} control points")
+    say(f"white balances: {', '.join(profile.white_balances)}")
+
+
+def _camera_name(folder: Path) -> str:
+    """ "nus_nikon_d40/fluorescent" → "Nikon D40"; the folder's own name where it says nothing."""
+    words = folder.resolve().parent.name.removeprefix("nus_").split("_")
+    return " ".join(word.upper() if any(c.isdigit() for c in word) else word.capitalize() for word in words) or "camera"

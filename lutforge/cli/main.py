@@ -1,0 +1,75 @@
+"""The command line: one file per command; errors are one line on stderr and exit status 2."""
+
+import os
+import sys
+from typing import Any
+
+import typer
+
+from lutforge import __version__
+from lutforge.cli.apply import apply
+from lutforge.cli.bake import bake
+from lutforge.cli.calibrate import calibrate
+from lutforge.cli.config import config
+from lutforge.cli.demo import demo
+from lutforge.cli.evaluate import evaluate
+from lutforge.cli.import_nus import import_nus
+from lutforge.cli.inspect import inspect
+from lutforge.cli.sample import sample
+from lutforge.errors import LutForgeError
+
+app = typer.Typer(
+    name="lutforge",
+    help="Calibrate a camera from its RAW and JPEG files, and bake its rendering into LUTs and OpenColorIO configs.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+for command in (demo, inspect, sample, calibrate, evaluate, bake, config, apply):
+    app.command()(command)
+app.command("import-nus")(import_nus)
+
+UsageErrors: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+"""The root of typer's errors of usage, which typer itself does not name."""
+
+
+def _show_version(value: bool) -> None:
+    if value:
+        print(f"lutforge {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: bool = typer.Option(False, "--version", callback=_show_version, is_eager=True, help="Print the version."),
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run the command line and exit: 0 done, 1 some images of a batch failed, 2 bad input or usage, 130 stopped."""
+    try:
+        status = app(standalone_mode=False)
+    except LutForgeError as error:
+        _stop(str(error), 2)
+    except UsageErrors as error:
+        context = getattr(error, "ctx", None)
+        hint = f" (see `{context.command_path} --help`)" if context is not None else ""
+        _stop(error.format_message() + hint, 2)
+    except (KeyboardInterrupt, typer.Abort):
+        _stop("stopped", 130)
+    except BrokenPipeError:  # the reader of a pipe, such as head, has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except MemoryError:
+        _stop("not enough memory: give fewer or smaller files at a time", 2)
+    except OSError as error:
+        _stop(f"{error.filename or 'file system'}: {error.strerror or error}", 2)
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+def _stop(message: str, status: int) -> None:
+    print(f"lutforge: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(status)

@@ -1,0 +1,34 @@
+"""`lutforge sample`: RAW files → samples.csv."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lutforge.cli.console import note, progress_bar, say
+
+if TYPE_CHECKING:
+    from lutforge.pipeline import Sampled
+
+Shots = Annotated[list[Path], typer.Argument(help="RAW files, or folders of them.", show_default=False)]
+Output = Annotated[Path, typer.Option("-o", "--output", help="samples.csv or samples.parquet.")]
+
+
+def sample(shots: Shots, output: Output = Path("samples.csv")) -> None:
+    """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
+    from lutforge.pipeline import sample_shots
+    from lutforge.samples.table import write_samples
+
+    with progress_bar("sampling") as report:
+        sampled = sample_shots(shots, report)
+    tell(sampled)
+    write_samples(output, sampled.samples)
+    say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shots")
+
+
+def tell(sampled: "Sampled") -> None:
+    """Print the account of each shot, and what was left out."""
+    for shot in sampled.shots:
+        say(shot.summary)
+    for reason in sampled.left_out:
+        note(f"left out: {reason}")

@@ -1,0 +1,105 @@
+"""The journey of the data, one function per step; each step lives in the folder of the same name.
+
+shots → samples → calibration → camera profile → baked LUT → OpenColorIO config → graded images
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lutforge.calibration.calibrate import calibrate as fit_profile
+from lutforge.calibration.evaluate import Evaluation
+from lutforge.calibration.evaluate import evaluate as evaluate_profile
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.errors import LutForgeError, SampleError, ShotError
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.samples.extract import ShotSamples, extract
+from lutforge.samples.sample_set import SampleSet, concatenate
+from lutforge.samples.table import read_samples
+from lutforge.shots.discover import discover
+from lutforge.shots.read import read_shot
+from lutforge.shots.shot import Shot
+
+TABLE_SUFFIXES = (".csv", ".parquet")
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the share that is done, 0 … 1."""
+
+
+def _silent(what: str, share: float) -> None:
+    pass
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """samples: of all usable shots; shots: the account of each; left_out: one line for each that is not usable."""
+
+    samples: SampleSet
+    shots: tuple[ShotSamples, ...]
+    left_out: tuple[str, ...]
+
+
+def sample_shots(paths: Sequence[str | Path], progress: Progress = _silent) -> Sampled:
+    """RAW files, or folders of them → colour samples. A shot that cannot be used is left out, with its reason.
+
+    Raises ShotError where no shot is left.
+    """
+    files = discover(paths)
+    names = _unique_names(files)
+    accounts: list[ShotSamples] = []
+    left_out: list[str] = []
+    for index, file in enumerate(files):
+        progress(file.name, index / len(files))
+        try:
+            accounts.append(extract(_named(read_shot(file), names[index])))
+        except LutForgeError as error:
+            if len(files) == 1:
+                raise
+            left_out.append(str(error))
+    progress("done", 1.0)
+    kept = [account.samples for account in accounts if account.kept]
+    if not kept:
+        raise ShotError("no usable shot: " + "; ".join([*left_out, *(account.summary for account in accounts)]))
+    return Sampled(concatenate(kept), tuple(accounts), tuple(left_out))
+
+
+def _named(shot: Shot, name: str) -> Shot:
+    return shot if shot.name == name else replace(shot, name=name)
+
+
+def _unique_names(files: Sequence[Path]) -> list[str]:
+    """The stems, with the folder in front where two files share one."""
+    stems = [file.stem for file in files]
+    return [stem if stems.count(stem) == 1 else str(file) for file, stem in zip(files, stems, strict=True)]
+
+
+def gather_samples(paths: Sequence[str | Path], progress: Progress = _silent) -> Sampled:
+    """Sample tables, RAW files and folders of them, in any mixture → samples."""
+    if not paths:
+        raise SampleError("nothing given: name sample tables (.csv, .parquet) or RAW files")
+    tables = [Path(path) for path in paths if Path(path).suffix.lower() in TABLE_SUFFIXES]
+    others = [path for path in paths if Path(path).suffix.lower() not in TABLE_SUFFIXES]
+    parts = [read_samples(table) for table in tables]
+    sampled = Sampled(concatenate(parts), (), ()) if parts else None
+    if not others:
+        assert sampled is not None
+        return sampled
+    shots = sample_shots(others, progress)
+    return replace(shots, samples=concatenate([*parts, shots.samples]))
+
+
+def sample(paths: Sequence[str | Path]) -> SampleSet:
+    """RAW files, or folders of them → colour samples."""
+    return sample_shots(paths).samples
+
+
+def calibrate(
+    samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = _silent
+) -> CameraProfile:
+    """Samples → a camera profile."""
+    return fit_profile(samples, options, progress)
+
+
+def evaluate(profile: CameraProfile, samples: SampleSet, progress: Progress = _silent) -> Evaluation:
+    """The error table of a profile on samples, held out by shot."""
+    return evaluate_profile(profile, samples, progress)

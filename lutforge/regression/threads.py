@@ -1,0 +1,35 @@
+"""Numba kernels that release the GIL, on all cores, in slabs whose results do not depend on how many there are."""
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+
+
+@cache
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(cores(), thread_name_prefix="regression")
+
+
+def slabs(start: int, stop: int, step: int, most: int) -> list[tuple[int, int]]:
+    """range(start, stop, step) in up to `most` contiguous parts, as (start, stop); a part begins on the range."""
+    count = max(0, -(-(stop - start) // step))
+    parts = max(1, min(most, count))
+    edges = [start + step * (count * part // parts) for part in range(parts)] + [stop]
+    return list(zip(edges, edges[1:], strict=False))
+
+
+def run(task: Callable[[int, int], object], parts: Iterable[tuple[int, int]]) -> None:
+    """Call task(start, stop) for each part: at once where there are several, else right here."""
+    parts = list(parts)
+    if len(parts) == 1:
+        task(*parts[0])
+        return
+    for done in [_pool().submit(task, *part) for part in parts]:
+        done.result()
