@@ -9,6 +9,18 @@ from pathlib import Path
 from lutforge.errors import LutForgeError
 
 
+def require_writable(path: str | Path) -> None:
+    """Raise LutForgeError, in one line, where no file could be written to `path`: asked before long work."""
+    path = Path(path)
+    if path.is_dir():
+        raise LutForgeError(f"{path}: is a folder; name a file")
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    if not folder.is_dir():
+        raise LutForgeError(f"{path}: {folder.name} is a file, not a folder; choose another output folder")
+    if not os.access(folder, os.W_OK):
+        raise LutForgeError(f"{path}: the folder cannot be written to; choose another output folder")
+
+
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path beside `path` (same suffix), renamed to it when the block ends without an error.

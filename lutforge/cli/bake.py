@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lutforge import __version__
+from lutforge.atomic_write import require_writable
 from lutforge.cli.console import note, progress_bar, say
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
@@ -49,6 +50,8 @@ def bake(
         raise LutError("no output: name a file with -o, for example -o look.cube or -o look.clf")
     if interpolation is not None and interpolation not in INTERPOLATIONS:
         raise SettingsError(f'unknown interpolation "{interpolation}"; choose {" or ".join(INTERPOLATIONS)}')
+    for path in outputs:
+        require_writable(path)
     camera = load_profile(profile)
     partner = load_profile(other) if other is not None else None
     transform, title = choose_transform(camera, kind, partner, source, target, ev, space, model)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+from lutforge.atomic_write import require_writable
 from lutforge.cli.console import note, print_table, progress_bar, say
 from lutforge.cli.sample import tell
 from lutforge.errors import CalibrationError
@@ -36,6 +37,7 @@ def calibrate(
 
     if model != "lattice":
         raise CalibrationError(f'unknown model "{model}"; choose lattice')
+    require_writable(output)
     options = CalibrationOptions(
         preset=cast(Preset, preset),
         size=size,

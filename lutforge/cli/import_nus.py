@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from lutforge.atomic_write import require_writable
 from lutforge.cli.console import say
 
 
@@ -18,6 +19,7 @@ def import_nus(
     from lutforge.model.profile_file import save_profile
     from lutforge.model.published_model import import_published
 
+    require_writable(output)
     profile = import_published(folders, camera or _camera_name(folders[0]), style.lower())
     save_profile(profile, output)
     centres = sum(len(model.gamut_map.centres) for model in profile.styles[style.lower()].physical)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lutforge.atomic_write import require_writable
 from lutforge.cli.console import note, progress_bar, say
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ def sample(shots: Shots, output: Output = Path("samples.csv")) -> None:
     from lutforge.pipeline import sample_shots
     from lutforge.samples.table import write_samples
 
+    require_writable(output)
     with progress_bar("sampling") as report:
         sampled = sample_shots(shots, report)
     tell(sampled)

@@ -1,0 +1,125 @@
+"""Bad input gives one clear line on stderr and exit status 2, and leaves nothing half-written."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO
+import pytest
+
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import write_samples
+from lutforge.simulate.dng import write_dng
+
+HEADER = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b\n"
+ROW = "Test Cam,standard,daylight,a,p{n},0.01,{r},0.2,0.3,0.4,0.5,0.6\n"
+
+
+def run(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lutforge", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=cwd)
+
+
+def refused(folder: Path, *words: object) -> str:
+    """Run; expect status 2, one line, no traceback, and no new file in the folder. Returns the line."""
+    before = sorted(folder.rglob("*"))
+    result = run(*words, cwd=folder)
+    assert result.returncode == 2, (result.returncode, result.stdout, result.stderr)
+    assert "Traceback" not in result.stderr
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("lutforge: ")
+    assert sorted(folder.rglob("*")) == before
+    return lines[0]
+
+
+def test_raw_files_that_are_none(tmp_path: Path) -> None:
+    (tmp_path / "empty.CR2").touch()
+    (tmp_path / "text.CR2").write_text("this is not a photograph\n" * 100)
+    assert "empty" in refused(tmp_path, "calibrate", "empty.CR2", "-o", "x.npz")
+    assert "text.CR2" in refused(tmp_path, "calibrate", "text.CR2", "-o", "x.npz")
+    assert "no such file" in refused(tmp_path, "sample", "missing.NEF", "-o", "x.csv")
+
+
+def test_a_raw_without_preview_and_one_whose_jpeg_is_of_something_else(tmp_path: Path) -> None:
+    mosaic = np.random.default_rng(0).integers(600, 12000, (400, 600)).astype(np.uint16)
+    write_dng(tmp_path / "alone.dng", mosaic)
+    assert "no embedded preview" in refused(tmp_path, "calibrate", "alone.dng", "-o", "x.npz")
+    other = OpenImageIO.ImageBuf(OpenImageIO.ImageSpec(600, 400, 3, OpenImageIO.UINT8))
+    other.set_pixels(
+        OpenImageIO.ROI(0, 600, 0, 400, 0, 1, 0, 3), np.random.default_rng(1).random((400, 600, 3), np.float32)
+    )
+    assert other.write(str(tmp_path / "alone.JPG"))
+    assert "does not match" in refused(tmp_path, "calibrate", "alone.dng", "-o", "x.npz")
+
+
+@pytest.mark.parametrize("name", ["Canon_G1_bayer4.crw", "Nikon_D1_RAW_NIKON_D1.NEF", "DC0008L.KDC"])
+def test_unusual_raw_files(shared_data: Path, tmp_path: Path, name: str) -> None:
+    assert name in refused(tmp_path, "calibrate", shared_data / "unusual_raw" / name, "-o", "x.npz")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (HEADER.replace("raw_g,", "") + ROW.format(n=0, r=0.1), "raw_g"),
+        (HEADER + ROW.format(n=0, r="nan"), "line 2"),
+        (HEADER + ROW.format(n=0, r=0.1) + ROW.format(n=1, r=7.5), "line 3"),
+        (HEADER + ROW.format(n=0, r="abc"), "abc"),
+        (HEADER, "no samples"),
+        (HEADER + ROW.format(n=0, r=0.1), "at least"),
+        ("", "empty"),
+    ],
+)
+def test_sample_tables(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "samples.csv").write_text(text)
+    assert says in refused(tmp_path, "calibrate", "samples.csv", "-o", "x.npz")
+
+
+def small_table(path: Path) -> None:
+    """A made camera: a curve and a white balance, 60 samples of two shots."""
+    raw = np.random.default_rng(5).uniform(0.02, 0.4, (60, 3))
+    balance = np.array([2.0, 1.0, 1.5])
+
+    def text(value: str) -> np.ndarray[tuple[int, ...], np.dtype[np.str_]]:
+        return np.full(60, value)
+
+    shot = np.array(["a", "b"] * 30)
+    patch = np.array([f"p{n}" for n in range(60)])
+    table = SampleSet(
+        text("Test Cam"), text("standard"), text("daylight"), shot, patch, np.full(60, 0.01), raw,
+        np.clip(raw * balance, 0, 1) ** 0.45, np.tile(balance, (60, 1)), text("Test Cam"),
+    )  # fmt: skip
+    write_samples(path, table)
+
+
+def test_settings_outputs_and_profiles(tmp_path: Path) -> None:
+    small_table(tmp_path / "samples.csv")
+    made = run("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    for words, says in (
+        (("bake", "camera.npz", "render", "--to", "sepia/daylight", "-o", "x.cube"), "standard"),
+        (("bake", "camera.npz", "render", "--to", "standard/moon", "-o", "x.cube"), "daylight"),
+        (("bake", "camera.npz", "render", "-o", "x.cube"), "--to"),
+        (("bake", "camera.npz", "render", "--to", "standard/daylight"), "-o"),
+        (("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "x.png2"), "suffix"),
+        (("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "x.cube", "--size", "1"), "nodes"),
+        (("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "standard/daylight",
+          "--ev", "99", "-o", "x.cube"), "20 stops"),
+        (("bake", "samples.csv", "render", "--to", "standard/daylight", "-o", "x.cube"), "not a LutForge profile"),
+        (("calibrate", "samples.csv", "--size", "2", "-o", "y.npz"), "size"),
+        (("calibrate", "samples.csv", "--preset", "magic", "-o", "y.npz"), "preset"),
+        (("apply", "camera.npz", "none.jpg", "--from", "standard/daylight", "-o", "out"), "no such file"),
+        (("apply", "none.cube", "none.jpg", "-o", "out"), "none.cube"),
+        (("config", "samples.csv", "-o", "ocio"), "not a LutForge profile"),
+        (("frobnicate",), "frobnicate"),
+        (("bake",), "Missing"),
+    ):  # fmt: skip
+        assert says in refused(tmp_path, *words), words
+
+
+def test_an_output_that_cannot_be_written_leaves_the_old_file(tmp_path: Path) -> None:
+    small_table(tmp_path / "samples.csv")
+    (tmp_path / "file").write_text("in the way")
+    line = refused(tmp_path, "calibrate", "samples.csv", "-o", "file/camera.npz", "--size", "5")
+    assert "file/camera.npz" in line

@@ -1,0 +1,92 @@
+"""The demo ends with LUTs, a config, a graded photograph and small errors against the known truth."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import lutforge as lf
+from lutforge.images.read import read_image
+from lutforge.luts.processor import evaluate, file_processor
+from lutforge.simulate.camera import nikon_d5100
+
+
+def errors(stdout: str) -> dict[str, list[float]]:
+    """The last table: what → mean, max, RMSE and ΔE00 (where there is one)."""
+    rows = {}
+    for line in stdout.splitlines():
+        found = re.fullmatch(r"(render|linearize|refinish|graded)(.*?)\s+(\d+)((?:\s+[\d.]+){3})\s+([\d.]+|–)\s*", line)
+        if found:
+            values = [float(word) for word in found[4].split()]
+            rows[(found[1] + found[2]).strip()] = values + ([] if found[5] == "–" else [float(found[5])])
+    return rows
+
+
+def test_it_makes_every_file_that_it_names(demo: tuple[Path, str]) -> None:
+    for name in (
+        "samples.csv",
+        "camera.npz",
+        "calibration.png",
+        "refinish.png",
+        "luts/render.clf",
+        "luts/refinish.cube",
+        "luts/refinish.resolve.cube",
+        "ocio/config.ocio",
+        "graded/held-out.JPG",
+    ):
+        assert (demo[0] / name).stat().st_size > 0, name
+    assert len(list((demo[0] / "shots").glob("*.dng"))) == 15
+
+
+def test_errors_against_the_truth(demo: tuple[Path, str]) -> None:
+    """Bounds of the simulated camera: rendering within a few codes, linearizing below 0.4 % of full scale."""
+    table = errors(demo[1])
+    assert len(table) == 5
+    assert all(values[0] < 0.02 for name, values in table.items() if name.startswith("render"))
+    assert table["linearize standard/tungsten"][0] < 0.004
+    assert table["refinish"][0] < 0.03
+    assert table["graded JPEG, 8 bit"][2] < 0.025
+
+
+def test_the_matrix_is_the_cameras(demo: tuple[Path, str]) -> None:
+    """Ts of the profile against the simulated camera's own, relative Frobenius norm."""
+    profile, truth = lf.load_profile(demo[0] / "camera.npz"), nikon_d5100()
+    assert np.linalg.norm(profile.matrix - truth.matrix) < 0.08 * np.linalg.norm(truth.matrix)
+    for name, balance in profile.white_balances.items():
+        np.testing.assert_allclose(balance.multipliers, truth.white_balances[name].multipliers, rtol=5e-3)
+
+
+def test_grading_makes_the_photograph_like_the_one_wanted(demo: tuple[Path, str]) -> None:
+    folder = demo[0]
+    before = read_image(folder / "shots/held-out/held-out.JPG").pixels
+    wanted = read_image(folder / "shots/held-out/wanted.JPG").pixels
+    after = read_image(folder / "graded/held-out.JPG").pixels
+
+    def rmse(image: NDArray[np.float32]) -> float:
+        return float(np.sqrt(np.mean((image - wanted) ** 2)))
+
+    assert rmse(after) < 0.1 * rmse(before)
+
+
+def test_the_config_passes_ociocheck_and_converts_as_the_luts_do(demo: tuple[Path, str]) -> None:
+    tool = shutil.which("ociocheck", path=str(Path(sys.executable).parent))
+    if tool is None:
+        pytest.skip("ociocheck is not in this environment")
+    config = demo[0] / "ocio" / "config.ocio"
+    run = subprocess.run([tool, "--iconfig", str(config)], capture_output=True, text=True, check=False)
+    assert run.returncode == 0
+    assert "WARNING" not in run.stdout
+    assert "sound; ociocheck: passed" in demo[1]
+
+
+def test_baked_files_are_the_profile(demo: tuple[Path, str]) -> None:
+    """The render's CLF holds the profile's lattice without loss."""
+    profile = lf.load_profile(demo[0] / "camera.npz")
+    x = np.random.default_rng(1).random((50_000, 3)).astype(np.float32)
+    got = evaluate(file_processor(demo[0] / "luts" / "render.clf", "trilinear"), x)
+    np.testing.assert_allclose(got, profile.render("vivid/daylight")(x), atol=1e-5)

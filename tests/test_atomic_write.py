@@ -1,0 +1,44 @@
+"""A file is written whole or not at all."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from lutforge.atomic_write import atomic_path, require_writable
+from lutforge.errors import LutForgeError
+
+
+def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path: Path) -> None:
+    target = tmp_path / "out" / "look.cube"
+    with atomic_path(target) as temporary:
+        temporary.write_text("first")
+        assert not target.exists()
+        assert temporary.suffix == ".cube"
+    with pytest.raises(RuntimeError), atomic_path(target) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert target.read_text() == "first"
+    assert [path.name for path in target.parent.iterdir()] == ["look.cube"]
+
+
+def test_the_file_has_ordinary_permissions(tmp_path: Path) -> None:
+    umask = os.umask(0o022)
+    try:
+        with atomic_path(tmp_path / "a") as temporary:
+            temporary.write_text("x")
+    finally:
+        os.umask(umask)
+    assert (tmp_path / "a").stat().st_mode & 0o777 == 0o644
+
+
+def test_places_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for path in (tmp_path / "file" / "a.cube", tmp_path):
+        with pytest.raises(LutForgeError) as caught:
+            require_writable(path)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(LutForgeError, match="cannot write"), atomic_path(tmp_path / "file" / "a.cube"):
+        pass
+    require_writable(tmp_path / "new" / "folder" / "a.cube")
+    assert not (tmp_path / "new").exists()
