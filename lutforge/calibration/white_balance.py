@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.calibration.blind_white_balance import multipliers_from_colours
 from lutforge.errors import CalibrationError
 from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
 from lutforge.samples.sample_set import SampleSet
@@ -19,8 +20,8 @@ def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
     """The multipliers (n, 3) of every sample, green = 1, estimated per shot and setting where the table has none.
 
     What the camera rendered neutral was neutral after white balance: the multipliers are the weighted median of G / R
-    and G / B over near-neutral JPEG colours. Returns them with one note per estimate.
-    Raises CalibrationError, naming the shots, where a white balance without multipliers has no neutral colour.
+    and G / B over near-neutral JPEG colours; where there are none, the colours decide. Returns them with one note per
+    estimate. Raises CalibrationError, naming the setting, where a white balance cannot be told.
     """
     multipliers = samples.wb.copy()
     notes = []
@@ -31,22 +32,29 @@ def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
     for name in np.unique(setting[unknown]):
         rows = unknown & (setting == name)
         label = str(name) or "unnamed"
-        multipliers[rows] = _neutral_multipliers(samples.raw[rows], samples.srgb[rows], label)
-        r, _, b = multipliers[rows][0]
-        notes.append(f"white balance {label}: multipliers {r:.3f}, 1, {b:.3f} read from neutral colours of the JPEGs")
+        raw, srgb = samples.raw[rows], samples.srgb[rows]
+        found, source = _neutral_multipliers(raw, srgb), "near-neutral colours"
+        if found is None:
+            try:
+                found, source = multipliers_from_colours(raw, srgb), "colours, none of them neutral"
+            except CalibrationError as error:
+                raise CalibrationError(
+                    f"white balance {label}: the files give no multipliers, and {error}; "
+                    "add a shot with something grey in it, or the columns wb_r,wb_g,wb_b"
+                ) from error
+        multipliers[rows] = found
+        notes.append(f"white balance {label}: multipliers {found[0]:.3f}, 1, {found[2]:.3f} read from {source}")
     return multipliers, tuple(notes)
 
 
-def _neutral_multipliers(raw: Array, srgb: Array, label: str) -> Array:
+def _neutral_multipliers(raw: Array, srgb: Array) -> Array | None:
+    """From near-neutral colours; None where there are too few."""
     high = srgb.max(axis=1)
     saturation = 1.0 - srgb.min(axis=1) / np.maximum(high, 1e-6)
     weight = np.exp(-((saturation / NEUTRAL_SATURATION) ** 2))
     weight[(high > 0.95) | (high < 0.08) | (raw.min(axis=1) <= 1e-4)] = 0.0
     if weight.sum() < LEAST_NEUTRALS:
-        raise CalibrationError(
-            f"white balance {label}: the files give no multipliers and no near-neutral colour shows them; "
-            "add a shot with something grey in it, or the columns wb_r,wb_g,wb_b"
-        )
+        return None
     ratios = [_weighted_median(raw[:, 1] / np.maximum(raw[:, c], 1e-6), weight) for c in range(3)]
     return np.array(ratios)
 

@@ -1,0 +1,75 @@
+"""Multipliers that the files do not tell, found from the colours of the simulated camera."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lutforge.calibration.blind_white_balance import multipliers_from_colours
+from lutforge.calibration.white_balance import complete_multipliers, named_white_balances
+from lutforge.errors import CalibrationError
+from lutforge.pipeline import sample
+from lutforge.samples.sample_set import SampleSet
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
+
+CAMERA = nikon_d5100()
+
+
+def photographed(camera: SimulatedCamera, balance: str, count: int, grey: bool) -> tuple[NDArray[np.float64], ...]:
+    """RAW and JPEG values of random colours; grey: a quarter of them neutral."""
+    rng = np.random.default_rng(11)
+    balanced = rng.uniform(0.03, 0.35, (count, 1)) * rng.uniform(0.5, 1.5, (count, 3))
+    if grey:
+        balanced[::4] = balanced[::4, :1]
+    raw = balanced / np.asarray(camera.white_balances[balance].multipliers)
+    return raw, np.round(camera.render(raw, "standard", balance) * 255) / 255
+
+
+def sample_set(raw: NDArray[np.float64], srgb: NDArray[np.float64], balance: str) -> SampleSet:
+    count = len(raw)
+
+    def text(value: str) -> NDArray[np.str_]:
+        return np.full(count, value)
+
+    return SampleSet(
+        text("Camera"), text("standard"), text(balance), text("a"), np.arange(count).astype(np.str_),
+        np.full(count, 0.01), raw, srgb, np.full((count, 3), np.nan), text("Camera"),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("balance", ["daylight", "tungsten", "shade"])
+@pytest.mark.parametrize(("grey", "within"), [(True, 0.02), (False, 0.06)])
+def test_multipliers_are_found_with_greys_and_without(balance: str, grey: bool, within: float) -> None:
+    """Without greys the colours alone decide, and the gamut map moves those that are saturated."""
+    raw, srgb = photographed(CAMERA, balance, 300, grey)
+    samples = sample_set(raw, srgb, balance)
+    found, notes = complete_multipliers(samples)
+    np.testing.assert_allclose(found[0], CAMERA.white_balances[balance].multipliers, rtol=within)
+    assert len(notes) == 1
+    assert balance in notes[0]
+    assert named_white_balances(samples, found)[balance].spread == 0.0
+
+
+def test_known_multipliers_are_kept() -> None:
+    raw, srgb = photographed(CAMERA, "daylight", 50, True)
+    samples = sample_set(raw, srgb, "daylight")
+    samples.wb[:] = (1.5, 1.0, 2.5)
+    found, notes = complete_multipliers(samples)
+    assert np.all(found == (1.5, 1.0, 2.5))
+    assert notes == ()
+
+
+def test_one_colour_tells_no_white_balance() -> None:
+    raw = np.tile([[0.2, 0.1, 0.05]], (100, 1))
+    with pytest.raises(CalibrationError, match="too alike"):
+        multipliers_from_colours(raw, np.tile([[0.8, 0.3, 0.1]], (100, 1)))
+    samples = sample_set(raw, np.tile([[0.8, 0.3, 0.1]], (100, 1)), "daylight")
+    with pytest.raises(CalibrationError, match="wb_r"):
+        complete_multipliers(samples)
+
+
+def test_real_multipliers_are_found_from_colours(shared_data: Path) -> None:
+    """A Canon S40 shot of a chart, whose file says 1.620, 1, 1.555: within 6 %, knowing nothing."""
+    samples = sample([shared_data / "canon_powershot_s40" / "CRW_0101.CRW"])
+    np.testing.assert_allclose(multipliers_from_colours(samples.raw, samples.srgb), samples.wb[0], rtol=0.06)
