@@ -14,7 +14,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import LutForgeError, SampleError, ShotError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.extract import ShotSamples, extract
-from lutforge.samples.sample_set import SampleSet, concatenate
+from lutforge.samples.sample_set import SampleSet, concatenate, with_setting_names
 from lutforge.samples.table import read_samples
 from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
@@ -97,9 +97,9 @@ def calibrate(
     samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = _silent
 ) -> CameraProfile:
     """Samples → a camera profile."""
-    return fit_profile(samples, options, progress)
+    return fit_profile(with_setting_names(samples), options, progress)
 
 
 def evaluate(profile: CameraProfile, samples: SampleSet, progress: Progress = _silent) -> Evaluation:
     """The error table of a profile on samples, held out by shot."""
-    return evaluate_profile(profile, samples, progress)
+    return evaluate_profile(profile, with_setting_names(samples), progress)

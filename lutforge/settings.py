@@ -44,6 +44,14 @@ class Selector:
                 return f"{self.style}/{name}"
 
 
+def setting_name(text: str) -> str:
+    """The form in which a style's or white balance's name is kept: lower case, one space between words, no separators.
+
+    A selector "STYLE/WB" can name whatever this returns.
+    """
+    return " ".join(re.sub(r"[/,]", "-", text.lower()).split()) or "unnamed"
+
+
 def parse_selector(text: str) -> Selector:
     """Read "STYLE/WB".
 

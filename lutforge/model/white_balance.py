@@ -49,6 +49,8 @@ def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, White
     match white_balance:
         case Multipliers(rgb):
             return np.array(rgb)
+        case Kelvin(kelvin) if f"{kelvin:g}k" in known:
+            return np.array(known[f"{kelvin:g}k"].multipliers)
         case Kelvin(kelvin):
             return _interpolate(kelvin, known)
         case name:

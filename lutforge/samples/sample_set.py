@@ -1,12 +1,13 @@
 """The sample table: RAW and JPEG colours of the same surfaces under known settings."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.errors import SampleError
+from lutforge.settings import setting_name
 
 Text = NDArray[np.str_]
 Numbers = NDArray[np.float64]
@@ -54,6 +55,16 @@ class SampleSet:
         names, first = np.unique(self.shot, return_index=True)
         for name in names[np.argsort(first)]:
             yield str(name), self.select(self.shot == name)
+
+
+def with_setting_names(samples: SampleSet) -> SampleSet:
+    """The samples with style and white-balance names as selectors write them, whatever table they come from."""
+
+    def named(column: Text) -> Text:
+        names, index = np.unique(column, return_inverse=True)
+        return np.array([setting_name(str(name)) for name in names], dtype=np.str_)[index]
+
+    return replace(samples, style=named(samples.style), white_balance=named(samples.white_balance))
 
 
 def concatenate(sets: Iterable[SampleSet]) -> SampleSet:

@@ -1,0 +1,91 @@
+"""The steps of the journey, where they join."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lutforge as lf
+from lutforge.errors import SampleError, ShotError
+from lutforge.pipeline import gather_samples, sample_shots
+from lutforge.samples.sample_set import SampleSet
+from lutforge.simulate.camera import nikon_d5100
+from lutforge.simulate.demo import SHOTS, demo_shots
+from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.scenes import SCENES
+
+
+def made_samples(count: int = 300, style: str = "Standard", balance: str = " Day/Light ") -> SampleSet:
+    rng = np.random.default_rng(4)
+    gain = np.array([1.8, 1.0, 1.5])
+    raw = rng.uniform(0.02, 0.5, (count, 3)) / gain
+    shot = np.char.add("s", (np.arange(count) % 3).astype(np.str_))
+    name = np.full(count, "Camera")
+    return SampleSet(
+        name, np.full(count, style), np.full(count, balance), shot, np.arange(count).astype(np.str_),
+        np.full(count, 0.01), raw, (raw * gain) ** 0.45, np.tile(gain, (count, 1)), name,
+    )  # fmt: skip
+
+
+def test_names_of_settings_become_those_of_selectors() -> None:
+    profile = lf.calibrate(made_samples(), lf.CalibrationOptions(size=9))
+    assert list(profile.styles) == ["standard"]
+    assert list(profile.white_balances) == ["day-light"]
+    render = profile.render("STANDARD/Day-Light")
+    grey = np.array([[0.1, 0.18, 0.12]])
+    np.testing.assert_allclose(render(grey), (grey * [1.8, 1.0, 1.5]) ** 0.45, atol=0.01)
+
+
+def test_tables_and_shots_mix(tmp_path: Path) -> None:
+    camera = nikon_d5100()
+    settings = CameraSettings("standard", "daylight", camera.nominal_exposure_s)
+    for folder in ("a", "b"):
+        photograph(camera, SCENES["wall"](404, 608, 3), settings, tmp_path / folder, "same", jpeg_beside=False)
+    lf.write_samples(tmp_path / "table.csv", made_samples())
+    sampled = gather_samples([tmp_path / "table.csv", tmp_path / "a", tmp_path / "b"])
+    assert len(sampled.shots) == 2
+    assert len({account.shot for account in sampled.shots}) == 2  # of one stem, told apart by their folders
+    assert len(sampled.samples) == 300 + sum(account.kept for account in sampled.shots)
+
+
+def test_a_bad_shot_is_left_out_and_named(tmp_path: Path) -> None:
+    camera = nikon_d5100()
+    settings = CameraSettings("standard", "daylight", camera.nominal_exposure_s)
+    photograph(camera, SCENES["wall"](404, 608, 3), settings, tmp_path, "good", jpeg_beside=False)
+    (tmp_path / "bad.nef").write_bytes(b"not a photograph")
+    sampled = sample_shots([tmp_path])
+    assert [account.shot for account in sampled.shots] == ["good"]
+    assert len(sampled.left_out) == 1
+    assert "bad.nef" in sampled.left_out[0]
+    (tmp_path / "worse.nef").touch()
+    with pytest.raises(ShotError, match=r"no usable shot: .*bad.nef.*worse.nef"):
+        sample_shots([tmp_path / "bad.nef", tmp_path / "worse.nef"])
+
+
+def test_nothing_given() -> None:
+    with pytest.raises(SampleError, match="nothing given"):
+        gather_samples([])
+
+
+def test_shots_of_the_demo_register_where_they_were_taken(tmp_path: Path) -> None:
+    """A full-size JPEG lies 8 and 4 pixels in from the RAW's corner, a half-size preview has scale 2."""
+    from lutforge.shots.read import read_shot
+
+    shots = demo_shots(tmp_path)
+    assert len(shots.calibration) == len(SHOTS)
+    for path in shots.calibration[:4]:
+        place = read_shot(path).registration
+        assert place.scale == pytest.approx(round(place.scale), abs=1e-3)
+        assert (place.offset_x, place.offset_y) == pytest.approx((8.0, 4.0), abs=0.15)
+
+
+def test_a_held_out_shot_is_told_from_one_that_was_calibrated_from() -> None:
+    samples = made_samples()
+    first = samples.select(samples.shot != "s2")
+    profile = lf.calibrate(first, lf.CalibrationOptions(size=9))
+    rows = lf.evaluate(profile, replace(samples)).rows
+    mine = [row for row in rows if row.direction == "render" and row.method == "lattice" and row.shot != "all"]
+    assert {row.shot for row in mine} == {"s0", "s1", "s2"}
+    assert all(row.held_out for row in mine)
+    assert all(row.figures.mean < 0.02 for row in mine)
