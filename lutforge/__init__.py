@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from lutforge.calibration.options import CalibrationOptions
     from lutforge.errors import LutForgeError
     from lutforge.luts.bake import bake
+    from lutforge.luts.check import check_lut
     from lutforge.luts.lut import Lut
     from lutforge.luts.verify import verify
+    from lutforge.luts.write import bake_for
     from lutforge.model.camera_profile import CameraProfile, match
     from lutforge.model.profile_file import load_profile, save_profile
     from lutforge.model.published_model import import_published
@@ -39,8 +41,10 @@ __all__ = [
     "LutForgeError",
     "SampleSet",
     "bake",
+    "bake_for",
     "build_config",
     "calibrate",
+    "check_lut",
     "evaluate",
     "import_published",
     "load_profile",
@@ -61,8 +65,10 @@ _HOMES = {
     "LutForgeError": "errors",
     "SampleSet": "samples.sample_set",
     "bake": "luts.bake",
+    "bake_for": "luts.write",
     "build_config": "ocio.config",
     "calibrate": "pipeline",
+    "check_lut": "luts.check",
     "evaluate": "pipeline",
     "import_published": "model.published_model",
     "load_profile": "model.profile_file",

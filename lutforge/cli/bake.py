@@ -42,7 +42,7 @@ def bake(
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
     from lutforge.luts.bake import bake as fit_lut
     from lutforge.luts.verify import verify
-    from lutforge.luts.write import write_lut
+    from lutforge.luts.write import DIALECTS, write_lut
     from lutforge.model.profile_file import load_profile
 
     outputs = output or []
@@ -50,6 +50,10 @@ def bake(
         raise LutError("no output: name a file with -o, for example -o look.cube or -o look.clf")
     if interpolation is not None and interpolation not in INTERPOLATIONS:
         raise SettingsError(f'unknown interpolation "{interpolation}"; choose {" or ".join(INTERPOLATIONS)}')
+    if reader is not None and reader not in DIALECTS:
+        raise LutError(f'unknown program "{reader}" for --for; known: {", ".join(DIALECTS)}')
+    if reader is not None and interpolation is None:
+        interpolation = DIALECTS[reader].interpolation
     for path in outputs:
         require_writable(path)
     camera = load_profile(profile)
@@ -69,10 +73,12 @@ def bake(
             progress=report,
         )
     for path in outputs:
-        written = write_lut(lut, path, reader)
-        error = verify(written.path, transform, lut, display_referred=display)
+        written = write_lut(lut, path, reader, size)
+        held = written.lut or lut
+        error = verify(written.path, transform, held, display_referred=display)
         lost = f"; {written.what_was_lost}" if written.what_was_lost else ""
-        say(f"{written.path}: {written.format}, {lut.size} nodes per axis, {lut.interpolation}{lost}")
+        nodes = "" if "nodes" in written.format else f", {held.size} nodes per axis"
+        say(f"{written.path}: {written.format}{nodes}, {held.interpolation}{lost}")
         say(f"  read back, against the model: {error}")
 
 

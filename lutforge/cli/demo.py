@@ -104,7 +104,7 @@ def _bake(profile: "CameraProfile", shots: "DemoShots", folder: Path) -> None:
     for title, transform, name, reader, display in jobs:
         lut = bake(transform, title=f"{profile.camera} {title}", display_referred=display)
         written = write_lut(lut, folder / name, reader)
-        error = verify(written.path, transform, lut, display_referred=display)
+        error = verify(written.path, transform, written.lut or lut, display_referred=display)
         say(f"   {written.path}: {written.format}; {error}")
 
 

@@ -10,6 +10,7 @@ from lutforge import __version__
 from lutforge.cli.apply import apply
 from lutforge.cli.bake import bake
 from lutforge.cli.calibrate import calibrate
+from lutforge.cli.check import check
 from lutforge.cli.config import config
 from lutforge.cli.demo import demo
 from lutforge.cli.evaluate import evaluate
@@ -27,7 +28,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for command in (demo, inspect, sample, calibrate, evaluate, bake, config, apply):
+for command in (demo, inspect, sample, calibrate, evaluate, bake, config, apply, check):
     app.command()(command)
 app.command("import-nus")(import_nus)
 

@@ -1,8 +1,9 @@
-"""Bake a transform into a shaper and a cube (method: lattice regression to a known function).
+"""Bake a transform into a shaper and a cube, and a response behind it where the file can hold one.
 
 A lattice of a profile is baked as it stands, without loss. Any other transform is evaluated densely and fitted by least
 squares under the reader's own interpolation, with node levels where the function bends; it is never merely sampled at
-the nodes.
+the nodes. A physical model keeps its two responses as curves: the cube then holds the smooth colour mapping between
+them, on linear axes, and what the camera clips is clipped by the response, not rounded off by the cube.
 """
 
 from collections.abc import Callable
@@ -13,27 +14,25 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lutforge.errors import LutError
-from lutforge.interpolation import Interpolation, Levels
-from lutforge.luts.lut import Lut, lut_from_lattice
+from lutforge.interpolation import Interpolation
+from lutforge.luts.least_squares import Function, Samples, curvature_levels, fit_cube, sample
+from lutforge.luts.lut import Lut, lut_from_lattice, through
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.colour_difference import delta_e_2000
-from lutforge.model.lattice import grid, uniform_levels
-from lutforge.model.transform import LatticeTransform, Transform
-from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, fit_lattice, predict
-from lutforge.regression.node_levels import equidistributed_levels, snap_levels
+from lutforge.model.lattice import uniform_levels
+from lutforge.model.response import Response
+from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
 
 Array = NDArray[np.float64]
 
 DEFAULT_SIZE = 33
 SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
 """Sizes that a tolerance is tried at."""
-ROUNDS = 5
-POINTS_PER_NODE = 6
-SEARCH_POINTS = 60_000
-SMOOTHNESS = 1e-5
-"""Only keeps nodes between samples in place: the data term of a dense evaluation weighs several units per node."""
-CORNER_HOLD = 1e3
 CHECK_POINTS = 1 << 15
+CURVE_SIZE = SHAPER_SIZE
+BLOCK = 1 << 15
+LEAST_SLOPE = 1e-3
+"""Share of a straight line in an input curve, so that it rises where a response is flat."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +42,17 @@ class BakeError:
     mean: float
     maximum: float
     de00_p99: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """A transform as matrix · response(inner(curve(gain · x))); `inner` is what the cube holds."""
+
+    inner: Function
+    gain: Array
+    matrix: Array
+    curve: Array | None = None
+    response: Array | None = None
 
 
 def bake(
@@ -55,49 +65,33 @@ def bake(
     title: str = "",
     comments: tuple[str, ...] = (),
     progress: Callable[[str, float], None] = lambda what, share: None,
+    shaper: bool = True,
+    response: bool = True,
+    shared: bool = False,
 ) -> Lut:
     """A LUT of any transform of colours, (…, 3) → (…, 3) on [0, 1]³.
 
     size: nodes per axis (33; a lattice of a profile keeps its own). tolerance: instead, the smallest size at which 99 %
     of colours are within this ΔE00; display_referred: the output is encoded sRGB, so that ΔE00 has a meaning.
+    shaper: node levels and input curve are free, else the cube is uniform; shared: one shaper for all three axes;
+    response: there may be a curve behind the cube, which only process lists hold. `Lut.write` fits again where the
+    format of a file cannot hold these.
     Raises LutError where the size or tolerance cannot be had, or the transform gives numbers that are not finite.
     """
     if size is not None and tolerance is not None:
         raise LutError("give a size or a tolerance, not both")
     if size is not None and not 2 <= size <= 129:
         raise LutError(f"{size} nodes per axis: choose 2 to 129 (17, 33 and 65 are usual)")
-    if isinstance(transform, LatticeTransform) and tolerance is None:
-        lattice = transform.lattice
-        own = set(lattice.size) == {size or lattice.size[0]}
-        if own and (interpolation or lattice.interpolation) == lattice.interpolation:
-            lut = lut_from_lattice(lattice, transform.gain, transform.matrix, title)
-            return replace(lut, comments=comments)
-    problem = _Problem(transform, interpolation or "trilinear")
+    exact = _as_it_stands(transform, size, interpolation) if shaper and not shared and tolerance is None else None
+    if exact is not None:
+        return replace(exact, title=title, comments=comments, source=transform)
+    method = interpolation or "tetrahedral"
+    parts = _parts(transform, response) if shaper and not shared else _Parts(_checked(transform), np.ones(3), np.eye(3))
     if tolerance is None:
-        lut = problem.fit(size or DEFAULT_SIZE)
+        lut = _fit(parts, size or DEFAULT_SIZE, method, shaper, shared)
     else:
-        lut = _smallest(problem, tolerance, display_referred, progress)
-    return replace(lut, title=title, comments=comments)
-
-
-def _smallest(
-    problem: "_Problem", tolerance: float, display_referred: bool, progress: Callable[[str, float], None]
-) -> Lut:
-    if not display_referred:
-        raise LutError("a ΔE00 tolerance has no meaning for scene-linear output; give a size (33 or 65) instead")
-    if not tolerance > 0:
-        raise LutError(f"tolerance {tolerance:g}: a ΔE00 above 0 is needed")
-    reached = float("inf")
-    for index, size in enumerate(SIZES):
-        progress(f"{size} nodes per axis", index / len(SIZES))
-        lut = problem.fit(size)
-        error = bake_error(lut, problem.transform).de00_p99
-        reached = min(reached, error if error is not None else reached)
-        if reached <= tolerance:
-            return lut
-    raise LutError(
-        f"no size up to {SIZES[-1]} brings 99 % of colours within {tolerance:g} ΔE00; the best is {reached:.2g}"
-    )
+        lut = _smallest(transform, parts, tolerance, method, shaper, shared, display_referred, progress)
+    return replace(lut, title=title, comments=comments, source=transform)
 
 
 def bake_error(lut: Lut, transform: Transform, display_referred: bool = True) -> BakeError:
@@ -111,66 +105,155 @@ def bake_error(lut: Lut, transform: Transform, display_referred: bool = True) ->
     return BakeError(float(norm.mean()), float(norm.max()), p99)
 
 
-class _Problem:
-    """The core of a transform, to be fitted by a lattice; its gain and matrix stay outside."""
-
-    def __init__(self, transform: Transform, method: Interpolation) -> None:
-        self.transform = transform
-        self.method = method
-        self.gain: Array = getattr(transform, "gain", np.ones(3))
-        self.matrix: Array = getattr(transform, "matrix", np.eye(3))
-        self._core: Callable[[Array], Array] = getattr(transform, "core", transform)
-
-    def core(self, x: Array) -> Array:
-        """The function that the lattice holds, at x (…, 3)."""
-        y = np.asarray(self._core(x), dtype=np.float64)
-        if y.shape != x.shape:
-            raise LutError(f"the transform made shape {y.shape} of colours of shape {x.shape}; it must keep it")
-        if not np.all(np.isfinite(y)):
-            worst = x.reshape(-1, 3)[np.flatnonzero(~np.all(np.isfinite(y.reshape(-1, 3)), axis=1))[0]]
-            raise LutError(f"the transform gives a number that is not finite at {np.round(worst, 4).tolist()}")
-        return y
-
-    def fit(self, size: int) -> Lut:
-        """Node levels by rounds on a sparse set of points, then the values on a dense one."""
-        x = _points(min(SEARCH_POINTS, 2 * POINTS_PER_NODE * size**3), uniform_levels(size))
-        y = self.core(x)
-        levels = uniform_levels(size)
-        best: tuple[float, Levels] = (float("inf"), levels)
-        for _ in range(ROUNDS):
-            nodes = self._fit(x, y, levels, 1e-3)
-            error = np.sum((predict(nodes, x, self.method) - y) ** 2, axis=1)
-            mean = float(np.mean(error))
-            if mean < best[0]:
-                best = (mean, levels)
-            if mean > 0.97 * best[0] and levels is not best[1]:
-                break
-            levels = equidistributed_levels(x, error, levels)
-        r, g, b = (snap_levels(axis, SHAPER_SIZE) for axis in best[1])
-        dense = _points(POINTS_PER_NODE * size**3, (r, g, b))
-        values = self._fit(dense, self.core(dense), (r, g, b), 1e-6).values
-        return Lut(self.gain, (r, g, b), values, self.matrix, SHAPER_SIZE, self.method)
-
-    def _fit(self, x: Array, y: Array, levels: Levels, tolerance: float) -> LatticeFit:
-        sampled = self.core(grid(levels))
-        hold = np.zeros_like(sampled)
-        hold[0, 0, 0] = hold[-1, -1, -1] = CORNER_HOLD
-        return fit_lattice(
-            x,
-            y,
-            levels,
-            Regularisation(SMOOTHNESS, twist=SMOOTHNESS, anchor=0.0, thin_plate=0.0),
-            method=self.method,
-            prior=Prior(sampled, hold),
-            tolerance=tolerance,
-        )
+def _as_it_stands(transform: Transform, size: int | None, interpolation: Interpolation | None) -> Lut | None:
+    """A lattice of a profile, where it has the size and the interpolation that are asked for."""
+    if not isinstance(transform, LatticeTransform):
+        return None
+    lattice = transform.lattice
+    if set(lattice.size) != {size or lattice.size[0]}:
+        return None
+    if (interpolation or lattice.interpolation) != lattice.interpolation:
+        return None
+    return lut_from_lattice(lattice, transform.gain, transform.matrix)
 
 
-def _points(count: int, levels: Levels) -> Array:
-    """Colours (n, 3) on [0, 1]: half spread over the cube, half over the cells of the lattice; and the grey axis."""
-    half = 1 << max(6, int(np.ceil(np.log2(max(1, count // 2)))))
-    even = qmc.Sobol(3, scramble=False).random(half)
-    spread = qmc.Sobol(3, rng=1).random(half)
-    cells = np.stack([np.interp(spread[:, c], np.linspace(0, 1, len(levels[c])), levels[c]) for c in range(3)], axis=1)
+def _fit(parts: _Parts, size: int, method: Interpolation, shaper: bool, shared: bool) -> Lut:
+    inner, curve = parts.inner, parts.curve
+
+    def ahead(x: Array) -> Array:
+        return x if curve is None else through(curve, x)
+
+    weight = None if parts.response is None else _slope_weight(parts.response)
+    levels = (
+        curvature_levels(lambda x: inner(ahead(x)), size, weight, shared, ahead) if shaper else uniform_levels(size)
+    )
     grey = np.repeat(np.linspace(0.0, 1.0, 1025)[:, None], 3, axis=1)
-    return np.concatenate([even, cells, grey])
+    empty = Lut(
+        gain=parts.gain,
+        levels=levels,
+        cube=np.zeros((size, size, size, 3)),
+        matrix=parts.matrix,
+        interpolation=method,
+        curve=curve,
+        response=parts.response,
+    )
+    samples = sample(inner, empty.knots, ahead(grey))
+    cube = fit_cube(samples, empty.knots, method, weight, parts.response is None)
+    return replace(empty, cube=cube, samples=samples if parts.response is not None else None)
+
+
+def without_response(lut: Lut) -> Lut:
+    """A LUT with a response fitted again without, from the same evaluation. Raises LutError where that is not kept."""
+    if lut.response is None:
+        return lut
+    if lut.samples is None:
+        raise LutError("a LUT without the samples of its fit cannot be fitted again")
+    inner = lut.samples
+    encoded = Samples(inner.x, through(lut.response, inner.y), inner.grey, through(lut.response, inner.nodes))
+    cube = fit_cube(encoded, lut.knots, lut.interpolation)
+    return replace(lut, cube=cube, response=None, samples=None)
+
+
+def _smallest(
+    transform: Transform,
+    parts: _Parts,
+    tolerance: float,
+    method: Interpolation,
+    shaper: bool,
+    shared: bool,
+    display_referred: bool,
+    progress: Callable[[str, float], None],
+) -> Lut:
+    if not display_referred:
+        raise LutError("a ΔE00 tolerance has no meaning for scene-linear output; give a size (33 or 65) instead")
+    if not tolerance > 0:
+        raise LutError(f"tolerance {tolerance:g}: a ΔE00 above 0 is needed")
+    reached = float("inf")
+    for index, size in enumerate(SIZES):
+        progress(f"{size} nodes per axis", index / len(SIZES))
+        lut = _fit(parts, size, method, shaper, shared)
+        error = bake_error(lut, transform).de00_p99
+        reached = min(reached, error if error is not None else reached)
+        if reached <= tolerance:
+            return lut
+    raise LutError(
+        f"no size up to {SIZES[-1]} brings 99 % of colours within {tolerance:g} ΔE00; the best is {reached:.2g}"
+    )
+
+
+def _parts(transform: Transform, response: bool) -> _Parts:
+    """What of a transform can be a gain, a curve, a response and a matrix; the cube has to hold the rest."""
+    one = np.eye(3)
+    if isinstance(transform, LinearizeChain):
+        table = _input_curve(transform.response)
+        linear, backward = transform.response.inverse, transform.gamut_map
+
+        def inner(u: Array) -> Array:
+            return backward(np.stack([np.interp(u[..., c], table[:, c], linear[:, c]) for c in range(3)], axis=-1))
+
+        return _Parts(_checked(inner), transform.gain, transform.matrix, table)
+    if isinstance(transform, RenderChain) and response:
+        ahead, back = _output_curve(transform.response)
+        to_linear, forward = transform.to_linear, transform.gamut_map
+        return _Parts(_checked(lambda x: ahead(forward(x @ to_linear.T))), transform.gain, one, None, back)
+    if isinstance(transform, Refinish):
+        first = _parts(transform.linearize, response)
+        last = _parts(transform.render, response)
+        if np.all(first.gain == 1) and first.response is None and last.curve is None:
+            between = transform.between @ first.matrix
+
+            def both(u: Array) -> Array:
+                return last.inner(np.clip(first.inner(u) @ between.T * last.gain, 0.0, 1.0))
+
+            return _Parts(both, np.ones(3), last.matrix, first.curve, last.response)
+    gain: Array = getattr(transform, "gain", np.ones(3))
+    matrix: Array = getattr(transform, "matrix", one)
+    return _Parts(_checked(getattr(transform, "core", transform)), gain, matrix)
+
+
+def _input_curve(response: Response) -> Array:
+    """f⁻¹ from 0 to 1, (m, 3), with a little of a straight line, so that it rises everywhere."""
+    low, span = response.inverse[0], response.inverse[-1] - response.inverse[0]
+    straight = np.linspace(0.0, 1.0, len(response.inverse))[:, None]
+    return np.asarray((1 - LEAST_SLOPE) * (response.inverse - low) / span + LEAST_SLOPE * straight)
+
+
+def _output_curve(response: Response) -> tuple[Function, Array]:
+    """Linear values scaled to [0, 1] where f begins and ends, and f from there, (CURVE_SIZE, 3)."""
+    low, span = response.inverse[0], response.inverse[-1] - response.inverse[0]
+    even = np.linspace(0.0, 1.0, CURVE_SIZE)[:, None]
+    return lambda y: (y - low) / span, response.encode(low + even * span)
+
+
+def _slope_weight(response: Array) -> Function:
+    """How much an error of the cube shows behind the response: the sum of its squared slopes; near clipping, too."""
+    reach, share, margin = 0.003, 0.05, 0.25
+    y = np.repeat(np.linspace(-margin, 1 + margin, 4096)[:, None], 3, axis=1)
+    inside = np.clip(y, 0.0, 1.0)
+    slope = (through(response, inside + reach) - through(response, inside - reach)) / (2 * reach)
+    table = slope**2 * np.exp(-0.5 * ((y - inside) / share) ** 2)
+
+    def weight(y: Array) -> Array:
+        return np.asarray(share + through(table, (y + margin) / (1 + 2 * margin)).sum(axis=-1))
+
+    return weight
+
+
+def _checked(function: Function) -> Function:
+    """The function in blocks that stay in cache; refused where it changes the shape or gives what is not finite."""
+
+    def checked(x: Array) -> Array:
+        flat = x.reshape(-1, 3)
+        y = np.empty_like(flat)
+        for start in range(0, len(flat), BLOCK):
+            part = flat[start : start + BLOCK]
+            result = np.asarray(function(part), dtype=np.float64)
+            if result.shape != part.shape:
+                raise LutError(f"the transform made shape {result.shape} of {part.shape}; it must keep the shape")
+            if not np.all(np.isfinite(result)):
+                worst = part[np.flatnonzero(~np.all(np.isfinite(result), axis=1))[0]]
+                raise LutError(f"the transform gives a number that is not finite at {np.round(worst, 4).tolist()}")
+            y[start : start + BLOCK] = result
+        return y.reshape(x.shape)
+
+    return checked

@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, interpolate
+from lutforge.luts.least_squares import Samples
 from lutforge.luts.shaper import SHAPER_SIZE, SHAPER_SIZES, on_grid, sampled_shaper, scaled_levels
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.transform import Transform
@@ -35,7 +37,8 @@ class Lut:
     curve: (m, 3), increasing from 0 to 1 at m even steps of [0, 1], or none: axes on which the cube is linear between
     its nodes, such as linear light for an encoded input. Files hold it in the shaper. response: (m, 3), the output at m
     even steps of [0, 1] of what the cube gives, clamped; none for none. Process lists (CLF, CTF) hold it.
-    source: the function that the LUT was fitted to: formats that cannot hold this form of it are fitted anew.
+    source: the function that the LUT was fitted to, samples: its values there: formats that cannot hold this form of
+    it are fitted anew.
     """
 
     gain: Array
@@ -49,6 +52,7 @@ class Lut:
     curve: Array | None = None
     response: Array | None = None
     source: Transform | None = field(default=None, repr=False)
+    samples: Samples | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         size = len(self.levels[0])
@@ -212,9 +216,26 @@ def lut_from_lattice(lattice: Lattice, gain: Array | None = None, matrix: Array 
 
 
 def through(table: Array, x: Array) -> Array:
-    """A curve per channel, given at even steps of [0, 1], at x (…, 3); clamped."""
-    steps = np.linspace(0.0, 1.0, len(table))
-    return np.stack([np.interp(x[..., c], steps, table[:, c]) for c in range(3)], axis=-1)
+    """A curve per channel, given at even steps of [0, 1] as (m, 3), at x (…, 3); clamped."""
+    result: Array = _through(np.ascontiguousarray(table), np.ascontiguousarray(x).reshape(-1, 3))
+    return result.reshape(x.shape)
+
+
+@njit(cache=True, parallel=True)
+def _through(table: Array, x: Array) -> Array:
+    last = table.shape[0] - 1
+    y = np.empty_like(x)
+    for n in prange(x.shape[0]):
+        for c in range(3):
+            at = x[n, c] * last
+            if not at > 0:
+                y[n, c] = table[0, c]
+            elif at >= last:
+                y[n, c] = table[last, c]
+            else:
+                i = int(at)
+                y[n, c] = table[i, c] + (at - i) * (table[i + 1, c] - table[i, c])
+    return y
 
 
 def _padded(axis: Array, size: int) -> Array:

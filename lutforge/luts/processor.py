@@ -48,6 +48,8 @@ def file_processor(
             return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
         except OCIO_ERRORS as error:
             raise LutError(f"{path}: {_reason(str(error), str(link), path)}") from error
+        except UnicodeDecodeError as error:  # its message quotes bytes of the file
+            raise LutError(f"{path}: OpenColorIO cannot read it: there is text in it that is not UTF-8") from error
 
 
 def evaluate(processor: OCIO.CPUProcessor, x: ArrayLike) -> NDArray[np.float32]:

@@ -1,18 +1,26 @@
-"""Read a LUT file back through OpenColorIO and measure how far it is from what it should be."""
+"""Read a LUT file back and measure how far it is from what it should be.
 
+Through OpenColorIO; Hald images, which it does not read, through OpenImageIO and the interpolation that is asked for.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.interpolation import Interpolation
+from lutforge.errors import LutError
+from lutforge.interpolation import Interpolation, interpolate
 from lutforge.luts.lut import Lut
 from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.read import read_lut
 from lutforge.luts.sample_points import sample_points
 from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.lattice import uniform_levels
 from lutforge.model.transform import Transform
+
+HALD_SUFFIXES = (".png", ".tif", ".tiff")
 
 
 @dataclass(frozen=True)
@@ -46,7 +54,7 @@ def verify(
     interpolation: Interpolation | None = None,
     display_referred: bool = True,
 ) -> FileError:
-    """Compare the file, evaluated by OpenColorIO in float32, with a reference.
+    """Compare the file, as a reader evaluates it in float32, with a reference.
 
     lut: the LUT that was written: more points near its node levels, and its interpolation; without it, a
     uniform cube and tetrahedral. interpolation overrides: what the file's consumer will use. Raises LutError.
@@ -56,7 +64,19 @@ def verify(
     gain = lut.gain if lut is not None else np.ones(3)
     # Rounded to float32 first: both sides get the very same input.
     x = sample_points(levels, gain).astype(np.float32).astype(np.float64)
-    return compare(evaluate(file_processor(path, method), x), reference(x), x, display_referred)
+    return compare(_read_back(Path(path), method)(x), reference(x), x, display_referred)
+
+
+def _read_back(path: Path, method: Interpolation) -> Callable[[NDArray[np.float64]], NDArray[np.float32]]:
+    """What a reader of the file makes of colours (n, 3)."""
+    if path.suffix.lower() not in HALD_SUFFIXES:
+        processor = file_processor(path, method)
+        return lambda x: evaluate(processor, x)
+    cube = read_lut(path).cube
+    if cube is None:
+        raise LutError(f"{path}: holds no cube")
+    levels = uniform_levels(len(cube))
+    return lambda x: interpolate(x, levels, cube, method).astype(np.float32)
 
 
 def compare(

@@ -1,88 +1,183 @@
-"""Write a LUT to a file: the suffix picks the format, the dialect what the reader takes."""
+"""Write a LUT to a file: the suffix picks the format, the program that will read it the dialect and the size.
+
+A format that cannot hold a LUT's own form (no shaper, no curve behind the cube) gets one fitted to the same function in
+the form that it can hold, where the LUT knows its function; otherwise the LUT is sampled. `Written` says what was lost.
+"""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import LutError
-from lutforge.luts.formats import clf, cube_3d, cube_resolve, spi
+from lutforge.interpolation import Interpolation
+from lutforge.luts.bake import bake, without_response
+from lutforge.luts.formats import clf, csp, cube_3d, cube_resolve, hald, houdini, spi, threedl, truelight
 from lutforge.luts.lut import Lut
 from lutforge.luts.sample_points import sample_points
+from lutforge.model.transform import Transform
+
+Form = Literal["whole", "shaper", "shared", "plain"]
+"""What of a LUT a format holds: all of it; shaper and cube; one shaper for all axes and a cube; a uniform cube."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """What became a file. what_was_lost: "" where the file is the LUT to the precision of its numbers."""
+    """What became a file. what_was_lost: "" where the file is the LUT to the precision of its numbers. lut: what the
+    file holds, itself a LUT."""
 
     path: Path
     format: str
     what_was_lost: str = ""
+    lut: Lut | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True)
+class Format:
+    """A kind of file. sizes: nodes per axis that it can have, where not all; size: of a cube made for it."""
+
+    name: str
+    form: Form
+    writer: Callable[[Lut, Path], None]
+    sizes: tuple[int, ...] = ()
+    size: int = 65
+    bits: int | None = None
+
+
+FORMATS: dict[str, Format] = {
+    ".clf": Format("CLF", "whole", clf.write),
+    ".ctf": Format("CTF", "whole", clf.write),
+    ".cube": Format(".cube, 3D only", "plain", cube_3d.write),
+    ".csp": Format(".csp", "shaper", csp.write),
+    ".cub": Format("Truelight .cub", "shaper", truelight.write),
+    ".lut": Format("Houdini .lut", "shared", houdini.write),
+    ".3dl": Format(".3dl", "plain", threedl.write, threedl.SIZES, 33, 12),
+    ".png": Format("Hald image", "plain", hald.write, hald.SIZES, 64, 16),
+    ".tif": Format("Hald image", "plain", hald.write, hald.SIZES, 64, 16),
+    ".tiff": Format("Hald image", "plain", hald.write, hald.SIZES, 64, 16),
+    ".spi1d": Format(".spi1d (shaper) and .spi3d (cube), to be used one after the other", "shaper", spi.write_spi3d),
+    ".spi3d": Format(".spi1d (shaper) and .spi3d (cube), to be used one after the other", "shaper", spi.write_spi3d),
+}
+RESOLVE = Format(".cube with a shaper (Resolve, OpenColorIO)", "shaper", cube_resolve.write)
+
+SUFFIXES = tuple(FORMATS)
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """What a program takes. shaper: reads a .cube with a shaper; max_size: most nodes per axis."""
+    """What a program takes. shaper: reads a .cube with a shaper; max_size: most nodes per axis; reads: suffixes."""
 
     shaper: bool
+    reads: tuple[str, ...]
     max_size: int = 129
     size: int = 65
+    interpolation: Interpolation = "trilinear"
+    use: str = ""
 
 
+OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".cub", ".lut", ".3dl", ".spi1d", ".spi3d")
+HALD = (".png", ".tif", ".tiff")
 DIALECTS: dict[str, Dialect] = {
-    "resolve": Dialect(shaper=True),
-    "nuke": Dialect(shaper=True),
-    "ocio": Dialect(shaper=True),
-    "oiio": Dialect(shaper=True),
-    "photoshop": Dialect(shaper=False),
-    "lightroom": Dialect(shaper=False),
-    "premiere": Dialect(shaper=False),
-    "aftereffects": Dialect(shaper=False, max_size=64, size=64),
-    "finalcut": Dialect(shaper=False),
-    "affinity": Dialect(shaper=False),
-    "ffmpeg": Dialect(shaper=False),
-    "mlt": Dialect(shaper=False),
-    "obs": Dialect(shaper=False),
-    "darktable": Dialect(shaper=False),
-    "rawtherapee": Dialect(shaper=False),
-    "gmic": Dialect(shaper=False),
+    "resolve": Dialect(shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Refresh"),
+    "nuke": Dialect(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
+    "ocio": Dialect(shaper=True, reads=OCIO_READS),
+    "oiio": Dialect(shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
+    "baselight": Dialect(shaper=True, reads=(".cub", ".clf", ".cube")),
+    "flame": Dialect(shaper=True, reads=(".clf", ".ctf", ".3dl", ".csp", ".cube")),
+    "houdini": Dialect(shaper=True, reads=OCIO_READS),
+    "blender": Dialect(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
+    "photoshop": Dialect(shaper=False, reads=(".cube", ".3dl", ".csp")),
+    "lightroom": Dialect(shaper=False, reads=(".cube",), size=33, use="in a profile made with Camera Raw"),
+    "premiere": Dialect(shaper=False, reads=(".cube", ".3dl")),
+    "aftereffects": Dialect(shaper=False, reads=(".cube", ".3dl", ".csp"), max_size=64, size=64),
+    "finalcut": Dialect(shaper=False, reads=(".cube",)),
+    "affinity": Dialect(shaper=False, reads=(".cube", ".3dl", ".csp")),
+    "ffmpeg": Dialect(shaper=False, reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral"),
+    "mlt": Dialect(shaper=False, reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral"),
+    "obs": Dialect(shaper=False, reads=(".cube",)),
+    "darktable": Dialect(
+        shaper=False,
+        reads=(".cube", ".3dl", ".png"),
+        interpolation="tetrahedral",
+        use="module lut 3D, colour space sRGB",
+    ),
+    "rawtherapee": Dialect(shaper=False, reads=HALD, use="Film Simulation, its folder in the preferences"),
+    "art": Dialect(shaper=False, reads=(*HALD, ".clf")),
+    "gmic": Dialect(shaper=False, reads=(".cube", ".png")),
+    "gimp": Dialect(shaper=False, reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
+    "imagemagick": Dialect(shaper=False, reads=HALD),
 }
-"""Programs that `--for` names, and what their readers of .cube do."""
+"""Programs that `--for` names, and what their readers take."""
 
 SHAPER_ENDINGS = (".resolve.cube", ".shaper.cube")
 """Names that ask for a .cube with a shaper by themselves."""
-
-SUFFIXES = (".cube", ".clf", ".ctf", ".spi1d", ".spi3d")
 
 
 def write_lut(lut: Lut, path: str | Path, dialect: str | None = None, size: int | None = None) -> Written:
     """Write a LUT, atomically and with the same bytes for the same LUT.
 
-    .clf, .ctf: everything, exactly. .cube: the plain 3D form that every program reads, sampled on a uniform
-    cube of `size` nodes where the LUT is not one; with dialect "resolve", "nuke" or "ocio", or a name that
-    ends in .resolve.cube or .shaper.cube: shaper + cube, gain and matrix folded in. .spi1d and .spi3d: both
-    files at once. Raises LutError on an unknown suffix or dialect, and where the file cannot be written.
+    .clf, .ctf: everything, exactly. .cube: the plain 3D form that every program reads, a uniform cube of `size` nodes;
+    with a dialect that reads a shaper, or a name that ends in .resolve.cube or .shaper.cube: shaper + cube, gain and
+    matrix folded in. .png, .tif: a Hald image. .spi1d and .spi3d: both files at once. The others as `FORMATS` has them.
+    Raises LutError on an unknown suffix or dialect, and where the file cannot be written.
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
+    if suffix not in FORMATS:
         raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(SUFFIXES)}')
     if dialect is not None and dialect not in DIALECTS:
         raise LutError(f'unknown dialect "{dialect}"; known: {", ".join(DIALECTS)}')
-    if suffix in clf.FORMATS:
-        return _write(lut, path, suffix[1:].upper(), clf.write)
-    folded, lost = _folded(lut)
+    program = DIALECTS[dialect] if dialect else None
+    if program is not None and suffix not in program.reads:
+        raise LutError(f"{path}: {dialect} does not read {suffix} files; write {' or '.join(program.reads)}")
+    form = FORMATS[suffix]
+    takes_shaper = program.shaper if program else path.name.lower().endswith(SHAPER_ENDINGS)
+    if suffix == ".cube" and takes_shaper:
+        form = RESOLVE
+    held, lost = _in_form(lut, form, program, size)
     if suffix in (".spi1d", ".spi3d"):
-        return _write_spi(folded, path, lost)
-    target = DIALECTS[dialect] if dialect else Dialect(shaper=path.name.lower().endswith(SHAPER_ENDINGS))
-    if target.shaper and not folded.is_uniform:
-        written = _write(folded, path, ".cube with a shaper (Resolve, OpenColorIO)", cube_resolve.write)
-        return replace(written, what_was_lost=lost)
-    plain, lost = _uniform(lut, size or (folded.size if folded.is_uniform else target.size), target.max_size)
-    written = _write(plain, path, f".cube, 3D only, {plain.size} nodes per axis", cube_3d.write)
-    return replace(written, what_was_lost=lost)
+        _write(held, path.with_suffix(".spi1d"), spi.write_spi1d)
+    writer, name = form.writer, form.name
+    if form is RESOLVE and held.is_uniform:
+        writer, name = cube_3d.write, FORMATS[".cube"].name
+    if FORMATS[suffix].form == "plain" and writer is not cube_resolve.write:
+        name += f", {held.size} nodes per axis"
+    _write(held, path.with_suffix(".spi3d") if suffix == ".spi1d" else path, writer)
+    if form.bits is not None:
+        lost = "; ".join(part for part in (lost, f"{form.bits} bits per channel, clamped to [0, 1]") if part)
+    return Written(path, name, lost, held)
+
+
+def bake_for(
+    transform: Transform,
+    path: str | Path,
+    dialect: str | None = None,
+    size: int | None = None,
+    *,
+    tolerance: float | None = None,
+    display_referred: bool = True,
+    title: str = "",
+    comments: tuple[str, ...] = (),
+) -> Written:
+    """Bake a transform for one program and file: its interpolation, form and size; the arguments as `bake` has them.
+
+    Raises LutError as `bake` and `write_lut` do.
+    """
+    if dialect is not None and dialect not in DIALECTS:
+        raise LutError(f'unknown dialect "{dialect}"; known: {", ".join(DIALECTS)}')
+    lut = bake(
+        transform,
+        size,
+        tolerance=tolerance,
+        interpolation=DIALECTS[dialect].interpolation if dialect else None,
+        display_referred=display_referred,
+        title=title,
+        comments=comments,
+    )
+    return write_lut(lut, path, dialect, size)
 
 
 def largest_difference(a: Lut, b: Lut) -> float:
@@ -91,31 +186,74 @@ def largest_difference(a: Lut, b: Lut) -> float:
     return float(np.abs(a(x) - b(x)).max())
 
 
-def _folded(lut: Lut) -> tuple[Lut, str]:
+def _in_form(lut: Lut, form: Format, program: Dialect | None, size: int | None) -> tuple[Lut, str]:
+    """The LUT as this format can hold it, and what that costs."""
+    if form.form == "whole":
+        return lut, ""
+    if form.form == "shaper":
+        return _with_shaper(lut)
+    if form.form == "shared":
+        return _with_one_shaper(lut)
+    limit = program.max_size if program else 129
+    wanted = size or (lut.size if lut.is_uniform and lut.response is None else (program.size if program else form.size))
+    if not 2 <= wanted <= limit:
+        raise LutError(f"{wanted} nodes per axis; this reader takes 2 to {limit}")
+    if form.sizes and wanted not in form.sizes:
+        if size is not None:
+            raise LutError(f"{size} nodes per axis; {form.name} has {', '.join(map(str, form.sizes))}")
+        wanted = min(form.sizes, key=lambda known: (abs(known - wanted), known))
+    return _uniform(lut, wanted, program.interpolation if program else lut.interpolation)
+
+
+def _with_shaper(lut: Lut) -> tuple[Lut, str]:
+    lost = ""
+    if lut.response is not None:
+        if lut.samples is None:
+            lut, lost = _uniform(lut, 65, lut.interpolation)
+        else:
+            lut, lost = without_response(lut), "no response behind the cube: fitted without"
     folded = lut.folded()
     if not lut.has_gain:
-        return folded, ""
+        return folded, lost
     difference = largest_difference(lut, folded)
-    return folded, f"white balance folded into the shaper, largest difference {difference:.2g}"
+    note = f"white balance folded into the shaper, largest difference {difference:.2g}"
+    return folded, "; ".join(part for part in (lost, note) if part)
 
 
-def _uniform(lut: Lut, size: int, limit: int) -> tuple[Lut, str]:
-    if not 2 <= size <= limit:
-        raise LutError(f"{size} nodes per axis; this reader takes 2 to {limit}")
-    plain = lut.without_shaper(size)
-    if lut.is_uniform and not lut.has_gain and size == lut.size:
-        return plain, ""
+def _with_one_shaper(lut: Lut) -> tuple[Lut, str]:
+    same = lut.curve is None and lut.response is None and np.all(lut.gain == lut.gain[0])
+    if same and all(np.array_equal(axis, lut.levels[0]) for axis in lut.levels):
+        return _with_shaper(lut)
+    if lut.source is None:
+        return _uniform(lut, 65, lut.interpolation)
+    fitted = _fitted(lut, lut.size, lut.interpolation, response=False, shared=True)
+    return fitted.folded(), "one shaper for all channels: fitted so"
+
+
+def _uniform(lut: Lut, size: int, interpolation: Interpolation) -> tuple[Lut, str]:
+    if lut.is_uniform and not lut.has_gain and lut.response is None and size == lut.size:
+        return lut.without_shaper(size), ""
+    if lut.source is not None:
+        plain = _fitted(lut, size, interpolation, shaper=False)
+        how = "fitted by"
+    else:
+        plain, how = lut.without_shaper(size), "sampled on"
     difference = largest_difference(lut, plain)
-    return plain, f"no shaper: sampled on a uniform {size}³ cube, largest difference {difference:.2g}"
+    return plain, f"no shaper: {how} a uniform {size}³ cube, largest difference {difference:.2g}"
 
 
-def _write(lut: Lut, path: Path, form: str, writer: Callable[[Lut, Path], None]) -> Written:
+def _fitted(
+    lut: Lut, size: int, interpolation: Interpolation, shaper: bool = True, response: bool = True, shared: bool = False
+) -> Lut:
+    """The LUT's own function, fitted for another form."""
+    if lut.source is None:
+        raise LutError("a LUT without its source function cannot be fitted again")
+    fitted = bake(
+        lut.source, size, interpolation=interpolation, shaper=shaper, response=response, shared=shared, title=lut.title
+    )
+    return replace(fitted, comments=lut.comments)
+
+
+def _write(lut: Lut, path: Path, writer: Callable[[Lut, Path], None]) -> None:
     with atomic_path(path) as temporary:
         writer(lut, temporary)
-    return Written(path, form)
-
-
-def _write_spi(lut: Lut, path: Path, lost: str) -> Written:
-    _write(lut, path.with_suffix(".spi1d"), "spi1d", spi.write_spi1d)
-    _write(lut, path.with_suffix(".spi3d"), "spi3d", spi.write_spi3d)
-    return Written(path, ".spi1d (shaper) and .spi3d (cube), to be used one after the other", lost)

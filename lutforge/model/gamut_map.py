@@ -1,6 +1,7 @@
 """The gamut map h, or h⁻¹: radial basis functions φ(r) = r with a linear polynomial (thesis 4.2.3, equation 4.7)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit, prange
@@ -11,20 +12,59 @@ from lutforge.errors import ProfileError
 Array = NDArray[np.float64]
 
 
+BLOCK = 128
+"""Centres per block of the evaluation."""
+
+
 @njit(cache=True, parallel=True, fastmath=True)
-def _evaluate(x: Array, centres: Array, coefficients: Array) -> Array:
+def _evaluate(
+    x: Array,
+    polynomial: Array,
+    middles: Array,
+    totals: Array,
+    centres: NDArray[np.float32],
+    coefficients: NDArray[np.float32],
+) -> Array:
+    """a·[1, x] + Σ λ ‖x − c‖, block by block.
+
+    With q the distance to the block's middle, Σ λ (‖x − c‖ − q) is a small sum, good in float32 (16 at a time), and
+    q Σ λ is added in float64: within 1.2e-6 of the exact sum where Σ|λ| = 230.
+    """
     y = np.empty((x.shape[0], 3))
     for n in prange(x.shape[0]):
-        r, g, b = x[n, 0], x[n, 1], x[n, 2]
-        total0, total1, total2 = 0.0, 0.0, 0.0
-        for i in range(centres.shape[1]):
-            dr, dg, db = r - centres[0, i], g - centres[1, i], b - centres[2, i]
-            distance = np.sqrt(dr * dr + dg * dg + db * db)
-            total0 += coefficients[0, i] * distance
-            total1 += coefficients[1, i] * distance
-            total2 += coefficients[2, i] * distance
+        x0, x1, x2 = x[n, 0], x[n, 1], x[n, 2]
+        p = polynomial
+        total0 = p[0, 0] + p[1, 0] * x0 + p[2, 0] * x1 + p[3, 0] * x2
+        total1 = p[0, 1] + p[1, 1] * x0 + p[2, 1] * x1 + p[3, 1] * x2
+        total2 = p[0, 2] + p[1, 2] * x0 + p[2, 2] * x1 + p[3, 2] * x2
+        for block in range(centres.shape[0]):
+            r, g, b = x0 - middles[block, 0], x1 - middles[block, 1], x2 - middles[block, 2]
+            q = np.float32(np.sqrt(r * r + g * g + b * b))
+            fr, fg, fb = np.float32(r), np.float32(g), np.float32(b)
+            sum0, sum1, sum2 = np.float32(0), np.float32(0), np.float32(0)
+            for i in range(BLOCK):
+                dr, dg, db = fr - centres[block, 0, i], fg - centres[block, 1, i], fb - centres[block, 2, i]
+                distance = np.sqrt(dr * dr + dg * dg + db * db) - q
+                sum0 += coefficients[block, 0, i] * distance
+                sum1 += coefficients[block, 1, i] * distance
+                sum2 += coefficients[block, 2, i] * distance
+            far = np.float64(q)
+            total0 += sum0 + totals[block, 0] * far
+            total1 += sum1 + totals[block, 1] * far
+            total2 += sum2 + totals[block, 2] * far
         y[n, 0], y[n, 1], y[n, 2] = total0, total1, total2
     return y
+
+
+def _spatial_order(points: Array) -> NDArray[np.intp]:
+    """An order in which neighbours are near each other: Morton's (bits of the three coordinates interleaved)."""
+    span = np.maximum(np.ptp(points, axis=0), 1e-30)
+    cells = ((points - points.min(axis=0)) / span * 1023).astype(np.int64)
+    code = np.zeros(len(points), dtype=np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return np.argsort(code, kind="stable")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +91,18 @@ class GamutMap:
         """h at x (…, 3). Time O(points · centres), multi-threaded, no matrix of distances is formed."""
         points = np.asarray(x, dtype=np.float64)
         flat = np.ascontiguousarray(points.reshape(-1, 3))
-        radial: Array = _evaluate(flat, np.ascontiguousarray(self.centres.T), np.ascontiguousarray(self.coefficients.T))
-        mapped: Array = radial + self.polynomial[0] + flat @ self.polynomial[1:]
+        mapped: Array = _evaluate(flat, np.ascontiguousarray(self.polynomial), *self._blocks)
         return mapped.reshape(points.shape)
+
+    @cached_property
+    def _blocks(self) -> tuple[Array, Array, NDArray[np.float32], NDArray[np.float32]]:
+        """What `_evaluate` takes: per block its middle, Σ λ, centres from the middle and λ (3, BLOCK)."""
+        order = _spatial_order(self.centres) if len(self.centres) else np.zeros(0, dtype=np.intp)
+        missing = -len(order) % BLOCK
+        centres = np.pad(self.centres[order], ((0, missing), (0, 0)), mode="edge" if len(order) else "constant")
+        coefficients = np.pad(self.coefficients[order], ((0, missing), (0, 0))).reshape(-1, BLOCK, 3)
+        centres = centres.reshape(-1, BLOCK, 3)
+        middles = centres.mean(axis=1)
+        near = np.ascontiguousarray((centres - middles[:, None]).transpose(0, 2, 1), dtype=np.float32)
+        factors = np.ascontiguousarray(coefficients.transpose(0, 2, 1), dtype=np.float32)
+        return middles, factors.sum(axis=2, dtype=np.float64), near, factors

@@ -1,10 +1,12 @@
 """`.clf` and `.ctf`: the Academy/ASC Common LUT Format (SMPTE ST 2136-1) and Autodesk's superset of it."""
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+from numpy.typing import NDArray
 
 from lutforge.errors import LutError
 from lutforge.luts.lut import Lut
@@ -13,14 +15,16 @@ FORMATS = {".clf": "Academy/ASC Common LUT Format", ".ctf": "Color Transform For
 
 
 def transforms(lut: Lut) -> OCIO.GroupTransform:
-    """Matrix (gain) → Range (clamp to [0, 1]) → LUT1D (shaper) → LUT3D → Matrix; idle ones are left out."""
+    """Matrix (gain) → Range (clamp to [0, 1]) → LUT1D (shaper) → LUT3D → LUT1D (response) → Matrix; no idle ones."""
     group = OCIO.GroupTransform()
     if lut.has_gain:
         group.appendTransform(OCIO.MatrixTransform(np.diag([*lut.gain, 1.0]).ravel().tolist()))
     group.appendTransform(OCIO.RangeTransform(minInValue=0.0, maxInValue=1.0, minOutValue=0.0, maxOutValue=1.0))
     if not lut.is_uniform:
-        group.appendTransform(_lut1d(lut))
+        group.appendTransform(_lut1d(lut.shaper))
     group.appendTransform(_lut3d(lut))
+    if lut.response is not None:
+        group.appendTransform(_lut1d(lut.response))
     if lut.has_matrix:
         matrix = np.eye(4)
         matrix[:3, :3] = lut.matrix
@@ -30,12 +34,20 @@ def transforms(lut: Lut) -> OCIO.GroupTransform:
 
 def write(lut: Lut, path: Path) -> None:
     """Write any LUT, exactly; the suffix says whether CLF or CTF. Raises LutError."""
-    group = transforms(lut)
+    write_all((lut,), path)
+
+
+def write_all(luts: Sequence[Lut], path: Path) -> None:
+    """Write LUTs to be applied one after the other, exactly; titled and commented as the first. Raises LutError."""
+    group = OCIO.GroupTransform()
+    for lut in luts:
+        for transform in transforms(lut):
+            group.appendTransform(transform)
     metadata = group.getFormatMetadata()
-    metadata.setID(_identifier(lut))
-    if lut.title:
-        metadata.setName(_line(lut.title))
-    for comment in lut.comments:
+    metadata.setID(_identifier(luts))
+    if luts[0].title:
+        metadata.setName(_line(luts[0].title))
+    for comment in luts[0].comments:
         if line := _line(comment):
             metadata.addChildElement("Description", line)
     try:
@@ -45,12 +57,12 @@ def write(lut: Lut, path: Path) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _lut1d(lut: Lut) -> OCIO.Lut1DTransform:
-    shaper = OCIO.Lut1DTransform(lut.shaper_size, False)
-    shaper.setFileOutputBitDepth(OCIO.BIT_DEPTH_F32)
-    shaper.setInterpolation(OCIO.INTERP_LINEAR)
-    shaper.setData(np.ascontiguousarray(lut.shaper, dtype=np.float32).ravel())
-    return shaper
+def _lut1d(table: NDArray[np.float64]) -> OCIO.Lut1DTransform:
+    curve = OCIO.Lut1DTransform(len(table), False)
+    curve.setFileOutputBitDepth(OCIO.BIT_DEPTH_F32)
+    curve.setInterpolation(OCIO.INTERP_LINEAR)
+    curve.setData(np.ascontiguousarray(table, dtype=np.float32).ravel())
+    return curve
 
 
 def _lut3d(lut: Lut) -> OCIO.Lut3DTransform:
@@ -62,12 +74,14 @@ def _lut3d(lut: Lut) -> OCIO.Lut3DTransform:
     return cube
 
 
-def _identifier(lut: Lut) -> str:
+def _identifier(luts: Sequence[Lut]) -> str:
     """An id that depends on the content alone, so that the same LUT is the same file."""
     digest = hashlib.sha256()
-    for array in (lut.gain, *lut.levels, lut.cube, lut.matrix):
-        digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
-    digest.update(lut.interpolation.encode())
+    for lut in luts:
+        curves = (curve for curve in (lut.curve, lut.response) if curve is not None)
+        for array in (lut.gain, *lut.levels, lut.cube, lut.matrix, *curves):
+            digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+        digest.update(lut.interpolation.encode())
     h = digest.hexdigest()
     return f"urn:uuid:{h[:8]}-{h[8:12]}-8{h[13:16]}-8{h[17:20]}-{h[20:32]}"
 

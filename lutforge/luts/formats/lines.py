@@ -1,0 +1,105 @@
+"""The lines of a text LUT file from a stranger: limits, tables of numbers, and errors that name file, line and text."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.errors import LutError
+
+Array = NDArray[np.float64]
+
+LONGEST = 1024
+"""Characters of a line, save those that hold the knots of a curve."""
+LONGEST_CURVE = 2_000_000
+MAX_SIZE = 256
+"""Most nodes per axis of a cube that is looked at."""
+MAX_CURVE = 1 << 20
+"""Most entries of a curve."""
+
+
+class Lines:
+    """The lines that say something: their numbers (from 1) and texts, comments (#) and empty lines apart."""
+
+    def __init__(self, path: Path, data: bytes, longest: int = LONGEST) -> None:
+        self.path = path
+        if b"\x00" in data[: 1 << 16]:
+            raise LutError(f"{path}: not a text file, as a LUT with the suffix {path.suffix} is")
+        text = data.decode("utf-8-sig", "replace").replace("\r\n", "\n").replace("\r", "\n")
+        self.all = text.split("\n")
+        self.numbers: list[int] = []
+        self.texts: list[str] = []
+        self.comments: list[str] = []
+        for number, line in enumerate(self.all, 1):
+            if len(line) > longest:
+                raise self.error(number, line, f"a line of {len(line)} characters; no LUT has such")
+            stripped = line.strip()
+            if stripped.startswith("#"):
+                self.comments.append(stripped.lstrip("# "))
+            elif stripped:
+                self.numbers.append(number)
+                self.texts.append(stripped)
+
+    def __len__(self) -> int:
+        return len(self.texts)
+
+    def error(self, number: int, text: str, cause: str) -> LutError:
+        """One line with file, line number, the offending text, and the cause."""
+        shown = "".join(c if c.isprintable() else "?" for c in text.strip()[:60])
+        return LutError(f'{self.path}, line {number}: {cause}: "{shown}"')
+
+    def at(self, index: int, what: str) -> str:
+        """A line that must be there."""
+        if index >= len(self.texts):
+            raise LutError(f"{self.path}, line {len(self.all)}: the file ends before {what}")
+        return self.texts[index]
+
+    def wrong(self, index: int, cause: str) -> LutError:
+        """An error about a line that is there."""
+        return self.error(self.numbers[index], self.texts[index], cause)
+
+    def integers(self, index: int, words: list[str], low: int, high: int, what: str) -> list[int]:
+        """Words of a line as integers within limits."""
+        values = []
+        for word in words:
+            if not word.isascii() or not word.lstrip("-").isdigit() or len(word) > 9:
+                raise self.wrong(index, f"{what}: expected a whole number")
+            if not low <= int(word) <= high:
+                raise self.wrong(index, f"{what}: {word} is not within {low} to {high}")
+            values.append(int(word))
+        return values
+
+    def floats(self, index: int, words: list[str], count: int, what: str) -> list[float]:
+        """Words of a line as finite numbers."""
+        if len(words) != count:
+            raise self.wrong(index, f"{what}: expected {count} numbers, found {len(words)}")
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            raise self.wrong(index, f"{what}: expected {count} numbers") from None
+        if not np.all(np.isfinite(values)) or max(map(abs, values), default=0.0) > 1e30:
+            raise self.wrong(index, f"{what}: a number is not finite")
+        return values
+
+    def table(self, start: int, count: int, width: int, what: str) -> Array:
+        """`count` rows of `width` finite numbers from line index `start`: (count, width)."""
+        rows = self.texts[start : start + count]
+        try:
+            if len(rows) < count:
+                raise ValueError("too few")
+            table = np.loadtxt(rows, dtype=np.float64, ndmin=2, comments=None)
+            if table.shape == (count, width) and np.all(np.isfinite(table)) and np.abs(table).max() < 1e30:
+                return table
+        except (ValueError, OverflowError):
+            pass
+        for index in range(start, start + len(rows)):  # slowly, for the line at fault
+            self.floats(index, self.texts[index].split(), width, what)
+        raise LutError(
+            f"{self.path}, line {len(self.all)}: {what}: expected {count} rows of {width} numbers, found {len(rows)}"
+        )
+
+
+def red_fastest(table: Array, size: tuple[int, int, int]) -> Array:
+    """Rows whose red index advances first → (N_r, N_g, N_b, 3)."""
+    r, g, b = size
+    return np.ascontiguousarray(table.reshape(b, g, r, 3).transpose(2, 1, 0, 3))

@@ -1,0 +1,207 @@
+"""Baking: a fit, never a sampling; exact where the model is a lattice; curves where the model has them."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from lutforge.errors import LutError
+from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.luts.bake import bake
+from lutforge.luts.chain import bake_chain
+from lutforge.luts.formats import hald
+from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.luts.verify import verify
+from lutforge.luts.write import FORMATS, bake_for, write_lut
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.published_model import import_published
+from lutforge.model.response import Response
+from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain
+from lutforge.regression.node_levels import snap_levels
+
+Array = NDArray[np.float64]
+
+MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.5, 1.5]])
+GAIN = np.array([2.0, 1.0, 1.5])
+
+
+def look(x: ArrayLike) -> Array:
+    """Any function: a tone curve behind crossed channels."""
+    mixed = np.asarray(x) ** 2.2 @ np.array([[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.05, 0.15, 0.8]]).T
+    return np.asarray((0.01 + 0.99 * mixed) ** 0.45)
+
+
+def response() -> Response:
+    code = np.linspace(0.0, 1.0, 256)[:, None]
+    return Response(np.concatenate([code**2.0, code**2.2, 0.3 * code + 0.7 * code**2.4], axis=1))
+
+
+def gamut_map(seed: int, strength: float = 0.02) -> GamutMap:
+    rng = np.random.default_rng(seed)
+    centres = rng.random((40, 3))
+    return GamutMap(centres, strength * rng.normal(size=(40, 3)), np.vstack([np.zeros(3), np.eye(3)]))
+
+
+def render() -> RenderChain:
+    return RenderChain(GAIN, np.eye(3), MATRIX, gamut_map(1), response())
+
+
+def linearize() -> LinearizeChain:
+    return LinearizeChain(np.ones(3), np.linalg.inv(MATRIX) / GAIN[:, None], response(), gamut_map(2))
+
+
+def points(count: int = 20000) -> Array:
+    grey = np.repeat(np.linspace(0, 1, 257)[:, None], 3, axis=1)
+    corners = np.array(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0])).reshape(3, -1).T
+    x = np.concatenate([np.random.default_rng(9).random((count, 3)), grey, corners])
+    return x.astype(np.float32).astype(np.float64)
+
+
+@pytest.mark.parametrize("method", INTERPOLATIONS)
+def test_a_fit_has_less_error_than_sampling(method: Interpolation) -> None:
+    x = points()
+    wanted = look(x)
+    fitted = bake(look, 17, interpolation=method)
+    uniform = bake(look, 17, interpolation=method, shaper=False)
+    sampled = Lattice(uniform_levels(17), look(grid(uniform_levels(17))), method)
+    errors = [np.sqrt(np.mean((f(x) - wanted) ** 2)) for f in (fitted, uniform, sampled)]
+    assert uniform.is_uniform
+    assert errors[0] < 0.8 * errors[1]
+    assert errors[1] < 0.75 * errors[2]
+
+
+def test_black_and_white_are_exact_and_grey_nearly() -> None:
+    for transform in (look, render()):
+        lut = bake(transform, 33)
+        ends = np.array([[0.0] * 3, [1.0] * 3])
+        np.testing.assert_allclose(lut(ends), transform(ends), atol=1e-9)
+    grey = np.repeat(np.linspace(0, 1, 500)[:, None], 3, axis=1)
+    assert np.abs(bake(look, 33)(grey) - look(grey)).max() < 2e-3
+
+
+def test_no_output_leaves_the_range_of_the_function() -> None:
+    def clipped(x: ArrayLike) -> Array:
+        return np.asarray(np.clip(3 * np.asarray(x) - 1, 0.0, 1.0))
+
+    for shaper in (True, False):
+        cube = bake(clipped, 17, shaper=shaper).cube
+        assert cube.min() >= 0.0
+        assert cube.max() <= 1.0
+
+
+def test_a_lattice_is_baked_as_it_stands() -> None:
+    axis = snap_levels(np.linspace(0, 1, 9) ** 2, SHAPER_SIZE)
+    lattice = Lattice((axis, axis, axis), np.random.default_rng(0).random((9, 9, 9, 3)), "trilinear")
+    transform = LatticeTransform(GAIN, MATRIX, lattice)
+    lut = bake(transform)
+    np.testing.assert_allclose(lut(points()), transform(points()), atol=1e-12)
+    assert bake(transform, 17).size == 17
+
+
+@pytest.mark.parametrize("suffix", [".clf", ".ctf"])
+def test_a_physical_model_keeps_its_curves(tmp_path: Path, suffix: str) -> None:
+    """The response stays a curve of its own in the file, and the file is the LUT."""
+    x = points()
+    for transform in (render(), linearize(), Refinish(linearize(), 1.4 * np.eye(3), render())):
+        staged = bake(transform, 17)
+        assert (staged.curve is None) == isinstance(transform, RenderChain)
+        assert (staged.response is None) == isinstance(transform, LinearizeChain)
+        written = write_lut(staged, tmp_path / f"a{suffix}")
+        assert written.what_was_lost == ""
+        got = evaluate(file_processor(written.path), x)
+        np.testing.assert_allclose(got, staged(x), atol=1e-5)
+
+
+def test_stages_at_17_beat_one_cube_at_33(shared_data: Path) -> None:
+    """A real camera's model, both ways: half the error with an eighth of the nodes."""
+    folder = shared_data / "nus_nikon_d40"
+    profile = import_published([folder / "other_white_balances"], "Nikon D40")
+    x = points(8000)
+    for transform in (profile.render("standard/daylight"), profile.linearize("standard/daylight")):
+        wanted = transform(x)
+        staged, one = bake(transform, 17), bake(transform, 33, shaper=False)
+        ours, plain = (np.linalg.norm(lut(x) - wanted, axis=1) for lut in (staged, one))
+        assert ours.mean() < 0.5 * plain.mean()
+        assert ours.max() < 0.5 * plain.max()
+
+
+def test_other_formats_are_fitted_anew(tmp_path: Path) -> None:
+    """A curve behind the cube, or a shaper, is never lost by sampling what was fitted with it."""
+    transform = Refinish(linearize(), 0.8 * np.eye(3), render())
+    lut = bake(transform, 17)
+    assert lut.curve is not None
+    assert lut.response is not None
+    x = points()
+    for name in ("a.resolve.cube", "a.csp", "a.cub", "a.lut", "a.cube", "a.3dl"):
+        written = write_lut(lut, tmp_path / name)
+        assert "fitted" in written.what_was_lost
+        assert written.lut is not None
+        assert np.linalg.norm(written.lut(x) - transform(x), axis=1).mean() < 0.006
+        error = verify(written.path, written.lut, written.lut)
+        assert error.max < (3e-4 if name == "a.3dl" else 2e-5)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+def test_a_hald_image_is_its_cube_to_16_bits(tmp_path: Path, name: str) -> None:
+    written = write_lut(bake(look, 9), tmp_path / name, size=16)
+    assert written.lut is not None
+    pixels = np.asarray(oiio.ImageBuf(str(written.path)).get_pixels(oiio.FLOAT))
+    assert pixels.shape == (64, 64, 3)
+    red_first = written.lut.cube.transpose(2, 1, 0, 3).reshape(64, 64, 3)
+    np.testing.assert_allclose(pixels, red_first, atol=1e-5)
+    assert hald.nearest_size(33) == 36
+    with pytest.raises(LutError, match="17 nodes"):
+        write_lut(bake(look, 9), tmp_path / name, size=17)
+
+
+def test_a_chain_of_lattices_is_the_model(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    levels = tuple(snap_levels(np.linspace(0, 1, 9) ** p, SHAPER_SIZE) for p in (1.5, 2.0, 2.5))
+    r, g, b = levels
+    back = LatticeTransform(np.ones(3), np.diag(1 / GAIN), Lattice((r, g, b), rng.random((9, 9, 9, 3)), "trilinear"))
+    forth = LatticeTransform(GAIN, np.eye(3), Lattice((r, g, b), rng.random((9, 9, 9, 3)), "tetrahedral"))
+    transform = Refinish(back, 1.3 * np.eye(3), forth)
+    chain = bake_chain(transform, title="a look")
+    x = points()
+    np.testing.assert_allclose(chain(x), transform(x), atol=1e-12)
+    path = chain.write(tmp_path / "chain.clf")
+    np.testing.assert_allclose(evaluate(file_processor(path), x), transform(x), atol=5e-5)
+    with pytest.raises(LutError, match="more than one cube"):
+        chain.write(tmp_path / "chain.cube")
+
+
+def test_a_tolerance_picks_the_size() -> None:
+    assert bake(look, tolerance=1.0).size <= bake(look, tolerance=0.2).size
+    with pytest.raises(LutError, match="tolerance"):
+        bake(look, tolerance=0.2, display_referred=False)
+    with pytest.raises(LutError, match="not both"):
+        bake(look, 17, tolerance=0.2)
+
+
+def test_what_is_not_a_transform_of_colours_is_refused() -> None:
+    with pytest.raises(LutError, match="not finite"):
+        bake(lambda x: np.where(np.asarray(x) > 0.5, np.nan, 0.5), 5)
+    with pytest.raises(LutError, match="keep the shape"):
+        bake(lambda x: np.asarray(x)[..., :1], 5)
+
+
+def test_each_program_gets_its_own_fit(tmp_path: Path) -> None:
+    ffmpeg = bake_for(look, tmp_path / "a.cube", "ffmpeg", 17)
+    resolve = bake_for(look, tmp_path / "b.cube", "resolve", 17, title="a look")
+    assert ffmpeg.lut is not None
+    assert resolve.lut is not None
+    assert (ffmpeg.lut.interpolation, ffmpeg.lut.size, ffmpeg.lut.is_uniform) == ("tetrahedral", 17, True)
+    assert (resolve.lut.interpolation, resolve.lut.size, resolve.lut.is_uniform) == ("trilinear", 17, False)
+    with pytest.raises(LutError, match="unknown dialect"):
+        bake_for(look, tmp_path / "c.cube", "paint")
+
+
+def test_a_program_gets_only_what_it_reads(tmp_path: Path) -> None:
+    lut = bake(look, 9)
+    with pytest.raises(LutError, match="rawtherapee does not read"):
+        write_lut(lut, tmp_path / "a.cube", "rawtherapee")
+    assert set(FORMATS) >= {".clf", ".cube", ".csp", ".3dl", ".cub", ".lut", ".png", ".tif"}

@@ -1,0 +1,161 @@
+"""`check`: what is in a LUT file, who misreads it; and any bytes give a report or one clear line."""
+
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+from fuzz_luts import seeds, spoil, try_file
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lutforge.errors import LutError
+from lutforge.luts.check import check_lut, report_lines
+from lutforge.luts.lut import Lut
+from lutforge.luts.read import read_lut
+from lutforge.luts.write import write_lut
+from lutforge.model.lattice import grid, uniform_levels
+
+LEVELS = (np.array([0.0, 0.125, 0.5, 1.0]),) * 3
+
+
+def curved() -> Lut:
+    """A valid LUT with a shaper of 9 entries."""
+    return Lut(np.ones(3), LEVELS, grid(LEVELS) ** 0.5, np.eye(3), shaper_size=9, title="a look", comments=("made up",))
+
+
+@pytest.mark.parametrize("name", ["a.clf", "a.ctf", "a.resolve.cube", "a.csp", "a.cub", "a.lut", "a.spi3d"])
+def test_what_was_written_is_read_back(tmp_path: Path, name: str) -> None:
+    lut = curved()
+    contents = read_lut(write_lut(lut, tmp_path / name).path)
+    assert contents.cube is not None
+    np.testing.assert_allclose(contents.cube, lut.cube, atol=1e-7)
+    if name not in ("a.spi3d", "a.csp"):  # the first has its shaper in another file, the second is resampled
+        assert contents.shaper is not None
+        np.testing.assert_allclose(contents.shaper.outputs + np.zeros(3), lut.shaper, atol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "depth"), [("a.cube", 1e-7), ("a.png", 1e-5), ("a.tif", 1e-5)])
+def test_a_uniform_cube_is_read_back(tmp_path: Path, name: str, depth: float) -> None:
+    lut = Lut(np.ones(3), uniform_levels(4), grid(uniform_levels(4)) ** 0.7, np.eye(3), title="t")
+    contents = read_lut(write_lut(lut, tmp_path / name).path)
+    assert contents.cube is not None
+    assert contents.title == "t"
+    np.testing.assert_allclose(contents.cube, lut.cube, atol=depth)
+
+
+def test_integers_are_scaled_by_their_depth(tmp_path: Path) -> None:
+    lut = Lut(np.ones(3), uniform_levels(17), grid(uniform_levels(17)), np.eye(3))
+    contents = read_lut(write_lut(lut, tmp_path / "a.3dl").path)
+    assert contents.bits == 12
+    assert contents.cube is not None
+    np.testing.assert_allclose(contents.cube, lut.cube, atol=0.5 / 4095 + 1e-9)
+
+
+def test_a_shaper_cube_names_its_victims(tmp_path: Path) -> None:
+    report = check_lut(write_lut(curved(), tmp_path / "a.resolve.cube").path)
+    assert report.size == (4, 4, 4)
+    assert report.shaper == 9
+    assert report.readers["OpenColorIO, Nuke"] == "reads it"
+    assert "shaper included" in report.readers["DaVinci Resolve"]
+    assert report.readers["ffmpeg, Kdenlive, Shotcut"].startswith("refuses it")
+    assert "wrong colours" in report.readers["OBS"]
+    text = (tmp_path / "a.resolve.cube").read_text()
+    silent = tmp_path / "silent.cube"
+    silent.write_text("".join(line for line in text.splitlines(True) if "RANGE" not in line))
+    assert "without a word" in check_lut(silent).readers["ffmpeg, Kdenlive, Shotcut"]
+
+
+def test_a_title_in_a_shaper_cube(tmp_path: Path) -> None:
+    path = tmp_path / "a.cube"
+    path.write_text('TITLE "x"\nLUT_1D_SIZE 2\nLUT_3D_SIZE 2\n0 0 0\n1 1 1\n' + "0 0 0\n" * 7 + "1 1 1\n")
+    report = check_lut(path)
+    assert report.readers["OpenColorIO, Nuke"].startswith("refuses it")
+    assert any("TITLE" in problem for problem in report.problems)
+    assert any("TITLE" in line for line in report_lines(report))
+
+
+def test_figures_of_a_bad_cube(tmp_path: Path) -> None:
+    cube = 1.2 - 1.4 * grid(uniform_levels(5))
+    path = write_lut(Lut(np.ones(3), uniform_levels(5), cube, np.eye(3)), tmp_path / "negative.cube").path
+    report = check_lut(path)
+    assert (report.lowest, report.highest) == pytest.approx((-0.2, 1.2))
+    assert report.falling == 1.0
+    assert report.black == pytest.approx((1.2,) * 3, abs=1e-6)
+    assert report.white == pytest.approx((-0.2,) * 3, abs=1e-6)
+    assert any("darker" in problem for problem in report.problems)
+    assert any("leave [0, 1]" in problem for problem in report.problems)
+    assert any("17, 33 or 65" in verdict for verdict in report.readers.values())
+
+
+def test_a_falling_shaper_and_a_domain(tmp_path: Path) -> None:
+    path = tmp_path / "a.cube"
+    path.write_text("LUT_1D_SIZE 3\n0 0 0\n1 .9 1\n.5 1 1\n")
+    assert any("falls at entry 3" in problem for problem in check_lut(path).problems)
+    path.write_text("LUT_3D_SIZE 2\nDOMAIN_MIN -1 -1 -1\nDOMAIN_MAX 2 2 2\n" + "0 0 0\n" * 7 + "1 1 1\n")
+    report = check_lut(path)
+    assert report.domain == ((-1.0,) * 3, (2.0,) * 3)
+    assert "refuses" in report.readers["darktable"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("a.cube", "LUT_3D_SIZE 2\n0 0 0\n0 0 zero\n", 'line 3: the 3D table: expected 3 numbers: "0 0 zero"'),
+        ("a.cube", "LUT_3D_SIZE 2\n0 0 0\n", "expected 8 rows of 3 numbers, found 1"),
+        ("a.cube", "LUT_3D_SIZE 999\n", "not within 2 to 256"),
+        ("a.cube", "LUT_3D_SIZE 2\n" + "0 0 0\n" * 9, "line 10: more rows"),
+        ("a.cube", "LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + "0 nan 0\n", "line 9: the 3D table: a number is not finite"),
+        ("a.cube", "COLOUR 7\n", 'line 1: not a keyword of .cube files: "COLOUR 7"'),
+        ("a.cube", "\x00\x01", "not a text file"),
+        ("a.cube", "# nothing\n", "neither LUT_1D_SIZE nor LUT_3D_SIZE"),
+        ("a.cube", "x" * 5000, "5000 characters"),
+        ("a.csp", "CSPLUTV100\n3D\n2\n0 1\n", "ends before the R prelut"),
+        ("a.csp", "CSPLUTV100\n3D\n2\n1 0\n0 1\n", "do not increase"),
+        ("a.3dl", "0 1 2 3\n0 0 -1\n" * 33, "line"),
+        ("a.spi3d", "SPILUT 1.0\n3 3\n2 2 2\n" + "0 0 0 0 0 0\n" * 8, "never"),
+        ("a.cub", "0 0 0\n", "Truelight"),
+        ("a.lut", "Version 3\nType 3D\nLUT:\n", "no Length"),
+        ("a.clf", "<ProcessList id='a'><LUT3D><Array dim='9999 2 2 3'>", "not well-formed"),
+        ("a.clf", "<ProcessList><LUT3D><Array dim='9999 2 2 3'/></LUT3D></ProcessList>", "beyond what readers take"),
+        ("a.clf", "<ProcessList><LUT1D><Array dim='2 1'>0</Array></LUT1D></ProcessList>", "says 2 numbers and holds 1"),
+        ("a.clf", "<!DOCTYPE a [<!ENTITY b 'c'>]><ProcessList/>", "document type"),
+        ("a.png", "\x89PNG", "neither a PNG"),
+        ("a.png", "", "empty"),
+        ("a.doc", "x", "no LUT format"),
+    ],
+)
+def test_errors_name_line_text_and_cause(tmp_path: Path, name: str, text: str, words: str) -> None:
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(LutError) as caught:
+        check_lut(path)
+    assert words in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    return seeds(tmp_path_factory.mktemp("seeds"))
+
+
+@given(data=st.data())
+@settings(max_examples=300, deadline=2000)
+def test_spoilt_files_give_a_report_or_one_line(
+    originals: dict[str, bytes], tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    name = data.draw(st.sampled_from(sorted(originals)))
+    spoilt = spoil(originals[name], Random(data.draw(st.integers(0, 1 << 32))))
+    path = tmp_path_factory.getbasetemp() / f"spoilt{Path(name).suffix}"
+    path.write_bytes(spoilt)
+    assert try_file(path)
+
+
+@given(suffix=st.sampled_from([".cube", ".clf", ".csp", ".3dl", ".cub", ".lut", ".spi1d", ".spi3d", ".png", ".tif"]))
+@settings(max_examples=20, deadline=2000)
+def test_no_bytes_at_all_and_random_bytes(tmp_path_factory: pytest.TempPathFactory, suffix: str) -> None:
+    path = tmp_path_factory.getbasetemp() / f"random{suffix}"
+    for count in (0, 1, 100, 4000):
+        path.write_bytes(Random(count).randbytes(count))
+        assert try_file(path) != "report"
