@@ -6,10 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.calibration.consistency import check_agreement, thin_settings
+from lutforge.calibration.continuation import continuation
 from lutforge.calibration.errors_table import ErrorFigures, error_figures
 from lutforge.calibration.lattice import LatticeResult, fit_samples, folds
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical import GamutMaps, fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.reference_camera import calibrate_by_reference
 from lutforge.calibration.white_balance import complete_multipliers, named_white_balances
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
@@ -26,15 +30,16 @@ CODE = 1.0 / 255.0
 
 @dataclass(frozen=True, eq=False)
 class StyleData:
-    """The fitting samples of one style. balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,)."""
+    """The fitting samples of one style. balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,); samples: their rows."""
 
     balanced: Array
     encoded: Array
     shot: NDArray[np.str_]
+    samples: SampleSet
 
     def select(self, rows: NDArray[np.bool_]) -> "StyleData":
         """The rows of a mask."""
-        return StyleData(self.balanced[rows], self.encoded[rows], self.shot[rows])
+        return StyleData(self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows))
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,36 +58,50 @@ def _silent(what: str, share: float) -> None:
 def calibrate(
     samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = _silent
 ) -> CameraProfile:
-    """Fit a profile: white balances, matrix, and per style the lattices of both directions with held-out errors.
+    """Fit a profile: white balances, matrix, and per style the model asked for, with held-out errors.
 
-    Raises CalibrationError, in one line with what to do, where the samples do not determine it.
+    "lattice": the lattices of both directions; "rbf": the physical model of chapter 4, and the lattices beside it.
+    Samples with a reference camera's RAW get the physical model only (4.9). Raises CalibrationError, in one line with
+    what to do, where the samples do not determine it.
     """
     options = options or CalibrationOptions()
     _check_one_camera(samples)
-    camera = str(samples.camera[0])
+    if np.any(samples.raw_camera != samples.camera):
+        return calibrate_by_reference(samples, options, progress)
     multipliers, notes = complete_multipliers(samples)
+    matrix: Array | None = None
+    physical: dict[str, GamutMaps] = {}
+    if options.model == "rbf":
+        progress("response, matrix and white balances", 0.0)
+        matrix, multipliers, physical = _fit_physical(samples, multipliers, options)
     data, clipped = style_data(samples, multipliers)
+    notes = (*notes, *thin_settings(samples))
     if clipped:
         notes = (*notes, f"{clipped} of {len(samples)} samples are clipped and take no part in the fit")
     styles, matrices = {}, {}
     for index, (name, style) in enumerate(data.items()):
         share = index / len(data)
+        notes = (*notes, *check_agreement(style.balanced, style.encoded, style.shot, name))
         progress(f"{name}: fitting", share)
         fit = fit_style(style, options)
         progress(f"{name}: held-out error", share + 0.5 / len(data))
-        errors, weak = _held_out(style, fit, options)
+        maps = physical.get(name)
+        errors, weak = _held_out(style, fit, options, maps)
         notes = (*notes, *(f"{name}: {note}" for note in weak))
         styles[name] = PictureStyle(
             render=fit.render.lattice,
             linearize=fit.linearize.lattice,
+            physical=() if maps is None else (maps.model,),
             errors=errors,
             coverage={"render": fit.render.coverage, "linearize": fit.linearize.coverage},
         )
         matrices[name] = (len(style.shot), fit.base.matrix)
     progress("done", 1.0)
+    if matrix is None:
+        matrix = max(matrices.values(), key=lambda entry: entry[0])[1]
     return CameraProfile(
-        camera=camera,
-        matrix=max(matrices.values(), key=lambda entry: entry[0])[1],
+        camera=str(samples.camera[0]),
+        matrix=matrix / matrix.sum(axis=1, keepdims=True),
         white_balances=named_white_balances(samples, multipliers),
         styles=styles,
         shots=tuple(name for name, _ in samples.by_shot()),
@@ -91,57 +110,107 @@ def calibrate(
     )
 
 
+def _fit_physical(
+    samples: SampleSet, multipliers: Array, options: CalibrationOptions
+) -> tuple[Array, Array, dict[str, GamutMaps]]:
+    """Ts, the multipliers (n, 3) of all samples, and by style the physical model."""
+    usable = unclipped(samples, multipliers)
+    for name in np.unique(samples.style):
+        _check_enough(str(name), int((usable & (samples.style == name)).sum()))
+    inside, known = samples.select(usable), np.all(np.isfinite(samples.wb), axis=1)
+    stages = fit_stages(inside, multipliers[usable], known[usable], options.preset)
+    completed = multipliers.copy()
+    completed[usable] = stages.multipliers
+    automatic = np.where(samples.white_balance == "auto", np.char.add("auto\x00", samples.shot), samples.white_balance)
+    for setting in np.unique(automatic[~known]):
+        fitted = ~known & (automatic == setting) & usable
+        if fitted.any():
+            completed[~known & (automatic == setting)] = completed[fitted][0]
+    balances = tuple(str(name) for name in np.unique(samples.white_balance))
+    models = {}
+    for name, style in stages.styles.items():
+        rows = usable & (samples.style == name)
+        models[name] = fit_gamut_maps(
+            samples.raw[rows] * completed[rows],
+            samples.srgb[rows],
+            samples.shot[rows],
+            stages.matrix,
+            style.response,
+            balances,
+        )
+    return stages.matrix, completed, models
+
+
 def _check_one_camera(samples: SampleSet) -> None:
-    if not len(samples):
-        raise CalibrationError("no samples to calibrate from")
+    if len(samples) < LEAST_SAMPLES:
+        raise CalibrationError(
+            f"{len(samples)} samples to calibrate from; at least {LEAST_SAMPLES} are needed: add shots"
+        )
     cameras = np.unique(samples.camera)
     if len(cameras) > 1:
         raise CalibrationError(
             f"samples of {len(cameras)} cameras ({', '.join(cameras[:4])}): calibrate one camera at a time"
         )
-    foreign = samples.raw_camera != samples.camera
-    if foreign.any():
+    if len(np.unique(samples.raw_camera)) > 1:
         raise CalibrationError(
-            f"{foreign.sum()} samples hold the RAW of {samples.raw_camera[foreign][0]}, not of {cameras[0]}: "
-            "a lattice needs the camera's own RAW"
+            f"the samples hold RAW of several cameras ({', '.join(np.unique(samples.raw_camera)[:4])}): "
+            "use the camera's own, or one reference camera"
+        )
+
+
+def unclipped(samples: SampleSet, multipliers: Array) -> NDArray[np.bool_]:
+    """(n,): no JPEG channel at 0 or 255, RAW neither saturated nor at black, nor beyond 1 after white balance."""
+    usable: NDArray[np.bool_] = (
+        np.all((samples.srgb >= 0.5 * CODE) & (samples.srgb <= 1 - 0.5 * CODE), axis=1)
+        & np.all((samples.raw > 0.0) & (samples.raw < 0.999), axis=1)
+        & np.all(samples.raw * multipliers < 1.0, axis=1)
+    )
+    return usable
+
+
+def _check_enough(style: str, count: int) -> None:
+    if count < LEAST_SAMPLES:
+        raise CalibrationError(
+            f'style "{style}": {count} unclipped samples; at least {LEAST_SAMPLES} are needed: '
+            "add shots with more colours, exposed so that neither the JPEG nor the RAW clips"
         )
 
 
 def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleData], int]:
-    """The unclipped samples of each style, white-balanced, and how many are clipped.
-
-    Clipped: a JPEG channel at 0 or 255, RAW at saturation or at black, or beyond saturation after white balance.
-    """
+    """The unclipped samples of each style, white-balanced, and how many are clipped."""
     balanced = samples.raw * multipliers
-    usable = (
-        np.all((samples.srgb >= 0.5 * CODE) & (samples.srgb <= 1 - 0.5 * CODE), axis=1)
-        & np.all((samples.raw > 0.0) & (samples.raw < 0.999), axis=1)
-        & np.all(balanced < 1.0, axis=1)
-    )
+    usable = unclipped(samples, multipliers)
     result = {}
     for name in np.unique(samples.style):
         rows = usable & (samples.style == name)
-        if rows.sum() < LEAST_SAMPLES:
-            raise CalibrationError(
-                f'style "{name}": {rows.sum()} unclipped samples; at least {LEAST_SAMPLES} are needed: '
-                "add shots with more colours, exposed so that neither the JPEG nor the RAW clips"
-            )
-        result[str(name)] = StyleData(balanced[rows], samples.srgb[rows], samples.shot[rows])
+        _check_enough(str(name), int(rows.sum()))
+        result[str(name)] = StyleData(balanced[rows], samples.srgb[rows], samples.shot[rows], samples.select(rows))
     return result, int((~usable).sum())
 
 
-def fit_style(data: StyleData, options: CalibrationOptions, smoothness: tuple[float, float] | None = None) -> StyleFit:
-    """Both lattices of a style; smoothness: λ_S of (render, linearize) where known already."""
-    base = fit_matrix_and_response(data.balanced, data.encoded)
+def fit_style(
+    data: StyleData,
+    options: CalibrationOptions,
+    smoothness: tuple[float, float] | None = None,
+    base: MatrixAndResponse | None = None,
+) -> StyleFit:
+    """Both lattices of a style; smoothness: λ_S of (render, linearize), and base, where known already."""
+    base = base or fit_matrix_and_response(data.balanced, data.encoded)
     render_smoothness, linearize_smoothness = smoothness or (None, None)
     render = fit_samples(
-        data.balanced, data.encoded, data.shot, base.render, options, clips=True, smoothness=render_smoothness
+        data.balanced,
+        data.encoded,
+        data.shot,
+        continuation(base, data.balanced, data.encoded, inverse=False),
+        options,
+        clips=True,
+        smoothness=render_smoothness,
     )
     linearize = fit_samples(
         data.encoded,
         data.balanced,
         data.shot,
-        base.linearize,
+        continuation(base, data.encoded, data.balanced, inverse=True),
         options,
         clips=False,
         smoothness=linearize_smoothness,
@@ -169,8 +238,32 @@ def predict_held_out(
     return HeldOut(rendered, linearized)
 
 
-def _held_out(data: StyleData, fit: StyleFit, options: CalibrationOptions) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Held-out figures by name, and what makes this style's calibration weak."""
+def refit_physical(data: StyleData, maps: GamutMaps, options: CalibrationOptions) -> GamutMaps:
+    """The physical model of one style on other samples, with the smoothness that was chosen for all of them."""
+    known = np.ones(len(data.shot), dtype=np.bool_)
+    stages = fit_stages(data.samples, data.balanced / data.samples.raw, known, options.preset)
+    response = next(iter(stages.styles.values())).response
+    names = maps.model.white_balances
+    nuggets = (maps.nugget, maps.inverse_nugget)
+    return fit_gamut_maps(data.balanced, data.encoded, data.shot, stages.matrix, response, names, nuggets)
+
+
+def predict_physical_held_out(
+    data: StyleData, maps: GamutMaps, options: CalibrationOptions, most_folds: int
+) -> HeldOut:
+    """The same with the physical model. Raises CalibrationError where the rest of the shots does not determine it."""
+    rendered, linearized = np.empty_like(data.encoded), np.empty_like(data.balanced)
+    for mask in folds(data.shot, most_folds):
+        model = refit_physical(data.select(~mask), maps, options).model
+        rendered[mask] = render(model, data.balanced[mask])
+        linearized[mask] = np.clip(linearize(model, data.encoded[mask]), 0.0, 1.0)
+    return HeldOut(rendered, linearized)
+
+
+def _held_out(
+    data: StyleData, fit: StyleFit, options: CalibrationOptions, maps: GamutMaps | None
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Held-out figures of the model asked for by name, and what makes this style's calibration weak."""
     weak = []
     shots = np.unique(data.shot)
     if len(data.shot) < FEW_SAMPLES:
@@ -181,8 +274,19 @@ def _held_out(data: StyleData, fit: StyleFit, options: CalibrationOptions) -> tu
     if any((~mask).sum() < LEAST_SAMPLES for mask in folds(data.shot)):
         weak.append("too few samples to leave a shot out: the error is not known")
         return {}, tuple(weak)
-    smoothness = (fit.render.smoothness, fit.linearize.smoothness)
-    held = predict_held_out(data, options, smoothness, most_folds=5)
+    if maps is None:
+        smoothness = (fit.render.smoothness, fit.linearize.smoothness)
+        held = predict_held_out(data, options, smoothness, most_folds=5)
+    else:
+        try:
+            held = predict_physical_held_out(data, maps, options, most_folds=5)
+        except CalibrationError as error:
+            weak.append(f"without one of its shots the rest does not suffice, so the error is not known ({error})")
+            return {}, tuple(weak)
+    return _figures(held, data), tuple(weak)
+
+
+def _figures(held: HeldOut, data: StyleData) -> dict[str, float]:
     figures: dict[str, ErrorFigures] = {
         "render": error_figures(held.rendered, data.encoded, display=True),
         "linearize": error_figures(held.linearized, data.balanced, display=False),
@@ -193,4 +297,4 @@ def _held_out(data: StyleData, fit: StyleFit, options: CalibrationOptions) -> tu
         errors[f"{direction}_max"] = values.maximum
         if values.de00_mean is not None:
             errors[f"{direction}_de00_mean"] = values.de00_mean
-    return errors, tuple(weak)
+    return errors

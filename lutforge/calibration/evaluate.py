@@ -4,32 +4,35 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from lutforge.calibration.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
 from lutforge.calibration.calibrate import (
     LEAST_SAMPLES,
     Progress,
     StyleData,
     _silent,
     fit_style,
+    refit_physical,
     style_data,
 )
 from lutforge.calibration.errors_table import ErrorFigures, error_figures
 from lutforge.calibration.lattice import folds
+from lutforge.calibration.linearisation import LinearisationError, linearisation_errors
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.options import options_from_json
+from lutforge.calibration.physical import GamutMaps, conventional, linearize, render
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
-from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.camera_profile import CameraProfile, PhysicalModel
 from lutforge.samples.sample_set import SampleSet
+from lutforge.settings import Selector
 
 Array = NDArray[np.float64]
 Predictor = Callable[[Array], Array]
 
 MOST_FOLDS = 20
 """Shots are left out one at a time up to this many; more shots are left out in this many groups."""
-POLYNOMIAL_ORDER = 6
 
 
 @dataclass(frozen=True)
@@ -55,10 +58,11 @@ class EvaluationRow:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The rows, and what was left out and why."""
+    """The rows, what was left out and why, and where there are exposure pairs their linearisation error δ (4.11)."""
 
     rows: tuple[EvaluationRow, ...]
     notes: tuple[str, ...]
+    linearisation: tuple[LinearisationError, ...] = ()
 
 
 @dataclass(eq=False)
@@ -86,92 +90,130 @@ def evaluate(profile: CameraProfile, samples: SampleSet, progress: Progress = _s
             f"the samples' styles ({', '.join(np.unique(samples.style))}) are not in the profile "
             f"({', '.join(profile.styles)})"
         )
+    if profile.raw_camera:
+        return _evaluate_by_reference(profile, samples.select(known))
     data, clipped = style_data(samples.select(known), multipliers[known])
     if clipped:
         notes = (*notes, f"{clipped} of {known.sum()} samples are clipped and are not counted")
     rows: list[EvaluationRow] = []
+    deltas: list[LinearisationError] = []
     for index, (name, style) in enumerate(data.items()):
         progress(f"{name}: leaving shots out", index / len(data))
         predictions, weak = _predict(profile, name, style)
         notes = (*notes, *weak)
         rows.extend(_rows(name, style, predictions))
+        deltas.extend(linearisation_errors(name, style.samples, profile.styles[name].physical))
     progress("done", 1.0)
-    return Evaluation(tuple(rows), notes)
+    return Evaluation(tuple(rows), notes, tuple(deltas))
 
 
 def _predict(profile: CameraProfile, name: str, data: StyleData) -> tuple[_Predictions, tuple[str, ...]]:
-    fitted = profile.styles[name]
     predictions = _Predictions({}, np.zeros(len(data.shot), dtype=np.bool_))
     seen = np.isin(data.shot, profile.shots)
-    if fitted.render is None or fitted.linearize is None:
-        _predict_physical(fitted, data, predictions)
-        return predictions, ()
     if (~seen).any():
         predictions.held_out |= ~seen
-        unseen = data.select(~seen)
-        predictions.store("render", "lattice", ~seen, np.clip(fitted.render(unseen.balanced), 0, 1))
-        predictions.store("linearize", "lattice", ~seen, np.clip(fitted.linearize(unseen.encoded), 0, 1))
+        _predict_as_is(profile, name, data, ~seen, predictions)
     if not seen.any():
         return predictions, ()
     if len(np.unique(data.shot[seen])) < 2:
-        predictions.store("render", "lattice", seen, np.clip(fitted.render(data.balanced[seen]), 0, 1))
-        predictions.store("linearize", "lattice", seen, np.clip(fitted.linearize(data.encoded[seen]), 0, 1))
+        _predict_as_is(profile, name, data, seen, predictions)
         return predictions, (f"{name}: one shot only; its error is on the samples that it was fitted to",)
-    _leave_out(profile, data, seen, predictions)
-    return predictions, ()
+    return predictions, _leave_out(profile, name, data, seen, predictions)
 
 
-def _leave_out(profile: CameraProfile, data: StyleData, seen: NDArray[np.bool_], predictions: _Predictions) -> None:
-    """Refit without each shot that the profile has seen, and predict that shot, by the lattice and the baselines."""
+def _predict_as_is(
+    profile: CameraProfile, name: str, data: StyleData, rows: NDArray[np.bool_], predictions: _Predictions
+) -> None:
+    """Predict samples by the profile's own models."""
+    style, part = profile.styles[name], data.select(rows)
+    if style.render is not None:
+        predictions.store("render", "lattice", rows, np.clip(style.render(part.balanced), 0, 1))
+    if style.linearize is not None:
+        predictions.store("linearize", "lattice", rows, np.clip(style.linearize(part.encoded), 0, 1))
+    if not style.physical:
+        return
+    for label, by_setting in (("rbf", False), ("response and matrix, no h", True)):
+        rendered, linearized = np.zeros_like(part.encoded), np.zeros_like(part.balanced)
+        for setting in np.unique(part.samples.white_balance):
+            inside = part.samples.white_balance == setting
+            named = [model for model in style.physical if setting in model.white_balances]
+            model = (named or list(style.physical))[0]
+            model = conventional(model) if by_setting else model
+            rendered[inside] = render(model, part.balanced[inside])
+            linearized[inside] = linearize(model, part.encoded[inside])
+        predictions.store("render", label, rows, rendered)
+        predictions.store("linearize", label, rows, np.clip(linearized, 0, 1))
+
+
+def _leave_out(
+    profile: CameraProfile, name: str, data: StyleData, seen: NDArray[np.bool_], predictions: _Predictions
+) -> tuple[str, ...]:
+    """Refit without each shot that the profile has seen, and predict that shot, by the models and the baselines."""
     options = options_from_json(profile.options)
+    style = profile.styles[name]
     uniform = replace(options, nonuniform=False)
     inside = data.select(seen)
     smoothness: tuple[float, float] | None = None
+    nuggets: tuple[float | None, float | None] = (None, None)
+    notes: list[str] = []
     for mask in folds(inside.shot, MOST_FOLDS):
         train, test = inside.select(~mask), inside.select(mask)
         if len(train.shot) < LEAST_SAMPLES:
             raise CalibrationError("too few samples to leave a shot out: add shots")
         rows = np.zeros(len(seen), dtype=np.bool_)
         rows[np.flatnonzero(seen)[mask]] = True
-        fit = fit_style(train, options, smoothness)
-        smoothness = (fit.render.smoothness, fit.linearize.smoothness)
-        plain = fit_style(train, uniform, smoothness)
         base = fit_matrix_and_response(train.balanced, train.encoded)
-        methods: dict[str, tuple[Predictor, Predictor]] = {
-            "lattice": (fit.render.lattice, fit.linearize.lattice),
-            "uniform lattice": (plain.render.lattice, plain.linearize.lattice),
-            "matrix and response": (base.render, base.linearize),
-            "polynomial per channel": (
-                _polynomials(train.balanced, train.encoded),
-                _polynomials(train.encoded, train.balanced),
-            ),
-        }
+        methods: dict[str, tuple[Predictor, Predictor]] = {}
+        if style.render is not None:
+            fit = fit_style(train, options, smoothness, base)
+            smoothness = (fit.render.smoothness, fit.linearize.smoothness)
+            plain = fit_style(train, uniform, smoothness, base)
+            methods["lattice"] = (fit.render.lattice, fit.linearize.lattice)
+            methods["uniform lattice"] = (plain.render.lattice, plain.linearize.lattice)
+        if style.physical:
+            try:
+                maps = refit_physical(train, GamutMaps(style.physical[0], *nuggets), options)
+            except CalibrationError as error:
+                notes = [f"{name}: the physical model cannot be refitted without one of its shots ({error})"]
+            else:
+                nuggets = (maps.nugget, maps.inverse_nugget)
+                methods["rbf"] = _predictors(maps.model)
+                methods["response and matrix, no h"] = _predictors(conventional(maps.model))
+        methods["matrix and response"] = (base.render, base.linearize)
+        methods["polynomial per channel"] = (
+            channel_polynomials(train.balanced, train.encoded),
+            mixed_channel_polynomials(train.encoded, train.balanced),
+        )
+        methods["polynomial of all channels"] = (
+            colour_polynomial(train.balanced, train.encoded),
+            colour_polynomial(train.encoded, train.balanced),
+        )
         predictions.held_out |= rows
-        for method, (render, linearize) in methods.items():
-            predictions.store("render", method, rows, np.clip(render(test.balanced), 0, 1))
-            predictions.store("linearize", method, rows, np.clip(linearize(test.encoded), 0, 1))
+        for method, (forward, back) in methods.items():
+            predictions.store("render", method, rows, np.clip(forward(test.balanced), 0, 1))
+            predictions.store("linearize", method, rows, np.clip(back(test.encoded), 0, 1))
+    return tuple(notes)
 
 
-def _polynomials(x: Array, y: Array) -> Predictor:
-    """One 6th-order polynomial per channel (the first baseline of thesis Fig. 4.5)."""
-    fits = [Polynomial.fit(x[:, c], y[:, c], POLYNOMIAL_ORDER) for c in range(3)]
-    ranges = [(x[:, c].min(), x[:, c].max()) for c in range(3)]
-
-    def predict(values: Array) -> Array:
-        columns = [fits[c](np.clip(values[:, c], *ranges[c])) for c in range(3)]
-        return np.stack(columns, axis=1)
-
-    return predict
+def _predictors(model: PhysicalModel) -> tuple[Predictor, Predictor]:
+    return (lambda x: render(model, x), lambda x: linearize(model, x))
 
 
-def _predict_physical(style: PictureStyle, data: StyleData, predictions: _Predictions) -> None:
-    model = style.physical[0]
-    rows = np.ones(len(data.shot), dtype=np.bool_)
-    rendered = model.response.encode(model.gamut_map(data.balanced @ model.matrix.T))
-    linear = model.inverse_gamut_map(model.response.linearize(data.encoded))
-    predictions.store("render", "rbf", rows, rendered)
-    predictions.store("linearize", "rbf", rows, linear @ np.linalg.inv(model.matrix).T)
-    predictions.held_out |= rows
+def _evaluate_by_reference(profile: CameraProfile, samples: SampleSet) -> Evaluation:
+    """Rendering only: there is no own RAW to compare a linearized JPEG with."""
+    rows: list[EvaluationRow] = []
+    usable = np.all((samples.srgb > 0.5 / 255) & (samples.srgb < 1 - 0.5 / 255) & (samples.raw > 0), axis=1)
+    for name in np.unique(samples.style[usable]):
+        for setting in np.unique(samples.white_balance[usable & (samples.style == name)]):
+            if setting not in profile.white_balances:
+                continue
+            part = usable & (samples.style == name) & (samples.white_balance == setting)
+            rendered = profile.render(Selector(str(name), str(setting)))(samples.raw[part])
+            held_out = not bool(np.isin(samples.shot[part], profile.shots).any())
+            figures = error_figures(rendered, samples.srgb[part], display=True)
+            rows.append(EvaluationRow("render", str(name), f"all {setting}", "rbf", held_out, figures))
+    note = f"{profile.camera} has no RAW of its own ({profile.raw_camera} stands in): only rendering can be measured"
+    return Evaluation(tuple(rows), (note,))
 
 
 def _rows(style: str, data: StyleData, predictions: _Predictions) -> Iterator[EvaluationRow]:

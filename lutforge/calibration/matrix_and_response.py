@@ -14,14 +14,19 @@ from scipy.optimize import lsq_linear
 
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
+from lutforge.regression.blas import one_blas_thread
 
 Array = NDArray[np.float64]
 
 KNOTS = 33
 """Entries of the fitted f⁻¹ per channel; between them it is linear."""
 ROUNDS = 8
+LEAST_STEP = 0.05
+"""f⁻¹ rises at least at this share of the rate of sRGB's own curve."""
 SMOOTHNESS = 1e-3
-"""Weight of the squared second difference of f⁻¹, relative to the number of samples."""
+"""Weight of the squared second difference of f⁻¹ less that of sRGB's own curve, relative to the number of samples."""
+RIDGE = 1e-5
+"""Weight of the squared entries of Ts off its diagonal: what colours cannot tell stays the identity."""
 LEAST_SCALE = 2.0 / 255.0
 """The Cauchy scale is never below this: two JPEG codes."""
 
@@ -44,6 +49,7 @@ class MatrixAndResponse:
         return self.response.linearize(encoded) @ np.linalg.inv(self.matrix).T
 
 
+@one_blas_thread
 def fit_matrix_and_response(x: Array, encoded: Array) -> MatrixAndResponse:
     """Fit Ts and f to white-balanced RAW x (n, 3) and JPEG values encoded (n, 3) in [0, 1].
 
@@ -55,12 +61,14 @@ def fit_matrix_and_response(x: Array, encoded: Array) -> MatrixAndResponse:
     weight = np.ones(count)
     slope = np.ones((count, 3))
     tables, rows = np.zeros((KNOTS, 3)), np.eye(3)
+    shape = _srgb_decoded(np.linspace(0.0, 1.0, KNOTS))
     rms = 0.0
     for _ in range(ROUNDS):
         for channel in range(3):
             tables[:, channel], rows[channel] = _fit_channel(
-                x, encoded[:, channel], channel, weight * slope[:, channel] ** 2
+                x, encoded[:, channel], channel, weight * slope[:, channel] ** 2, shape
             )
+        shape = tables.mean(axis=1)  # where one channel has no samples, it bends as the others do
         response = Response(tables.copy())
         linear = x @ rows.T
         residual = np.linalg.norm(response.encode(linear) - encoded, axis=1)
@@ -80,8 +88,16 @@ def _encoding_slope(tables: Array, encoded: Array) -> Array:
     return bounded
 
 
-def _fit_channel(x: Array, encoded: Array, channel: int, weight: Array) -> tuple[Array, Array]:
-    """f⁻¹ (KNOTS,) and the matrix row (3,) of one channel: minimise Σ w (f⁻¹(I) − m·x)², Σ m = 1."""
+def _srgb_decoded(encoded: Array) -> Array:
+    """IEC 61966-2-1."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def _fit_channel(x: Array, encoded: Array, channel: int, weight: Array, shape: Array) -> tuple[Array, Array]:
+    """f⁻¹ (KNOTS,) and the matrix row (3,) of one channel: minimise Σ w (f⁻¹(I) − m·x)², Σ m = 1.
+
+    shape (KNOTS,): the curve whose second differences f⁻¹ takes where there are no samples.
+    """
     others = [c for c in range(3) if c != channel]
     position = np.clip(encoded, 0.0, 1.0) * (KNOTS - 1)
     # f⁻¹(I) = start + Σ steps up to I: how much of each step lies below a sample.
@@ -93,11 +109,14 @@ def _fit_channel(x: Array, encoded: Array, channel: int, weight: Array) -> tuple
     index = np.arange(KNOTS - 2)
     bend[index, index + 1], bend[index, index + 2] = -1.0, 1.0
     bend *= np.sqrt(SMOOTHNESS * weight.sum()) * (KNOTS - 1)
-    system = np.vstack([design * root, bend])
-    target = np.concatenate([x[:, channel] * root[:, 0], np.zeros(KNOTS - 2)])
+    ridge = np.zeros((2, design.shape[1]))
+    ridge[:, KNOTS:] = np.sqrt(RIDGE * weight.sum()) * np.eye(2)
+    system = np.vstack([design * root, bend, ridge])
+    wanted = bend[:, 1:KNOTS] @ np.diff(shape)
+    target = np.concatenate([x[:, channel] * root[:, 0], wanted, np.zeros(2)])
     # The QR factor holds the same problem in as many rows as unknowns.
     factor = np.asarray(np.linalg.qr(np.column_stack([system, target]), mode="r"))
-    lower = np.concatenate([[0.0], np.full(KNOTS - 1, 1e-6), [-3.0, -3.0]])
+    lower = np.concatenate([[0.0], LEAST_STEP * np.diff(_srgb_decoded(np.linspace(0.0, 1.0, KNOTS))), [-3.0, -3.0]])
     upper = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])
     solution = lsq_linear(factor[:-1, :-1], factor[:-1, -1], bounds=(lower, upper)).x
     table = solution[0] + np.concatenate([[0.0], np.cumsum(solution[1:KNOTS])])

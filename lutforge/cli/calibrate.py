@@ -8,7 +8,6 @@ import typer
 from lutforge.atomic_write import require_writable
 from lutforge.cli.console import note, print_table, progress_bar, say
 from lutforge.cli.sample import tell
-from lutforge.errors import CalibrationError
 from lutforge.interpolation import Interpolation
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ Sources = Annotated[
 def calibrate(
     sources: Sources,
     output: Annotated[Path, typer.Option("-o", "--output", help="The profile to write (.npz).")] = Path("camera.npz"),
-    model: Annotated[str, typer.Option(help="lattice.")] = "lattice",
+    model: Annotated[str, typer.Option(help="lattice; or rbf: the physical stages of chapter 4 too.")] = "lattice",
     preset: Annotated[str, typer.Option(help="lutforge, or thesis (chapter 5 as written).")] = "lutforge",
     size: Annotated[int, typer.Option(help="Nodes per axis of the lattices, 3 to 65.")] = 33,
     interpolation: Annotated[str, typer.Option(help="trilinear or tetrahedral: what will read the LUT.")] = "trilinear",
@@ -31,14 +30,14 @@ def calibrate(
 ) -> None:
     """Calibrate a camera, and print the error on shots that were held out."""
     from lutforge.calibration.options import CalibrationOptions, Preset
+    from lutforge.model.camera_profile import ModelName
     from lutforge.model.profile_file import save_profile
     from lutforge.pipeline import calibrate as fit
     from lutforge.pipeline import gather_samples
 
-    if model != "lattice":
-        raise CalibrationError(f'unknown model "{model}"; choose lattice')
     require_writable(output)
     options = CalibrationOptions(
+        model=cast(ModelName, model),
         preset=cast(Preset, preset),
         size=size,
         interpolation=cast(Interpolation, interpolation),

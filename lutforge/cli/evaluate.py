@@ -37,7 +37,9 @@ def evaluate(
         note(text)
     if as_json:
         rows = [row.as_json() for row in evaluation.rows]
-        json.dump({"camera": camera.camera, "rows": rows, "notes": list(evaluation.notes)}, sys.stdout, indent=1)
+        deltas = [entry.as_json() for entry in evaluation.linearisation]
+        document = {"camera": camera.camera, "rows": rows, "linearisation": deltas, "notes": list(evaluation.notes)}
+        json.dump(document, sys.stdout, indent=1)
         sys.stdout.write("\n")
         return
     header = (
@@ -75,3 +77,9 @@ def evaluate(
                 )
             )
         print_table(f"{title}: error (1 = full scale)", header, cells)
+    if evaluation.linearisation:
+        lines = [
+            (entry.style, entry.method, str(entry.pairs), *(f"{value:.4f}" for value in entry.delta))
+            for entry in evaluation.linearisation
+        ]
+        print_table("Linearisation error δ over exposure pairs (4.11)", ("style", "method", "n", "R", "G", "B"), lines)

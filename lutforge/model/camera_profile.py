@@ -80,12 +80,12 @@ class CameraProfile:
         selector = parse_selector(text) if isinstance(text, str) else text
         if selector.style not in self.styles:
             raise SettingsError(f'unknown style "{selector.style}"; {self.camera} has {", ".join(sorted(self.styles))}')
-        resolve(selector.white_balance, self.white_balances)
         if self.raw_camera and not isinstance(selector.white_balance, str):
             raise SettingsError(
                 f"{self.camera} was calibrated through the RAW of {self.raw_camera}: name one of its white balances, "
                 f"{', '.join(sorted(self.white_balances))}"
             )
+        resolve(selector.white_balance, self.white_balances)
         return selector
 
     def multipliers(self, text: str | Selector) -> Array:

@@ -3,6 +3,7 @@
 import json
 import math
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,7 @@ def save_profile(profile: CameraProfile, path: str | Path) -> None:
         "version": FORMAT_VERSION,
         "software": f"LutForge {__version__}",
         "camera": profile.camera,
+        "raw_camera": profile.raw_camera,
         "matrix": profile.matrix.tolist(),
         "white_balances": {
             name: {
@@ -107,7 +109,7 @@ def load_profile(path: str | Path) -> CameraProfile:
             document = _read_document(archive, path)
             arrays = _Arrays(archive, path)
             return _profile_from_json(document, arrays, path)
-    except (zipfile.BadZipFile, OSError, EOFError) as error:
+    except (zipfile.BadZipFile, zlib.error, OSError, EOFError) as error:
         raise ProfileError(f"{path}: not a LutForge profile ({error})") from error
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError, zipfile.LargeZipFile) as error:
         raise ProfileError(f"{path}: damaged profile ({type(error).__name__}: {error})") from error
@@ -172,6 +174,7 @@ def _profile_from_json(document: dict[str, Any], arrays: _Arrays, path: Path) ->
         shots=tuple(str(shot) for shot in document.get("shots", [])),
         options=document.get("options", {}),
         notes=tuple(str(note) for note in document.get("notes", [])),
+        raw_camera=str(document.get("raw_camera", "")),
     )
 
 

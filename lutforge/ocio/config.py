@@ -95,6 +95,11 @@ class _Rendering:
 def _renderings(profiles: Sequence[CameraProfile], cameras: Sequence[str]) -> Iterator[_Rendering]:
     files = UniqueNames()
     for profile, camera in zip(profiles, cameras, strict=True):
+        if profile.raw_camera:
+            raise ConfigError(
+                f"{profile.camera} was calibrated through the RAW of {profile.raw_camera}: it has no RAW of its own "
+                "for a config; bake refinish LUTs of it instead"
+            )
         for name, style in profile.styles.items():
             everywhere = tuple(profile.white_balances)
             groups = [everywhere] if style.render or style.linearize else []

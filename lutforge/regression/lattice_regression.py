@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lutforge.interpolation import Interpolation, Levels, interpolate
+from lutforge.regression.blas import one_blas_thread
 from lutforge.regression.multigrid import (
     COARSEST,
     Level,
@@ -83,6 +84,7 @@ def fit_lattice(
     return solve_lattice(equations, levels, regularisation, prior=prior, start=start, tolerance=tolerance)
 
 
+@one_blas_thread
 def solve_lattice(
     equations: NormalEquations,
     levels: Levels,

@@ -3,7 +3,8 @@
 The system A b = y has A = W'W + Σ_axis S'S + anchors (+ K): a 27-point stencil, three pentadiagonal bands along the
 axes, and a diagonal. Coarser lattices keep every other node level, so the trilinear functions nest, and their stencil
 is the Galerkin product P'W'WP; one symmetric V-cycle (coloured Gauss-Seidel, planes of one colour in parallel)
-preconditions the iteration for all three outputs at once. Time and memory O(N³) per iteration. Briggs, Henson & McCormick, A Multigrid Tutorial (2000).
+preconditions the iteration for all three outputs at once. Time and memory O(N³) per iteration. Briggs, Henson &
+McCormick, A Multigrid Tutorial (2000).
 """
 
 from collections.abc import Callable
@@ -288,8 +289,7 @@ class Multigrid:
         units = np.eye(count).reshape(count, *shape[:3])
         columns = [self.apply(np.repeat(unit[..., None], 3, axis=3), depth).reshape(count, 3) for unit in units]
         matrices = np.stack(columns, axis=1).transpose(2, 0, 1)
-        inverse: Array = np.linalg.pinv(matrices, rcond=1e-13, hermitian=True)
-        return inverse
+        return np.asarray(np.linalg.pinv(matrices, rcond=1e-13, hermitian=True), dtype=np.float64)
 
     def cycle(self, right: Array, depth: int = 0) -> Array:
         """One symmetric V-cycle for A b = right, from b = 0."""

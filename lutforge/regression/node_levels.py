@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 BINS = 1000
 """Bins of the error histogram (thesis 5.3)."""
-SMOOTHING = 20.0
+SMOOTHING = 40.0
 """Standard deviation in bins of the Gaussian that smooths it; the thesis does not state its own."""
 
 
@@ -23,7 +23,8 @@ def error_histogram(x: Array, error: Array) -> tuple[Array, Array, Array]:
     """
     histograms = []
     for axis in range(3):
-        counts, _ = np.histogram(x[:, axis], bins=BINS, range=(0.0, 1.0), weights=error)
+        bins = np.clip((x[:, axis] * BINS).astype(np.int64), 0, BINS - 1)
+        counts = np.bincount(bins, weights=error, minlength=BINS)
         total = counts.sum()
         flat = counts / total if total > 0 else np.full(BINS, 1.0 / BINS)
         histograms.append(gaussian_filter1d(flat, SMOOTHING, mode="constant"))
@@ -50,6 +51,8 @@ EXPONENT = 1 / 5
 fixed number of intervals the total is least where 1/h ∝ (ρ κ²)^(1/5) (de Boor 1973, for weighted L2)."""
 FLOOR = 0.1
 """Share of the levels that stays evenly spread, so that no stretch without samples is left without nodes."""
+DENSITY_SMOOTHING = 5.0
+"""Standard deviation in bins of the Gaussian that smooths the density of levels."""
 BACKGROUND = 0.01
 """Share of the error that counts as even noise."""
 
@@ -65,7 +68,7 @@ def equidistributed_levels(x: Array, error: Array, levels: Levels) -> Levels:
     for histogram, axis in zip(error_histogram(x, error), levels, strict=True):
         spacing = np.diff(axis)[np.searchsorted(axis[1:-1], middle, side="right")] * (len(axis) - 1)
         density = ((histogram + BACKGROUND / BINS) / spacing**4) ** EXPONENT
-        density = gaussian_filter1d(density, SMOOTHING / 4, mode="nearest")
+        density = gaussian_filter1d(density, DENSITY_SMOOTHING, mode="nearest")
         result.append(equidistribute((1 - FLOOR) * density / density.sum() + FLOOR / BINS, len(axis)))
     r, g, b = result
     return (r, g, b)

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from itertools import pairwise
 
 
 @cache
@@ -22,7 +23,7 @@ def slabs(start: int, stop: int, step: int, most: int) -> list[tuple[int, int]]:
     count = max(0, -(-(stop - start) // step))
     parts = max(1, min(most, count))
     edges = [start + step * (count * part // parts) for part in range(parts)] + [stop]
-    return list(zip(edges, edges[1:], strict=False))
+    return list(pairwise(edges))
 
 
 def run(task: Callable[[int, int], object], parts: Iterable[tuple[int, int]]) -> None:

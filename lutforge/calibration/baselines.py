@@ -1,0 +1,79 @@
+"""The polynomial baselines that the thesis compares with (Fig. 4.5): one per channel, and one of all channels."""
+
+from collections.abc import Callable
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Predictor = Callable[[Array], Array]
+
+CHANNEL_ORDER = 6
+COLOUR_ORDER = 4
+RIDGE = 1e-9
+ALTERNATIONS = 30
+
+
+def channel_polynomials(x: Array, y: Array) -> Predictor:
+    """One 6th-order polynomial per channel, x (n, 3) → y (n, 3); clamped to the range of x."""
+    fits = [Polynomial.fit(x[:, c], y[:, c], CHANNEL_ORDER) for c in range(3)]
+    low, high = x.min(axis=0), x.max(axis=0)
+
+    def predict(values: Array) -> Array:
+        inside = np.clip(values, low, high)
+        return np.stack([np.asarray(fits[c](inside[:, c])) for c in range(3)], axis=1)
+
+    return predict
+
+
+def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
+    """JPEG → RAW with one 6th-order polynomial per channel, then a 3 × 3 matrix (Chakrabarti et al. 2009): E = M p(I).
+
+    Alternating least squares from the best sum of one-channel terms, each term's 3 × 6 coefficients cut to rank one.
+    """
+    powers = np.arange(1, CHANNEL_ORDER + 1)
+    terms = encoded[:, :, None] ** powers  # (n, 3, 6)
+    design = terms.reshape(len(encoded), -1)
+    normal = design.T @ design + RIDGE * len(encoded) * np.eye(design.shape[1])
+    additive = np.linalg.solve(normal, design.T @ raw).reshape(3, CHANNEL_ORDER, 3)
+    left, strength, right = np.linalg.svd(additive)
+    curves = left[:, :, 0] * strength[:, :1]  # (3, 6)
+    matrix = right[:, 0, :].T  # (3, 3): column k takes channel k's curve
+    for _ in range(ALTERNATIONS):
+        joint = np.einsum("nkp,ck->nckp", terms, matrix).reshape(3 * len(encoded), -1)
+        normal = joint.T @ joint + RIDGE * len(encoded) * np.eye(joint.shape[1])
+        curves = np.linalg.solve(normal, joint.T @ raw.reshape(-1)).reshape(3, CHANNEL_ORDER)
+        matrix = np.linalg.lstsq(np.einsum("nkp,kp->nk", terms, curves), raw, rcond=None)[0].T
+    low, high = encoded.min(axis=0), encoded.max(axis=0)
+
+    def predict(values: Array) -> Array:
+        inside = np.clip(values, low, high)[:, :, None] ** powers
+        return np.asarray(np.einsum("nkp,kp->nk", inside, curves) @ matrix.T)
+
+    return predict
+
+
+def colour_polynomial(x: Array, y: Array) -> Predictor:
+    """One polynomial of all three channels: degree 4 (35 terms), less where there are not four samples a term."""
+    degree = COLOUR_ORDER
+    while degree > 1 and len(x) < 4 * len(_terms(degree)):
+        degree -= 1
+    terms = _terms(degree)
+    low, high = x.min(axis=0), x.max(axis=0)
+    span = np.maximum(high - low, 1e-6)
+
+    def design(values: Array) -> Array:
+        unit = 2.0 * (np.clip(values, low, high) - low) / span - 1.0
+        return np.stack([np.prod(unit[:, list(term)], axis=1) for term in terms], axis=1)
+
+    matrix = design(x)
+    normal = matrix.T @ matrix + RIDGE * len(x) * np.eye(len(terms))
+    coefficients = np.asarray(np.linalg.solve(normal, matrix.T @ y), dtype=np.float64)
+    return lambda values: np.asarray(design(values) @ coefficients)
+
+
+def _terms(degree: int) -> list[tuple[int, ...]]:
+    """Channel indices of every monomial up to a degree; () is the constant."""
+    return [term for order in range(degree + 1) for term in combinations_with_replacement(range(3), order)]

@@ -1,0 +1,187 @@
+"""Exposure pairs: the same surface under the same light in two shots of different exposure (thesis 3.2, 4.2.1)."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from lutforge.errors import CalibrationError
+from lutforge.samples.sample_set import SampleSet
+
+Array = NDArray[np.float64]
+
+CLIPPED = 1.5 / 255.0
+"""JPEG values this near 0 or 1 in any channel are clipped."""
+MOST_STOPS = 3.5
+"""Shots further apart share too few unclipped surfaces, and their shifts are larger (thesis 3.2)."""
+LEAST_STOPS = 0.15
+LEAST_PAIRS = 6
+SAME_SCENE = 0.12
+"""Where RAW is known: the surfaces of one scene have one RAW ratio, within this spread of its logarithm."""
+RAW_SPREAD = 0.003
+TIME_SPREAD = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class ExposurePairs:
+    """first, second: JPEG values (n, 3) of the same surfaces; log_ratio: log k' (n,) of second over first.
+
+    raw_first, raw_second: (n, 3), NaN where there is no RAW. shots: names; first_shot, second_shot: (n,) indices into
+    it; shot_exposure: (shots,) log exposure as stated, with mean 0 over each group of shots that pairs connect;
+    spread: the expected error of a log exposure.
+    """
+
+    first: Array
+    second: Array
+    raw_first: Array
+    raw_second: Array
+    log_ratio: NDArray[np.float64]
+    shots: tuple[str, ...]
+    first_shot: NDArray[np.intp]
+    second_shot: NDArray[np.intp]
+    shot_exposure: NDArray[np.float64]
+    spread: float
+
+    def __len__(self) -> int:
+        return len(self.log_ratio)
+
+
+@dataclass(frozen=True, eq=False)
+class _Exposure:
+    """One shot's surfaces, unclipped or not, in the same order as the other shots of its group."""
+
+    name: str
+    log_time: float
+    encoded: Array
+    raw: Array
+    usable: NDArray[np.bool_]
+
+
+def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
+    """All exposure pairs of a sample table: same style and white balance, same patch, other shot.
+
+    With RAW the ratio is that of the RAW values, which are linear, and pairs of shots whose surfaces have no common
+    ratio are other scenes and left out; without, it is that of the exposure times.
+    Raises CalibrationError where no two shots are a pair.
+    """
+    parts: list[tuple[_Exposure, _Exposure, NDArray[np.bool_], float]] = []
+    from_raw = bool(np.all(samples.raw_camera == samples.camera)) and bool(np.any(samples.raw > 0))
+    for group in _groups(samples):
+        for one, other in combinations(sorted(group, key=lambda shot: shot.log_time), 2):
+            both = one.usable & other.usable
+            ratio = _log_ratio(one, other, both, from_raw)
+            if ratio is not None and LEAST_STOPS <= abs(ratio) / np.log(2) <= MOST_STOPS:
+                parts.append((one, other, both, ratio) if ratio > 0 else (other, one, both, -ratio))
+    if not parts:
+        raise CalibrationError(
+            "no two shots show the same surfaces at different exposures: "
+            "shoot the same chart at several shutter speeds, with all other settings the same"
+        )
+    return _join(parts, RAW_SPREAD if from_raw else TIME_SPREAD)
+
+
+def pairs_of_bracket(
+    names: Sequence[str], encoded: Sequence[Array], exposure_s: Sequence[float], cell: int = 8, most: int = 400
+) -> ExposurePairs:
+    """Exposure pairs of registered JPEGs of one scene: flat cells of `cell` × `cell` pixels.
+
+    encoded: images (h, w, 3) in [0, 1], all of one size; exposure_s: relative times, other settings the same;
+    most: cells kept of each pair of shots.
+    Raises CalibrationError below two exposures, on sizes that differ, or where nothing is flat and unclipped.
+    """
+    if len(set(exposure_s)) < 2:
+        raise CalibrationError(
+            "one exposure only: the response needs a bracket; shoot the same scene at several shutter speeds"
+        )
+    if len({image.shape for image in encoded}) != 1 or len(names) != len(encoded) or len(names) != len(exposure_s):
+        raise CalibrationError("the shots of a bracket must have one size, and each its name and exposure time")
+    shots = []
+    for name, image, time in zip(names, encoded, exposure_s, strict=True):
+        mean, spread = _cells(np.asarray(image, dtype=np.float64), cell)
+        flat = spread.max(axis=1) < 0.02 + 0.03 * mean.max(axis=1)
+        usable = flat & np.all((mean > 2 * CLIPPED) & (mean < 1 - 2 * CLIPPED), axis=1)
+        shots.append(_Exposure(name, float(np.log(time)), mean, np.full_like(mean, np.nan), usable))
+    parts = []
+    rng = np.random.default_rng(0)
+    for one, other in combinations(sorted(shots, key=lambda shot: shot.log_time), 2):
+        both = one.usable & other.usable
+        ratio = other.log_time - one.log_time
+        if both.sum() >= LEAST_PAIRS and LEAST_STOPS <= ratio / np.log(2) <= MOST_STOPS:
+            chosen = np.zeros_like(both)
+            chosen[rng.permutation(np.flatnonzero(both))[:most]] = True
+            parts.append((one, other, chosen, ratio))
+    if not parts:
+        raise CalibrationError("no two shots of the bracket share flat, unclipped surfaces: shoot smaller steps")
+    return _join(parts, TIME_SPREAD)
+
+
+def _cells(image: Array, cell: int) -> tuple[Array, Array]:
+    """Mean and standard deviation (cells, 3) of non-overlapping cells; the grid is the same for every image."""
+    start = cell // 2
+    centres = (slice(start, image.shape[0] - start, cell), slice(start, image.shape[1] - start, cell))
+    means = [uniform_filter(image[..., c], cell)[centres].ravel() for c in range(3)]
+    squares = [uniform_filter(image[..., c] ** 2, cell)[centres].ravel() for c in range(3)]
+    mean, square = np.stack(means, axis=1), np.stack(squares, axis=1)
+    return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
+
+
+def _groups(samples: SampleSet) -> Iterator[list[_Exposure]]:
+    """Per style and white balance, the shots over the patches of the group (rows that a shot lacks are unusable)."""
+    for style in np.unique(samples.style):
+        for balance in np.unique(samples.white_balance[samples.style == style]):
+            rows = samples.select((samples.style == style) & (samples.white_balance == balance))
+            patches = np.unique(rows.patch)
+            group = []
+            for name, shot in rows.by_shot():
+                place = np.searchsorted(patches, shot.patch)
+                encoded, raw = np.full((len(patches), 3), np.nan), np.full((len(patches), 3), np.nan)
+                encoded[place], raw[place] = shot.srgb, shot.raw
+                with np.errstate(invalid="ignore"):
+                    usable = np.all((encoded > CLIPPED) & (encoded < 1 - CLIPPED), axis=1)
+                    usable &= ~np.any(raw >= 0.999, axis=1)
+                time = shot.exposure_s[np.isfinite(shot.exposure_s)]
+                group.append(
+                    _Exposure(name, float(np.log(np.median(time))) if len(time) else np.nan, encoded, raw, usable)
+                )
+            yield group
+
+
+def _log_ratio(one: _Exposure, other: _Exposure, both: NDArray[np.bool_], from_raw: bool) -> float | None:
+    """log k' of other over one; None where they are no pair."""
+    if both.sum() < LEAST_PAIRS:
+        return None
+    if not from_raw:
+        ratio = other.log_time - one.log_time
+        return float(ratio) if np.isfinite(ratio) else None
+    bright = both & np.all((one.raw > 0.004) & (other.raw > 0.004), axis=1)
+    if bright.sum() < LEAST_PAIRS:
+        return None
+    logs = np.log(other.raw[bright] / one.raw[bright])
+    middle = float(np.median(logs))
+    return middle if float(np.median(np.abs(logs - middle))) < SAME_SCENE else None
+
+
+def _join(parts: list[tuple[_Exposure, _Exposure, NDArray[np.bool_], float]], spread: float) -> ExposurePairs:
+    names = sorted({shot.name for one, other, _, _ in parts for shot in (one, other)})
+    index = {name: place for place, name in enumerate(names)}
+    counts = [int(both.sum()) for _, _, both, _ in parts]
+    ratios = np.array([ratio for *_, ratio in parts])
+    ends = np.array([(index[one.name], index[other.name]) for one, other, _, _ in parts])
+    incidence = np.zeros((len(parts), len(names)))
+    incidence[np.arange(len(parts)), ends[:, 0]] = -1.0
+    incidence[np.arange(len(parts)), ends[:, 1]] = 1.0
+    return ExposurePairs(
+        first=np.concatenate([one.encoded[both] for one, _, both, _ in parts]),
+        second=np.concatenate([other.encoded[both] for _, other, both, _ in parts]),
+        raw_first=np.concatenate([one.raw[both] for one, _, both, _ in parts]),
+        raw_second=np.concatenate([other.raw[both] for _, other, both, _ in parts]),
+        log_ratio=np.repeat(ratios, counts),
+        shots=tuple(names),
+        first_shot=np.repeat(ends[:, 0], counts),
+        second_shot=np.repeat(ends[:, 1], counts),
+        shot_exposure=np.linalg.lstsq(incidence, ratios, rcond=None)[0],  # of least norm: mean 0 in each group
+        spread=spread,
+    )

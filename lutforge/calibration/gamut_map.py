@@ -1,0 +1,206 @@
+"""The gamut map h, or h⁻¹, fitted to measured pairs by radial basis functions (thesis 4.2.3, equations 4.7, 4.8).
+
+Centres are chosen greedily (Carr et al., "Reconstruction and representation of 3D objects with radial basis functions",
+SIGGRAPH 2001): fit few, look at the residual of all pairs, add the worst, until the tolerance or the cap is met.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from lutforge.errors import CalibrationError
+from lutforge.model.gamut_map import GamutMap
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float64]
+Progress = Callable[[int, float], None]
+"""Told the number of centres and the share of pairs that are not yet met."""
+
+THESIS_CENTRES = 4000
+"""The thesis uses 3000 to 5000."""
+FIRST_CENTRES = 64
+GROWTH = 1.6
+"""Centres are multiplied by this from round to round."""
+COINCIDENT = 0.5 / 255.0
+"""Pairs whose encoded colours lie in one cell of this size are one pair, their median."""
+NUGGETS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+"""Candidates of 8Nπρ."""
+SEARCH_PAIRS = 800
+FOLDS = 5
+
+
+@dataclass(frozen=True)
+class GamutMapOptions:
+    """tolerance: residual, in the units of the values, below which a pair is met; most: centres at most.
+
+    nugget: 8Nπρ of (4.8), the weight of smoothness against fidelity; None chooses it on held-out shots.
+    Raises CalibrationError on values that are not positive.
+    """
+
+    tolerance: float = 0.1 / 255.0
+    most: int = THESIS_CENTRES
+    nugget: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.tolerance > 0 or self.most < 8 or (self.nugget is not None and not self.nugget >= 0):
+            raise CalibrationError("gamut map: the tolerance must be positive, the centres 8 or more, ρ not negative")
+
+    @classmethod
+    def of_rho(cls, rho: float, count: int, tolerance: float = 0.1 / 255.0) -> "GamutMapOptions":
+        """ρ as (4.8) has it, for `count` centres."""
+        return cls(tolerance, count, 8.0 * count * np.pi * rho)
+
+
+@dataclass(frozen=True, eq=False)
+class GamutMapFit:
+    """worst, mean: residual of all pairs (not of centres only), weighted as asked; rho: ρ of (4.8)."""
+
+    gamut_map: GamutMap
+    nugget: float
+    rho: float
+    worst: float
+    mean: float
+
+
+def fit_gamut_map(
+    source: Array,
+    target: Array,
+    options: GamutMapOptions | None = None,
+    *,
+    groups: NDArray[np.str_] | None = None,
+    importance: Floats | None = None,
+    progress: Progress | None = None,
+) -> GamutMapFit:
+    """Fit target = h(source), both (n, 3) linear.
+
+    groups: (n,) shot names, whole shots are left out to choose ρ. importance: (n,) factor that turns a residual into
+    the units of the tolerance (the slope of f, for encoded values); important pairs are also followed more closely.
+    Time O(centres³ + n · centres); memory 8 · centres² bytes and twice that while solving.
+    Raises CalibrationError below 8 distinct colours, or where they all lie in one plane.
+    """
+    options = options or GamutMapOptions()
+    slope = np.ones(len(source)) if importance is None else np.asarray(importance, dtype=np.float64)
+    names = np.arange(len(source)).astype(str) if groups is None else groups
+    source, target, slope, names = merge_coincident(source, target, slope, names)
+    if len(source) < 8 or np.linalg.matrix_rank(source - source.mean(axis=0), tol=1e-4 * np.sqrt(len(source))) < 3:
+        raise CalibrationError(
+            f"{len(source)} distinct colours cannot tell a gamut map: shoot a chart or a scene of many colours"
+        )
+    slope = slope / np.median(slope)
+    nugget = _choose_nugget(source, target, slope, names) if options.nugget is None else options.nugget
+    chosen = _first_centres(source, min(FIRST_CENTRES, options.most, len(source)))
+    while True:
+        gamut_map = solve(source[chosen], target[chosen], nugget / slope[chosen] ** 2)
+        residual = np.linalg.norm(gamut_map(source) - target, axis=1) * slope
+        open_pairs = residual > options.tolerance
+        open_pairs[chosen] = False
+        if progress is not None:
+            progress(len(chosen), float(open_pairs.mean()))
+        room = min(options.most, len(source)) - len(chosen)
+        if room <= 0 or not open_pairs.any():
+            break
+        wanted = min(room, max(int(len(chosen) * (GROWTH - 1.0)), 8))
+        chosen = np.concatenate([chosen, _worst_apart(source, residual, open_pairs, wanted)])
+    rho = nugget / (8.0 * np.pi * len(chosen))
+    return GamutMapFit(gamut_map, nugget, rho, float(residual.max()), float(residual.mean()))
+
+
+def solve(centres: Array, values: Array, nugget: Floats) -> GamutMap:
+    """(4.8) for all three channels: [D − diag(nugget), P; Pᵀ, 0] [λ; a] = [values; 0].
+
+    centres, values: (n, 3); nugget: (n,) = 8Nπρ. The matrix is symmetric and indefinite; LAPACK's dgesv overwrites it.
+    Raises CalibrationError where the centres coincide or lie in a plane.
+    """
+    count = len(centres)
+    system = np.zeros((count + 4, count + 4), order="F")
+    squares = np.sum(centres**2, axis=1)
+    distances = system[:count, :count]
+    np.matmul(centres, centres.T, out=distances)
+    distances *= -2.0
+    distances += squares[:, None]
+    distances += squares[None, :]
+    np.sqrt(np.maximum(distances, 0.0, out=distances), out=distances)
+    np.fill_diagonal(distances, -nugget)
+    polynomial = np.column_stack([np.ones(count), centres])
+    system[:count, count:], system[count:, :count] = polynomial, polynomial.T
+    right = np.zeros((count + 4, 3), order="F")
+    right[:count] = values
+    _, _, solution, status = lapack.dgesv(system, right, overwrite_a=True, overwrite_b=True)
+    if status != 0 or not np.all(np.isfinite(solution)):
+        raise CalibrationError("gamut map: the colours coincide or lie in one plane; shoot a scene of more colours")
+    return GamutMap(centres.copy(), solution[:count].copy(), solution[count:].copy())
+
+
+def merge_coincident(
+    source: Array, target: Array, slope: Floats, names: NDArray[np.str_]
+) -> tuple[Array, Array, Floats, NDArray[np.str_]]:
+    """One pair a cell: the medians of what coincides in the source (about 0.2 % of the thesis's points).
+
+    Cells are COINCIDENT wide where the slope is 1, smaller where it is steeper. The name is that of the first.
+    """
+    step = COINCIDENT / np.maximum(slope, 0.5)
+    exponent = np.floor(np.log2(step)).astype(np.int64)  # cells of sizes that are powers of 2
+    keys = np.column_stack([np.floor(source / np.exp2(exponent)[:, None]).astype(np.int64), exponent])
+    _, first, place, counts = np.unique(keys, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    place = place.reshape(-1)
+    order = np.argsort(place, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    merged_source, merged_target = source[first].copy(), target[first].copy()
+    for cell in np.flatnonzero(counts > 1):
+        rows = order[starts[cell] : starts[cell] + counts[cell]]
+        merged_source[cell], merged_target[cell] = np.median(source[rows], axis=0), np.median(target[rows], axis=0)
+    return merged_source, merged_target, slope[first], names[first]
+
+
+def _first_centres(source: Array, count: int) -> NDArray[np.intp]:
+    """Farthest-point sampling: the corner colours first, then what is farthest from those chosen."""
+    chosen = [int(np.argmin(source.sum(axis=1)))]
+    distance = np.linalg.norm(source - source[chosen[0]], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(source - source[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def _worst_apart(source: Array, residual: Floats, candidates: NDArray[np.bool_], wanted: int) -> NDArray[np.intp]:
+    """Up to `wanted` of the worst pairs, one a cell, the cells as large as still gives so many."""
+    rows = np.flatnonzero(candidates)
+    rows = rows[np.argsort(-residual[rows], kind="stable")]
+    best = rows[:0]
+    for power in range(2, 12):
+        cells = np.floor(source[rows] * 2**power).astype(np.int64)
+        _, first = np.unique(cells, axis=0, return_index=True)
+        best = rows[np.sort(first)[:wanted]]
+        if len(best) >= wanted:
+            break
+    return best
+
+
+def identity_gamut_map() -> GamutMap:
+    """h(p) = p: the conventional model, f and T without h."""
+    return GamutMap(np.zeros((1, 3)), np.zeros((1, 3)), np.vstack([np.zeros((1, 3)), np.eye(3)]))
+
+
+def _choose_nugget(source: Array, target: Array, slope: Floats, names: NDArray[np.str_]) -> float:
+    """The smoothest candidate of least error on shots left out, a fifth at a time, on a subset of the pairs."""
+    rng = np.random.default_rng(0)
+    rows = rng.permutation(len(source))[:SEARCH_PAIRS]
+    source, target, slope = source[rows], target[rows], slope[rows]
+    shots, shot = np.unique(names[rows], return_inverse=True)
+    # Of fewer shots one may be the only one of its exposure: then single pairs are left out, not whole shots.
+    fold = rng.permutation(len(shots))[shot] % FOLDS if len(shots) >= FOLDS else np.arange(len(rows)) % FOLDS
+    scores = []
+    for nugget in NUGGETS:
+        score = 0.0
+        for held in range(FOLDS):
+            train, test = fold != held, fold == held
+            if train.sum() < 8:
+                continue
+            gamut_map = solve(source[train], target[train], nugget / slope[train] ** 2)
+            score += float(np.sum(np.linalg.norm(gamut_map(source[test]) - target[test], axis=1) * slope[test]))
+        scores.append(score)
+    good = [nugget for nugget, score in zip(NUGGETS, scores, strict=True) if score <= 1.005 * min(scores)]
+    return max(good)

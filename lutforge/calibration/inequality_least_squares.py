@@ -1,0 +1,54 @@
+"""Linear least squares with linear inequality constraints (Lawson & Hanson, "Solving Least Squares Problems", ch. 23).
+
+The problem LSI, min ‖A x − b‖ subject to G x ≥ h, becomes the least-distance problem LDP through the QR factors of A,
+and that becomes a non-negative least-squares problem in as many unknowns as there are constraints.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from lutforge.errors import CalibrationError
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-9
+MOST_ROUNDS = 30
+
+
+def solve_lsi(design: Array, target: Array, constraints: Array, bounds: Array) -> Array:
+    """x (k,) that minimises ‖design x − target‖ subject to constraints x ≥ bounds.
+
+    design: (m, k) of full column rank; constraints: (c, k); bounds: (c,).
+    Raises CalibrationError where the design does not determine x, or no x satisfies the constraints.
+    """
+    unknowns = design.shape[1]
+    factor = np.asarray(np.linalg.qr(np.column_stack([design, target]), mode="r"))
+    upper, projected = factor[:unknowns, :unknowns], factor[:unknowns, -1]
+    diagonal = np.abs(np.diag(upper))
+    if len(diagonal) < unknowns or diagonal.min() <= 1e-12 * max(diagonal.max(), 1e-300):
+        raise CalibrationError("the samples do not determine the curve: they span too few tones")
+    solution: Array = np.linalg.solve(upper, projected)
+    turned = np.linalg.solve(upper.T, constraints.T).T  # G R⁻¹
+    slack = TOLERANCE * np.maximum(np.linalg.norm(constraints, axis=1), 1e-300)
+    chosen = np.zeros(len(bounds), dtype=np.bool_)
+    for _ in range(MOST_ROUNDS):  # few constraints ever bind: only those that were violated enter the problem
+        violated = constraints @ solution < bounds - slack
+        if not violated.any():
+            break
+        chosen |= violated
+        distance = _least_distance(turned[chosen], bounds[chosen] - turned[chosen] @ projected)
+        solution = np.linalg.solve(upper, distance + projected)
+    return solution
+
+
+def _least_distance(constraints: Array, bounds: Array) -> Array:
+    """LDP: z of least norm with constraints z ≥ bounds."""
+    dual = np.vstack([constraints.T, bounds])
+    corner = np.zeros(len(dual))
+    corner[-1] = 1.0
+    residual = dual @ nnls(dual, corner)[0] - corner
+    if abs(residual[-1]) < 1e-14:
+        raise CalibrationError("no rising curve fits the samples: the shots contradict each other")
+    distance: Array = -residual[:-1] / residual[-1]
+    return distance

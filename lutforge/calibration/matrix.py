@@ -1,0 +1,139 @@
+"""White balances Tw and the matrix Ts together, by least squares (thesis 4.2.2, equation 4.5).
+
+minimise Σ_i Σ_j ‖Ts⁻¹ X_ij − Tw_i E_ij‖²,  X = f⁻¹(I), on colours that the gamut map leaves alone. Where the files tell
+the multipliers of a setting its Tw is known; one unknown setting is fixed to I, which leaves the problem linear.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.options import Preset
+from lutforge.errors import CalibrationError
+
+Array = NDArray[np.float64]
+
+ROUNDS = 10
+OUTLIER = 3.0
+LEAST_COLOURS = 8
+LEAST_CONDITION = 8e-3
+"""The chromaticities (shares of r, g, b) of the unsaturated colours must spread in two directions by this much."""
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixFit:
+    """matrix: Ts (3, 3), for multipliers with green = 1; multipliers: by setting (3,), green = 1.
+
+    gain: by setting, what its multipliers were divided by to make green 1, relative to the median setting: 1 where the
+    camera scales them so. weight: (n,) trust in [0, 1]; rms: of the trusted, in units of white-balanced RAW.
+    """
+
+    matrix: Array
+    multipliers: Mapping[str, Array]
+    gain: Mapping[str, float]
+    weight: NDArray[np.float64]
+    rms: float
+
+
+def fit_matrix(
+    linear: Array,
+    raw: Array,
+    setting: NDArray[np.str_],
+    known: Mapping[str, Array],
+    *,
+    trusted: NDArray[np.float64],
+    preset: Preset = "lutforge",
+) -> MatrixFit:
+    """Solve (4.5). linear: X = f⁻¹(I) (n, 3); raw: E (n, 3); setting: (n,) white-balance name; known: multipliers (3,)
+    with green = 1 by setting; trusted: (n,) weights, 1 for colours that are surely untouched by the gamut map.
+
+    Without any known multipliers, what Ts and Tw share is settled by neutrals: Ts maps equal RAW values to equal linear
+    ones, as a camera's own white balance makes them. Raises CalibrationError where the colours do not determine Ts.
+    """
+    names = [str(name) for name in np.unique(setting)]
+    unknown = [name for name in names if name not in known]
+    fixed = dict(known) if known else {unknown[0]: np.ones(3)}
+    free = [name for name in names if name not in fixed]
+    _check(linear, trusted)
+    weight, residual = trusted.copy(), np.zeros(len(raw))
+    inverse, solved = np.eye(3), dict(fixed)
+    for turn in range(1 if preset == "thesis" else ROUNDS):
+        inverse, solved = _solve(linear, raw, setting, fixed, free, weight)
+        tw = np.array([solved[str(name)] for name in setting])
+        # Relative to the sample's own level: bright colours are no better than dark ones.
+        level = np.maximum(np.linalg.norm(tw * raw, axis=1), 0.02)
+        residual = np.linalg.norm(linear @ inverse.T - tw * raw, axis=1) / level
+        if preset == "lutforge" and turn < ROUNDS - 1:
+            scale = max(OUTLIER * float(np.median(residual[trusted > 0.5])), 2e-3)
+            weight = 1.0 / (1.0 + (residual / scale) ** 2) ** 2 / level**2
+    weight = weight / weight.max()
+    if not known:  # R of (4.6): neutral stays neutral
+        neutral = inverse @ np.ones(3)
+        if np.min(neutral) <= 0:
+            raise CalibrationError(
+                "the unsaturated colours give no white balance: add a shot of a grey or colour chart"
+            )
+        inverse = inverse / neutral[:, None]
+        solved = {name: value / neutral for name, value in solved.items()}
+    greens = {name: float(value[1]) for name, value in solved.items()}
+    middle = float(np.median(list(greens.values())))
+    matrix = np.asarray(np.linalg.inv(inverse / middle), dtype=np.float64)
+    rms = float(np.sqrt(np.average(residual**2, weights=weight)))
+    return MatrixFit(
+        matrix,
+        {name: value / value[1] for name, value in solved.items()},
+        {name: green / middle for name, green in greens.items()},
+        weight,
+        rms,
+    )
+
+
+def _check(linear: Array, trusted: NDArray[np.float64]) -> None:
+    count = int((trusted > 0.5).sum())
+    if count < LEAST_COLOURS:
+        raise CalibrationError(
+            f"{count} unsaturated colours; the matrix needs {LEAST_COLOURS}: shoot a colour chart, not clipped"
+        )
+    colours = linear[trusted > 0.5] / np.maximum(linear[trusted > 0.5].sum(axis=1, keepdims=True), 1e-9)
+    spread = np.linalg.svd(colours - colours.mean(axis=0), compute_uv=False)
+    if spread[1] < LEAST_CONDITION * np.sqrt(count):
+        raise CalibrationError(
+            "the unsaturated colours are all one hue or grey and cannot tell the matrix: shoot a colour chart"
+        )
+
+
+def _solve(
+    linear: Array,
+    raw: Array,
+    setting: NDArray[np.str_],
+    fixed: Mapping[str, Array],
+    free: list[str],
+    weight: NDArray[np.float64],
+) -> tuple[Array, dict[str, Array]]:
+    """One weighted solve, a channel at a time: row · X − tw_i E = known part. Unknown: 3, and one a free setting."""
+    root = np.sqrt(weight)
+    inverse = np.zeros((3, 3))
+    solved = {name: np.array(value, dtype=np.float64) for name, value in fixed.items()}
+    solved |= {name: np.ones(3) for name in free}
+    for channel in range(3):
+        design = np.zeros((len(raw), 3 + len(free)))
+        design[:, :3] = linear
+        target = np.zeros(len(raw))
+        for name, value in fixed.items():
+            rows = setting == name
+            target[rows] = value[channel] * raw[rows, channel]
+        for place, name in enumerate(free):
+            rows = setting == name
+            design[rows, 3 + place] = -raw[rows, channel]
+        answer, _, rank, _ = np.linalg.lstsq(design * root[:, None], target * root, rcond=1e-10)
+        if rank < design.shape[1]:
+            raise CalibrationError(
+                "the unsaturated colours do not determine the matrix and the white balances: "
+                "shoot a colour chart under every white balance"
+            )
+        inverse[channel] = answer[:3]
+        for place, name in enumerate(free):
+            solved[name][channel] = answer[3 + place]
+    return inverse, solved

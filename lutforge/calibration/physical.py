@@ -1,0 +1,157 @@
+"""The thesis's camera model I = f(h(Ts Tw E)), stage by stage: f, then Ts and Tw, then h and h⁻¹ (thesis 4.2)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.exposure_pairs import pairs_of_samples
+from lutforge.calibration.gamut_map import GamutMapFit, GamutMapOptions, fit_gamut_map, identity_gamut_map
+from lutforge.calibration.matrix import fit_matrix
+from lutforge.calibration.options import Preset
+from lutforge.calibration.response import (
+    BETA,
+    encoding_slope,
+    fit_response_to_exposures,
+    fit_response_to_raw,
+    saturation,
+)
+from lutforge.errors import CalibrationError
+from lutforge.model.camera_profile import PhysicalModel
+from lutforge.model.response import Response
+from lutforge.samples.sample_set import SampleSet
+
+Array = NDArray[np.float64]
+
+AUTO_OF_SHOT = "auto\x00"
+"""Under auto every shot has a white balance of its own: settings "auto\\0shot"."""
+
+
+@dataclass(frozen=True, eq=False)
+class StyleStages:
+    """What is fitted before the gamut map. trusted: (n,) of the style's samples, those that h leaves alone."""
+
+    response: Response
+    trusted: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraStages:
+    """Ts, Tw and, by style, f. multipliers: (n, 3) of the samples given, green = 1, fitted where they were not known.
+
+    matrix: (3, 3), one for all styles.
+    """
+
+    matrix: Array
+    multipliers: Array
+    styles: Mapping[str, StyleStages]
+
+
+def fit_stages(
+    samples: SampleSet, multipliers: Array, known: NDArray[np.bool_], preset: Preset = "lutforge"
+) -> CameraStages:
+    """f of every style, Ts and the unknown Tw, of unclipped samples of one camera.
+
+    multipliers: (n, 3), good guesses where known (n,) is False. The "thesis" preset takes f from exposure pairs and all
+    colours below the saturation β; "lutforge" takes f and Ts from RAW/JPEG pairs together and weighs by residual.
+    Raises CalibrationError, in one line with what to shoot, where a stage is not determined.
+    """
+    names = [str(name) for name in np.unique(samples.style)]
+    automatic = samples.white_balance == "auto"
+    setting = np.where(automatic, np.char.add(AUTO_OF_SHOT, samples.shot), samples.white_balance)
+    stages: dict[str, StyleStages] = {}
+    matrix = np.eye(3)
+    for turn in range(1 if known.all() else 2):
+        linear = np.zeros_like(samples.raw)
+        trusted = np.zeros(len(samples))
+        for name in names:
+            rows = samples.style == name
+            stages[name] = _fit_style(samples.select(rows), multipliers[rows], name, preset)
+            linear[rows] = stages[name].response.linearize(samples.srgb[rows])
+            trusted[rows] = stages[name].trusted
+        given = {
+            str(key): np.median(multipliers[(setting == key) & known], axis=0) for key in np.unique(setting[known])
+        }
+        # Known settings are applied sample by sample (a camera may change them from shot to shot): they become one.
+        balanced = np.where(known[:, None], samples.raw * multipliers, samples.raw)
+        label = np.where(known, "known", setting)
+        fit = fit_matrix(
+            linear, balanced, label, {"known": np.ones(3)} if given else {}, trusted=trusted, preset=preset
+        )
+        matrix = fit.matrix
+        if turn == 0 and not known.all():
+            multipliers = multipliers.copy()
+            for key in np.unique(setting[~known]):
+                multipliers[(setting == key) & ~known] = fit.multipliers[str(key)]
+    return CameraStages(matrix, multipliers, stages)
+
+
+def _fit_style(samples: SampleSet, multipliers: Array, name: str, preset: Preset) -> StyleStages:
+    try:
+        if preset == "thesis":
+            response = fit_response_to_exposures(pairs_of_samples(samples), preset).response
+            return StyleStages(response, (saturation(samples.srgb) < BETA).astype(np.float64))
+        fit = fit_response_to_raw(samples.raw * multipliers, samples.srgb, preset)
+    except CalibrationError as error:
+        raise CalibrationError(f'style "{name}": {error}') from None
+    return StyleStages(fit.response, fit.weight)
+
+
+@dataclass(frozen=True, eq=False)
+class GamutMaps:
+    """The whole model of a style, and the smoothness 8Nπρ that was chosen for h and h⁻¹; None where it is not known."""
+
+    model: PhysicalModel
+    nugget: float | None
+    inverse_nugget: float | None
+
+
+def fit_gamut_maps(
+    balanced: Array,
+    encoded: Array,
+    shot: NDArray[np.str_],
+    matrix: Array,
+    response: Response,
+    white_balances: tuple[str, ...],
+    nuggets: tuple[float | None, float | None] = (None, None),
+) -> GamutMaps:
+    """h and h⁻¹ of one style, on all its unclipped samples, saturated colours included; all white balances together.
+
+    balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,). nuggets: smoothness of h and h⁻¹; None chooses it on held-out
+    shots. The residual of h counts in JPEG values; that of h⁻¹ between RAW and JPEG values, so that dark colours count.
+    """
+    forward, back = fit_shared_gamut_maps(balanced @ matrix.T, encoded, shot, response, nuggets)
+    model = PhysicalModel(white_balances, matrix, response, forward.gamut_map, back.gamut_map)
+    return GamutMaps(model, forward.nugget, back.nugget)
+
+
+def fit_shared_gamut_maps(
+    linear: Array,
+    encoded: Array,
+    shot: NDArray[np.str_],
+    response: Response,
+    nuggets: tuple[float | None, float | None] = (None, None),
+) -> tuple[GamutMapFit, GamutMapFit]:
+    """h and h⁻¹ between linear (n, 3), the matrix's side, and f⁻¹(encoded) (n, 3)."""
+    mapped = response.linearize(encoded)
+    slope = encoding_slope(response, encoded).mean(axis=1)
+    options = [GamutMapOptions(nugget=nugget) for nugget in nuggets]
+    forward = fit_gamut_map(linear, mapped, options[0], groups=shot, importance=slope)
+    back = fit_gamut_map(mapped, linear, options[1], groups=shot, importance=np.sqrt(slope))
+    return forward, back
+
+
+def conventional(model: PhysicalModel) -> PhysicalModel:
+    """The same f and T without h."""
+    return replace(model, gamut_map=identity_gamut_map(), inverse_gamut_map=identity_gamut_map())
+
+
+def render(model: PhysicalModel, balanced: Array) -> Array:
+    """Tw E (…, 3) → I (…, 3) in [0, 1]."""
+    return model.response.encode(model.gamut_map(balanced @ model.matrix.T))
+
+
+def linearize(model: PhysicalModel, encoded: Array) -> Array:
+    """I (…, 3) → Tw E (…, 3), not clipped."""
+    return model.inverse_gamut_map(model.response.linearize(encoded)) @ np.linalg.inv(model.matrix).T

@@ -1,0 +1,134 @@
+"""The lattice fit beside its peers on the Nikon D40's published pairs, and its speed on up to a million samples.
+
+    python -m pytest tests/benchmarks/test_lattice_benchmark.py --benchmark-only -s
+
+Peers: camera-match (PyPI, the same paper; `pip install lutforge[bench]`, left out where it is missing; sparse direct
+solves, so only up to 24³ unless LUTFORGE_BENCHMARK_ALL is set), the thesis preset, and radial basis functions. Errors
+are norms of the RGB difference on the 30 % held out. The goals on two idle cores: 24³ from 10,000 samples ≤ 0.5 s, 33³
+from a million ≤ 2 s, 65³ from a million ≤ 15 s, the search for node levels and weights included, below 1.5 GB.
+"""
+
+import importlib.util
+import os
+import resource
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pytest_benchmark.fixture import BenchmarkFixture
+from scipy.interpolate import RBFInterpolator
+
+from lutforge.calibration.continuation import continuation
+from lutforge.calibration.lattice import fit_samples
+from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.options import CalibrationOptions, Preset
+from lutforge.model.published_model import read_published_model
+from lutforge.simulate.camera import nikon_d5100
+
+Array = NDArray[np.float64]
+Predictor = Callable[[Array], Array]
+Fit = Callable[[Array, Array], Predictor]
+
+SIZES = (9, 13, 17, 24, 33, 49, 65)
+LARGEST_PEER = 65 if os.environ.get("LUTFORGE_BENCHMARK_ALL") else 24
+SEEDS = (1, 2, 3)
+
+pytestmark = pytest.mark.skipif("--benchmark-only" not in sys.argv, reason="run with --benchmark-only")
+
+
+def lattice(preset: Preset, size: int) -> Fit:
+    """LutForge's fit, matrix and response included."""
+
+    def fit(x: Array, y: Array) -> Predictor:
+        shots = np.array([f"shot {row % 10}" for row in range(len(x))])
+        guess = continuation(fit_matrix_and_response(x, y), x, y, inverse=False)
+        return fit_samples(x, y, shots, guess, CalibrationOptions(preset=preset, size=size), clips=True).lattice
+
+    return fit
+
+
+def camera_match(size: int) -> Fit:
+    """camera-match's LUT3D with its own settings."""
+    lut3d = importlib.import_module("camera_match").LUT3D
+
+    def fit(x: Array, y: Array) -> Predictor:
+        node = lut3d(size=size)
+        node.solve(x, y)
+        return lambda points: np.asarray(node(points), dtype=np.float64)
+
+    return fit
+
+
+def held_out(fit: Fit, x: Array, y: Array) -> tuple[float, float, float, float]:
+    """Medians over the splits: mean, 95th percentile, maximum, seconds."""
+    rows = []
+    for seed in SEEDS:
+        order = np.random.default_rng(seed).permutation(len(x))
+        inside, outside = order[: int(0.7 * len(x))], order[int(0.7 * len(x)) :]
+        start = time.perf_counter()
+        predict = fit(x[inside], y[inside])
+        seconds = time.perf_counter() - start
+        error = np.linalg.norm(np.clip(predict(x[outside]), 0, 1) - y[outside], axis=1)
+        rows.append((error.mean(), np.quantile(error, 0.95), error.max(), seconds))
+    mean, p95, worst, seconds = np.median(rows, axis=0)
+    return float(mean), float(p95), float(worst), float(seconds)
+
+
+def test_published_pairs(benchmark: BenchmarkFixture, shared_data: Path) -> None:
+    """The table of the README; LutForge is better than camera-match in every figure and size, and not slower."""
+    published = read_published_model(shared_data / "nus_nikon_d40" / "other_white_balances")
+    x, y = published.balanced, published.encoded
+    peer = importlib.util.find_spec("camera_match") is not None
+
+    def rbf(fitted: Array, values: Array) -> Predictor:
+        matrix, response = published.model.matrix, published.model.response
+        h = RBFInterpolator(fitted @ matrix.T, response.linearize(values), kernel="linear", degree=1)
+        return lambda points: response.encode(h(points @ matrix.T))
+
+    def measure() -> dict[tuple[str, int], tuple[float, float, float, float]]:
+        found = {("radial basis functions", 0): held_out(rbf, x, y)}
+        for size in SIZES:
+            lattice("lutforge", size)(x[::3], y[::3])  # compiled before it is timed
+            found["LutForge", size] = held_out(lattice("lutforge", size), x, y)
+            if size <= 33:
+                found["thesis preset", size] = held_out(lattice("thesis", size), x, y)
+            if peer and size <= LARGEST_PEER:
+                found["camera-match", size] = held_out(camera_match(size), x, y)
+        return found
+
+    found = benchmark.pedantic(measure, rounds=1)  # type: ignore[no-untyped-call]  # no types
+    print(f"\nload {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores\n")
+    print("| size | method | mean | 95 % | max | fit, s |\n|---|---|---|---|---|---|")
+    for (method, size), (mean, p95, worst, seconds) in found.items():
+        print(f"| {f'{size}³' if size else ''} | {method} | {mean:.4f} | {p95:.4f} | {worst:.3f} | {seconds:.2f} |")
+    for size in SIZES:
+        if ("camera-match", size) in found:
+            assert np.all(np.array(found["LutForge", size][:3]) < found["camera-match", size][:3])
+
+
+@pytest.mark.parametrize(("count", "size", "goal"), [(10_000, 24, 0.5), (1_000_000, 33, 2.0), (1_000_000, 65, 15.0)])
+def test_speed(benchmark: BenchmarkFixture, count: int, size: int, goal: float) -> None:
+    """Samples of a simulated camera, λ and node levels searched."""
+    camera = nikon_d5100()
+    gain = camera.multipliers("daylight")
+    x = np.random.default_rng(0).random((count, 3)) ** 2
+    y = camera.render(x / gain, "standard", "daylight")
+    shots = np.array([f"shot {row % 10}" for row in range(count)])
+    guess = continuation(fit_matrix_and_response(x[:5000], y[:5000]), x, y, inverse=False)
+
+    def fit() -> None:
+        fit_samples(x, y, shots, guess, CalibrationOptions(size=size), clips=True)
+
+    benchmark.pedantic(fit, rounds=3, warmup_rounds=1)  # type: ignore[no-untyped-call]  # no types
+    assert benchmark.stats is not None
+    seconds = benchmark.stats.stats.median
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    load = os.getloadavg()[0]
+    print(f"\n{size}³ from {count}: {seconds:.2f} s (goal {goal}), peak {peak:.2f} GB, load {load:.1f}")
+    assert peak < 1.5
+    if load <= 1.2 * (os.cpu_count() or 1):
+        assert seconds <= goal

@@ -1,0 +1,45 @@
+"""Brightness transfer functions of the simulated camera: one response, outliers where the gamut map works."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples_simulated import chart_140, photograph_patches
+
+from lutforge.calibration.brightness_transfer import judge, transfer_functions
+from lutforge.calibration.exposure_pairs import pairs_of_samples
+from lutforge.simulate.camera import nikon_d5100
+
+CAMERA = nikon_d5100()
+SAMPLES = photograph_patches(CAMERA, chart_140(), balances=("daylight", "tungsten"), stops=(-3, -2, -1, 0))
+PAIRS = pairs_of_samples(SAMPLES)
+
+
+def test_one_function_a_ratio_and_it_is_the_cameras() -> None:
+    functions = transfer_functions(PAIRS)
+    assert [round(function.stops) for function in functions] == sorted(round(f.stops) for f in functions)
+    one = min(functions, key=lambda function: abs(function.stops - 1.0))
+    codes = np.linspace(0.1, 0.7, 100)
+    grey = np.stack([codes] * 3, axis=1)
+    true = CAMERA.styles["standard"].response
+    expected = true(2.0**one.stops * true.inverse(grey))
+    at = np.stack([np.interp(codes, np.linspace(0, 1, 256), one.curve[:, c]) for c in range(3)], axis=1)
+    np.testing.assert_allclose(at, expected, atol=0.006)
+    assert len(one.first) == len(one.outlier) == len(one.pair)
+    assert np.nanmedian(one.raw_second / one.raw_first) == pytest.approx(2.0**one.stops, rel=0.05)
+
+
+def test_outliers_are_the_saturated_colours_and_the_response_is_fixed() -> None:
+    assert judge(PAIRS).fixed
+    vivid = photograph_patches(CAMERA, chart_140(), styles=("vivid",), balances=("daylight",), stops=(-3, -2, -1, 0))
+    verdict = judge(pairs_of_samples(vivid))
+    assert verdict.fixed
+    assert verdict.outlier_saturation > verdict.inlier_saturation + 0.1
+    assert 0.0 < verdict.outliers < 0.3
+    assert verdict.raw_spread < 0.02
+
+
+def test_a_camera_that_renders_each_light_differently_is_found_out() -> None:
+    second = SAMPLES.shot == "standard tungsten -1"
+    changed = replace(SAMPLES, srgb=np.where(second[:, None], SAMPLES.srgb**0.8, SAMPLES.srgb))
+    assert not judge(pairs_of_samples(changed)).fixed

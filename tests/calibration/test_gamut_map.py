@@ -1,0 +1,99 @@
+"""The RBF fit: exactness, smoothing, the greedy choice, coincident points, speed and memory."""
+
+import time
+
+import numpy as np
+import pytest
+from scipy.interpolate import RBFInterpolator
+
+from lutforge.calibration.gamut_map import GamutMapOptions, fit_gamut_map, merge_coincident, solve
+from lutforge.errors import CalibrationError
+
+RNG = np.random.default_rng(0)
+
+
+def _curved(x: np.ndarray) -> np.ndarray:
+    return np.asarray(x + 0.08 * np.sin(5 * x[:, [1, 2, 0]]) * x)
+
+
+def test_it_is_scipys_linear_rbf() -> None:
+    x = RNG.uniform(size=(300, 3))
+    y, probe = _curved(x), RNG.uniform(size=(500, 3))
+    expected = RBFInterpolator(x, y, kernel="linear", degree=1)(probe)
+    np.testing.assert_allclose(solve(x, y, np.zeros(300))(probe), expected, atol=3e-6)
+
+
+def test_smoothing_is_scipys_with_the_thesis_sign() -> None:
+    # scipy's linear kernel is −r, so its smoothing is our 8Nπρ.
+    x = RNG.uniform(size=(200, 3))
+    y, probe = _curved(x) + 0.01 * RNG.standard_normal(x.shape), RNG.uniform(size=(300, 3))
+    expected = RBFInterpolator(x, y, kernel="linear", degree=1, smoothing=0.05)(probe)
+    np.testing.assert_allclose(solve(x, y, np.full(200, 0.05))(probe), expected, atol=3e-6)
+    assert GamutMapOptions.of_rho(1e-5, 200).nugget == pytest.approx(8 * 200 * np.pi * 1e-5)
+
+
+def test_linear_maps_need_no_centres_but_the_first() -> None:
+    x = RNG.uniform(size=(5000, 3))
+    matrix = np.array([[1.2, -0.1, -0.1], [0.0, 1.0, 0.0], [0.1, -0.2, 1.1]])
+    fit = fit_gamut_map(x, x @ matrix.T + 0.01, GamutMapOptions(tolerance=1e-4, nugget=0.0))
+    assert len(fit.gamut_map.centres) == 64
+    assert fit.worst < 1e-4
+    outside = RNG.uniform(1.5, 3.0, (10, 3))
+    np.testing.assert_allclose(fit.gamut_map(outside), outside @ matrix.T + 0.01, atol=1e-3)
+
+
+def test_the_tolerance_is_met_with_few_centres() -> None:
+    x = RNG.uniform(size=(6000, 3))
+    fit = fit_gamut_map(x, _curved(x), GamutMapOptions(tolerance=0.004, nugget=0.0))
+    assert fit.worst <= 0.004
+    assert len(fit.gamut_map.centres) < 3000
+    probe = RNG.uniform(0.05, 0.95, (2000, 3))
+    assert np.linalg.norm(fit.gamut_map(probe) - _curved(probe), axis=1).max() < 0.006
+
+
+def test_the_cap_is_kept_and_the_worst_come_first() -> None:
+    x = RNG.uniform(size=(3000, 3))
+    few, many = (
+        fit_gamut_map(x, _curved(x), GamutMapOptions(tolerance=1e-9, most=most, nugget=0.0)) for most in (100, 800)
+    )
+    assert len(few.gamut_map.centres) == 100 and len(many.gamut_map.centres) == 800
+    assert many.worst < 0.6 * few.worst
+
+
+def test_noise_is_smoothed_by_the_choice_on_held_out_shots() -> None:
+    x = RNG.uniform(size=(600, 3))
+    noisy = _curved(x) + 0.02 * RNG.standard_normal(x.shape)
+    shots = np.array([f"shot {place % 6}" for place in range(600)])
+    chosen = fit_gamut_map(x, noisy, GamutMapOptions(), groups=shots)
+    plain = fit_gamut_map(x, noisy, GamutMapOptions(nugget=0.0))
+    probe = RNG.uniform(0.1, 0.9, (2000, 3))
+    errors = [np.linalg.norm(fit.gamut_map(probe) - _curved(probe), axis=1).mean() for fit in (chosen, plain)]
+    assert chosen.nugget >= 0.01
+    assert chosen.rho == pytest.approx(chosen.nugget / (8 * np.pi * len(chosen.gamut_map.centres)))
+    assert errors[0] < 0.8 * errors[1]
+
+
+def test_coincident_points_take_the_median() -> None:
+    source = np.repeat([[0.2, 0.3, 0.4], [0.7, 0.6, 0.5]], [5, 1], axis=0)
+    target = np.array([[0.1] * 3, [0.2] * 3, [0.3] * 3, [0.3] * 3, [9.0] * 3, [0.5] * 3])
+    merged, values, slope, names = merge_coincident(source, target, np.ones(6), np.array(list("abcdef")))
+    assert len(merged) == len(slope) == len(names) == 2
+    np.testing.assert_allclose(values[np.argmin(merged[:, 0])], 0.3)
+    np.testing.assert_allclose(values[np.argmax(merged[:, 0])], 0.5)
+
+
+def test_colours_in_a_plane_are_refused() -> None:
+    flat = RNG.uniform(size=(100, 3)) * [1, 1, 0]
+    with pytest.raises(CalibrationError, match="many colours"):
+        fit_gamut_map(flat, flat)
+    with pytest.raises(CalibrationError, match="tolerance"):
+        GamutMapOptions(tolerance=0.0)
+
+
+def test_many_samples_take_seconds() -> None:
+    x = RNG.uniform(size=(50_000, 3))
+    y = _curved(x) + 0.002 * RNG.standard_normal(x.shape)
+    start = time.perf_counter()
+    fit = fit_gamut_map(x, y, GamutMapOptions(tolerance=1e-6, most=1500, nugget=1e-3))
+    assert len(fit.gamut_map.centres) == 1500
+    assert time.perf_counter() - start < 20.0  # a second on an idle machine; tests/benchmarks has 100,000 and 4,000

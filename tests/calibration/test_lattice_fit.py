@@ -1,0 +1,123 @@
+"""The lattice fit on a simulated camera, whose truth is known, and on samples that say too little."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lutforge.calibration.continuation import continuation
+from lutforge.calibration.lattice import LatticeResult, fit_samples, folds
+from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.model.colour_difference import delta_e_2000
+from lutforge.simulate.camera import nikon_d5100
+
+Array = NDArray[np.float64]
+CAMERA = nikon_d5100()
+GAIN = CAMERA.multipliers("daylight")
+AXIS = np.linspace(0.0, 1.0, 513)[:, None].repeat(3, axis=1)
+
+
+def render(balanced: Array) -> Array:
+    return np.asarray(CAMERA.render(balanced / GAIN, "standard", "daylight"))
+
+
+def colours_in_gamut(count: int, seed: int) -> tuple[Array, Array]:
+    """White-balanced RAW of encoded colours spread evenly over all that the camera can make, and those."""
+    encoded = np.random.default_rng(seed).uniform(0.01, 0.99, (4 * count, 3))
+    x = CAMERA.linearize(encoded, "standard", "daylight") * GAIN
+    x = x[np.all((x > 0) & (x < 1), axis=1)][:count]
+    return x, render(x)
+
+
+def fit(x: Array, y: Array, size: int, *, inverse: bool = False, shots: int = 10) -> LatticeResult:
+    groups = np.array([f"shot {row % shots}" for row in range(len(x))])
+    base = fit_matrix_and_response(y, x) if inverse else fit_matrix_and_response(x, y)
+    guess = continuation(base, x, y, inverse=inverse)
+    return fit_samples(x, y, groups, guess, CalibrationOptions(size=size), clips=not inverse)
+
+
+def test_unseen_colours_of_the_simulated_camera() -> None:
+    x, y = colours_in_gamut(5000, 1)
+    unseen, wanted = colours_in_gamut(10_000, 2)
+    lattice = fit(x, y, 33).lattice
+    difference = delta_e_2000(np.clip(lattice(unseen), 0, 1), wanted)
+    assert difference.mean() <= 0.35
+    assert np.quantile(difference, 0.95) <= 0.8
+    assert difference.max() <= 4.0
+
+
+def test_there_and_back() -> None:
+    x, y = colours_in_gamut(5000, 3)
+    unseen, encoded = colours_in_gamut(3000, 4)
+    back = fit(y, x, 33, inverse=True).lattice(encoded)
+    error = np.linalg.norm(back - unseen, axis=1)
+    assert error.mean() < 0.003 and np.quantile(error, 0.95) < 0.012
+
+
+def test_ends_and_grey_axis() -> None:
+    x, y = colours_in_gamut(3000, 5)
+    x[:300] = np.random.default_rng(0).uniform(0.005, 0.9, (300, 1))
+    y[:300] = render(x[:300])
+    lattice = fit(x, y, 33).lattice
+    grey = lattice(AXIS)
+    np.testing.assert_allclose(grey[0], 0.0, atol=1e-5)
+    np.testing.assert_allclose(grey[-1], 1.0, atol=1e-5)
+    assert np.ptp(grey, axis=1).max() < 0.02
+    assert np.diff(grey, axis=0).min() > -5e-4
+    assert np.abs(grey - render(AXIS))[10:470].max() < 0.02
+
+
+def test_coverage_is_where_the_samples_are() -> None:
+    x, y = colours_in_gamut(1000, 6)
+    result = fit(x, y, 9)
+    assert result.coverage.shape == (9, 9, 9)
+    assert result.coverage.sum() == pytest.approx(1000)
+    assert np.all(result.coverage >= 0)
+
+
+def test_outliers_do_not_bend_the_lattice() -> None:
+    x, y = colours_in_gamut(2000, 7)
+    unseen, wanted = colours_in_gamut(2000, 8)
+    strays = np.random.default_rng(0).permutation(2000)[:20]
+    bad = y.copy()
+    bad[strays] = np.random.default_rng(1).random((20, 3))
+    clean, strayed = (np.linalg.norm(fit(x, values, 17).lattice(unseen) - wanted, axis=1).mean() for values in (y, bad))
+    assert strayed < 2.0 * clean
+
+
+RNG = np.random.default_rng(9)
+GREY = np.linspace(0.01, 0.85, 60)[:, None].repeat(3, axis=1)
+WEAK = {
+    "grey axis": GREY,
+    "noisy grey axis": GREY * (1 + 0.002 * RNG.normal(size=GREY.shape)),
+    "ten samples": RNG.uniform(0.1, 0.5, (10, 3)),
+    "duplicates": RNG.uniform(0.1, 0.5, (12, 3)).repeat(20, axis=0),
+    "one colour": np.tile([0.3, 0.15, 0.12], (50, 1)),
+    "one grey": np.full((40, 3), 0.2),
+    "one plane": RNG.uniform(0.1, 0.6, (200, 2)) @ np.array([[1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]),
+    "only dark": RNG.uniform(0.002, 0.03, (300, 3)),
+}
+
+
+@pytest.mark.parametrize("size", [9, 33])
+@pytest.mark.parametrize("name", WEAK)
+def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int) -> None:
+    x = WEAK[name]
+    y = np.round(render(x) * 255) / 255
+    lattice = fit(x, y, size, shots=3).lattice
+    assert np.linalg.norm(lattice(x) - y, axis=1).max() < 0.04
+    grey = np.clip(lattice(AXIS), 0, 1)
+    assert np.diff(grey, axis=0).min() > -4e-3  # monotone but for the last bit of a node
+    assert np.ptp(grey, axis=1).max() < 0.15
+    assert np.all((lattice.values > -0.25) & (lattice.values < 1.25))
+    np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-4)
+
+
+def test_folds_leave_whole_shots_out_once() -> None:
+    groups = np.array(["a"] * 5 + ["b"] * 3 + ["c"] * 9 + ["d"] + ["e"] * 2 + ["f"] * 2)
+    masks = list(folds(groups, 4))
+    assert len(masks) == 4
+    np.testing.assert_array_equal(np.sum(masks, axis=0), 1)
+    for mask in masks:
+        assert not set(groups[mask]) & set(groups[~mask])
+    assert len(list(folds(np.array(["a", "a"])))) == 1

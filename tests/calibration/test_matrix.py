@@ -1,0 +1,50 @@
+"""Ts and Tw against the simulated camera's, with multipliers known, partly known, and unknown."""
+
+import numpy as np
+import pytest
+from samples_simulated import BALANCES, chart_140, photograph_patches
+
+from lutforge.calibration.calibrate import unclipped
+from lutforge.calibration.matrix import fit_matrix
+from lutforge.calibration.options import Preset
+from lutforge.calibration.response import BETA, saturation
+from lutforge.errors import CalibrationError
+from lutforge.simulate.camera import nikon_d5100
+
+CAMERA = nikon_d5100()
+SAMPLES = photograph_patches(CAMERA, chart_140())
+SAMPLES = SAMPLES.select(unclipped(SAMPLES, SAMPLES.wb))
+LINEAR = CAMERA.styles["standard"].response.inverse(SAMPLES.srgb)
+TRUSTED = (saturation(SAMPLES.srgb) < BETA).astype(np.float64)
+TRUTH = {name: CAMERA.multipliers(name) for name in BALANCES}
+
+
+@pytest.mark.parametrize("known", [BALANCES, ("daylight",), ()])
+@pytest.mark.parametrize("preset", ["lutforge", "thesis"])
+def test_matrix_and_multipliers_are_the_cameras(known: tuple[str, ...], preset: Preset) -> None:
+    given = {name: TRUTH[name] for name in known}
+    fit = fit_matrix(LINEAR, SAMPLES.raw, SAMPLES.white_balance, given, trusted=TRUSTED, preset=preset)
+    limit = 0.01 if preset == "lutforge" else 0.03  # below β not every colour is untouched, the thesis's weak point
+    assert np.linalg.norm(fit.matrix - CAMERA.matrix) < limit * np.linalg.norm(CAMERA.matrix)
+    for name, multipliers in TRUTH.items():
+        np.testing.assert_allclose(fit.multipliers[name], multipliers, rtol=0.005)
+        assert fit.multipliers[name][1] == 1.0
+        assert fit.gain[name] == pytest.approx(1.0, abs=0.005)
+
+
+def test_strays_do_not_turn_the_robust_fit() -> None:
+    rng = np.random.default_rng(0)
+    raw = SAMPLES.raw.copy()
+    strays = rng.permutation(len(raw))[: len(raw) // 20]
+    raw[strays] *= rng.uniform(0.5, 2.0, (len(strays), 3))
+    fit = fit_matrix(LINEAR, raw, SAMPLES.white_balance, TRUTH, trusted=TRUSTED)
+    assert np.linalg.norm(fit.matrix - CAMERA.matrix) < 0.01 * np.linalg.norm(CAMERA.matrix)
+
+
+def test_colours_that_cannot_tell_the_matrix_are_refused() -> None:
+    setting = np.full(40, "daylight")
+    grey = np.linspace(0.05, 0.9, 40)[:, None] * np.ones((1, 3))
+    with pytest.raises(CalibrationError, match="colour chart"):
+        fit_matrix(grey, grey, setting, {}, trusted=np.ones(40))
+    with pytest.raises(CalibrationError, match="0 unsaturated colours"):
+        fit_matrix(grey, grey, setting, {}, trusted=np.zeros(40))

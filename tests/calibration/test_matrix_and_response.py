@@ -1,0 +1,93 @@
+"""Matrix and response from samples of a camera that has no gamut map but clips, noise and strays."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lutforge.calibration.continuation import continuation
+from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.errors import CalibrationError
+
+Array = NDArray[np.float64]
+
+MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.6, 1.6]])
+
+
+def encode(linear: Array) -> Array:
+    """A toe, a shoulder, and another curve per channel."""
+    return np.asarray(np.clip(linear, 0, 1) ** np.array([0.45, 0.42, 0.48]))
+
+
+def samples(count: int, seed: int, noise: float = 0.0, strays: float = 0.0) -> tuple[Array, Array]:
+    rng = np.random.default_rng(seed)
+    x = rng.random((4 * count, 3)) * rng.random((4 * count, 1)) * 0.95
+    x = x[np.all((x @ MATRIX.T > 0.002) & (x @ MATRIX.T < 0.99), axis=1)][:count]
+    y = np.clip(encode(x @ MATRIX.T) + noise * rng.normal(size=(count, 3)), 0.001, 0.999)
+    bad = rng.random(count) < strays
+    y[bad] = rng.random((int(bad.sum()), 3))
+    return x, y
+
+
+@pytest.mark.parametrize(("noise", "strays", "least"), [(0.0, 0.0, 0.02), (0.003, 0.0, 0.03), (0.003, 0.05, 0.06)])
+def test_recovers_both(noise: float, strays: float, least: float) -> None:
+    x, y = samples(2000, 1, noise, strays)
+    found = fit_matrix_and_response(x, y)
+    np.testing.assert_allclose(found.matrix.sum(axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(found.matrix, MATRIX, atol=least)
+    unseen, wanted = samples(500, 2)
+    error = np.linalg.norm(found.render(unseen) - wanted, axis=1)
+    assert error.mean() < 0.006
+    # But for the few colours that the fitted curve clips.
+    assert np.quantile(np.abs(found.linearize(found.render(unseen)) - unseen), 0.99) < 1e-9
+
+
+def test_strays_are_told_from_the_others() -> None:
+    x, y = samples(1000, 3, 0.002)
+    y[:50] = 1 - y[:50]
+    found = fit_matrix_and_response(x, y)
+    moved = np.linalg.norm(y[:50] - encode(x[:50] @ MATRIX.T), axis=1) > 0.2
+    assert found.inlier[:50][moved].max() < 0.2 < 0.5 < np.median(found.inlier[50:])
+
+
+def test_grey_samples_leave_the_matrix_the_identity() -> None:
+    x = np.linspace(0.01, 0.9, 80)[:, None].repeat(3, axis=1)
+    found = fit_matrix_and_response(x, encode(x))
+    np.testing.assert_allclose(found.matrix, np.eye(3), atol=1e-6)
+    np.testing.assert_allclose(found.render(x), encode(x), atol=0.02)
+
+
+def test_too_few_samples() -> None:
+    x, y = samples(9, 4)
+    with pytest.raises(CalibrationError, match="9 samples"):
+        fit_matrix_and_response(x, y)
+
+
+def squeeze(linear: Array) -> Array:
+    """A gamut map: less chroma where there is much."""
+    grey = linear.mean(axis=1, keepdims=True)
+    chroma = linear - grey
+    size = np.linalg.norm(chroma, axis=1, keepdims=True)
+    return np.asarray(grey + chroma * 0.25 / np.maximum(0.25, size))
+
+
+@pytest.mark.parametrize("inverse", [False, True])
+def test_the_continuation_knows_the_gamut_map_and_goes_on(inverse: bool) -> None:
+    rng = np.random.default_rng(5)
+    base = fit_matrix_and_response(*samples(2000, 1))
+    linear = rng.uniform(0.02, 0.8, (3000, 3))
+    x = linear @ np.linalg.inv(MATRIX).T
+    y = encode(squeeze(linear))
+    near = np.linalg.norm(linear - linear.mean(axis=1, keepdims=True), axis=1) < 0.4
+    source, target = (y, x) if inverse else (x, y)
+    guess = continuation(base, source[near], target[near], inverse=inverse)
+    plain = base.linearize(source) if inverse else base.render(source)
+    error = np.linalg.norm(guess(source) - target, axis=1)
+    before = np.linalg.norm(plain - target, axis=1)
+    assert error[near].mean() < 0.7 * before[near].mean()
+    assert error[~near].mean() < 0.7 * before[~near].mean()
+
+
+def test_the_continuation_of_a_plane_of_colours_is_matrix_and_response() -> None:
+    base = fit_matrix_and_response(*samples(2000, 1))
+    grey = np.linspace(0.01, 0.9, 80)[:, None].repeat(3, axis=1)
+    assert continuation(base, grey, encode(grey), inverse=False).gamut_map is None

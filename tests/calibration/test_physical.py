@@ -1,0 +1,91 @@
+"""The whole physical model against the simulated camera, on colours and shots that it was not fitted to."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples_simulated import BALANCES, chart_140, photograph_patches, surfaces
+
+from lutforge.calibration.calibrate import calibrate, unclipped
+from lutforge.calibration.evaluate import evaluate
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical import fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.white_balance import complete_multipliers
+from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.white_balance import WhiteBalance
+from lutforge.samples.sample_set import SampleSet
+from lutforge.simulate.camera import nikon_d5100
+
+CAMERA = nikon_d5100()
+
+
+def _truth(samples: SampleSet) -> np.ndarray:
+    return np.array([CAMERA.multipliers(str(name)) for name in samples.white_balance])
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_ground_truth(known: bool) -> None:
+    samples = photograph_patches(CAMERA, chart_140(), known=known)
+    samples = samples.select(unclipped(samples, _truth(samples)))
+    start, _ = complete_multipliers(samples)
+    stages = fit_stages(samples, start, np.full(len(samples), known))
+    assert np.linalg.norm(stages.matrix - CAMERA.matrix) < 0.01 * np.linalg.norm(CAMERA.matrix)
+    np.testing.assert_allclose(stages.multipliers, _truth(samples), rtol=0.005)
+    response = stages.styles["standard"].response
+    balanced = samples.raw * stages.multipliers
+    model = fit_gamut_maps(balanced, samples.srgb, samples.shot, stages.matrix, response, BALANCES).model
+    others = photograph_patches(CAMERA, surfaces(300, 99), exposure_error=0.0, seed=5)
+    others = others.select(unclipped(others, _truth(others)))
+    balanced = others.raw * _truth(others)
+    assert np.linalg.norm(render(model, balanced) - others.srgb, axis=1).mean() <= 0.004
+    back = linearize(model, others.srgb) / _truth(others) - others.raw
+    assert np.sqrt(np.mean(back**2)) <= 0.003
+
+
+@pytest.fixture(scope="module")
+def small() -> tuple[SampleSet, CameraProfile]:
+    samples = photograph_patches(CAMERA, chart_140()[:60], balances=("tungsten", "daylight"), stops=(-2, -1, 0))
+    return samples, calibrate(samples, CalibrationOptions(model="rbf", size=9))
+
+
+def test_calibrate_gives_both_models(small: tuple[SampleSet, CameraProfile]) -> None:
+    samples, profile = small
+    style = profile.styles["standard"]
+    assert style.render is not None and style.linearize is not None and len(style.physical) == 1
+    assert profile.options["model"] == "rbf"
+    assert style.errors["render_mean"] < 0.01
+    inside = samples.select(unclipped(samples, samples.wb) & (samples.white_balance == "daylight"))
+    for model, limit in (("rbf", 0.004), ("lattice", 0.02)):
+        rendered = profile.render("standard/daylight", model=model)(inside.raw)  # type: ignore[arg-type]  # str in a loop
+        assert np.linalg.norm(rendered - inside.srgb, axis=1).mean() < limit
+
+
+def test_refinish_with_the_physical_model() -> None:
+    samples = photograph_patches(CAMERA, chart_140(), balances=("tungsten", "daylight", "shade"))
+    samples = samples.select(unclipped(samples, samples.wb))
+    stages = fit_stages(samples, samples.wb, np.ones(len(samples), dtype=np.bool_))
+    response, balanced = stages.styles["standard"].response, samples.raw * samples.wb
+    model = fit_gamut_maps(balanced, samples.srgb, samples.shot, stages.matrix, response, BALANCES).model
+    balances = {name: WhiteBalance(CAMERA.white_balances[name].multipliers) for name in ("tungsten", "daylight")}
+    profile = CameraProfile(CAMERA.name, stages.matrix, balances, {"standard": PictureStyle(physical=(model,))})
+    raw = CAMERA.expose(surfaces(200, 3), "daylight") * 0.4
+    before = CAMERA.render(raw, "standard", "tungsten")
+    wanted = CAMERA.render(raw, "standard", "daylight", ev=0.5)
+    after = profile.refinish("standard/tungsten", "standard/daylight", ev=0.5)(before)
+    seen = np.all((before > 0.02) & (before < 0.98) & (wanted > 0.02) & (wanted < 0.98), axis=1)
+    assert np.sqrt(np.mean((after[seen] - wanted[seen]) ** 2)) < 0.02  # the thesis's figure 6.2
+
+
+def test_evaluate_prints_the_baselines_below_the_full_model(small: tuple[SampleSet, CameraProfile]) -> None:
+    samples, both = small
+    physical_only = replace(both.styles["standard"], render=None, linearize=None)
+    profile = replace(both, styles={"standard": physical_only})
+    evaluation = evaluate(profile, samples)
+    rmse = {(row.direction, row.method): row.figures.rmse for row in evaluation.rows if row.shot == "all"}
+    assert all(row.held_out for row in evaluation.rows)
+    for method in ("response and matrix, no h", "polynomial per channel", "polynomial of all channels"):
+        assert rmse["linearize", "rbf"] < rmse["linearize", method]
+    without, with_map = evaluation.linearisation
+    assert (without.method, with_map.method) == ("without h", "with h")
+    assert max(with_map.delta) < max(without.delta)
+    assert max(with_map.delta) < 0.004  # thesis, figure 4.3

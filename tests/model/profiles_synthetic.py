@@ -1,0 +1,49 @@
+"""A small profile with all that a profile may hold, for the tests of this folder."""
+
+import numpy as np
+
+from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.response import Response
+from lutforge.model.white_balance import WhiteBalance
+
+MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.4, 1.4]])
+GAMMA = 2.2
+
+
+def gamma_response() -> Response:
+    """f⁻¹(I) = I^2.2."""
+    return Response(np.stack([np.linspace(0.0, 1.0, 512) ** GAMMA] * 3, axis=1))
+
+
+def identity_map() -> GamutMap:
+    """h(p) = p."""
+    return GamutMap(np.zeros((1, 3)), np.zeros((1, 3)), np.vstack([np.zeros((1, 3)), np.eye(3)]))
+
+
+def small_profile(camera: str = "Test One") -> CameraProfile:
+    """Two styles: "standard" with lattices and a physical model, "vivid" with lattices only."""
+    levels = uniform_levels(5)
+    render = Lattice(levels, np.clip(grid(levels) @ MATRIX.T, 0.0, 1.0) ** (1 / GAMMA))
+    linearize = Lattice(levels, (grid(levels) ** GAMMA) @ np.linalg.inv(MATRIX).T, "tetrahedral")
+    rng = np.random.default_rng(5)
+    wavy = GamutMap(rng.uniform(size=(7, 3)), rng.normal(size=(7, 3)) / 50, identity_map().polynomial)
+    physical = PhysicalModel(("daylight", "tungsten"), MATRIX, gamma_response(), identity_map(), wavy)
+    coverage = {"render": rng.uniform(size=(5, 5, 5)), "linearize": rng.uniform(size=(5, 5, 5))}
+    return CameraProfile(
+        camera=camera,
+        matrix=MATRIX,
+        white_balances={
+            "daylight": WhiteBalance((2.0, 1.0, 1.5), 5200.0),
+            "tungsten": WhiteBalance((1.3, 1.0, 2.6), 3200.0),
+            "auto": WhiteBalance((1.9, 1.0, 1.6), None, 0.1),
+        },
+        styles={
+            "standard": PictureStyle(render, linearize, (physical,), {"render_mean": 0.01}, coverage),
+            "vivid": PictureStyle(render, linearize),
+        },
+        shots=("a", "b"),
+        options={"model": "lattice", "size": 5},
+        notes=("a note with ü and 中",),
+    )

@@ -1,0 +1,209 @@
+"""The profile file: round trip, equal bytes, and damaged or hostile files."""
+
+import io
+import json
+import pickle
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from profiles_synthetic import small_profile
+
+from lutforge.errors import LutForgeError, ProfileError
+from lutforge.model.profile_file import load_profile, save_profile
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    path = tmp_path / "camera.npz"
+    save_profile(small_profile(), path)
+    return path
+
+
+def _rewrite(path: Path, change: dict[str, bytes | None]) -> None:
+    """Replace entries of the zip; None leaves one out."""
+    with zipfile.ZipFile(path) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    entries |= {name: data for name, data in change.items() if data is not None}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in entries.items():
+            if change.get(name, b"") is not None:
+                archive.writestr(name, data)
+
+
+def _edit(path: Path, **fields: Any) -> None:
+    with zipfile.ZipFile(path) as archive:
+        document = json.loads(archive.read("profile.json"))
+    _rewrite(path, {"profile.json": json.dumps(document | fields).encode()})
+
+
+def _npy(array: np.ndarray, *, allow_pickle: bool = False) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array, allow_pickle=allow_pickle)
+    return stream.getvalue()
+
+
+def _refused(path: Path) -> str:
+    with pytest.raises(ProfileError) as caught:
+        load_profile(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert str(path) in message or "lattice" in message or "gamut map" in message or "response" in message
+    return message
+
+
+def test_everything_comes_back(saved: Path) -> None:
+    first, second = small_profile(), load_profile(saved)
+    assert second.camera == first.camera
+    assert second.shots == first.shots and second.notes == first.notes
+    assert dict(second.options) == dict(first.options)
+    assert dict(second.white_balances) == dict(first.white_balances)
+    np.testing.assert_array_equal(second.matrix, first.matrix)
+    x = np.random.default_rng(0).uniform(size=(50, 3))
+    for style in first.styles:
+        np.testing.assert_array_equal(second.render(f"{style}/daylight")(x), first.render(f"{style}/daylight")(x))
+        np.testing.assert_array_equal(second.linearize(f"{style}/tungsten")(x), first.linearize(f"{style}/tungsten")(x))
+    np.testing.assert_array_equal(
+        second.linearize("standard/daylight", model="rbf")(x), first.linearize("standard/daylight", model="rbf")(x)
+    )
+    for name, coverage in first.styles["standard"].coverage.items():
+        np.testing.assert_array_equal(second.styles["standard"].coverage[name], coverage)
+
+
+def test_the_same_profile_gives_the_same_bytes(saved: Path, tmp_path: Path) -> None:
+    save_profile(load_profile(saved), tmp_path / "again.npz")
+    assert (tmp_path / "again.npz").read_bytes() == saved.read_bytes()
+
+
+def test_a_profile_without_the_newer_fields_still_loads(saved: Path) -> None:
+    with zipfile.ZipFile(saved) as archive:
+        document = json.loads(archive.read("profile.json"))
+    for name in ("raw_camera", "notes", "shots", "options"):
+        del document[name]
+    _rewrite(saved, {"profile.json": json.dumps(document).encode()})
+    assert load_profile(saved).raw_camera == ""
+
+
+def test_a_missing_file_says_how_to_make_one(tmp_path: Path) -> None:
+    assert "lutforge calibrate" in _refused(tmp_path / "none.npz")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
+def test_truncated_files(saved: Path, share: float) -> None:
+    data = saved.read_bytes()
+    saved.write_bytes(data[: int(share * len(data))])
+    _refused(saved)
+
+
+def test_flipped_bytes_never_give_a_traceback(saved: Path) -> None:
+    data = bytearray(saved.read_bytes())
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        damaged = data.copy()
+        for place in rng.integers(0, len(data), 3):
+            damaged[place] ^= int(rng.integers(1, 256))
+        saved.write_bytes(bytes(damaged))
+        try:
+            load_profile(saved)
+        except LutForgeError as error:
+            assert "\n" not in str(error)
+
+
+def test_not_a_profile(tmp_path: Path) -> None:
+    text = tmp_path / "text.npz"
+    text.write_text("hello")
+    assert "not a LutForge profile" in _refused(text)
+    other = tmp_path / "other.npz"
+    np.savez(other, a=np.zeros(3))
+    assert "profile.json" in _refused(other)
+
+
+def test_a_missing_array_is_named(saved: Path) -> None:
+    _rewrite(saved, {"style0_render_values.npy": None})
+    assert "style0_render_values" in _refused(saved)
+
+
+def test_a_newer_version_asks_for_an_update(saved: Path) -> None:
+    _edit(saved, version=999)
+    assert "update" in _refused(saved)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"format": "something"},
+        {"version": "1"},
+        {"matrix": [[1, 0, 0], [0, 1, 0]]},
+        {"matrix": "abc"},
+        {"white_balances": {}},
+        {"white_balances": {"daylight": {"multipliers": [1, 1], "kelvin": None}}},
+        {"white_balances": {"daylight": {"multipliers": [0, 1, 1], "kelvin": None}}},
+        {"white_balances": []},
+        {"styles": {}},
+        {"styles": {"standard": {"render": {"values": "x", "levels": ["a"], "interpolation": "cubic"}}}},
+        {"styles": {"standard": {"render": 3}}},
+        {"styles": None},
+    ],
+)
+def test_wrong_values_in_the_description(saved: Path, fields: dict[str, Any]) -> None:
+    _edit(saved, **fields)
+    with pytest.raises(ProfileError) as caught:
+        load_profile(saved)
+    assert "\n" not in str(caught.value)
+
+
+def test_pickles_are_never_loaded(saved: Path, tmp_path: Path) -> None:
+    marker = tmp_path / "executed"
+
+    class Bomb:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return (Path.touch, (marker,))
+
+    objects = np.empty(1, dtype=object)
+    objects[0] = Bomb()
+    _rewrite(saved, {"style0_render_values.npy": _npy(objects, allow_pickle=True)})
+    _refused(saved)
+    _rewrite(saved, {"profile.json": pickle.dumps(Bomb())})
+    _refused(saved)
+    assert not marker.exists()
+
+
+def test_a_huge_stated_shape_is_refused_before_memory_is_taken(saved: Path) -> None:
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (100000, 100000, 3)})
+    _rewrite(saved, {"style0_render_values.npy": header.getvalue() + b"\0" * 64})
+    assert "stated shape" in _refused(saved)
+
+
+def test_a_negative_shape_is_refused(saved: Path) -> None:
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (-5, -1, 3)})
+    _rewrite(saved, {"style0_render_values.npy": header.getvalue() + b"\0" * 64})
+    _refused(saved)
+
+
+def test_a_zip_bomb_is_refused(saved: Path) -> None:
+    with zipfile.ZipFile(saved, "a", zipfile.ZIP_DEFLATED) as archive:
+        name = "style0_render_values.npy"
+        assert name in archive.namelist()
+    entries: dict[str, bytes | None] = {"style0_render_values.npy": None}
+    _rewrite(saved, entries)
+    with (
+        zipfile.ZipFile(saved, "a", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        archive.open("style0_render_values.npy", "w", force_zip64=True) as stream,
+    ):
+        block = bytes(16 * 1024 * 1024)
+        for _ in range(33):  # 528 MB of zeros, 2 MB packed
+            stream.write(block)
+    assert "unpacks to" in _refused(saved)
+
+
+def test_wrong_arrays_are_refused(saved: Path) -> None:
+    _rewrite(saved, {"style0_render_values.npy": _npy(np.zeros((5, 5, 5, 3), dtype=np.float32))})
+    assert "float64" in _refused(saved)
+    _rewrite(saved, {"style0_render_values.npy": _npy(np.zeros((4, 5, 5, 3)))})
+    _refused(saved)
+    _rewrite(saved, {"style0_render_values.npy": _npy(np.full((5, 5, 5, 3), np.nan))})
+    _refused(saved)

@@ -1,0 +1,108 @@
+"""The camera model that the thesis's authors published (Nikon D40, normal style): gold values and a refit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.calibration.gamut_map import fit_gamut_map
+from lutforge.calibration.response import encoding_slope
+from lutforge.errors import ProfileError
+from lutforge.model.published_model import PublishedModel, import_published, read_published_model
+from lutforge.model.transform import RenderChain
+
+FOLDERS = ("fluorescent", "other_white_balances")
+
+
+@pytest.fixture(scope="module", params=FOLDERS)
+def published(request: pytest.FixtureRequest, shared_data: Path) -> PublishedModel:
+    return read_published_model(shared_data / "nus_nikon_d40" / request.param)
+
+
+def test_the_files_are_read_as_they_stand(shared_data: Path) -> None:
+    # raw2jpg_transform.txt, raw2jpg_ctrlPoints.txt of fluorescent/.
+    model = read_published_model(shared_data / "nus_nikon_d40" / "fluorescent")
+    assert len(model.linear) == 936
+    assert list(model.white_balances) == ["fluorescent"]
+    other = read_published_model(shared_data / "nus_nikon_d40" / "other_white_balances")
+    assert len(other.linear) == 3018
+    assert set(other.white_balances) == {"tungsten", "flash", "daylight", "cloudy", "shade"}
+    assert other.white_balances["tungsten"].multipliers[2] > other.white_balances["daylight"].multipliers[2]
+
+
+def test_it_renders_its_own_centres(published: PublishedModel) -> None:
+    rendered = published.model.response.encode(published.model.gamut_map(published.linear))
+    assert np.linalg.norm(rendered - published.encoded, axis=1).mean() * 255 < 0.6
+
+
+def test_it_linearizes_what_it_renders(published: PublishedModel) -> None:
+    model = published.model
+    back = model.inverse_gamut_map(model.response.linearize(published.encoded))
+    error = np.linalg.norm(back - published.linear, axis=1)
+    assert error.mean() < 1e-3
+
+
+def test_the_profile_is_the_formula_of_the_files(shared_data: Path) -> None:
+    profile = import_published([shared_data / "nus_nikon_d40" / name for name in FOLDERS], "Nikon D40")
+    transform = profile.render("standard/daylight")
+    assert isinstance(transform, RenderChain)
+    other = read_published_model(shared_data / "nus_nikon_d40" / "other_white_balances")
+    raw = np.array([[0.1, 0.2, 0.12], [0.02, 0.05, 0.04]])
+    linear = (raw * other.white_balances["daylight"].multipliers) @ other.model.matrix.T
+    distance = np.linalg.norm(linear[:, None] - other.model.gamut_map.centres[None], axis=2)
+    weights, polynomial = other.model.gamut_map.coefficients, other.model.gamut_map.polynomial
+    expected = other.model.response.encode(distance @ weights + polynomial[0] + linear @ polynomial[1:])
+    np.testing.assert_allclose(transform(raw), expected, atol=2e-5)
+
+
+def test_our_own_fit_of_its_pairs_split_in_two(shared_data: Path) -> None:
+    model = read_published_model(shared_data / "nus_nikon_d40" / "other_white_balances")
+    source, target, encoded = model.linear, model.mapped, model.encoded
+    means = []
+    for seed in range(2):
+        order = np.random.default_rng(seed).permutation(len(source))
+        train, test = order[: int(0.7 * len(order))], order[int(0.7 * len(order)) :]
+        slope = encoding_slope(model.model.response, encoded[train]).mean(axis=1)
+        fit = fit_gamut_map(source[train], target[train], importance=slope)
+        rendered = model.model.response.encode(fit.gamut_map(source[test]))
+        means.append(float(np.linalg.norm(rendered - encoded[test], axis=1).mean()))
+    assert np.mean(means) <= 0.0035
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("raw2jpg_transform.txt", "abc", "line 1"),
+        ("raw2jpg_transform.txt", "2\n1 0 0\n0 1 0\n0 0 1\n", "expected a count n"),
+        ("raw2jpg_ctrlPoints.txt", "3\n0 0 0\n1 1 1\n", "says '3' points, 2 follow"),
+        ("raw2jpg_coefs.txt", "1\n0 0 0\n", "rows for"),
+        ("raw2jpg_respFcns.txt", "1\n0 0 nan\n", "not finite"),
+        ("raw2jpg_respFcns.txt", "", "empty"),
+    ],
+)
+def test_damaged_files_are_named(tmp_path: Path, name: str, text: str, message: str) -> None:
+    _write_small(tmp_path)
+    read_published_model(tmp_path)  # whole, it reads
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ProfileError, match=message) as caught:
+        read_published_model(tmp_path)
+    assert name in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_missing_folder_or_file(tmp_path: Path) -> None:
+    with pytest.raises(ProfileError, match="no such folder"):
+        read_published_model(tmp_path / "none")
+    with pytest.raises(ProfileError, match=r"raw2jpg_transform\.txt: cannot read"):
+        read_published_model(tmp_path)
+
+
+def _write_small(folder: Path) -> None:
+    """The identity in the published format: one centre, no weights."""
+    identity = "1 0 0\n0 1 0\n0 0 1\n"
+    for side in ("raw2jpg", "jpg2raw"):
+        (folder / f"{side}_transform.txt").write_text(f"1\n{identity}9\n2 0 0\n0 1 0\n0 0 1.5\n2 1 1.5\n")
+        (folder / f"{side}_ctrlPoints.txt").write_text("1\n0.5 0.5 0.5\n")
+        (folder / f"{side}_destPoints.txt").write_text("1\n0.5 0.5 0.5\n")
+        (folder / f"{side}_coefs.txt").write_text(f"5\n0 0 0\n0 0 0\n{identity}")
+        rows = "".join(f"{i / 255} {i / 255} {i / 255}\n" for i in range(256))
+        (folder / f"{side}_respFcns.txt").write_text("256\n" + rows)

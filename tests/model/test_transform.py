@@ -1,0 +1,122 @@
+"""The transforms of a profile: chains against the formulas they stand for, round trips, refinishing and matching."""
+
+import numpy as np
+import pytest
+from profiles_synthetic import GAMMA, MATRIX, gamma_response, identity_map, small_profile
+
+from lutforge.errors import ProfileError, SettingsError
+from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle, match
+from lutforge.model.transform import LatticeTransform, RenderChain
+from lutforge.model.white_balance import WhiteBalance
+
+
+def _physical_profile(camera: str, matrix: np.ndarray, daylight: tuple[float, float, float]) -> CameraProfile:
+    physical = PhysicalModel(("daylight",), matrix, gamma_response(), identity_map(), identity_map())
+    balances = {"daylight": WhiteBalance(daylight, 5200.0), "tungsten": WhiteBalance((1.3, 1.0, 2.6), 3200.0)}
+    return CameraProfile(camera, matrix, balances, {"standard": PictureStyle(physical=(physical,))})
+
+
+PROFILE = _physical_profile("One", MATRIX, (2.0, 1.0, 1.5))
+RAW = (
+    np.random.default_rng(2).uniform(0.1, 0.3, size=(200, 1))
+    * np.array([0.5, 1.0, 0.7])
+    * (1 + 0.1 * np.random.default_rng(3).uniform(size=(200, 3)))
+)
+
+
+def test_render_is_the_thesis_equation() -> None:
+    expected = np.clip((RAW * [2.0, 1.0, 1.5]) @ MATRIX.T, 0.0, 1.0) ** (1 / GAMMA)
+    np.testing.assert_allclose(PROFILE.render("standard/daylight")(RAW), expected, atol=1e-4)
+
+
+def test_linearize_undoes_render() -> None:
+    encoded = PROFILE.render("standard/tungsten")(RAW)
+    np.testing.assert_allclose(PROFILE.linearize("standard/tungsten")(encoded), RAW, atol=1e-6)
+
+
+def test_linear_srgb_is_the_matrix_of_balanced_raw() -> None:
+    encoded = PROFILE.render("standard/daylight")(RAW)
+    expected = (RAW * [2.0, 1.0, 1.5]) @ MATRIX.T
+    np.testing.assert_allclose(PROFILE.linearize("standard/daylight", "linear-srgb")(encoded), expected, atol=1e-6)
+
+
+def test_white_stays_white_in_aces() -> None:
+    white = PROFILE.render("standard/daylight")(0.4 / np.array([2.0, 1.0, 1.5]))
+    for space in ("acescg", "aces2065-1", "linear-srgb"):
+        linear = PROFILE.linearize("standard/daylight", space)(white)
+        np.testing.assert_allclose(linear, 0.4, rtol=2e-3)
+
+
+def test_refinish_changes_white_balance_and_exposure() -> None:
+    before = PROFILE.render("standard/tungsten")(RAW)
+    after = PROFILE.refinish("standard/tungsten", "standard/daylight", ev=-0.5)(before)
+    np.testing.assert_allclose(after, PROFILE.render("standard/daylight")(RAW * 2**-0.5), atol=1e-6)
+
+
+def test_match_goes_through_the_scene() -> None:
+    other = _physical_profile("Two", np.roll(MATRIX, (1, 1), (0, 1)), (1.7, 1.0, 1.9))
+    scene = (RAW * [2.0, 1.0, 1.5]) @ MATRIX.T  # linear sRGB under daylight
+    raw_of_other = (scene @ np.linalg.inv(other.matrix).T) / [1.7, 1.0, 1.9]
+    expected = other.render("standard/daylight")(raw_of_other)
+    got = match(PROFILE, "standard/daylight", other, "standard/daylight")(PROFILE.render("standard/daylight")(RAW))
+    np.testing.assert_allclose(got, expected, atol=1e-6)
+
+
+def test_lattice_transform_gains_clamps_and_multiplies() -> None:
+    lattice = small_profile().styles["standard"].render
+    assert lattice is not None
+    transform = LatticeTransform(np.array([2.0, 1.0, 3.0]), MATRIX, lattice)
+    x = np.random.default_rng(4).uniform(size=(50, 3))
+    np.testing.assert_allclose(transform(x), lattice(np.clip(x * [2, 1, 3], 0, 1)) @ MATRIX.T)
+
+
+def test_a_style_answers_with_the_model_asked_for() -> None:
+    profile = small_profile()
+    assert isinstance(profile.render("standard/daylight"), LatticeTransform)
+    assert isinstance(profile.render("standard/daylight", model="rbf"), RenderChain)
+    with pytest.raises(ProfileError, match="no physical model"):
+        profile.render("vivid/daylight", model="rbf")
+
+
+def test_unknown_settings_list_the_known_ones() -> None:
+    profile = small_profile()
+    with pytest.raises(SettingsError, match="standard, vivid"):
+        profile.render("portrait/daylight")
+    with pytest.raises(SettingsError, match="auto, daylight, tungsten"):
+        profile.render("standard/shade")
+    with pytest.raises(SettingsError, match="±20"):
+        profile.refinish("standard/daylight", "standard/daylight", ev=21.0)
+
+
+def test_a_profile_through_a_reference_camera_refinishes_but_has_no_raw() -> None:
+    shared = (gamma_response(), identity_map(), identity_map())
+    models = (
+        PhysicalModel(("daylight",), MATRIX, *shared),
+        PhysicalModel(("tungsten",), MATRIX * [0.7, 1.0, 1.4], *shared),
+    )
+    neutral = {name: WhiteBalance((1.0, 1.0, 1.0)) for name in ("daylight", "tungsten")}
+    profile = CameraProfile(
+        "No RAW", np.eye(3), neutral, {"standard": PictureStyle(physical=models)}, raw_camera="Reference"
+    )
+    near_grey = RAW * [2.0, 1.0, 1.5]
+    before = profile.render("standard/tungsten")(near_grey)
+    expected = np.clip(near_grey * [0.7, 1, 1.4] @ MATRIX.T, 0, 1) ** (1 / GAMMA)
+    np.testing.assert_allclose(before, expected, atol=1e-4)
+    after = profile.refinish("standard/tungsten", "standard/daylight")(before)
+    np.testing.assert_allclose(after, profile.render("standard/daylight")(near_grey), atol=1e-6)
+    with pytest.raises(ProfileError, match=r"No RAW has no RAW.*Reference"):
+        profile.linearize("standard/daylight")
+    with pytest.raises(SettingsError, match="name one of its white balances"):
+        profile.render("standard/5000K")
+    scene = profile.linearize("standard/daylight", "linear-srgb")(profile.render("standard/daylight")(near_grey))
+    np.testing.assert_allclose(scene, near_grey @ MATRIX.T, atol=1e-6)
+
+
+def test_bad_profiles_are_refused() -> None:
+    styles, balances = {"standard": PictureStyle()}, {"daylight": WhiteBalance((1.0, 1.0, 1.0))}
+    with pytest.raises(ProfileError, match="at least one"):
+        CameraProfile("X", np.eye(3), balances, {})
+    with pytest.raises(ProfileError, match="3 × 3"):
+        CameraProfile("X", np.full((3, 3), np.nan), balances, styles)
+    with pytest.raises(ProfileError, match="inverted"):
+        CameraProfile("X", np.ones((3, 3)), balances, styles)
