@@ -84,6 +84,9 @@ def evaluate(profile: CameraProfile, samples: SampleSet, progress: Progress = _s
     Raises CalibrationError where the samples hold none of the profile's styles.
     """
     multipliers, notes = complete_multipliers(samples)
+    others = [str(name) for name in np.unique(samples.camera) if name != profile.camera]
+    if others:
+        notes = (*notes, f"the profile is of {profile.camera}, the samples are of {', '.join(others)}")
     known = np.isin(samples.style, list(profile.styles))
     if not known.any():
         raise CalibrationError(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lutforge.cli.console import err, note, progress_bar, say
-from lutforge.errors import ConfigError, SettingsError
+from lutforge.errors import ConfigError, LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
 
 if TYPE_CHECKING:
@@ -43,6 +43,12 @@ def apply(
             raise SettingsError("--from, --to and --ev go with a profile or a config; a LUT is applied as it is")
         from lutforge.luts.processor import file_processor
 
+        pair = {".spi1d": ".spi3d", ".spi3d": ".spi1d"}.get(grade.suffix.lower())
+        if pair is not None and grade.with_suffix(pair).is_file():
+            raise LutError(
+                f"{grade}: half of a LUT, {grade.with_suffix(pair).name} is the other; bake a .clf or .cube to apply, "
+                "or use the two in an OpenColorIO config"
+            )
         processor, what = file_processor(grade, interpolation), f"graded with {grade.name}"
     with progress_bar("grading") as report:
         result = apply_batch(

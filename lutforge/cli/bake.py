@@ -104,6 +104,8 @@ def choose_transform(
         raise SettingsError(f'unknown space "{space}"; choose {", ".join(SCENE_SPACES)}')
     if (partner is not None) != (kind == "match"):
         raise SettingsError("match needs two profiles, A.npz match B.npz; the other transforms need one")
+    if ev and kind in ("render", "linearize"):
+        raise SettingsError(f"--ev goes with refinish and match; scale the RAW values to expose a {kind} anew")
     if kind == "render":
         wanted = _needed(target, "--to", kind, camera)
         return camera.render(wanted, model), f"{camera.camera} RAW to {wanted}"

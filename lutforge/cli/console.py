@@ -9,8 +9,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 out = Console(highlight=False, soft_wrap=True)
-_TABLES = Console(highlight=False, width=None if out.is_terminal else 240)
-"""Where no terminal sets a width, tables are as wide as they need."""
+_TABLES = Console(highlight=False, width=max(out.width, 140) if out.is_terminal else 240, soft_wrap=True)
+"""Tables are as wide as they need: a narrow terminal wraps whole lines, not letters."""
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 

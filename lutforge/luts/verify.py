@@ -21,6 +21,8 @@ from lutforge.model.lattice import uniform_levels
 from lutforge.model.transform import Transform
 
 HALD_SUFFIXES = (".png", ".tif", ".tiff")
+SPI_SUFFIXES = (".spi1d", ".spi3d")
+"""A shaper and a cube that belong together, in the order in which they are used."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,9 @@ def verify(
 
 def _read_back(path: Path, method: Interpolation) -> Callable[[NDArray[np.float64]], NDArray[np.float32]]:
     """What a reader of the file makes of colours (n, 3)."""
+    if path.suffix.lower() in SPI_SUFFIXES and all(path.with_suffix(end).is_file() for end in SPI_SUFFIXES):
+        shaper, table = (file_processor(path.with_suffix(end), method) for end in SPI_SUFFIXES)
+        return lambda x: evaluate(table, evaluate(shaper, x))
     if path.suffix.lower() not in HALD_SUFFIXES:
         processor = file_processor(path, method)
         return lambda x: evaluate(processor, x)

@@ -111,6 +111,8 @@ def load_profile(path: str | Path) -> CameraProfile:
             return _profile_from_json(document, arrays, path)
     except (zipfile.BadZipFile, zlib.error, OSError, EOFError) as error:
         raise ProfileError(f"{path}: not a LutForge profile ({error})") from error
+    except ProfileError as error:
+        raise error if str(path) in str(error) else ProfileError(f"{path}: {error}") from error
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError, zipfile.LargeZipFile) as error:
         raise ProfileError(f"{path}: damaged profile ({type(error).__name__}: {error})") from error
     except (RuntimeError, NotImplementedError) as error:  # encrypted, or an unknown compression

@@ -29,9 +29,11 @@ def refinish_sheet(
     axes = figure.subplots(2, 2).ravel()
     for axis, image, title in zip(axes, (before, after, wanted), titles, strict=False):
         _picture(axis, title).imshow(np.clip(image, 0, 1), interpolation="antialiased")
-    panel = _picture(axes[3], f"error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}")
+    panel = _picture(axes[3], f"RGB error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}")
     drawn = panel.imshow(error, cmap="cividis", vmin=0, vmax=ERROR_SCALE)
-    figure.colorbar(drawn, ax=panel, shrink=0.8, label="RGB error (1 = full scale)")
+    scale = panel.inset_axes((0.66, 0.93, 0.31, 0.035))
+    figure.colorbar(drawn, cax=scale, orientation="horizontal", ticks=[0, ERROR_SCALE])
+    scale.tick_params(colors="white", labelsize=9)
     _save(figure, path)
 
 
@@ -55,7 +57,7 @@ def calibration_sheet(profile: CameraProfile, style: str, path: str | Path) -> N
         for channel, colour in enumerate(CHANNEL_COLOURS):
             row[1].plot(grey, values[:, channel], color=colour)
         row[1].set(title="grey axis", xlabel=source, ylabel=target)
-        _coverage(row[2], chosen.coverage.get(direction), f"nodes with samples, by {source}")
+        _coverage(row[2], chosen.coverage.get(direction), "nodes with samples")
     _save(figure, path)
 
 
@@ -65,7 +67,7 @@ def _coverage(axis: Axes, coverage: NDArray[np.float64] | None, title: str) -> N
         return
     seen = np.log10(1 + coverage.sum(axis=2))
     axis.imshow(seen.T, origin="lower", cmap="cividis", extent=(0, 1, 0, 1))
-    axis.set(title=title, xlabel="red node (share of the axis)", ylabel="green node")
+    axis.set(title=title, xlabel="red node, share of the axis", ylabel="green node, share of the axis")
 
 
 def _picture(axis: Axes, title: str) -> Axes:

@@ -1,5 +1,6 @@
 """Bad input gives one clear line on stderr and exit status 2, and leaves nothing half-written."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -123,3 +124,15 @@ def test_an_output_that_cannot_be_written_leaves_the_old_file(tmp_path: Path) ->
     (tmp_path / "file").write_text("in the way")
     line = refused(tmp_path, "calibrate", "samples.csv", "-o", "file/camera.npz", "--size", "5")
     assert "file/camera.npz" in line
+
+
+def test_what_would_be_applied_by_half_is_refused(tmp_path: Path) -> None:
+    small_table(tmp_path / "samples.csv")
+    assert run("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", cwd=tmp_path).returncode == 0
+    render = ("bake", "camera.npz", "render", "--to", "standard/daylight")
+    made = run(*render, "-o", "look.spi3d", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    error = float(re.findall(r"read back, against the model: mean ([0-9.e-]+)", made.stdout)[0])
+    assert error < 1e-3  # of the shaper and the cube together
+    assert "look.spi1d" in refused(tmp_path, "apply", "look.spi3d", "a.jpg", "-o", "out")
+    assert "--ev" in refused(tmp_path, *render, "--ev", "1", "-o", "x.cube")
