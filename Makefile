@@ -17,6 +17,7 @@ check: .venv/ready
 	$(BIN)/lint-imports
 
 benchmark: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
 
 .venv/ready: pyproject.toml constraints.txt
