@@ -38,8 +38,8 @@ NOTES = """
 Made by `examples/middlebury_table.py` from the patch means of the photographs of Chakrabarti, Scharstein & Zickler,
 "An empirical camera model for internet color vision" (BMVC 2009), as trimmed by Zhao et al. 2022 (github.com/zyfccc).
 Trained on light 1, tested on light 2; RMSE of RAW before white balance, 1 = full scale; δ is equation (4.11) over all
-exposure pairs of both lights, in linear sRGB. Both files are 8-bit, which alone costs about 0.001. Choices of the method
-were made with both lights in view, so a camera that is not here may do a little worse.
+exposure pairs of both lights, in linear sRGB. Both files are 8-bit, which alone costs about 0.001. Choices of the
+method were made with both lights in view, so a camera that is not here may do a little worse.
 
 - CanonPowerShotS50, CanonPowerShotS60, CasioEX-Z55: their white balance followed the light (greys of other RAW ratios
   came out equally grey), and the file does not say how; every method got the same three gains per test shot, read from
