@@ -20,8 +20,6 @@ RAW_RANGE = (-0.05, 1.0)
 """RAW after black subtraction: noise of dark surfaces falls a little below 0 and is kept."""
 MULTIPLIER_RANGE = (1e-3, 1e3)
 """White-balance multipliers relative to green that any camera could have."""
-MINIMUM_SAMPLES = 24
-"""Fewer samples than one 24-patch chart cannot fit a camera; a table with fewer can still be read."""
 MAX_TEXT = 200
 """Characters in a cell."""
 
