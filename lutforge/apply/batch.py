@@ -1,15 +1,12 @@
-"""Grade many images with one LUT; a file that fails is reported, and the others go on."""
+"""Grade many images by one recipe; a file that fails is reported, and the others go on."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-
+from lutforge.apply.grade import Recipe
 from lutforge.apply.image import Applied, apply_image
 from lutforge.errors import ImageError, LutForgeError
-from lutforge.interpolation import Interpolation
-from lutforge.luts.processor import file_processor
 
 
 @dataclass(frozen=True)
@@ -33,31 +30,25 @@ Progress = Callable[[int, int, Path], None]
 
 
 def apply_batch(
-    lut: str | Path | OCIO.CPUProcessor,
+    recipe: Recipe,
     sources: Sequence[str | Path],
     folder: str | Path,
     suffix: str | None = None,
-    interpolation: Interpolation = "tetrahedral",
     workers: int | None = None,
     progress: Progress | None = None,
-    note: str | None = None,
 ) -> BatchResult:
     """Grade images into a folder under their own names.
 
-    suffix: such as ".exr", for another format. Each output is written whole or not at all. Raises LutError
-    where the LUT cannot be read, ImageError where two inputs would become one output or an output would
-    replace an input; then nothing is written.
+    suffix: such as ".exr", for another format. Each output is written whole or not at all. Raises ImageError
+    where two inputs would become one output or an output would replace an input; then nothing is written.
     """
     inputs = [Path(source) for source in sources]
     targets = plan_outputs(inputs, Path(folder), suffix)
-    if isinstance(lut, str | Path):
-        note = note or f"graded with {Path(lut).name}"
-        lut = file_processor(lut, interpolation)
     done: list[Applied] = []
     failed: list[Failure] = []
     for number, (source, target) in enumerate(zip(inputs, targets, strict=True), start=1):
         try:
-            done.append(apply_image(lut, source, target, interpolation, workers, note))
+            done.append(apply_image(recipe.grade(source), source, target, workers))
         except LutForgeError as error:
             failed.append(Failure(source, str(error)))
         except MemoryError:

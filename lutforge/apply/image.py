@@ -1,4 +1,4 @@
-"""Grade one image with a LUT file or any OpenColorIO processor, as fast as memory allows."""
+"""Grade one image, as fast as memory allows."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -9,11 +9,10 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
+from lutforge.apply.grade import Grade
 from lutforge.errors import ImageError
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
-from lutforge.interpolation import Interpolation
-from lutforge.luts.processor import file_processor
 
 BLOCK = 128 * 1024
 """Pixels per call of OpenColorIO: 1.5 MB, which stays in the cache of a core."""
@@ -76,31 +75,22 @@ def apply_to_pixels(
 
 
 def apply_image(
-    lut: str | Path | OCIO.CPUProcessor,
+    grade: Grade,
     source: str | Path,
     target: str | Path,
-    interpolation: Interpolation = "tetrahedral",
     workers: int | None = None,
-    note: str | None = None,
 ) -> Applied:
-    """Grade an image file: read, LUT, write, with metadata, bit depth and extra channels kept.
-
-    lut: a LUT file that OpenColorIO reads, or a CPU processor. interpolation: for LUT files that name none.
-    note: for the image's history; by default the LUT's name. Raises ImageError, LutError.
-    """
+    """Grade an image file: read, LUT, write, with metadata, bit depth and extra channels kept. Raises ImageError."""
     source, target = Path(source), Path(target)
     if target.exists() and source.exists() and target.samefile(source):
         raise ImageError(f"{source}: the output would replace the input; choose another folder or name")
-    if isinstance(lut, str | Path):
-        processor = file_processor(lut, interpolation)
-        note = note or f"graded with {Path(lut).name}"
-    else:
-        processor = lut
     image = read_image(source)
     _check_channels(source, image)
-    graded = apply_to_pixels(processor, image.pixels, image.alpha_is_premultiplied, workers)
-    write_image(target, graded, image, note or "graded")
-    notes = () if image.parts == 1 else (f"{source}: the first of {image.parts} images in the file was used",)
+    graded = apply_to_pixels(grade.processor, image.pixels, image.alpha_is_premultiplied, workers)
+    write_image(target, graded, image, grade.history)
+    notes = grade.notes
+    if image.parts > 1:
+        notes = (*notes, f"{source}: the first of {image.parts} images in the file was used")
     return Applied(source, target, image.spec.width, image.spec.height, notes)
 
 

@@ -1,17 +1,16 @@
 """`lutforge apply`: grade images with a LUT, a profile or an OpenColorIO config."""
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lutforge.cli.console import err, note, progress_bar, say
-from lutforge.errors import ConfigError, LutError, SettingsError
-from lutforge.interpolation import INTERPOLATIONS
+from lutforge.errors import SettingsError
+from lutforge.interpolation import INTERPOLATIONS, Interpolation
 
 if TYPE_CHECKING:
-    import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+    from lutforge.apply.grade import Recipe
 
 
 def apply(
@@ -34,31 +33,18 @@ def apply(
 
     if interpolation not in INTERPOLATIONS:
         raise SettingsError(f'unknown interpolation "{interpolation}"; choose {" or ".join(INTERPOLATIONS)}')
-    if grade.suffix.lower() == ".npz":
-        processor, what = _profile_processor(grade, source, target, ev)
-    elif grade.suffix.lower() in (".ocio", ".ocioz"):
-        processor, what = _config_processor(grade, source, target)
-    else:
-        if source is not None or target is not None or ev:
-            raise SettingsError("--from, --to and --ev go with a profile or a config; a LUT is applied as it is")
-        from lutforge.luts.processor import file_processor
-
-        pair = {".spi1d": ".spi3d", ".spi3d": ".spi1d"}.get(grade.suffix.lower())
-        if pair is not None and grade.with_suffix(pair).is_file():
-            raise LutError(
-                f"{grade}: half of a LUT, {grade.with_suffix(pair).name} is the other; bake a .clf or .cube to apply, "
-                "or use the two in an OpenColorIO config"
-            )
-        processor, what = file_processor(grade, interpolation), f"graded with {grade.name}"
+    if workers is not None and workers < 1:
+        raise SettingsError(f"--workers {workers}: at least one thread is needed")
+    recipe = _recipe(grade, source, target, ev, interpolation)
+    recipe.check()
     with progress_bar("grading") as report:
         result = apply_batch(
-            processor,
+            recipe,
             images,
             output,
             suffix,
             workers=workers,
             progress=lambda done, count, path: report(path.name, done / count),
-            note=what,
         )
     for done in result.done:
         say(str(done.target))
@@ -70,37 +56,14 @@ def apply(
         raise typer.Exit(2 if len(images) == 1 else 1)
 
 
-def _profile_processor(
-    path: Path, source: str | None, target: str | None, ev: float
-) -> tuple["OCIO.CPUProcessor", str]:
-    """The refinish, baked, as OpenColorIO evaluates it."""
-    from lutforge.cli.bake import choose_transform
-    from lutforge.luts.bake import bake
-    from lutforge.luts.processor import file_processor
-    from lutforge.luts.write import write_lut
-    from lutforge.model.profile_file import load_profile
+def _recipe(path: Path, source: str | None, target: str | None, ev: float, interpolation: Interpolation) -> "Recipe":
+    from lutforge.apply.grade import ConfigRecipe, LutRecipe
+    from lutforge.apply.profile_recipe import ProfileRecipe
 
-    profile = load_profile(path)
-    if target is None and source is not None:
-        target = source
-    transform, title = choose_transform(profile, "refinish", None, source, target, ev, "raw", None)
-    with TemporaryDirectory() as folder:
-        written = write_lut(bake(transform, interpolation="tetrahedral"), Path(folder) / "refinish.clf")
-        return file_processor(written.path, "tetrahedral"), title
-
-
-def _config_processor(path: Path, source: str | None, target: str | None) -> tuple["OCIO.CPUProcessor", str]:
-    from lutforge.luts.processor import OCIO_ERRORS
-    from lutforge.ocio.check import load_config
-
-    config = load_config(path)
-    known = ", ".join(config.getColorSpaceNames())
-    if source is None or target is None:
-        raise ConfigError(f"{path}: name two of its colour spaces with --from and --to: {known}")
-    for name in (source, target):
-        if config.getColorSpace(name) is None:
-            raise ConfigError(f'{path}: no colour space "{name}"; it has {known}')
-    try:
-        return config.getProcessor(source, target).getDefaultCPUProcessor(), f"{source} to {target}"
-    except OCIO_ERRORS as error:
-        raise ConfigError(f"{path}: {' '.join(str(error).split())}") from error
+    if path.suffix.lower() == ".npz":
+        return ProfileRecipe(path, source, target, ev)
+    if path.suffix.lower() in (".ocio", ".ocioz"):
+        return ConfigRecipe(path, source, target)
+    if source is not None or target is not None or ev:
+        raise SettingsError("--from, --to and --ev go with a profile or a config; a LUT is applied as it is")
+    return LutRecipe(path, interpolation)

@@ -127,6 +127,7 @@ def _config(profile: "CameraProfile", folder: Path) -> None:
 
 
 def _grade(shots: "DemoShots", output: Path) -> _Row:
+    from lutforge.apply.grade import LutRecipe
     from lutforge.apply.image import apply_image
     from lutforge.calibration.errors_table import error_figures
     from lutforge.images.read import read_image
@@ -134,7 +135,8 @@ def _grade(shots: "DemoShots", output: Path) -> _Row:
 
     spoilt = shots.held_out.jpeg
     assert spoilt is not None
-    applied = apply_image(output / "luts" / "refinish.clf", spoilt, output / "graded" / spoilt.name)
+    grade = LutRecipe(output / "luts" / "refinish.clf").grade(spoilt)
+    applied = apply_image(grade, spoilt, output / "graded" / spoilt.name)
     before, after, wanted = (read_image(path).pixels[..., :3] for path in (spoilt, applied.target, shots.wanted))
     titles = (
         f"as shot: {shots.source}",

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.apply.batch import apply_batch, plan_outputs
+from lutforge.apply.grade import LutRecipe
 from lutforge.apply.image import BLOCK, apply_image, apply_to_pixels
 from lutforge.errors import ImageError, LutError
 from lutforge.images.read import Image, read_image
@@ -84,7 +85,7 @@ def test_an_image_file_keeps_its_metadata(
     tmp_path: Path, lut: Lut, lut_file: Path, suffix: str, kind: str, tolerance: float
 ) -> None:
     source = save(tmp_path / f"in{suffix}", picture(), kind)
-    done = apply_image(lut_file, source, tmp_path / "out" / f"in{suffix}")
+    done = apply_image(LutRecipe(lut_file).grade(source), source, tmp_path / "out" / f"in{suffix}")
     stored, graded = read_image(source), read_image(done.target)
     np.testing.assert_allclose(graded.pixels, np.clip(lut(stored.pixels), 0, 1), atol=tolerance)
     assert graded.spec.format == stored.spec.format
@@ -98,7 +99,7 @@ def test_an_image_file_keeps_its_metadata(
 
 def test_it_agrees_with_openimageio(tmp_path: Path, lut_file: Path) -> None:
     source = save(tmp_path / "in.exr", picture())
-    apply_image(lut_file, source, tmp_path / "out.exr")
+    apply_image(LutRecipe(lut_file).grade(source), source, tmp_path / "out.exr")
     reference = oiio.ImageBufAlgo.ociofiletransform(oiio.ImageBuf(str(source)), str(lut_file))
     np.testing.assert_allclose(
         read_image(tmp_path / "out.exr").pixels, np.asarray(reference.get_pixels(oiio.FLOAT)), atol=1e-5
@@ -106,19 +107,20 @@ def test_it_agrees_with_openimageio(tmp_path: Path, lut_file: Path) -> None:
 
 
 def test_what_cannot_be_graded(tmp_path: Path, lut_file: Path) -> None:
+    grade = LutRecipe(lut_file).grade(tmp_path)
     grey = save(tmp_path / "grey.tif", picture(channels=1))
     with pytest.raises(ImageError, match="red, green and blue; this image has 1 channel"):
-        apply_image(lut_file, grey, tmp_path / "out.tif")
+        apply_image(grade, grey, tmp_path / "out.tif")
     odd = save(tmp_path / "odd.exr", picture(channels=4), names=("A", "B", "G", "R"))
     assert read_image(odd).spec.channelnames[:3] == ("R", "G", "B")  # OpenImageIO puts them in order
     colour = save(tmp_path / "colour.tif", picture())
     with pytest.raises(ImageError, match="replace the input"):
-        apply_image(lut_file, colour, colour)
+        apply_image(grade, colour, colour)
     os.link(colour, tmp_path / "link.tif")
     with pytest.raises(ImageError, match="replace the input"):
-        apply_image(lut_file, colour, tmp_path / "link.tif")
+        apply_image(grade, colour, tmp_path / "link.tif")
     with pytest.raises(LutError, match="No such file"):
-        apply_image(tmp_path / "none.clf", colour, tmp_path / "out.tif")
+        LutRecipe(tmp_path / "none.clf").grade(colour)
     assert not (tmp_path / "out.tif").exists()
 
 
@@ -129,7 +131,7 @@ def test_a_batch_goes_on_past_failures(tmp_path: Path, lut: Lut, lut_file: Path)
     missing = tmp_path / "missing.png"
     seen: list[tuple[int, int, str]] = []
     result = apply_batch(
-        lut_file,
+        LutRecipe(lut_file),
         [good[0], broken, missing, good[1]],
         tmp_path / "out",
         suffix="tif",
@@ -151,20 +153,18 @@ def test_a_batch_refuses_to_replace_inputs_or_to_merge_names(tmp_path: Path, lut
     source = save(tmp_path / "a.png", picture(), "uint8")
     before = source.read_bytes()
     with pytest.raises(ImageError, match="replace an input"):
-        apply_batch(lut_file, [source], tmp_path)
+        apply_batch(LutRecipe(lut_file), [source], tmp_path)
     with pytest.raises(ImageError, match="would both become"):
         plan_outputs([Path("x/a.png"), Path("y/A.PNG")], tmp_path / "out")
     with pytest.raises(ImageError, match="would both become"):
         plan_outputs([Path("x/a.png"), Path("x/a.tif")], tmp_path / "out", ".exr")
-    with pytest.raises(LutError):
-        apply_batch(tmp_path / "none.cube", [source], tmp_path / "out")
     assert source.read_bytes() == before
     assert not (tmp_path / "out").exists()
 
 
 def test_a_real_photograph(tmp_path: Path, shared_data: Path, lut: Lut, lut_file: Path) -> None:
     source = shared_data / "canon_powershot_s40" / "IMG_0102.JPG"
-    done = apply_image(lut_file, source, tmp_path / "out.tif")
+    done = apply_image(LutRecipe(lut_file).grade(source), source, tmp_path / "out.tif")
     graded, original = read_image(done.target), read_image(source)
     rows = slice(0, 1704, 40)
     np.testing.assert_allclose(graded.pixels[rows], lut(original.pixels[rows]), atol=0.51 / 255)

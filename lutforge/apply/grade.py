@@ -1,0 +1,131 @@
+"""What a batch does to its images: a recipe gives a grade for each."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+from lutforge import __version__
+from lutforge.errors import ConfigError, LutError
+from lutforge.interpolation import Interpolation
+from lutforge.luts.processor import OCIO_ERRORS, file_processor
+from lutforge.ocio.check import load_config
+
+
+@dataclass(frozen=True, eq=False)
+class Grade:
+    """What is to be done to one image.
+
+    processor: colours in the image's own encoding → graded colours. history: one line for the output's metadata.
+    attributes: further metadata to set in the output, by OpenImageIO's names. confidence: colours → confidence in
+    [0, 1] in the first channel, for masks. raw: the source is a RAW file, and its linear camera RGB is graded.
+    notes: what the user should know about this image.
+    """
+
+    processor: OCIO.CPUProcessor
+    history: str
+    attributes: Mapping[str, object] = field(default_factory=dict)
+    confidence: OCIO.CPUProcessor | None = None
+    raw: bool = False
+    notes: tuple[str, ...] = ()
+
+
+class Recipe(Protocol):
+    """How to grade any image. Picklable: it holds paths and settings only, so that another machine can rebuild it."""
+
+    @property
+    def key(self) -> str:
+        """A fingerprint of all that decides the result; see `fingerprint`."""
+
+    def check(self) -> None:
+        """Raise LutForgeError where what all images share is wrong, so that none can be graded."""
+
+    def grade(self, source: Path) -> Grade:
+        """The grade of one image, made once where images share it. Raises LutForgeError: this image fails."""
+
+
+def fingerprint(*parts: object) -> str:
+    """SHA-256, in hexadecimal, over the contents of the files among `parts`, the other parts as text, and the versions
+    of LutForge and OpenColorIO. Raises LutError where a file cannot be read.
+    """
+    total = hashlib.sha256(f"{__version__} {OCIO.__version__}".encode())
+    for part in parts:
+        try:
+            data = part.read_bytes() if isinstance(part, Path) else repr(part).encode()
+        except OSError as error:
+            raise LutError(f"{part}: {error.strerror or 'cannot be opened'}") from error
+        total.update(hashlib.sha256(data).digest())
+    return total.hexdigest()
+
+
+@dataclass(frozen=True)
+class LutRecipe:
+    """One LUT file for all images. interpolation: for files that name none."""
+
+    path: Path
+    interpolation: Interpolation = "tetrahedral"
+
+    @cached_property
+    def key(self) -> str:
+        return fingerprint("LUT", self.path, self.interpolation)
+
+    def check(self) -> None:
+        _ = self._grade
+
+    def grade(self, source: Path) -> Grade:
+        return self._grade
+
+    @cached_property
+    def _grade(self) -> Grade:
+        pair = {".spi1d": ".spi3d", ".spi3d": ".spi1d"}.get(self.path.suffix.lower())
+        if pair is not None and self.path.with_suffix(pair).is_file():
+            raise LutError(
+                f"{self.path}: half of a LUT, {self.path.with_suffix(pair).name} is the other; bake a .clf or .cube to "
+                "apply, or use the two in an OpenColorIO config"
+            )
+        return Grade(file_processor(self.path, self.interpolation), f"graded with {self.path.name}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return LutRecipe, (self.path, self.interpolation)
+
+
+@dataclass(frozen=True)
+class ConfigRecipe:
+    """From one colour space of an OpenColorIO config to another."""
+
+    path: Path
+    source: str | None
+    target: str | None
+
+    @cached_property
+    def key(self) -> str:
+        # The processor's identity holds the contents of the LUT files that the config refers to.
+        return fingerprint("config", self._grade.processor.getCacheID())
+
+    def check(self) -> None:
+        _ = self._grade
+
+    def grade(self, source: Path) -> Grade:
+        return self._grade
+
+    @cached_property
+    def _grade(self) -> Grade:
+        config = load_config(self.path)
+        known = ", ".join(config.getColorSpaceNames())
+        if self.source is None or self.target is None:
+            raise ConfigError(f"{self.path}: name two of its colour spaces with --from and --to: {known}")
+        for name in (self.source, self.target):
+            if config.getColorSpace(name) is None:
+                raise ConfigError(f'{self.path}: no colour space "{name}"; it has {known}')
+        try:
+            processor = config.getProcessor(self.source, self.target).getDefaultCPUProcessor()
+        except OCIO_ERRORS as error:
+            raise ConfigError(f"{self.path}: {' '.join(str(error).split())}") from error
+        return Grade(processor, f"{self.source} to {self.target}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return ConfigRecipe, (self.path, self.source, self.target)
