@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lutforge.calibration.consistency import check_agreement, thin_settings
 from lutforge.calibration.continuation import continuation
 from lutforge.calibration.errors_table import ErrorFigures, error_figures
-from lutforge.calibration.lattice import LatticeResult, fit_samples, folds
+from lutforge.calibration.lattice import MEASURING_TOLERANCE, TOLERANCE, LatticeResult, fit_samples, folds
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import GamutMaps, fit_gamut_maps, fit_stages, linearize, render
@@ -193,29 +193,29 @@ def fit_style(
     options: CalibrationOptions,
     smoothness: tuple[float, float] | None = None,
     base: MatrixAndResponse | None = None,
+    tolerance: float = TOLERANCE,
 ) -> StyleFit:
     """Both lattices of a style; smoothness: λ_S of (render, linearize), and base, where known already."""
     base = base or fit_matrix_and_response(data.balanced, data.encoded)
-    render_smoothness, linearize_smoothness = smoothness or (None, None)
-    render = fit_samples(
-        data.balanced,
-        data.encoded,
-        data.shot,
-        continuation(base, data.balanced, data.encoded, inverse=False),
-        options,
-        clips=True,
-        smoothness=render_smoothness,
-    )
-    linearize = fit_samples(
-        data.encoded,
-        data.balanced,
-        data.shot,
-        continuation(base, data.encoded, data.balanced, inverse=True),
-        options,
-        clips=False,
-        smoothness=linearize_smoothness,
-    )
+    chosen = smoothness or (None, None)
+    render = fit_direction(data, options, base, inverse=False, smoothness=chosen[0], tolerance=tolerance)
+    linearize = fit_direction(data, options, base, inverse=True, smoothness=chosen[1], tolerance=tolerance)
     return StyleFit(base, render, linearize)
+
+
+def fit_direction(
+    data: StyleData,
+    options: CalibrationOptions,
+    base: MatrixAndResponse,
+    *,
+    inverse: bool,
+    smoothness: float | None = None,
+    tolerance: float = TOLERANCE,
+) -> LatticeResult:
+    """One lattice of a style: inverse is linearize, else render."""
+    x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
+    guess = continuation(base, x, y, inverse=inverse)
+    return fit_samples(x, y, data.shot, guess, options, clips=not inverse, smoothness=smoothness, tolerance=tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +232,7 @@ def predict_held_out(
     """Refit without each shot (or each of `most_folds` groups of shots) and predict it. Needs two shots or more."""
     rendered, linearized = np.empty_like(data.encoded), np.empty_like(data.balanced)
     for mask in folds(data.shot, most_folds):
-        fit = fit_style(data.select(~mask), options, smoothness)
+        fit = fit_style(data.select(~mask), options, smoothness, tolerance=MEASURING_TOLERANCE)
         rendered[mask] = np.clip(fit.render.lattice(data.balanced[mask]), 0.0, 1.0)
         linearized[mask] = np.clip(fit.linearize.lattice(data.encoded[mask]), 0.0, 1.0)
     return HeldOut(rendered, linearized)
