@@ -1,4 +1,4 @@
-"""Selectors of camera settings: "standard/daylight", "vivid/5200K", "standard/auto", "standard/2.10,1,1.43"."""
+"""Selectors of camera settings: "standard/daylight", "vivid/5200K", "vivid/5200K+10", "standard/2.10,1,1.43"."""
 
 import math
 import re
@@ -9,12 +9,18 @@ from lutforge.errors import SettingsError
 KELVIN_RANGE = (1500.0, 25000.0)
 """Correlated colour temperatures that a selector may name, in kelvin."""
 
+LARGEST_TINT = 150.0
+"""Tints reach so far to either side: the range of raw converters' sliders."""
+
 
 @dataclass(frozen=True)
 class Kelvin:
-    """A white balance named by its correlated colour temperature."""
+    """A white balance named by its correlated colour temperature, and by its tint: 3000 times the distance from the
+    locus in CIE 1960 (u, v), as raw converters count it; a positive tint makes the picture more magenta.
+    """
 
     kelvin: float
+    tint: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -36,8 +42,8 @@ class Selector:
 
     def __str__(self) -> str:
         match self.white_balance:
-            case Kelvin(kelvin):
-                return f"{self.style}/{kelvin:g}K"
+            case Kelvin(kelvin, tint):
+                return f"{self.style}/{kelvin:g}K{f'{tint:+g}' if tint else ''}"
             case Multipliers(rgb):
                 return f"{self.style}/" + ",".join(f"{value:g}" for value in rgb)
             case name:
@@ -55,22 +61,37 @@ def setting_name(text: str) -> str:
 def parse_selector(text: str) -> Selector:
     """Read "STYLE/WB".
 
-    WB is a name, a temperature ("5200K"), or three multipliers "r,g,b" (scaled here so that green = 1).
+    WB is a name, a temperature ("5200K") with a tint or none ("5200K+10"), or three multipliers "r,g,b" (scaled here so
+    that green = 1).
     Raises SettingsError on anything else.
     """
     style, slash, balance = (part.strip() for part in text.lower().partition("/"))
     if not slash or not style or not balance:
         raise SettingsError(f'"{text}" is not STYLE/WB; write for example "standard/daylight" or "vivid/5200K"')
-    if re.fullmatch(r"\d+(\.\d+)?k", balance):
-        kelvin = float(balance[:-1])
-        if not KELVIN_RANGE[0] <= kelvin <= KELVIN_RANGE[1]:
-            raise SettingsError(
-                f'"{text}": a colour temperature lies between {KELVIN_RANGE[0]:g}K and {KELVIN_RANGE[1]:g}K'
-            )
-        return Selector(style, Kelvin(kelvin))
+    if (number := re.match(r"([\d.]+(?:e\d+)?)\s*k\s*([+-].*)?$", balance)) is not None:
+        return Selector(style, _parse_kelvin(text, number[1], number[2] or "0"))
     if "," in balance:
         return Selector(style, Multipliers(_parse_multipliers(text, balance)))
     return Selector(style, balance)
+
+
+def _parse_kelvin(text: str, temperature: str, tint: str) -> Kelvin:
+    try:
+        kelvin, distance = float(temperature), float(tint)
+    except ValueError:
+        raise SettingsError(f'"{text}": a temperature is written 5200K, with a tint 5200K+10') from None
+    if not KELVIN_RANGE[0] <= kelvin <= KELVIN_RANGE[1]:
+        raise SettingsError(
+            f'"{text}": a colour temperature lies between {KELVIN_RANGE[0]:g}K and {KELVIN_RANGE[1]:g}K'
+        )
+    return Kelvin(kelvin, checked_tint(distance))
+
+
+def checked_tint(tint: float) -> float:
+    """The tint. Raises SettingsError where it is out of range."""
+    if not abs(tint) <= LARGEST_TINT:
+        raise SettingsError(f"tint {tint:g}: a tint lies between -{LARGEST_TINT:g} and +{LARGEST_TINT:g}")
+    return tint
 
 
 def _parse_multipliers(text: str, balance: str) -> tuple[float, float, float]:

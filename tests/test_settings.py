@@ -35,3 +35,26 @@ def test_anything_else_is_refused_in_one_line(text: str) -> None:
     with pytest.raises(SettingsError) as caught:
         parse_selector(text)
     assert "\n" not in str(caught.value)
+
+
+def test_a_tint_follows_the_temperature() -> None:
+    assert parse_selector("standard/5200K+10").white_balance == Kelvin(5200.0, 10.0)
+    assert parse_selector("standard/5200 K -7.5").white_balance == Kelvin(5200.0, -7.5)
+    assert str(parse_selector("standard/5200k-7.5")) == "standard/5200K-7.5"
+    assert parse_selector(str(parse_selector("standard/5200K+10"))) == parse_selector("standard/5200K+10")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("vivid/1e9K", "between 1500K and 25000K"),
+        ("vivid/5200K+", "5200K+10"),
+        ("vivid/5200K+x", "5200K+10"),
+        ("vivid/5200K+nan", "tint"),
+        ("vivid/5200K+900", "tint"),
+        ("vivid/5.2.0K", "5200K"),
+    ],
+)
+def test_a_wrong_temperature_says_what_is_right(text: str, message: str) -> None:
+    with pytest.raises(SettingsError, match=message.replace("+", r"\+")):
+        parse_selector(text)

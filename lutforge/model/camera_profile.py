@@ -1,7 +1,8 @@
 """A calibrated camera: its white balances, its matrix, and per picture style the models of its rendering."""
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -14,8 +15,8 @@ from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 from lutforge.model.scene_spaces import SceneSpace, from_linear_srgb
 from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
-from lutforge.model.white_balance import WhiteBalance, resolve
-from lutforge.settings import Selector, parse_selector
+from lutforge.model.white_balance import WhiteBalance, resolve, tinted
+from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector
 
 Array = NDArray[np.float64]
 ModelName = Literal["lattice", "rbf"]
@@ -85,12 +86,21 @@ class CameraProfile:
                 f"{self.camera} was calibrated through the RAW of {self.raw_camera}: name one of its white balances, "
                 f"{', '.join(sorted(self.white_balances))}"
             )
-        resolve(selector.white_balance, self.white_balances)
-        return selector
+        return replace(selector, white_balance=self._known_balance(selector.white_balance))
+
+    def _known_balance(self, balance: str | Kelvin | Multipliers) -> str | Kelvin | Multipliers:
+        """The white balance as it is, or the multipliers of a known one with a tint: "daylight+10"."""
+        tint = re.fullmatch(r"(.+?)([+-]\d+(?:\.\d+)?)", balance) if isinstance(balance, str) else None
+        if tint is None or balance in self.white_balances or tint[1] not in self.white_balances or self.raw_camera:
+            resolve(balance, self.white_balances, self.matrix)
+            return balance
+        named = np.array(self.white_balances[tint[1]].multipliers)
+        r, g, b = tinted(named, checked_tint(float(tint[2])), self.white_balances, self.matrix)
+        return Multipliers((float(r), float(g), float(b)))
 
     def multipliers(self, text: str | Selector) -> Array:
         """The white-balance multipliers (3,) that a selector asks for, green = 1."""
-        return resolve(self.selector(text).white_balance, self.white_balances)
+        return resolve(self.selector(text).white_balance, self.white_balances, self.matrix)
 
     def render(self, to: str | Selector, model: ModelName | None = None) -> Transform:
         """RAW (before white balance) → the camera's JPEG, encoded [0, 1]."""

@@ -8,7 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.errors import ProfileError, SettingsError
+from lutforge.model.colour_temperature import (
+    COOLEST,
+    HOTTEST,
+    camera_from_xyz,
+    locus,
+    multipliers_of,
+    temperature_and_tint,
+    white,
+    white_of,
+)
 from lutforge.settings import Kelvin, Multipliers
+
+Array = NDArray[np.float64]
 
 NAMED_KELVIN = {
     "tungsten": 3200.0,
@@ -20,6 +32,8 @@ NAMED_KELVIN = {
 }
 """Correlated colour temperatures that cameras mean by their settings, in kelvin."""
 
+LARGEST_MULTIPLIER = 1000.0
+DAYLIGHT = 5200.0
 MIRED_MARGIN = 30.0
 """How far beyond the outermost known white balance a temperature may lie, in mired."""
 
@@ -29,7 +43,8 @@ class WhiteBalance:
     """multipliers: r, g, b with g = 1; kelvin: correlated colour temperature where known; spread: for a setting that
     the camera changes from shot to shot (auto), the largest relative departure of a shot from these multipliers.
 
-    Raises ProfileError on multipliers that are not positive numbers.
+    Raises ProfileError on multipliers that are not positive numbers or that no camera sets, and on a temperature or
+    spread that is none.
     """
 
     multipliers: tuple[float, float, float]
@@ -39,47 +54,91 @@ class WhiteBalance:
     def __post_init__(self) -> None:
         if not all(math.isfinite(value) and value > 0 for value in self.multipliers):
             raise ProfileError(f"white balance: multipliers {self.multipliers} are not positive numbers")
+        if max(self.multipliers) > LARGEST_MULTIPLIER * min(self.multipliers):
+            raise ProfileError(f"white balance: no camera sets multipliers as unequal as {self.multipliers}")
+        kelvin = self.kelvin
+        if kelvin is not None and not (isinstance(kelvin, int | float) and COOLEST <= kelvin <= HOTTEST):
+            raise ProfileError(f"white balance: {kelvin!r} is not a temperature from {COOLEST:g} to {HOTTEST:g} kelvin")
+        if not 0 <= self.spread < math.inf:
+            raise ProfileError(f"white balance: a spread of {self.spread} is not possible")
 
 
-def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, WhiteBalance]) -> NDArray[np.float64]:
-    """The multipliers (3,) that a selector asks for, green = 1.
+def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
+    """The multipliers (3,) that a selector asks for, green = 1. matrix: Ts (3, 3), for temperatures.
 
     Raises SettingsError, listing the known settings, where the profile cannot answer.
     """
     match white_balance:
         case Multipliers(rgb):
             return np.array(rgb)
-        case Kelvin(kelvin) if f"{kelvin:g}k" in known:
+        case Kelvin(kelvin, 0.0) if f"{kelvin:g}k" in known:
             return np.array(known[f"{kelvin:g}k"].multipliers)
-        case Kelvin(kelvin):
-            return _interpolate(kelvin, known)
+        case Kelvin(kelvin, tint):
+            return _at_temperature(kelvin, tint, known, matrix)
         case name:
             if name not in known:
                 raise SettingsError(f'unknown white balance "{name}"; this profile knows {", ".join(sorted(known))}')
             return np.array(known[name].multipliers)
 
 
-def _interpolate(kelvin: float, known: Mapping[str, WhiteBalance]) -> NDArray[np.float64]:
-    """Multipliers at a temperature: log multipliers, linear in reciprocal temperature (mired)."""
-    points = sorted(
-        (1e6 / balance.kelvin, balance.multipliers) for balance in known.values() if balance.kelvin is not None
-    )
-    if len({mired for mired, _ in points}) < 2:
+def tinted(multipliers: Array, tint: float, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
+    """The multipliers of a light `tint` further from the locus than the one that `multipliers` make neutral.
+
+    Raises SettingsError where the profile knows no temperature at all.
+    """
+    from_xyz = _camera_from_xyz(known, matrix)
+    kelvin, _ = temperature_and_tint(white_of(multipliers, from_xyz))
+    change = multipliers_of(white(kelvin, tint), from_xyz) / multipliers_of(locus(kelvin), from_xyz)
+    return np.asarray(multipliers * change)
+
+
+def temperature_range(known: Mapping[str, WhiteBalance]) -> tuple[float, float]:
+    """The lowest and highest temperature in kelvin that a selector may ask for. Raises SettingsError where there are
+    not two settings to interpolate between.
+    """
+    mireds = [1e6 / kelvin for kelvin, _ in _on_the_locus(known)]
+    if len(set(mireds)) < 2:
         raise SettingsError(
-            f"{kelvin:g}K needs two white balances of known temperature to interpolate between; "
+            "a colour temperature needs two white balances of known temperature to interpolate between; "
             f"this profile knows {', '.join(sorted(known))}"
         )
-    mireds = np.array([mired for mired, _ in points])
-    wanted = 1e6 / kelvin
-    if not mireds[0] - MIRED_MARGIN <= wanted <= mireds[-1] + MIRED_MARGIN:
+    return 1e6 / (max(mireds) + MIRED_MARGIN), 1e6 / max(min(mireds) - MIRED_MARGIN, 1e6 / HOTTEST)
+
+
+def _at_temperature(kelvin: float, tint: float, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
+    """What the matrix makes of the light of that temperature, times what the camera's own settings depart from that:
+    the departures' logarithms are interpolated in reciprocal temperature (mired), and kept beyond the outermost.
+    """
+    low, high = temperature_range(known)
+    if not low - 1e-6 <= kelvin <= high + 1e-6:
         raise SettingsError(
-            f"{kelvin:g}K lies outside the white balances of this profile, "
-            f"{1e6 / mireds[-1]:.0f}K to {1e6 / mireds[0]:.0f}K"
+            f"{kelvin:g}K lies outside the white balances of this profile, {low:.0f}K to {high:.0f}K; "
+            "calibrate shots on a setting nearer to it"
         )
-    logs = np.log([multipliers for _, multipliers in points])
-    cell = int(np.clip(np.searchsorted(mireds, wanted, side="right") - 1, 0, len(mireds) - 2))
-    while mireds[cell + 1] == mireds[cell]:  # two settings of one temperature
-        cell += 1 if cell + 2 < len(mireds) else -1
-    fraction = (wanted - mireds[cell]) / (mireds[cell + 1] - mireds[cell])
-    multipliers: NDArray[np.float64] = np.exp((1 - fraction) * logs[cell] + fraction * logs[cell + 1])
-    return multipliers
+    from_xyz = _camera_from_xyz(known, matrix)
+    settings = _on_the_locus(known)
+    mireds = np.array(sorted({1e6 / temperature for temperature, _ in settings}))
+    departures = np.zeros((len(mireds), 3))
+    for index, mired in enumerate(mireds):  # settings of one temperature: their mean
+        logs = [np.log(multipliers) for temperature, multipliers in settings if 1e6 / temperature == mired]
+        departures[index] = np.mean(logs, axis=0) - np.log(multipliers_of(locus(1e6 / mired), from_xyz))
+    departure = [np.interp(1e6 / kelvin, mireds, departures[:, c]) for c in range(3)]
+    return np.asarray(np.exp(departure) * multipliers_of(white(kelvin, tint), from_xyz))
+
+
+def _on_the_locus(known: Mapping[str, WhiteBalance]) -> list[tuple[float, tuple[float, float, float]]]:
+    """Temperature and multipliers of the settings for natural light; fluorescent lamps lie beside it, and count only
+    where there is nothing else.
+    """
+    points = {name: (balance.kelvin, balance.multipliers) for name, balance in known.items() if balance.kelvin}
+    natural = [point for name, point in points.items() if "fluorescent" not in name]
+    return natural if len({kelvin for kelvin, _ in natural}) >= 2 else list(points.values())
+
+
+def _camera_from_xyz(known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
+    """(3, 3) XYZ → camera RGB, anchored at the setting nearest to daylight."""
+    points = _on_the_locus(known)
+    if not points:
+        raise SettingsError("this profile knows no colour temperature; name multipliers r,g,b instead")
+    kelvin, multipliers = min(points, key=lambda point: abs(1e6 / point[0] - 1e6 / DAYLIGHT))
+    return camera_from_xyz(matrix, np.array(multipliers), kelvin)

@@ -1,59 +1,119 @@
-"""White balances by name, temperature and multipliers."""
+"""White balances by name, temperature, tint and multipliers."""
 
 import numpy as np
 import pytest
 
 from lutforge.errors import ProfileError, SettingsError
-from lutforge.model.white_balance import WhiteBalance, resolve
+from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.colour_difference import delta_e_2000
+from lutforge.model.white_balance import WhiteBalance, resolve, temperature_range
 from lutforge.settings import Kelvin, Multipliers
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.spectra import WAVELENGTHS, light, surface_reflectances
 
-KNOWN = {
-    "tungsten": WhiteBalance((1.2, 1.0, 2.8), 3200.0),
-    "daylight": WhiteBalance((2.0, 1.0, 1.5), 5200.0),
-    "shade": WhiteBalance((2.4, 1.0, 1.2), 7000.0),
-    "auto": WhiteBalance((1.9, 1.0, 1.6)),
+CAMERA = nikon_d5100()
+MATRIX = CAMERA.matrix
+KNOWN = {name: WhiteBalance(balance.multipliers, balance.kelvin) for name, balance in CAMERA.white_balances.items()} | {
+    "auto": WhiteBalance((1.9, 1.0, 1.6))
 }
 
 
 def test_names_and_multipliers_are_taken_as_they_are() -> None:
-    np.testing.assert_array_equal(resolve("auto", KNOWN), [1.9, 1.0, 1.6])
-    np.testing.assert_array_equal(resolve(Multipliers((2.5, 1.0, 1.1)), KNOWN), [2.5, 1.0, 1.1])
+    np.testing.assert_array_equal(resolve("auto", KNOWN, MATRIX), [1.9, 1.0, 1.6])
+    np.testing.assert_array_equal(resolve(Multipliers((2.5, 1.0, 1.1)), KNOWN, MATRIX), [2.5, 1.0, 1.1])
 
 
-def test_temperatures_meet_the_known_settings() -> None:
-    for name in ("tungsten", "daylight", "shade"):
-        kelvin = KNOWN[name].kelvin
-        assert kelvin is not None
-        np.testing.assert_allclose(resolve(Kelvin(kelvin), KNOWN), KNOWN[name].multipliers)
+@pytest.mark.parametrize("name", ["tungsten", "daylight", "flash", "cloudy", "shade"])
+def test_temperatures_meet_the_known_settings(name: str) -> None:
+    kelvin = KNOWN[name].kelvin
+    assert kelvin is not None
+    np.testing.assert_allclose(resolve(Kelvin(kelvin), KNOWN, MATRIX), KNOWN[name].multipliers, rtol=1e-12)
 
 
-def test_halfway_in_mired_is_the_geometric_mean() -> None:
-    kelvin = 1e6 / ((1e6 / 3200 + 1e6 / 5200) / 2)
-    expected = np.sqrt(np.array([1.2, 1.0, 2.8]) * [2.0, 1.0, 1.5])
-    np.testing.assert_allclose(resolve(Kelvin(kelvin), KNOWN), expected)
+@pytest.mark.parametrize("camera", [nikon_d5100(), sigma_sd_merrill()], ids=["D5100", "Merrill"])
+@pytest.mark.parametrize("kelvin", [3200, 3500, 4000, 4300, 4700, 5000, 5350, 5750, 6500, 7000, 8500, 9500])
+def test_a_temperature_in_between_renders_as_its_own_multipliers_would(camera: SimulatedCamera, kelvin: int) -> None:
+    known = {name: WhiteBalance(wb.multipliers, wb.kelvin) for name, wb in camera.white_balances.items()}
+    if kelvin < 4000:  # Planck's law
+        metres = WAVELENGTHS * 1e-9
+        spectrum = metres**-5 / np.expm1(1.4388e-2 / (metres * kelvin))
+    else:
+        spectrum = light(float(kelvin))
+    response = spectrum[:, None] * camera.sensitivity
+    surfaces = 0.6 * surface_reflectances() @ response / response.sum(axis=0).max()
+    truth = response.sum(axis=0)[1] / response.sum(axis=0)
+    found = resolve(Kelvin(float(kelvin)), known, camera.matrix)
+    difference = delta_e_2000(camera.render(surfaces, "standard", found), camera.render(surfaces, "standard", truth))
+    assert difference.mean() <= 1.0
 
 
-def test_interpolation_is_monotone_between_settings() -> None:
-    red = [resolve(Kelvin(kelvin), KNOWN)[0] for kelvin in np.linspace(3200, 7000, 40)]
-    assert np.all(np.diff(red) > 0)
+def test_multipliers_move_steadily_with_the_temperature() -> None:
+    found = np.array([resolve(Kelvin(kelvin), KNOWN, MATRIX) for kelvin in np.linspace(2800, 9000, 90)])
+    assert np.all(np.diff(found[:, 0]) > 0)
+    assert np.all(np.diff(found[:, 2]) < 0)
+
+
+def test_a_tint_is_a_greener_light_and_a_more_magenta_picture() -> None:
+    plain, green, magenta = (resolve(Kelvin(4700.0, tint), KNOWN, MATRIX) for tint in (0.0, 20.0, -20.0))
+    assert np.all(green[[0, 2]] > plain[[0, 2]])
+    assert np.all(magenta[[0, 2]] < plain[[0, 2]])
+    np.testing.assert_allclose(green * magenta, plain**2, rtol=0.01)  # nearly the same step both ways
+
+
+def test_a_named_setting_takes_a_tint() -> None:
+    profile = CameraProfile("Test", MATRIX, KNOWN, {"standard": PictureStyle()})
+    tinted = profile.multipliers("standard/daylight+20")
+    np.testing.assert_allclose(tinted, profile.multipliers("standard/5200K+20"), rtol=1e-3)
+    np.testing.assert_array_equal(profile.multipliers("standard/daylight+0"), KNOWN["daylight"].multipliers)
+    with pytest.raises(SettingsError, match="unknown white balance"):
+        profile.selector("standard/moonlight+20")
+    with pytest.raises(SettingsError, match="tint"):
+        profile.selector("standard/daylight+400")
 
 
 def test_far_temperatures_and_unknown_names_are_refused() -> None:
     with pytest.raises(SettingsError, match="outside the white balances"):
-        resolve(Kelvin(2000.0), KNOWN)
-    with pytest.raises(SettingsError, match="auto, daylight, shade, tungsten"):
-        resolve("cloudy", KNOWN)
+        resolve(Kelvin(2000.0), KNOWN, MATRIX)
+    with pytest.raises(SettingsError, match="auto, cloudy, daylight, flash, fluorescent, shade, tungsten"):
+        resolve("underwater", KNOWN, MATRIX)
     with pytest.raises(SettingsError, match="two white balances of known temperature"):
-        resolve(Kelvin(5000.0), {"auto": KNOWN["auto"], "daylight": KNOWN["daylight"]})
+        resolve(Kelvin(5000.0), {"auto": KNOWN["auto"], "daylight": KNOWN["daylight"]}, MATRIX)
+    low, high = temperature_range(KNOWN)
+    for kelvin in (low, high):
+        assert np.all(resolve(Kelvin(kelvin), KNOWN, MATRIX) > 0)
 
 
-def test_two_settings_of_one_temperature_do_not_divide_by_zero() -> None:
-    known = {**KNOWN, "incandescent": WhiteBalance((1.25, 1.0, 2.7), 3200.0)}
-    assert np.all(np.isfinite(resolve(Kelvin(3200.0), known)))
-    assert np.all(np.isfinite(resolve(Kelvin(4000.0), known)))
+def test_fluorescent_lamps_lie_beside_the_locus_and_do_not_bend_it() -> None:
+    lamp = KNOWN["fluorescent"]
+    natural = {name: balance for name, balance in KNOWN.items() if name != "fluorescent"}
+    assert lamp.kelvin is not None
+    with_lamp = resolve(Kelvin(lamp.kelvin), KNOWN, MATRIX)
+    np.testing.assert_array_equal(with_lamp, resolve(Kelvin(lamp.kelvin), natural, MATRIX))
+    only = {"fluorescent": lamp, "daylight": KNOWN["daylight"]}
+    np.testing.assert_allclose(resolve(Kelvin(lamp.kelvin), only, MATRIX), lamp.multipliers, rtol=1e-12)
+
+
+def test_two_settings_of_one_temperature_are_averaged() -> None:
+    r, g, b = KNOWN["tungsten"].multipliers
+    known = {**KNOWN, "incandescent": WhiteBalance((1.21 * r, g, b / 1.21), KNOWN["tungsten"].kelvin)}
+    kelvin = KNOWN["tungsten"].kelvin
+    assert kelvin is not None
+    np.testing.assert_allclose(resolve(Kelvin(kelvin), known, MATRIX), [1.1 * r, g, b / 1.1], rtol=1e-12)
 
 
 @pytest.mark.parametrize("bad", [(0.0, 1.0, 1.0), (1.0, 1.0, -2.0), (float("nan"), 1.0, 1.0), (1.0, 1.0, float("inf"))])
 def test_multipliers_are_positive_numbers(bad: tuple[float, float, float]) -> None:
     with pytest.raises(ProfileError, match="positive"):
         WhiteBalance(bad)
+
+
+@pytest.mark.parametrize("kelvin", [-5.0, 0.0, 1e9, float("nan"), "hot"])
+def test_a_temperature_is_one_that_light_can_have(kelvin: float) -> None:
+    with pytest.raises(ProfileError, match="not a temperature"):
+        WhiteBalance((2.0, 1.0, 1.5), kelvin)
+
+
+@pytest.mark.parametrize("spread", [-0.1, float("nan"), float("inf")])
+def test_a_spread_is_a_share(spread: float) -> None:
+    with pytest.raises(ProfileError, match="spread"):
+        WhiteBalance((2.0, 1.0, 1.5), None, spread)

@@ -1,0 +1,99 @@
+"""White-balance multipliers along the locus of natural light, by colour temperature and tint.
+
+A white balance makes the light of one chromaticity neutral, so multipliers (r, 1, b) and the chromaticity of a white
+are the same thing, seen through the camera's matrix. Tint is what photographers know from raw converters: 3000 times
+the distance from the locus in CIE 1960 (u, v); positive makes the picture more magenta, as it presumes a greener light
+(Adobe, DNG SDK 1.4, dng_temperature.cpp, kTintScale).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+TINT_PER_UV = 3000.0
+
+SRGB_TO_XYZ = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+)
+"""Linear sRGB → XYZ, D65 (IEC 61966-2-1)."""
+BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+D65 = np.array([0.95047, 1.0, 1.08883])
+
+COOLEST, HOTTEST = 1500.0, 25000.0
+
+
+def locus(kelvin: float) -> Array:
+    """(u, v), CIE 1960, of natural light: Planck's up to 3500 K, daylight from 4000 K where its locus begins, mixed in
+    between. Closed forms: M. Krystek (1985) and CIE 15:2018, equations 4.6 and 4.7.
+    """
+    share = float(np.clip((kelvin - 3500.0) / 500.0, 0.0, 1.0))
+    planck = _planck(kelvin) if share < 1 else np.zeros(2)
+    return np.asarray((1 - share) * planck + (share * _daylight(kelvin) if share > 0 else 0.0))
+
+
+def white(kelvin: float, tint: float = 0.0) -> Array:
+    """(u, v) at a tint from the locus, perpendicular to it; a positive tint is a greener light."""
+    step = 1e-4 * kelvin
+    along = locus(kelvin + step) - locus(kelvin - step)
+    across = np.array([along[1], -along[0]]) / np.linalg.norm(along)
+    if across[1] < 0:
+        across = -across  # green lies at higher v
+    return np.asarray(locus(kelvin) + across * tint / TINT_PER_UV)
+
+
+def temperature_and_tint(uv: Array) -> tuple[float, float]:
+    """The temperature and tint of a white: its nearest point of the locus, between 1500 K and 25000 K."""
+    low, high = 1e6 / HOTTEST, 1e6 / COOLEST
+    for _ in range(4):
+        mireds = np.linspace(low, high, 65)
+        distances = [float(np.sum((locus(1e6 / mired) - uv) ** 2)) for mired in mireds]
+        best, step = mireds[int(np.argmin(distances))], mireds[1] - mireds[0]
+        low, high = max(1e6 / HOTTEST, best - step), min(1e6 / COOLEST, best + step)
+    kelvin = float(1e6 / best)
+    across = white(kelvin, TINT_PER_UV) - locus(kelvin)
+    return kelvin, TINT_PER_UV * float((uv - locus(kelvin)) @ across)
+
+
+def camera_from_xyz(matrix: Array, multipliers: Array, kelvin: float) -> Array:
+    """(3, 3) XYZ of a light → camera RGB. matrix: Ts, white-balanced camera RGB → linear sRGB, calibrated under the
+    light of `kelvin` whose multipliers these are.
+    """
+    cone = BRADFORD @ _xyz(locus(kelvin)) / (BRADFORD @ D65)
+    to_light = np.linalg.inv(BRADFORD) @ np.diag(cone) @ BRADFORD
+    return np.asarray(np.linalg.inv(to_light @ SRGB_TO_XYZ @ matrix @ np.diag(multipliers)))
+
+
+def multipliers_of(uv: Array, from_xyz: Array) -> Array:
+    """(3,) with green = 1: what makes the light of chromaticity uv neutral. from_xyz: XYZ → camera RGB."""
+    neutral = from_xyz @ _xyz(uv)
+    return np.asarray(neutral[1] / neutral)
+
+
+def white_of(multipliers: Array, from_xyz: Array) -> Array:
+    """(u, v) of the light that these multipliers make neutral; the inverse of `multipliers_of`."""
+    x, y, z = np.linalg.solve(from_xyz, 1 / multipliers)
+    total = x + 15 * y + 3 * z
+    return np.array([4 * x / total, 6 * y / total])
+
+
+def _xyz(uv: Array) -> Array:
+    """XYZ with Y = 1 of a CIE 1960 chromaticity."""
+    u, v = uv
+    x, y = 3 * u / (2 * u - 8 * v + 4), 2 * v / (2 * u - 8 * v + 4)
+    return np.array([x / y, 1.0, (1 - x - y) / y])
+
+
+def _planck(t: float) -> Array:
+    u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t**2) / (1 + 8.42420235e-4 * t + 7.08145163e-7 * t**2)
+    v = (0.317398726 + 4.22806245e-5 * t + 4.20481691e-8 * t**2) / (1 - 2.89741816e-5 * t + 1.61456053e-7 * t**2)
+    return np.array([u, v])
+
+
+def _daylight(t: float) -> Array:
+    if t <= 7000.0:
+        x = -4.6070e9 / t**3 + 2.9678e6 / t**2 + 0.09911e3 / t + 0.244063
+    else:
+        x = -2.0064e9 / t**3 + 1.9018e6 / t**2 + 0.24748e3 / t + 0.237040
+    y = -3.000 * x**2 + 2.870 * x - 0.275
+    return np.array([4 * x, 6 * y]) / (-2 * x + 12 * y + 3)
