@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lutforge.calibration.baselines import colour_polynomial, mixed_channel_polynomials
 from lutforge.calibration.exposure_pairs import pairs_of_samples
-from lutforge.calibration.linearisation import errors_of_pairs
+from lutforge.calibration.linearisation import model_delta
 from lutforge.calibration.physical import conventional, fit_gamut_maps, fit_stages, linearize
 from lutforge.calibration.response import BETA, saturation
 from lutforge.calibration.white_balance import complete_multipliers
@@ -136,8 +136,8 @@ def measure(samples: SampleSet) -> Row:
         if camera in AUTOMATIC:
             predicted = predicted * _gains(predicted, test)
         rmse[method] = float(np.sqrt(np.mean((predicted - test.raw) ** 2)))
-    both = errors_of_pairs("standard", pairs_of_samples(samples), model)
-    without, with_map = (float(np.sqrt(np.mean(np.square(error.delta)))) for error in both)
+    both = model_delta(pairs_of_samples(samples), model)
+    without, with_map = (float(np.sqrt(np.mean(np.square(error)))) for error in both)
     return Row(camera, len(train), len(test), (without, with_map), rmse)
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from lutforge.calibration.evaluate import Evaluation
+    from lutforge.calibration.evaluation import Evaluation
     from lutforge.calibration.options import CalibrationOptions
     from lutforge.errors import LutForgeError
     from lutforge.luts.bake import bake
@@ -60,7 +60,7 @@ __all__ = [
 _HOMES = {
     "CalibrationOptions": "calibration.options",
     "CameraProfile": "model.camera_profile",
-    "Evaluation": "calibration.evaluate",
+    "Evaluation": "calibration.evaluation",
     "Lut": "luts.lut",
     "LutForgeError": "errors",
     "SampleSet": "samples.sample_set",

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lutforge.calibration.calibrate import calibrate as fit_profile
-from lutforge.calibration.evaluate import Evaluation
 from lutforge.calibration.evaluate import evaluate as evaluate_profile
+from lutforge.calibration.evaluation import Evaluation
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import LutForgeError, SampleError, ShotError
 from lutforge.model.camera_profile import CameraProfile
@@ -100,6 +100,8 @@ def calibrate(
     return fit_profile(with_setting_names(samples), options, progress)
 
 
-def evaluate(profile: CameraProfile, samples: SampleSet, progress: Progress = _silent) -> Evaluation:
-    """The error table of a profile on samples, held out by shot."""
-    return evaluate_profile(profile, with_setting_names(samples), progress)
+def evaluate(
+    profile: CameraProfile, samples: SampleSet, progress: Progress = _silent, *, tables: bool = False
+) -> Evaluation:
+    """The error tables of a profile on samples, held out by shot; tables: all methods of the thesis's tables."""
+    return evaluate_profile(profile, with_setting_names(samples), progress, tables=tables)

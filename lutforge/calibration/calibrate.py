@@ -238,14 +238,17 @@ def predict_held_out(
     return HeldOut(rendered, linearized)
 
 
-def refit_physical(data: StyleData, maps: GamutMaps, options: CalibrationOptions) -> GamutMaps:
-    """The physical model of one style on other samples, with the smoothness that was chosen for all of them."""
+def refit_physical(
+    data: StyleData,
+    options: CalibrationOptions,
+    white_balances: tuple[str, ...],
+    nuggets: tuple[float | None, float | None] = (None, None),
+) -> GamutMaps:
+    """The physical model of one style on other samples; nuggets: the smoothness of h and h⁻¹ where it was chosen."""
     known = np.ones(len(data.shot), dtype=np.bool_)
     stages = fit_stages(data.samples, data.balanced / data.samples.raw, known, options.preset)
     response = next(iter(stages.styles.values())).response
-    names = maps.model.white_balances
-    nuggets = (maps.nugget, maps.inverse_nugget)
-    return fit_gamut_maps(data.balanced, data.encoded, data.shot, stages.matrix, response, names, nuggets)
+    return fit_gamut_maps(data.balanced, data.encoded, data.shot, stages.matrix, response, white_balances, nuggets)
 
 
 def predict_physical_held_out(
@@ -253,8 +256,9 @@ def predict_physical_held_out(
 ) -> HeldOut:
     """The same with the physical model. Raises CalibrationError where the rest of the shots does not determine it."""
     rendered, linearized = np.empty_like(data.encoded), np.empty_like(data.balanced)
+    nuggets = (maps.nugget, maps.inverse_nugget)
     for mask in folds(data.shot, most_folds):
-        model = refit_physical(data.select(~mask), maps, options).model
+        model = refit_physical(data.select(~mask), options, maps.model.white_balances, nuggets).model
         rendered[mask] = render(model, data.balanced[mask])
         linearized[mask] = np.clip(linearize(model, data.encoded[mask]), 0.0, 1.0)
     return HeldOut(rendered, linearized)

@@ -29,15 +29,17 @@ TIME_SPREAD = 0.03
 class ExposurePairs:
     """first, second: JPEG values (n, 3) of the same surfaces; log_ratio: log k' (n,) of second over first.
 
-    raw_first, raw_second: (n, 3), NaN where there is no RAW. shots: names; first_shot, second_shot: (n,) indices into
-    it; shot_exposure: (shots,) log exposure as stated, with mean 0 over each group of shots that pairs connect;
-    spread: the expected error of a log exposure.
+    raw_first, raw_second: (n, 3), NaN where there is no RAW. first_row, second_row: (n,) rows of the sample table, or
+    cells of the images. shots: names; first_shot, second_shot: (n,) indices into it; shot_exposure: (shots,) log
+    exposure as stated, with mean 0 over each group of shots that pairs connect; spread: its expected error.
     """
 
     first: Array
     second: Array
     raw_first: Array
     raw_second: Array
+    first_row: NDArray[np.intp]
+    second_row: NDArray[np.intp]
     log_ratio: NDArray[np.float64]
     shots: tuple[str, ...]
     first_shot: NDArray[np.intp]
@@ -58,6 +60,7 @@ class _Exposure:
     encoded: Array
     raw: Array
     usable: NDArray[np.bool_]
+    row: NDArray[np.intp]
 
 
 def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
@@ -103,7 +106,8 @@ def pairs_of_bracket(
         mean, spread = _cells(np.asarray(image, dtype=np.float64), cell)
         flat = spread.max(axis=1) < 0.02 + 0.03 * mean.max(axis=1)
         usable = flat & np.all((mean > 2 * CLIPPED) & (mean < 1 - 2 * CLIPPED), axis=1)
-        shots.append(_Exposure(name, float(np.log(time)), mean, np.full_like(mean, np.nan), usable))
+        cells = np.arange(len(mean))
+        shots.append(_Exposure(name, float(np.log(time)), mean, np.full_like(mean, np.nan), usable, cells))
     parts = []
     rng = np.random.default_rng(0)
     for one, other in combinations(sorted(shots, key=lambda shot: shot.log_time), 2):
@@ -132,20 +136,23 @@ def _groups(samples: SampleSet) -> Iterator[list[_Exposure]]:
     """Per style and white balance, the shots over the patches of the group (rows that a shot lacks are unusable)."""
     for style in np.unique(samples.style):
         for balance in np.unique(samples.white_balance[samples.style == style]):
-            rows = samples.select((samples.style == style) & (samples.white_balance == balance))
-            patches = np.unique(rows.patch)
+            inside = np.flatnonzero((samples.style == style) & (samples.white_balance == balance))
+            patches = np.unique(samples.patch[inside])
             group = []
-            for name, shot in rows.by_shot():
+            for name in np.unique(samples.shot[inside]):
+                rows = inside[samples.shot[inside] == name]
+                shot = samples.select(rows)
                 place = np.searchsorted(patches, shot.patch)
                 encoded, raw = np.full((len(patches), 3), np.nan), np.full((len(patches), 3), np.nan)
                 encoded[place], raw[place] = shot.srgb, shot.raw
+                row = np.full(len(patches), -1)
+                row[place] = rows
                 with np.errstate(invalid="ignore"):
                     usable = np.all((encoded > CLIPPED) & (encoded < 1 - CLIPPED), axis=1)
                     usable &= ~np.any(raw >= 0.999, axis=1)
                 time = shot.exposure_s[np.isfinite(shot.exposure_s)]
-                group.append(
-                    _Exposure(name, float(np.log(np.median(time))) if len(time) else np.nan, encoded, raw, usable)
-                )
+                log_time = float(np.log(np.median(time))) if len(time) else np.nan
+                group.append(_Exposure(str(name), log_time, encoded, raw, usable, row))
             yield group
 
 
@@ -178,6 +185,8 @@ def _join(parts: list[tuple[_Exposure, _Exposure, NDArray[np.bool_], float]], sp
         second=np.concatenate([other.encoded[both] for _, other, both, _ in parts]),
         raw_first=np.concatenate([one.raw[both] for one, _, both, _ in parts]),
         raw_second=np.concatenate([other.raw[both] for _, other, both, _ in parts]),
+        first_row=np.concatenate([one.row[both] for one, _, both, _ in parts]),
+        second_row=np.concatenate([other.row[both] for _, other, both, _ in parts]),
         log_ratio=np.repeat(ratios, counts),
         shots=tuple(names),
         first_shot=np.repeat(ends[:, 0], counts),

@@ -1,27 +1,28 @@
 """The linearisation error δ over exposure pairs (thesis 4.3.1, equation 4.11), with and without the gamut map."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.calibration.held_out import Predictions
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import PhysicalModel
-from lutforge.samples.sample_set import SampleSet
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class LinearisationError:
-    """δ per channel (r, g, b) of one style, in linear units, 1 = full scale; pairs: points counted."""
+    """δ per channel (r, g, b) of one style, in linear sRGB, 1 = full scale; pairs: points counted; held_out: whether
+    each point was linearised by a fit that had not seen its shot."""
 
     style: str
     method: str
-    delta: tuple[float, float, float]
+    held_out: bool
     pairs: int
+    delta: tuple[float, float, float]
 
     def as_json(self) -> dict[str, object]:
         """Plain values by name."""
@@ -34,28 +35,32 @@ def delta(first: Array, second: Array, ratio: NDArray[np.float64]) -> tuple[floa
     return (r, g, b)
 
 
-def linearisation_errors(
-    style: str, samples: SampleSet, models: Sequence[PhysicalModel]
-) -> tuple[LinearisationError, ...]:
-    """δ of all exposure pairs of a style without and with h; empty where there are no pairs or no physical model.
+def linearisation_errors(style: str, predictions: Predictions, matrix: Array) -> tuple[LinearisationError, ...]:
+    """δ of all exposure pairs of a style by method, each shot linearised by the fit that has not seen it.
 
-    With h the colours compared are h⁻¹(f⁻¹(I)).
+    matrix: Ts (3, 3), the same for all methods, takes what a method says of Tw E to linear sRGB: with the full model
+    that is h⁻¹(f⁻¹(I)), without h it is f⁻¹(I). Empty where there are no exposure pairs.
     """
-    if not models:
-        return ()
     try:
-        pairs = pairs_of_samples(samples)
+        pairs = pairs_of_samples(predictions.data.samples)
     except CalibrationError:
         return ()
-    return errors_of_pairs(style, pairs, models[0])
+    ratio, result = np.exp(pairs.log_ratio), []
+    for method in predictions.methods:
+        linear = predictions.linearized[method] @ matrix.T
+        first, second = linear[pairs.first_row], linear[pairs.second_row]
+        said = np.all(np.isfinite(first) & np.isfinite(second), axis=1)
+        if said.any():
+            used = np.concatenate([pairs.first_row[said], pairs.second_row[said]])
+            held_out = bool(np.all(predictions.held_out[used]))
+            error = delta(first[said], second[said], ratio[said])
+            result.append(LinearisationError(style, method, held_out, int(said.sum()), error))
+    return tuple(result)
 
 
-def errors_of_pairs(style: str, pairs: ExposurePairs, model: PhysicalModel) -> tuple[LinearisationError, ...]:
-    """δ without h, then with it."""
+def model_delta(pairs: ExposurePairs, model: PhysicalModel) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """δ (r, g, b) of one model on given pairs: without h, and with it."""
     ratio = np.exp(pairs.log_ratio)
     first, second = model.response.linearize(pairs.first), model.response.linearize(pairs.second)
     with_map = delta(model.inverse_gamut_map(first), model.inverse_gamut_map(second), ratio)
-    return (
-        LinearisationError(style, "without h", delta(first, second, ratio), len(pairs)),
-        LinearisationError(style, "with h", with_map, len(pairs)),
-    )
+    return delta(first, second, ratio), with_map

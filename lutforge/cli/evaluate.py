@@ -1,9 +1,9 @@
-"""`lutforge evaluate`: the error table of a profile, held out by shot."""
+"""`lutforge evaluate`: the thesis's error tables of a profile, held out by shot."""
 
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,16 +11,32 @@ from lutforge.cli.calibrate import Sources
 from lutforge.cli.console import note, print_table, progress_bar
 from lutforge.cli.sample import tell
 
+if TYPE_CHECKING:
+    from lutforge.calibration.errors_table import ErrorFigures
+    from lutforge.calibration.evaluation import Evaluation
+
+FIGURES = ("n", "mean", "max", "Q1", "median", "Q3", "RMSE", "ΔE00", "max ΔE00")
+TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW (white-balanced)"}
+
 
 def evaluate(
     profile: Annotated[Path, typer.Argument(help="The profile (.npz).", show_default=False)],
     sources: Sources,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON, for programs.")] = False,
+    tables: Annotated[
+        bool,
+        typer.Option(
+            "--tables",
+            help="All methods of the thesis's tables, with times: radial basis functions, uniform and nonuniform "
+            "lattices of 13, 17 and 24 nodes. Takes a minute or more.",
+        ),
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON, for programs.")] = False,
 ) -> None:
     """Print the errors of a profile on samples, beside plain baselines.
 
     A shot that the profile was calibrated from is left out and predicted by a refit without it; any other is predicted
-    by the profile as it is.
+    by the profile as it is. Printed are the error of both directions, the RMSE of RAW, the linearisation error over
+    exposure pairs, and the error of refinishing between settings of one scene, where the shots show these.
     """
     from lutforge.model.profile_file import load_profile
     from lutforge.pipeline import evaluate as measure
@@ -32,54 +48,68 @@ def evaluate(
     if not as_json:
         tell(sampled)
     with progress_bar("evaluating") as report:
-        evaluation = measure(camera, sampled.samples, report)
+        evaluation = measure(camera, sampled.samples, report, tables=tables)
     for text in evaluation.notes:
         note(text)
     if as_json:
-        rows = [row.as_json() for row in evaluation.rows]
-        deltas = [entry.as_json() for entry in evaluation.linearisation]
-        document = {"camera": camera.camera, "rows": rows, "linearisation": deltas, "notes": list(evaluation.notes)}
-        json.dump(document, sys.stdout, indent=1)
+        json.dump(evaluation.as_json(), sys.stdout, indent=1, ensure_ascii=False, allow_nan=False)
         sys.stdout.write("\n")
         return
-    header = (
-        "style",
-        "shot",
-        "method",
-        "held out",
-        "n",
-        "mean",
-        "max",
-        "Q1",
-        "median",
-        "Q3",
-        "RMSE",
-        "ΔE00",
-        "max ΔE00",
-    )
-    for direction, title in (("render", "RAW → JPEG"), ("linearize", "JPEG → RAW (white-balanced)")):
+    _print_errors(evaluation)
+    _print_raw(evaluation)
+    _print_linearisation(evaluation)
+    _print_refinish(evaluation)
+
+
+def _print_errors(evaluation: "Evaluation") -> None:
+    times = ("fit, s", "s/Mpixel") if evaluation.tables else ()
+    for direction, title in TITLES.items():
         cells = []
         for row in evaluation.rows:
-            if row.direction != direction:
-                continue
-            f = row.figures
-            numbers = (f.mean, f.maximum, f.q1, f.median, f.q3, f.rmse)
-            cells.append(
-                (
-                    row.style,
-                    row.shot,
-                    row.method,
-                    "yes" if row.held_out else "no",
-                    str(f.count),
-                    *(f"{value:.4f}" for value in numbers),
-                    "–" if f.de00_mean is None else f"{f.de00_mean:.2f}",
-                    "–" if f.de00_max is None else f"{f.de00_max:.2f}",
-                )
-            )
-        print_table(f"{title}: error (1 = full scale)", header, cells)
-    if evaluation.linearisation:
-        lines = [
-            (entry.style, entry.method, str(entry.pairs), *(f"{value:.4f}" for value in entry.delta))
-            for entry in evaluation.linearisation
-        ]
-        print_table("Linearisation error δ over exposure pairs (4.11)", ("style", "method", "n", "R", "G", "B"), lines)
+            if row.direction == direction:
+                seconds = (row.fit_seconds, row.seconds_per_megapixel) if evaluation.tables else ()
+                taken = tuple("–" if value is None else f"{value:.3g}" for value in seconds)
+                cells.append((row.style, row.shot, row.method, _yes(row.held_out), *_figures(row.figures), *taken))
+        if cells:
+            header = ("style", "shot", "method", "held out", *FIGURES, *times)
+            print_table(f"{title}: error (1 = full scale)", header, cells)
+
+
+def _print_raw(evaluation: "Evaluation") -> None:
+    cells = [
+        (row.style, row.method, _yes(row.held_out), str(row.count), *(f"{v:.4f}" for v in (row.rmse, *row.rmse_rgb)))
+        for row in evaluation.raw
+    ]
+    if cells:
+        header = ("style", "method", "held out", "n", "RMSE", "R", "G", "B")
+        print_table("JPEG → RAW before white balance: RMSE (1 = saturation)", header, cells)
+
+
+def _print_linearisation(evaluation: "Evaluation") -> None:
+    cells = [
+        (row.style, row.method, _yes(row.held_out), str(row.pairs), *(f"{value:.4f}" for value in row.delta))
+        for row in evaluation.linearisation
+    ]
+    if cells:
+        header = ("style", "method", "held out", "n", "R", "G", "B")
+        print_table("Linearisation error δ over exposure pairs (4.11)", header, cells)
+
+
+def _print_refinish(evaluation: "Evaluation") -> None:
+    cells = [
+        (row.source, row.target, row.method, _yes(row.held_out), str(row.shots), *_figures(row.figures))
+        for row in evaluation.refinish
+    ]
+    if cells:
+        header = ("from", "to", "method", "held out", "pairs", *FIGURES)
+        print_table("Refinish between settings of one scene: error (1 = full scale)", header, cells)
+
+
+def _figures(f: "ErrorFigures") -> tuple[str, ...]:
+    numbers = (f.mean, f.maximum, f.q1, f.median, f.q3, f.rmse)
+    differences = ("–" if value is None else f"{value:.2f}" for value in (f.de00_mean, f.de00_max))
+    return (str(f.count), *(f"{value:.4f}" for value in numbers), *differences)
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"

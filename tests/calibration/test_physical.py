@@ -1,13 +1,12 @@
 """The whole physical model against the simulated camera, on colours and shots that it was not fitted to."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from samples_simulated import BALANCES, chart_140, photograph_patches, surfaces
 
 from lutforge.calibration.calibrate import calibrate, unclipped
-from lutforge.calibration.evaluate import evaluate
+from lutforge.calibration.exposure_pairs import pairs_of_samples
+from lutforge.calibration.linearisation import model_delta
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import fit_gamut_maps, fit_stages, linearize, render
 from lutforge.calibration.white_balance import complete_multipliers
@@ -60,6 +59,14 @@ def test_calibrate_gives_both_models(small: tuple[SampleSet, CameraProfile]) -> 
         assert np.linalg.norm(rendered - inside.srgb, axis=1).mean() < limit
 
 
+def test_delta_of_the_model_is_less_with_the_gamut_map(small: tuple[SampleSet, CameraProfile]) -> None:
+    samples, profile = small
+    inside = samples.select(unclipped(samples, samples.wb))
+    without, with_map = model_delta(pairs_of_samples(inside), profile.styles["standard"].physical[0])
+    assert max(with_map) < max(without)
+    assert max(with_map) < 0.004  # thesis, figure 4.3
+
+
 def test_refinish_with_the_physical_model() -> None:
     samples = photograph_patches(CAMERA, chart_140(), balances=("tungsten", "daylight", "shade"))
     samples = samples.select(unclipped(samples, samples.wb))
@@ -74,18 +81,3 @@ def test_refinish_with_the_physical_model() -> None:
     after = profile.refinish("standard/tungsten", "standard/daylight", ev=0.5)(before)
     seen = np.all((before > 0.02) & (before < 0.98) & (wanted > 0.02) & (wanted < 0.98), axis=1)
     assert np.sqrt(np.mean((after[seen] - wanted[seen]) ** 2)) < 0.02  # the thesis's figure 6.2
-
-
-def test_evaluate_prints_the_baselines_below_the_full_model(small: tuple[SampleSet, CameraProfile]) -> None:
-    samples, both = small
-    physical_only = replace(both.styles["standard"], render=None, linearize=None)
-    profile = replace(both, styles={"standard": physical_only})
-    evaluation = evaluate(profile, samples)
-    rmse = {(row.direction, row.method): row.figures.rmse for row in evaluation.rows if row.shot == "all"}
-    assert all(row.held_out for row in evaluation.rows)
-    for method in ("response and matrix, no h", "polynomial per channel", "polynomial of all channels"):
-        assert rmse["linearize", "rbf"] < rmse["linearize", method]
-    without, with_map = evaluation.linearisation
-    assert (without.method, with_map.method) == ("without h", "with h")
-    assert max(with_map.delta) < max(without.delta)
-    assert max(with_map.delta) < 0.004  # thesis, figure 4.3

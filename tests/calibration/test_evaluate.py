@@ -1,0 +1,131 @@
+"""The thesis's tables on a simulated camera: held out by shot, against figures computed by hand, and as JSON."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples_simulated import chart_140, photograph_patches
+
+from lutforge.calibration import evaluation as evaluation_module
+from lutforge.calibration.calibrate import calibrate
+from lutforge.calibration.evaluate import evaluate
+from lutforge.calibration.evaluation import Evaluation
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.samples.sample_set import SampleSet, concatenate
+from lutforge.simulate.camera import nikon_d5100
+
+CAMERA = nikon_d5100()
+BASELINES = ("f and T, no h", "polynomial per channel", "polynomial of all channels")
+
+
+@pytest.fixture(scope="module")
+def samples() -> SampleSet:
+    """One chart: two styles, two lights, two exposures; the RAW of the two styles is that of one scene."""
+    return photograph_patches(
+        CAMERA, chart_140()[:60], styles=("standard", "vivid"), balances=("tungsten", "daylight"), stops=(-1, 0),
+        exposure_error=0.02,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def profile(samples: SampleSet) -> CameraProfile:
+    return calibrate(samples, CalibrationOptions(size=5, nonuniform=False))
+
+
+@pytest.fixture(scope="module")
+def tables(profile: CameraProfile, samples: SampleSet) -> Evaluation:
+    return evaluate(profile, samples, tables=True)
+
+
+def test_every_method_of_the_thesis_is_in_the_error_table(tables: Evaluation) -> None:
+    lattices = [f"{kind} lattice {size}" for size in (13, 17, 24) for kind in ("uniform", "nonuniform")]
+    for style in ("standard", "vivid"):
+        for direction in ("render", "linearize"):
+            rows = {
+                row.method: row
+                for row in tables.rows
+                if (row.style, row.direction, row.shot) == (style, direction, "all")
+            }
+            assert set(rows) == {"lattice", "rbf", "matrix and response", *BASELINES, *lattices}
+            assert all(row.held_out for row in rows.values())
+            assert (rows["rbf"].figures.de00_mean is not None) == (direction == "render")
+            timed = [rows[name] for name in ("rbf", *lattices)]
+            assert all(row.fit_seconds and row.seconds_per_megapixel for row in timed)
+            figures = rows["rbf"].figures
+            assert figures.q1 <= figures.median <= figures.q3 <= figures.maximum
+
+
+def test_the_full_model_has_the_least_raw_error(tables: Evaluation) -> None:
+    for style in ("standard", "vivid"):
+        rmse = {row.method: row.rmse for row in tables.raw if row.style == style}
+        assert all(rmse["rbf"] < rmse[method] for method in BASELINES)
+        assert rmse["rbf"] < 0.003
+    row = tables.raw[0]
+    assert row.rmse == pytest.approx(np.sqrt(np.mean(np.square(row.rmse_rgb))))
+
+
+def test_delta_is_of_points_that_no_fit_had_seen(tables: Evaluation) -> None:
+    assert {"rbf", "f and T, no h", "lattice"} <= {row.method for row in tables.linearisation}
+    for row in tables.linearisation:
+        assert row.held_out and row.pairs > 100
+        if row.method == "rbf":
+            assert max(row.delta) < 0.004  # thesis, figure 4.3, on the samples fitted to
+
+
+def test_refinish_between_the_styles_of_one_scene(tables: Evaluation) -> None:
+    found = {(row.source, row.target, row.method): row for row in tables.refinish}
+    assert {key[:2] for key in found} == {
+        (f"{a}/{light}", f"{b}/{light}")  # another light is another scene: its RAW values have no common ratio
+        for a, b in (("standard", "vivid"), ("vivid", "standard"))
+        for light in ("tungsten", "daylight")
+    }
+    for source, target in {key[:2] for key in found}:
+        rows = {method: found[source, target, method] for method in ("rbf", "f and T, no h", "lattice", "unchanged")}
+        assert all(row.held_out and row.shots == 4 for row in rows.values())
+        rmse = {method: row.figures.rmse for method, row in rows.items()}
+        assert rmse["rbf"] < rmse["f and T, no h"] < rmse["unchanged"]
+        assert rmse["rbf"] < 0.02  # thesis, figure 6.2
+
+
+def test_refinish_pairs_are_told_by_raw_not_by_names(samples: SampleSet, profile: CameraProfile) -> None:
+    """Other surfaces or lights under the same patch names are no pairs; one scene is, at any exposure ratio."""
+    light = "daylight"
+    one = samples.select((samples.style == "standard") & (samples.white_balance == light))
+    other = photograph_patches(CAMERA, chart_140(9)[60:120], styles=("vivid",), balances=(light,), stops=(-1, 0))
+    cloudy = photograph_patches(CAMERA, chart_140()[:60], balances=("cloudy",), stops=(-1, 0))
+    assert evaluate(profile, concatenate([one, other, cloudy])).refinish == ()
+    same = photograph_patches(CAMERA, chart_140()[:60], styles=("vivid",), balances=(light,), stops=(-1.6,), seed=8)
+    unchanged = [row for row in evaluate(profile, concatenate([one, same])).refinish if row.method == "unchanged"]
+    assert {(row.source, row.shots) for row in unchanged} == {("standard/daylight", 2), ("vivid/daylight", 2)}
+
+
+def test_a_shot_that_the_profile_has_not_seen_is_predicted_as_it_is(samples: SampleSet) -> None:
+    seen = samples.select(samples.shot != "standard daylight -1")
+    profile = calibrate(seen, CalibrationOptions(model="rbf", size=5, nonuniform=False))
+    rows = {(row.method, row.shot): row for row in evaluate(profile, samples).rows if row.direction == "render"}
+    new = samples.select(samples.shot == "standard daylight -1")
+    own = profile.styles["standard"].render
+    assert own is not None
+    error = np.linalg.norm(np.clip(own(new.raw * new.wb), 0, 1) - new.srgb, axis=1)
+    row = rows["lattice", "standard daylight -1"]
+    assert row.held_out and row.figures.count == len(new)
+    assert row.figures.mean == pytest.approx(error.mean())
+    alone = evaluate(profile, new, tables=True)
+    assert {row.method for row in alone.rows} == {"lattice", "rbf", "f and T, no h"}
+    assert any("add them" in note for note in alone.notes)
+
+
+def test_the_json_has_the_keys_that_are_documented(tables: Evaluation) -> None:
+    document = json.loads(json.dumps(tables.as_json(), allow_nan=False))
+    described = evaluation_module.__doc__ or ""
+    entries = re.findall(r"^    (\w+) {2,}", described, flags=re.MULTILINE)
+    assert set(document) == {*entries, "version", "tables"}
+    for name in ("rows", "raw", "linearisation", "refinish"):
+        assert document[name]
+        for key in document[name][0]:
+            assert re.search(rf"\b{key}\b", described), (name, key)
+    assert {row["method"] for row in document["rows"]} >= {"rbf", "lattice", "nonuniform lattice 17"}
+    assert replace(tables, rows=()).as_json()["rows"] == []
