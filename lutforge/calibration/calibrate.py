@@ -99,10 +99,11 @@ def calibrate(
     progress("done", 1.0)
     if matrix is None:
         matrix = max(matrices.values(), key=lambda entry: entry[0])[1]
+    matrix = matrix / matrix.sum(axis=1, keepdims=True)
     return CameraProfile(
         camera=str(samples.camera[0]),
-        matrix=matrix / matrix.sum(axis=1, keepdims=True),
-        white_balances=named_white_balances(samples, multipliers),
+        matrix=matrix,
+        white_balances=named_white_balances(samples, multipliers, matrix),
         styles=styles,
         shots=tuple(name for name, _ in samples.by_shot()),
         options=options.as_json(),

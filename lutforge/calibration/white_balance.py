@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.blind_white_balance import multipliers_from_colours
+from lutforge.calibration.colour_temperature import with_temperatures
 from lutforge.errors import CalibrationError
-from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
+from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 
 Array = NDArray[np.float64]
@@ -65,8 +66,11 @@ def _weighted_median(values: Array, weight: Array) -> float:
     return float(values[order][np.searchsorted(mass, 0.5 * mass[-1])])
 
 
-def named_white_balances(samples: SampleSet, multipliers: Array) -> dict[str, WhiteBalance]:
-    """One entry per white-balance name: the median over its shots, and how far a shot departs from it."""
+def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) -> dict[str, WhiteBalance]:
+    """One entry per white-balance name: the median over its shots, how far a shot departs from it, its temperature.
+
+    matrix: Ts (3, 3), for temperatures that the name does not tell.
+    """
     result = {}
     for name in np.unique(samples.white_balance):
         rows = samples.white_balance == name
@@ -76,5 +80,5 @@ def named_white_balances(samples: SampleSet, multipliers: Array) -> dict[str, Wh
         middle = np.median(shots, axis=0)
         r, b = float(middle[0] / middle[1]), float(middle[2] / middle[1])
         spread = float(np.max(np.abs(shots / middle - 1.0)))
-        result[str(name)] = WhiteBalance((r, 1.0, b), NAMED_KELVIN.get(str(name)), spread)
-    return result
+        result[str(name)] = WhiteBalance((r, 1.0, b), spread=spread)
+    return with_temperatures(result, matrix)
