@@ -3,9 +3,10 @@
 shots → samples → calibration → camera profile → baked LUT → OpenColorIO config → graded images
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lutforge.calibration.calibrate import calibrate as fit_profile
 from lutforge.calibration.evaluate import evaluate as evaluate_profile
@@ -20,6 +21,9 @@ from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
 from lutforge.shots.shot import Shot
 
+if TYPE_CHECKING:
+    from lutforge.report.page import Report
+
 TABLE_SUFFIXES = (".csv", ".parquet")
 
 Progress = Callable[[str, float], None]
@@ -32,11 +36,13 @@ def _silent(what: str, share: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """samples: of all usable shots; shots: the account of each; left_out: one line for each that is not usable."""
+    """samples: of all usable shots; shots: the account of each; left_out: one line for each that is not usable;
+    files: the RAW file of each shot by its name."""
 
     samples: SampleSet
     shots: tuple[ShotSamples, ...]
     left_out: tuple[str, ...]
+    files: Mapping[str, Path] = field(default_factory=dict)
 
 
 def sample_shots(paths: Sequence[str | Path], progress: Progress = _silent) -> Sampled:
@@ -60,7 +66,8 @@ def sample_shots(paths: Sequence[str | Path], progress: Progress = _silent) -> S
     kept = [account.samples for account in accounts if account.kept]
     if not kept:
         raise ShotError("no usable shot: " + "; ".join([*left_out, *(account.summary for account in accounts)]))
-    return Sampled(concatenate(kept), tuple(accounts), tuple(left_out))
+    by_name = dict(zip(names, files, strict=True))
+    return Sampled(concatenate(kept), tuple(accounts), tuple(left_out), by_name)
 
 
 def _named(shot: Shot, name: str) -> Shot:
@@ -105,3 +112,12 @@ def evaluate(
 ) -> Evaluation:
     """The error tables of a profile on samples, held out by shot; tables: all methods of the thesis's tables."""
     return evaluate_profile(profile, with_setting_names(samples), progress, tables=tables)
+
+
+def report(profile: CameraProfile, sampled: Sampled | None = None, progress: Progress = _silent) -> "Report":
+    """A profile, and with the samples that it was calibrated from its errors and what to shoot next, for reading."""
+    from lutforge.report.report import build_report  # matplotlib takes a second to import, and no other step draws
+
+    if sampled is None:
+        return build_report(profile, progress=progress)
+    return build_report(profile, with_setting_names(sampled.samples), sampled.shots, sampled.files, progress)

@@ -85,6 +85,7 @@ def evaluate(
         ),
         refinish=refinish_errors(predictions),
         tables=tables,
+        predictions=predictions,
     )
 
 

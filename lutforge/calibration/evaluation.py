@@ -16,8 +16,8 @@ chapter 4), "f and T, no h", "lattice" (the profile's own), "matrix and response
 of all channels", "uniform lattice N", "nonuniform lattice N", and under refinish "unchanged".
 """
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
@@ -70,7 +70,8 @@ class RawError:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """rows: the error table; raw, linearisation, refinish: the thesis's other tables; notes: what was left out, why."""
+    """rows: the error table; raw, linearisation, refinish: the thesis's other tables; notes: what was left out, why;
+    predictions: by style, what the rows are made of."""
 
     camera: str
     rows: tuple[EvaluationRow, ...]
@@ -79,6 +80,7 @@ class Evaluation:
     linearisation: tuple[LinearisationError, ...] = ()
     refinish: tuple[RefinishError, ...] = ()
     tables: bool = False
+    predictions: Mapping[str, Predictions] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, object]:
         """The document that the head of this module describes."""

@@ -24,7 +24,9 @@ def demo(
     from lutforge.calibration.options import CalibrationOptions
     from lutforge.model.profile_file import save_profile
     from lutforge.pipeline import calibrate, sample_shots
-    from lutforge.report.figures import calibration_sheet
+    from lutforge.pipeline import report as build_report
+    from lutforge.report.page import write_page
+    from lutforge.report.sheets import calibration_sheet
     from lutforge.samples.table import write_samples
     from lutforge.simulate.demo import SHOTS, demo_shots
 
@@ -69,6 +71,11 @@ def demo(
     rows = [*_truth(profile, shots), graded]
     header = ("what", "n", "mean", "max", "RMSE", "mean ΔE00")
     print_table("Error against the known truth (1 = full scale)", header, [row.cells() for row in rows])
+    say("8. Report")
+    with progress_bar("reporting") as report:
+        page = build_report(profile, sampled, report)
+    write_page(page, output / "report.html")
+    say(f"   {output / 'report.html'}: {len(page.pictures)} figures")
     say(f"Everything is in {output}; look at {output / 'refinish.png'} first")
 
 
@@ -131,7 +138,7 @@ def _grade(shots: "DemoShots", output: Path) -> _Row:
     from lutforge.apply.image import apply_image
     from lutforge.calibration.errors_table import error_figures
     from lutforge.images.read import read_image
-    from lutforge.report.figures import refinish_sheet
+    from lutforge.report.sheets import refinish_sheet
 
     spoilt = shots.held_out.jpeg
     assert spoilt is not None

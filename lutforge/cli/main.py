@@ -16,6 +16,7 @@ from lutforge.cli.demo import demo
 from lutforge.cli.evaluate import evaluate
 from lutforge.cli.import_nus import import_nus
 from lutforge.cli.inspect import inspect
+from lutforge.cli.report import report
 from lutforge.cli.sample import sample
 from lutforge.errors import LutForgeError
 
@@ -28,7 +29,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for command in (demo, inspect, sample, calibrate, evaluate, bake, config, apply, check):
+for command in (demo, inspect, sample, calibrate, evaluate, bake, config, apply, check, report):
     app.command()(command)
 app.command("import-nus")(import_nus)
 

@@ -18,7 +18,7 @@ from lutforge.shots.shot import Registration, Shot
 
 EMBEDDED = "embedded preview"
 
-_TURNS = {0: 0, 3: 2, 5: 3, 6: 1}
+TURNS = {0: 0, 3: 2, 5: 3, 6: 1}
 """LibRaw's flip → quarter turns (numpy.rot90) that bring an upright picture back to the sensor's
 orientation."""
 
@@ -58,7 +58,7 @@ def _registered(raw: RawImage, path: Path, source: str) -> tuple[NDArray[np.uint
     except OSError as error:
         raise ImageError(f"{source}: cannot be read ({error.strerror or error})") from None
     # Previews lie like the sensor or upright; a file beside may have been turned by any program.
-    likely = (0, _TURNS.get(raw.flip, 0), 1, 2, 3)
+    likely = (0, TURNS.get(raw.flip, 0), 1, 2, 3)
     try:
         return register_rotated(raw, jpeg, tuple(dict.fromkeys(likely)))
     except ShotError as error:

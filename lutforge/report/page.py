@@ -1,0 +1,118 @@
+"""A report as blocks of text, tables and pictures, and how it becomes one HTML file that needs nothing else."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.figure import Figure
+
+from lutforge.atomic_write import atomic_path
+from lutforge.report.drawing import save_png, to_svg
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph."""
+
+    text: str
+    kind: Literal["text"] = "text"
+
+
+@dataclass(frozen=True)
+class Points:
+    """A list."""
+
+    points: tuple[str, ...]
+    kind: Literal["points"] = "points"
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure; name: of its files, where the figures are written apart."""
+
+    name: str
+    figure: Figure
+    caption: str
+    kind: Literal["picture"] = "picture"
+
+    @property
+    def svg(self) -> str:
+        """The figure as an <svg> element, whose ids are its own within a page."""
+        prefix = re.sub(r"\W", "_", self.name)
+        return re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{prefix}_", to_svg(self.figure))
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells as long as the header; own: the rows that are set bold."""
+
+    caption: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    own: frozenset[int] = frozenset()
+    kind: Literal["table"] = "table"
+
+    @property
+    def numeric(self) -> tuple[bool, ...]:
+        """Per column: whether it holds numbers only."""
+        return tuple(
+            bool(self.rows) and all(re.fullmatch(r"[-−]?[\d.]+( K| %)?|–|", row[column]) for row in self.rows)
+            for column in range(len(self.header))
+        )
+
+
+Block = Text | Points | Picture | Table
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A heading and what stands below it."""
+
+    title: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """A page: its title, the line below it, what it says in short, and its sections."""
+
+    title: str
+    subtitle: str
+    lead: tuple[str, ...] = ()
+    sections: tuple[Section, ...] = field(default_factory=tuple)
+
+    @property
+    def pictures(self) -> Sequence[Picture]:
+        """All figures in order."""
+        return [block for section in self.sections for block in section.blocks if isinstance(block, Picture)]
+
+
+def write_page(report: Report, path: str | Path) -> None:
+    """One self-contained HTML file: no script, nothing from a network; names are escaped."""
+    from lutforge import __version__
+
+    environment = Environment(
+        loader=PackageLoader("lutforge.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    html = environment.get_template("report.html").render(report=report, version=__version__)
+    with atomic_path(path) as temporary:
+        temporary.write_text(html, encoding="utf-8")
+
+
+def write_figures(report: Report, folder: str | Path) -> list[Path]:
+    """Every figure as SVG and PNG."""
+    written = []
+    for picture in report.pictures:
+        vector, pixels = (Path(folder) / f"{picture.name}{suffix}" for suffix in (".svg", ".png"))
+        with atomic_path(vector) as temporary:
+            temporary.write_text(to_svg(picture.figure), encoding="utf-8")
+        save_png(picture.figure, pixels, dpi=150)
+        written += [vector, pixels]
+    return written

@@ -1,0 +1,132 @@
+"""The report: what it says is what the tables say, it needs nothing else, and names cannot break it."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.calibration.next_shots import colour_gaps
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.profile_file import load_profile
+from lutforge.pipeline import calibrate, evaluate
+from lutforge.report.page import Picture, Table, write_figures, write_page
+from lutforge.report.report import build_report
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import read_samples
+from lutforge.simulate.camera import nikon_d5100
+
+HOSTILE = '<script>alert("$x$")</script>'
+
+
+def shots(names: tuple[str, ...] = ("a", "b", "c"), count: int = 600) -> SampleSet:
+    """Colours of the simulated camera, in shots of these names."""
+    camera, rng = nikon_d5100(), np.random.default_rng(4)
+    gain = np.array(camera.white_balances["daylight"].multipliers)
+    raw = rng.uniform(0.02, 0.8, (count, 3)) / gain
+    srgb = np.array(camera.render(raw, "standard", "daylight"))
+    name, style, balance = (np.full(count, value) for value in ("Simulated <b>", "standard", "daylight"))
+    shot = np.array(names)[np.arange(count) % len(names)]
+    patch = np.arange(count).astype(np.str_)
+    time, wb = np.full(count, 0.01), np.tile(gain, (count, 1))
+    return SampleSet(name, style, balance, shot, patch, time, raw, srgb, wb, name)
+
+
+class Tags(HTMLParser):
+    """All start tags with their attributes; whether elements nest soundly."""
+
+    void = ("meta", "link", "img", "br")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+        if tag not in self.void:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def hostile() -> tuple[CameraProfile, SampleSet]:
+    samples = shots(("a", "b", HOSTILE))
+    return calibrate(samples, CalibrationOptions(size=9, model="rbf")), samples
+
+
+def test_tables_are_those_of_evaluate(hostile: tuple[CameraProfile, SampleSet]) -> None:
+    profile, samples = hostile
+    report = build_report(profile, samples)
+    tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
+    rows = [row for row in evaluate(profile, samples).rows if row.direction == "render" and row.shot == "all"]
+    shown = next(table for table in tables if table.caption.startswith("RAW → JPEG, all shots, held out"))
+    assert [row[2] for row in shown.rows] == [row.method for row in rows]
+    assert [row[4] for row in shown.rows] == [f"{row.figures.mean:.4f}" for row in rows]
+    own = next(row for row in rows if row.method == "rbf")
+    assert f"{own.figures.mean:.4f}" in report.lead[0]
+
+
+def test_page_stands_alone_and_names_are_only_text(hostile: tuple[CameraProfile, SampleSet], tmp_path: Path) -> None:
+    report = build_report(*hostile)
+    write_page(report, tmp_path / "report.html")
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    tags = Tags()
+    tags.feed(html)
+    assert tags.open == []
+    assert not [tag for tag, _ in tags.seen if tag in ("script", "link", "iframe", "object", "b")]
+    links = [value for _, attrs in tags.seen for key, value in attrs.items() if key in ("src", "href", "xlink:href")]
+    assert links and all(value and (value.startswith(("#", "data:image/png;base64,"))) for value in links)
+    assert not [key for _, attrs in tags.seen for key in attrs if key.startswith("on")]
+    ids = [attrs["id"] for _, attrs in tags.seen if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    assert set(re.findall(r"url\(#([^)]+)\)", html)) <= set(ids)
+    assert HOSTILE not in html
+
+
+def test_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
+    samples = shots()
+    profile = calibrate(samples, CalibrationOptions(size=9))
+    for name in ("one.html", "two.html"):
+        write_page(build_report(profile), tmp_path / name)
+    assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
+
+
+def test_figures_are_written_as_svg_and_png(tmp_path: Path) -> None:
+    profile = calibrate(shots(), CalibrationOptions(size=9))
+    report = build_report(profile)
+    written = write_figures(report, tmp_path / "figures")
+    assert len(written) == 2 * len(report.pictures) > 0
+    assert all(path.stat().st_size > 1000 for path in written)
+
+
+def test_error_maps_of_real_files(demo: tuple[Path, str]) -> None:
+    folder, _ = demo
+    profile, samples = load_profile(folder / "camera.npz"), read_samples(folder / "samples.csv")
+    samples = samples.select(samples.style == "standard")
+    name = str(samples.shot[0])
+    report = build_report(profile, samples, files={name: next((folder / "shots").rglob(f"{name}.*dng"))})
+    maps = [block for block in report.pictures if isinstance(block, Picture) and block.name.startswith("error_map_")]
+    assert len(maps) == 1
+    assert "not seen by the fits" in maps[0].caption
+    titles = [axis.get_title() for axis in maps[0].figure.axes]
+    means = [float(title.rsplit(" ", 1)[1]) for title in titles if ": mean" in title]
+    assert means[0] < means[2], titles  # LutForge below matrix and response
+
+
+def test_gaps_are_named_where_colours_are_missing() -> None:
+    rng = np.random.default_rng(1)
+    everything = rng.random((60_000, 3))
+    assert colour_gaps(everything) == ()
+    without_blues = everything[everything[:, 2] < everything[:, 0] * 0.9 + 0.05]
+    gaps = colour_gaps(without_blues)
+    assert any("blue" in gap.colour for gap in gaps)
+    assert not any("red" in gap.colour or "yellow" in gap.colour for gap in gaps)
+    assert len(colour_gaps(np.zeros((0, 3)))) > 0
