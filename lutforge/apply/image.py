@@ -1,21 +1,44 @@
-"""Grade one image, as fast as memory allows."""
+"""Grade one image: read, grade and write it region by region, so that memory does not grow with the image."""
 
-from concurrent.futures import ThreadPoolExecutor
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
-from os import cpu_count
+from itertools import zip_longest
+from os import cpu_count, sysconf
 from pathlib import Path
+from threading import Semaphore
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
 from lutforge.apply.grade import Grade
 from lutforge.errors import ImageError
-from lutforge.images.read import Image, read_image
-from lutforge.images.write import write_image
+from lutforge.images.raw import read_raw
+from lutforge.images.read import ImageReader, Region, is_premultiplied
+from lutforge.images.write import image_writer, keeps_orientation, upright, with_shape
 
-BLOCK = 128 * 1024
-"""Pixels per call of OpenColorIO: 1.5 MB, which stays in the cache of a core."""
+Pixels = NDArray[np.float32]
+
+BLOCK = 7 * 1024
+"""Pixels per call of OpenColorIO. It packs them into RGBA floats: below 128 kB malloc hands out the same memory, which
+is in the core's cache, again and again; above it each call may fetch new pages from the system, at a fifth of the
+speed."""
+
+SPAN = 16 * BLOCK
+"""Pixels that a thread takes at a time."""
+
+REGION_SAMPLES = 8_000_000
+"""Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
+
+_IN_MEMORY = Semaphore(max(1, sysconf("SC_PAGE_SIZE") * sysconf("SC_PHYS_PAGES") // 4_000_000_000))
+"""How many images may be in memory as a whole at once: a decoded RAW file takes about 2 GB in the worst case."""
+
+_ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}
+"""LibRaw's flip → EXIF orientation."""
 
 
 @dataclass(frozen=True)
@@ -27,14 +50,33 @@ class Applied:
     width: int
     height: int
     notes: tuple[str, ...] = ()
+    mask: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _InMemory:
+    """An image that is needed as a whole: RAW files, and those that must be turned for a format without orientation."""
+
+    pixels: Pixels
+    spec: oiio.ImageSpec
+    format: str = ""
+    parts: int = 1
+
+    def regions(self, pixels: int, rows_only: bool) -> list[Region]:
+        height, width = self.pixels.shape[:2]
+        step = max(1, pixels // width)
+        return [Region(0, top, width, min(top + step, height)) for top in range(0, height, step)]
+
+    def read(self, region: Region) -> Pixels:
+        return self.pixels[region.top : region.bottom]
+
+    def count_parts(self) -> int:
+        return self.parts
 
 
 def apply_to_pixels(
-    processor: OCIO.CPUProcessor,
-    pixels: NDArray[np.float32],
-    premultiplied: bool = False,
-    workers: int | None = None,
-) -> NDArray[np.float32]:
+    processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bool = False, workers: int | None = None
+) -> Pixels:
     """Grade pixels (h, w, c ≥ 3), float32: the first three channels; the others are passed through.
 
     premultiplied: the colours are multiplied by the fourth channel; they are divided by it for the LUT and
@@ -43,34 +85,10 @@ def apply_to_pixels(
     """
     if pixels.ndim != 3 or pixels.shape[2] < 3:
         raise ImageError(f"a LUT needs red, green and blue; this image has {pixels.shape[-1]} channel(s)")
-    result = np.array(pixels, dtype=np.float32, order="C")
-    flat = result.reshape(-1, result.shape[2])
-
-    def grade(start: int) -> None:
-        block = flat[start : start + BLOCK]
-        if flat.shape[1] == 3:
-            processor.applyRGB(block)
-            return
-        colours = np.ascontiguousarray(block[:, :3])
-        if premultiplied:
-            alpha = block[:, 3:4]
-            covered = np.where(alpha > 0, alpha, np.float32(1))
-            colours /= covered
-            processor.applyRGB(colours)
-            block[:, :3] = np.where(alpha > 0, colours * covered, block[:, :3])
-            return
-        processor.applyRGB(colours)
-        block[:, :3] = colours
-
-    starts = range(0, len(flat), BLOCK)
-    count = max(1, min(workers or cpu_count() or 1, len(starts)))
-    if count == 1:
-        for start in starts:
-            grade(start)
-    else:
-        with ThreadPoolExecutor(count) as threads:
-            for _ in threads.map(grade, starts):
-                pass
+    source = np.ascontiguousarray(pixels, dtype=np.float32)
+    result = np.empty_like(source)
+    with _threads(workers or cpu_count() or 1) as threads:
+        _grade(processor, source, result, premultiplied, threads)
     return result
 
 
@@ -79,24 +97,166 @@ def apply_image(
     source: str | Path,
     target: str | Path,
     workers: int | None = None,
+    mask: Path | None = None,
+    region_samples: int = REGION_SAMPLES,
+    progress: Callable[[int], None] | None = None,
 ) -> Applied:
-    """Grade an image file: read, LUT, write, with metadata, bit depth and extra channels kept. Raises ImageError."""
+    """Grade an image file, with metadata, bit depth and extra channels kept.
+
+    workers: threads, by default one per core. mask: where the confidence of the grade is written, 8 bit, from 0 to 1.
+    progress: called with the number of pixels that were graded since its last call. Raises ImageError.
+    """
     source, target = Path(source), Path(target)
     if target.exists() and source.exists() and target.samefile(source):
         raise ImageError(f"{source}: the output would replace the input; choose another folder or name")
-    image = read_image(source)
-    _check_channels(source, image)
-    graded = apply_to_pixels(grade.processor, image.pixels, image.alpha_is_premultiplied, workers)
-    write_image(target, graded, image, grade.history)
-    notes = grade.notes
-    if image.parts > 1:
-        notes = (*notes, f"{source}: the first of {image.parts} images in the file was used")
-    return Applied(source, target, image.spec.width, image.spec.height, notes)
+    count = workers or cpu_count() or 1
+    with ExitStack() as stack:
+        image = stack.enter_context(_open(source, target, grade.raw))
+        spec = image.spec
+        _check_channels(source, spec)
+        attributes = dict(grade.attributes)
+        if not spec.get_string_attribute("DateTime"):
+            # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
+            changed = time.gmtime(source.stat().st_mtime)
+            attributes.setdefault("DateTime", time.strftime("%Y:%m:%d %H:%M:%S", changed))
+        writer = stack.enter_context(image_writer(target, spec, image.format, grade.history, attributes))
+        masking = None
+        if mask is not None and grade.confidence is not None:
+            masking = stack.enter_context(image_writer(mask, _mask_spec(writer.spec), ""))
+        threads = stack.enter_context(_threads(count))
+        premultiplied = is_premultiplied(spec)
+
+        def work(pixels: Pixels) -> Pixels | None:
+            confidence = None
+            if masking is not None:
+                confidence = np.empty_like(pixels)
+                _grade(grade.confidence, pixels, confidence, premultiplied, threads)
+                confidence = np.ascontiguousarray(confidence[..., :1])
+            _grade(grade.processor, pixels, pixels, premultiplied, threads)
+            return confidence
+
+        def write(region: Region, pixels: Pixels, confidence: Pixels | None) -> None:
+            writer.write(region, pixels)
+            if masking is not None and confidence is not None:
+                masking.write(region, confidence)
+            if progress is not None:
+                progress(region.pixels)
+
+        regions = image.regions(max(1, region_samples // spec.nchannels), not writer.tiled)
+        _overlapped(regions, image.read, work, write, overlap=count > 1)
+        parts = image.count_parts()
+        width, height = spec.width, spec.height
+    notes = grade.notes if parts == 1 else (*grade.notes, f"{source}: the first of {parts} images in the file was used")
+    return Applied(source, target, width, height, notes, mask if masking is not None else None)
 
 
-def _check_channels(path: Path, image: Image) -> None:
-    if image.pixels.shape[2] < 3:
-        raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {image.pixels.shape[2]} channel(s)")
-    alpha = image.spec.alpha_channel
-    if 0 <= alpha < 3 or (alpha > 3 and image.alpha_is_premultiplied):
-        raise ImageError(f"{path}: channels are {', '.join(image.spec.channelnames)}; put R, G, B, A first")
+def _overlapped(
+    regions: Sequence[Region],
+    read: Callable[[Region], Pixels],
+    work: Callable[[Pixels], Pixels | None],
+    write: Callable[[Region, Pixels, Pixels | None], None],
+    overlap: bool,
+) -> None:
+    """Read, work, write each region in order; with `overlap` the next is read and the last written meanwhile."""
+    if not overlap or len(regions) == 1:
+        for region in regions:
+            pixels = read(region)
+            write(region, pixels, work(pixels))
+        return
+    with ThreadPoolExecutor(1) as reading, ThreadPoolExecutor(1) as writing:
+        ahead = reading.submit(read, regions[0])
+        behind: Future[None] | None = None
+        for region, following in zip_longest(regions, regions[1:]):
+            pixels = ahead.result()
+            if following is not None:
+                ahead = reading.submit(read, following)
+            confidence = work(pixels)
+            if behind is not None:
+                behind.result()
+            behind = writing.submit(write, region, pixels, confidence)
+        if behind is not None:
+            behind.result()
+
+
+def _threads(count: int) -> AbstractContextManager[Executor | None]:
+    return nullcontext() if count == 1 else ThreadPoolExecutor(count)
+
+
+def _grade(
+    processor: OCIO.CPUProcessor, source: Pixels, result: Pixels, premultiplied: bool, threads: Executor | None
+) -> None:
+    """Grade `source` into `result`, which may be the same array; both C-contiguous, (h, w, c ≥ 3)."""
+    channels = source.shape[2]
+    before, after = source.reshape(-1, channels), result.reshape(-1, channels)
+
+    def grade(start: int) -> None:
+        for at in range(start, min(start + SPAN, len(before)), BLOCK):
+            block = after[at : at + BLOCK]
+            if result is not source:
+                block[:] = before[at : at + BLOCK]
+            _grade_block(processor, block, premultiplied)
+
+    starts = range(0, len(before), SPAN)
+    for _ in map(grade, starts) if threads is None or len(starts) == 1 else threads.map(grade, starts):
+        pass
+
+
+def _grade_block(processor: OCIO.CPUProcessor, block: Pixels, premultiplied: bool) -> None:
+    if block.shape[1] == 3:
+        processor.applyRGB(block)
+        return
+    colours = np.ascontiguousarray(block[:, :3])
+    if premultiplied:
+        alpha = block[:, 3:4]
+        covered = np.where(alpha > 0, alpha, np.float32(1))
+        colours /= covered
+        processor.applyRGB(colours)
+        block[:, :3] = np.where(alpha > 0, colours * covered, block[:, :3])
+        return
+    processor.applyRGB(colours)
+    block[:, :3] = colours
+
+
+@contextmanager
+def _open(source: Path, target: Path, raw: bool) -> Iterator[ImageReader | _InMemory]:
+    if raw:
+        with _IN_MEMORY:
+            image = read_raw(source)
+            pixels = upright(image.pixels, _ORIENTATION_OF_FLIP.get(image.flip, 1))
+            yield _InMemory(pixels, oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16"))
+        return
+    with ImageReader(source) as reader:
+        orientation = reader.spec.get_int_attribute("Orientation", 1)
+        if orientation == 1 or keeps_orientation(target):
+            yield reader
+            return
+        with _IN_MEMORY:
+            pixels = upright(reader.read(reader.whole), orientation)
+            spec = with_shape(reader.spec, pixels.shape)
+            spec.attribute("Orientation", 1)
+            yield _InMemory(pixels, spec, reader.format, reader.count_parts())
+
+
+def _mask_spec(output: oiio.ImageSpec) -> oiio.ImageSpec:
+    """One 8-bit channel with the size, place, tiles and orientation of the graded image."""
+    spec = oiio.ImageSpec(output)
+    spec.nchannels = 1
+    spec.channelnames = ("Y",)
+    spec.channelformats = ()
+    spec.alpha_channel = spec.z_channel = -1
+    spec.set_format(oiio.UINT8)
+    kept = {name: output.getattribute(name) for name in ("Orientation", "DateTime")}
+    for attribute in list(spec.extra_attribs):
+        spec.erase_attribute(attribute.name)
+    for name, value in kept.items():
+        if value is not None:
+            spec.attribute(name, value)
+    return spec
+
+
+def _check_channels(path: Path, spec: oiio.ImageSpec) -> None:
+    if spec.nchannels < 3:
+        raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s)")
+    alpha = spec.alpha_channel
+    if 0 <= alpha < 3 or (alpha > 3 and is_premultiplied(spec)):
+        raise ImageError(f"{path}: channels are {', '.join(spec.channelnames)}; put R, G, B, A first")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lutforge.errors import ImageError
 
 MAX_SAMPLES = 1_200_000_000
-"""Largest width × height × channels that is read (400 Mpixel of RGB); larger claims are not allocated."""
+"""Largest width × height × channels that is read at once (400 Mpixel of RGB); larger claims are not allocated."""
 
 MAX_SIDE = 300_000
 """Longest side, in pixels, that is believed."""
@@ -34,7 +34,116 @@ class Image:
     @property
     def alpha_is_premultiplied(self) -> bool:
         """True where the colours are already multiplied by an alpha channel."""
-        return self.spec.alpha_channel >= 0 and not self.spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
+        return is_premultiplied(self.spec)
+
+
+def is_premultiplied(spec: oiio.ImageSpec) -> bool:
+    """True where an image's colours are already multiplied by an alpha channel."""
+    return bool(spec.alpha_channel >= 0 and not spec.get_int_attribute("oiio:UnassociatedAlpha", 0))
+
+
+@dataclass(frozen=True)
+class Region:
+    """A rectangle of pixels, counted from the stored image's top left corner; the ends are not part of it."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def pixels(self) -> int:
+        return (self.right - self.left) * (self.bottom - self.top)
+
+
+class ImageReader:
+    """An open image file that is read region by region, so that memory does not grow with the image.
+
+    spec, format: as in `Image`. Formats whose decoder knows no rows (WebP, JPEG 2000, JPEG XL, GIF, PSD) are decoded
+    whole inside OpenImageIO. Raises ImageError, in one line, as `read_image` does.
+    """
+
+    def __init__(self, path: Path) -> None:
+        _check_file(path)
+        config = oiio.ImageSpec()
+        config.attribute("oiio:UnassociatedAlpha", 1)
+        source = oiio.ImageInput.open(str(path), config)
+        if source is None:
+            raise ImageError(f"{path}: {_reason(oiio.geterror())}")
+        self._path, self._source = path, source
+        self.spec: oiio.ImageSpec = source.spec()
+        self.format: str = source.format_name()
+        try:
+            _check_spec(path, self.spec)
+        except ImageError:
+            source.close()
+            raise
+
+    @property
+    def whole(self) -> Region:
+        return Region(0, 0, self.spec.width, self.spec.height)
+
+    def regions(self, pixels: int, rows_only: bool) -> list[Region]:
+        """The image cut into regions of about `pixels`, top to bottom, along the file's own strips or tiles.
+
+        rows_only: no region is narrower than the image.
+        """
+        spec = self.spec
+        width, height = spec.width, spec.height
+        if spec.tile_width == 0:
+            step = max(1, pixels // width)
+            strip = spec.get_int_attribute("tiff:RowsPerStrip", 0)
+            for multiple in (64, strip if 0 < strip <= step else 1):
+                step = max(step // multiple * multiple, min(step, multiple))
+            columns = width
+        else:
+            step = max(1, pixels // (width * spec.tile_height)) * spec.tile_height
+            columns = width
+            if not rows_only and width * spec.tile_height > pixels:
+                columns = max(1, pixels // (spec.tile_width * spec.tile_height)) * spec.tile_width
+        return [
+            Region(left, top, min(left + columns, width), min(top + step, height))
+            for top in range(0, height, step)
+            for left in range(0, width, columns)
+        ]
+
+    def read(self, region: Region) -> NDArray[np.float32]:
+        """The pixels (h, w, c) of one of `regions`, or of the whole image; float32, oriented as stored."""
+        spec, source = self.spec, self._source
+        top, bottom = spec.y + region.top, spec.y + region.bottom
+        if region == self.whole:
+            if spec.width * spec.height * spec.nchannels > MAX_SAMPLES:
+                claim = f"{spec.width} x {spec.height} x {spec.nchannels} values"
+                raise ImageError(f"{self._path}: claims {claim}, more than is read at once")
+            pixels = source.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
+        elif spec.tile_width:
+            left, right = spec.x + region.left, spec.x + region.right
+            depth = (spec.z, spec.z + 1)
+            pixels = source.read_tiles(0, 0, left, right, top, bottom, *depth, 0, spec.nchannels, oiio.FLOAT)
+        else:
+            pixels = source.read_scanlines(0, 0, top, bottom, spec.z, 0, spec.nchannels, oiio.FLOAT)
+        problem = source.geterror()
+        if pixels is None or problem:
+            raise ImageError(f"{self._path}: damaged or cut short ({_reason(problem)}); copy the file again")
+        shape = (region.bottom - region.top, region.right - region.left, spec.nchannels)
+        return np.ascontiguousarray(pixels, dtype=np.float32).reshape(shape)
+
+    def count_parts(self) -> int:
+        """How many images the file holds, up to 100. Nothing can be read afterwards."""
+        parts = 1
+        while parts < 100 and self._source.seek_subimage(parts, 0):
+            parts += 1
+        self._source.geterror()
+        return parts
+
+    def close(self) -> None:
+        self._source.close()
+
+    def __enter__(self) -> "ImageReader":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def read_image(path: str | Path) -> Image:
@@ -43,27 +152,8 @@ def read_image(path: str | Path) -> Image:
     Raises ImageError, in one line, for a file that is missing, empty, truncated, absurdly large, or no image.
     """
     path = Path(path)
-    _check_file(path)
-    config = oiio.ImageSpec()
-    config.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(path), config)
-    if source is None:
-        raise ImageError(f"{path}: {_reason(oiio.geterror())}")
-    try:
-        spec = source.spec()
-        _check_size(path, spec)
-        pixels = source.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
-        problem = source.geterror()
-        name, parts = source.format_name(), 1
-        while parts < 100 and source.seek_subimage(parts, 0):
-            parts += 1
-        source.geterror()
-    finally:
-        source.close()
-    if pixels is None or problem:
-        raise ImageError(f"{path}: damaged or cut short ({_reason(problem)}); copy the file again")
-    array = np.ascontiguousarray(pixels, dtype=np.float32)
-    return Image(array.reshape(spec.height, spec.width, spec.nchannels), spec, name, parts)
+    with ImageReader(path) as reader:
+        return Image(reader.read(reader.whole), reader.spec, reader.format, reader.count_parts())
 
 
 def _check_file(path: Path) -> None:
@@ -81,14 +171,13 @@ def _check_file(path: Path) -> None:
         raise ImageError(f"{path}: the file is empty")
 
 
-def _check_size(path: Path, spec: oiio.ImageSpec) -> None:
+def _check_spec(path: Path, spec: oiio.ImageSpec) -> None:
     if spec.deep or spec.depth > 1:
         raise ImageError(f"{path}: a deep or volume image; flatten it first")
     if min(spec.width, spec.height, spec.nchannels) < 1:
         raise ImageError(f"{path}: the file claims {spec.width} x {spec.height} pixels")
-    samples = spec.width * spec.height * spec.nchannels
-    if samples > MAX_SAMPLES or max(spec.width, spec.height) > MAX_SIDE:
-        raise ImageError(f"{path}: claims {spec.width} x {spec.height} x {spec.nchannels} values, more than is read")
+    if max(spec.width, spec.height) > MAX_SIDE:
+        raise ImageError(f"{path}: claims {spec.width} x {spec.height} pixels, more than is believed")
 
 
 def _reason(text: str) -> str:

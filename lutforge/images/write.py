@@ -1,5 +1,8 @@
 """Write an image file with OpenImageIO, keeping what the source file said about itself."""
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
-from lutforge.images.read import Image
+from lutforge.images.read import Image, Region
 
 JPEG_QUALITY = 97
 SOFTWARE = "LutForge"
@@ -44,34 +47,114 @@ def write_image(path: str | Path, pixels: ArrayLike, spec_like: Image, note: str
     array = np.ascontiguousarray(pixels, dtype=np.float32)
     if array.ndim != 3 or array.shape[2] < 1 or array.size == 0:
         raise ImageError(f"{path}: an image has shape (height, width, channels), not {array.shape}")
+    spec = with_shape(spec_like.spec, array.shape)
+    orientation = spec.get_int_attribute("Orientation", 1)
+    if orientation != 1 and not keeps_orientation(path):
+        array = upright(array, orientation)
+        spec = with_shape(spec, array.shape)
+        spec.attribute("Orientation", 1)
+    with image_writer(path, spec, spec_like.format, note) as writer:
+        writer.write(Region(0, 0, array.shape[1], array.shape[0]), array)
+
+
+@dataclass(frozen=True, eq=False)
+class ImageWriter:
+    """An open output, written region by region from top to bottom; spec describes the file as it is written."""
+
+    path: Path
+    spec: oiio.ImageSpec
+    target: oiio.ImageOutput
+
+    @property
+    def tiled(self) -> bool:
+        """True where the file is made of the source's tiles and takes regions of whole tiles, not only whole rows."""
+        return bool(self.spec.tile_width > 0)
+
+    def write(self, region: Region, pixels: NDArray[np.float32]) -> None:
+        """Write the pixels (h, w, c) of a region. Raises ImageError."""
+        spec = self.spec
+        top, bottom = spec.y + region.top, spec.y + region.bottom
+        if region == Region(0, 0, spec.width, spec.height):
+            written = self.target.write_image(pixels)
+        elif self.tiled:
+            left, right = spec.x + region.left, spec.x + region.right
+            written = self.target.write_tiles(left, right, top, bottom, spec.z, spec.z + 1, pixels)
+        else:
+            written = self.target.write_scanlines(top, bottom, spec.z, pixels)
+        if not written:
+            raise ImageError(f"{self.path}: {_one_line(self.target.geterror())}")
+
+
+@contextmanager
+def image_writer(
+    path: Path,
+    spec: oiio.ImageSpec,
+    format: str,
+    note: str | None = None,
+    attributes: Mapping[str, object] | None = None,
+) -> Iterator[ImageWriter]:
+    """Open an output under a temporary name; the file appears, whole, when the block ends without an error.
+
+    spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name; note, and
+    what is kept, as for `write_image`. attributes: metadata to set, by OpenImageIO's names; None erases one.
+    """
+    described = _output_spec(path, _writer_of(path), spec, format)
+    if note is not None:
+        described.attribute("Software", SOFTWARE)
+        history = described.get_string_attribute("Exif:ImageHistory")
+        line = " ".join(note.split())
+        described.attribute("Exif:ImageHistory", f"{history}\n{line}" if history else line)
+    for name, value in (attributes or {}).items():
+        if value is None:
+            described.erase_attribute(name)
+        else:
+            described[name] = value
+    with atomic_path(path) as temporary:
+        # The class is found by the final name: the temporary one has the same suffix.
+        target = oiio.ImageOutput.create(str(temporary))
+        if target is None or not target.open(str(temporary), described):
+            raise ImageError(f"{path}: {_one_line(target.geterror() if target else oiio.geterror())}")
+        try:
+            yield ImageWriter(path, described, target)
+        except BaseException:
+            target.close()
+            raise
+        if not target.close():
+            raise ImageError(f"{path}: {_one_line(target.geterror())}")
+
+
+def _writer_of(path: Path) -> oiio.ImageOutput:
     probe = oiio.ImageOutput.create(path.name)
     if probe is None or path.suffix.lower() == ".pfm":
         oiio.geterror()
         raise ImageError(f'{path}: cannot write "{path.suffix}" images; use .tif, .exr, .png, .jpg or .dpx')
-    spec, array = _output_spec(path, probe, array, spec_like)
-    if note is not None:
-        spec.attribute("Software", SOFTWARE)
-        history = spec.get_string_attribute("Exif:ImageHistory")
-        line = " ".join(note.split())
-        spec.attribute("Exif:ImageHistory", f"{history}\n{line}" if history else line)
-    with atomic_path(path) as temporary:
-        # The class is found by the final name: the temporary one has the same suffix.
-        target = oiio.ImageOutput.create(str(temporary))
-        if target is None or not target.open(str(temporary), spec):
-            raise ImageError(f"{path}: {_one_line(target.geterror() if target else oiio.geterror())}")
-        written = target.write_image(array)
-        closed = target.close()
-        if not (written and closed):
-            raise ImageError(f"{path}: {_one_line(target.geterror())}")
+    return probe
 
 
-def _output_spec(
-    path: Path, target: oiio.ImageOutput, array: NDArray[np.float32], source: Image
-) -> tuple[oiio.ImageSpec, NDArray[np.float32]]:
-    """The source's description, changed where the pixels or the format ask for it."""
+def keeps_orientation(path: Path) -> bool:
+    """True where the format has an orientation tag. Raises ImageError for a format that cannot be written."""
+    return _writer_of(path).format_name() in _KEEPS_ORIENTATION
+
+
+def with_shape(spec: oiio.ImageSpec, shape: tuple[int, ...]) -> oiio.ImageSpec:
+    """A copy of a description for pixels of another height, width or number of channels."""
+    spec = oiio.ImageSpec(spec)
+    height, width, channels = shape
+    if shape != (spec.height, spec.width, spec.nchannels):
+        if channels != spec.nchannels:
+            spec.nchannels = channels
+            spec.default_channel_names()
+        spec.x = spec.y = spec.full_x = spec.full_y = 0
+        spec.width = spec.full_width = width
+        spec.height = spec.full_height = height
+    return spec
+
+
+def _output_spec(path: Path, target: oiio.ImageOutput, source: oiio.ImageSpec, format: str) -> oiio.ImageSpec:
+    """The source's description, changed where the format asks for it."""
     name = target.format_name()
-    spec = oiio.ImageSpec(source.spec)
-    if source.format != name:
+    spec = oiio.ImageSpec(source)
+    if format != name:
         for attribute in list(spec.extra_attribs):
             if attribute.name.lower().startswith(_OWN_ATTRIBUTES) or attribute.name in (
                 "compression",
@@ -83,22 +166,10 @@ def _output_spec(
         spec.erase_attribute(thumbnail)
     if not _is_icc_profile(spec.getattribute("ICCProfile")):
         spec.erase_attribute("ICCProfile")  # a broken one makes the PNG writer fail
-    orientation = spec.get_int_attribute("Orientation", 1)
-    if orientation != 1 and name not in _KEEPS_ORIENTATION:
-        array = upright(array, orientation)
-        spec.attribute("Orientation", 1)
-    height, width, channels = array.shape
-    if (height, width, channels) != (source.spec.height, source.spec.width, source.spec.nchannels):
-        if channels != source.spec.nchannels:
-            spec.nchannels = channels
-            spec.default_channel_names()
-        spec.x = spec.y = spec.full_x = spec.full_y = 0
-        spec.width = spec.full_width = width
-        spec.height = spec.full_height = height
     if not target.supports("tiles"):
         spec.tile_width = spec.tile_height = spec.tile_depth = 0
-    depth = _depth(name, str(source.spec.format))
-    if depth != str(source.spec.format):
+    depth = _depth(name, str(source.format))
+    if depth != str(source.format):
         spec.erase_attribute("oiio:BitsPerSample")
     spec.set_format(oiio.TypeDesc(depth))
     if name == "tiff" and spec.get_string_attribute("compression").startswith("jpeg"):
@@ -106,11 +177,11 @@ def _output_spec(
     if name == "pnm":
         spec.attribute("pnm:pfmflip", 0)  # OpenImageIO 3.2 else writes them upside down
     if name == "jpeg":
-        if channels not in (1, 3):
+        if spec.nchannels not in (1, 3):
             raise ImageError(f"{path}: JPEG holds no alpha or extra channels; write .tif, .png or .exr")
         spec.attribute("compression", f"jpeg:{JPEG_QUALITY}")
         spec.attribute("jpeg:subsampling", "4:4:4")
-    return spec, array
+    return spec
 
 
 def _depth(name: str, source: str) -> str:
