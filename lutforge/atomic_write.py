@@ -1,8 +1,10 @@
 """Write a file under a temporary name and rename it: a killed run leaves the old file or the new, never half."""
 
+import hashlib
 import os
+import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -30,7 +32,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem[:40]}.", suffix=path.suffix)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=_prefix(path), suffix=path.suffix)
         os.close(handle)
     except OSError as error:
         raise LutForgeError(f"{path}: cannot write here ({error.strerror}); choose another output folder") from error
@@ -45,3 +47,27 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         raise LutForgeError(f"{path}: cannot write ({error.strerror or error})") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def remove_temporaries(paths: Iterable[Path]) -> int:
+    """Delete what killed runs left of writing these paths, and say how many files that was.
+
+    Nobody else may be writing the same paths meanwhile.
+    """
+    names: dict[Path, set[tuple[str, str]]] = {}
+    for path in paths:
+        names.setdefault(path.parent, set()).add((_prefix(path), path.suffix))
+    removed = 0
+    for folder, wanted in names.items():
+        for file in folder.iterdir() if folder.is_dir() else ():
+            match = re.fullmatch(r"(\..+\.lutforge-)[a-z0-9_]{8}", file.stem)
+            if match is not None and (match[1], file.suffix) in wanted:
+                file.unlink(missing_ok=True)
+                removed += 1
+    return removed
+
+
+def _prefix(path: Path) -> str:
+    """How the temporary names of a path begin; a name that is too long to be made longer is replaced by its hash."""
+    stem = path.stem if len(os.fsencode(path.name)) < 200 else hashlib.sha256(os.fsencode(path.name)).hexdigest()[:32]
+    return f".{stem}.lutforge-"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lutforge.atomic_write import atomic_path, require_writable
+from lutforge.atomic_write import atomic_path, remove_temporaries, require_writable
 from lutforge.errors import LutForgeError
 
 
@@ -42,3 +42,17 @@ def test_places_that_cannot_be_written(tmp_path: Path) -> None:
         pass
     require_writable(tmp_path / "new" / "folder" / "a.cube")
     assert not (tmp_path / "new").exists()
+
+
+def test_what_a_killed_run_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
+    short, long = tmp_path / "a.b.png", tmp_path / ("x" * 240 + ".png")
+    left = []
+    for path in (short, long, tmp_path / "other.png"):
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(b"whole")
+            left.append(temporary)
+    kept = tmp_path / ".a.b.png"
+    for path in (*left, kept):
+        path.write_bytes(b"half")
+    assert remove_temporaries([short, long, tmp_path / "none" / "c.png"]) == 2
+    assert sorted(tmp_path.iterdir()) == sorted([short, long, tmp_path / "other.png", left[2], kept])

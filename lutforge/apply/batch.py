@@ -1,12 +1,28 @@
-"""Grade many images by one recipe; a file that fails is reported, and the others go on."""
+"""Grade many images by one recipe; an image that fails is reported, and the others go on."""
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
+from os import cpu_count
 from pathlib import Path
+from threading import Lock
+
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.apply.grade import Recipe
-from lutforge.apply.image import Applied, apply_image
-from lutforge.errors import ImageError, LutForgeError
+from lutforge.apply.image import REGION_SAMPLES, Applied
+from lutforge.apply.inputs import Input
+from lutforge.apply.job import Job, Outcome, run_job
+from lutforge.apply.journal import add_to_journal, read_journal
+from lutforge.atomic_write import remove_temporaries
+from lutforge.errors import ImageError
+from lutforge.shots.discover import RAW_SUFFIXES
+
+LEAST_REGION_SAMPLES = 1_000_000
+"""Values per region (4 MB) below which the work between two calls of a codec gets too small."""
 
 
 @dataclass(frozen=True)
@@ -19,57 +35,187 @@ class Failure:
 
 @dataclass(frozen=True)
 class BatchResult:
-    """Every input is in one of the two."""
+    """Every input is in one of the three. skipped: the outputs that an earlier run made, and that are still right."""
 
     done: tuple[Applied, ...]
     failed: tuple[Failure, ...]
+    skipped: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
-Progress = Callable[[int, int, Path], None]
-"""Called after each image with the number done, the total, and its path."""
+@dataclass(frozen=True)
+class Progress:
+    """How far a batch is. share: of the work, in [0, 1]; pixels: graded so far; source: the image finished last."""
+
+    images: int
+    total: int
+    pixels: int
+    share: float
+    seconds: float
+    source: Path | None
+
+
+Report = Callable[[Progress], None]
+"""Called, in the calling thread, after each image and a few times a second."""
 
 
 def apply_batch(
     recipe: Recipe,
-    sources: Sequence[str | Path],
+    images: Sequence[Input | str | Path],
     folder: str | Path,
     suffix: str | None = None,
     workers: int | None = None,
-    progress: Progress | None = None,
+    progress: Report | None = None,
+    masks: str | Path | None = None,
+    resume: bool = False,
+    scheduler: str | None = None,
 ) -> BatchResult:
-    """Grade images into a folder under their own names.
+    """Grade images into a folder under their own names; each output is written whole or not at all.
 
-    suffix: such as ".exr", for another format. Each output is written whole or not at all. Raises ImageError
-    where two inputs would become one output or an output would replace an input; then nothing is written.
+    suffix: such as ".exr", for another format. workers: threads, by default one per core. masks: a folder for the
+    confidence of each grade. resume: what an earlier run did by this recipe is skipped where neither the source nor the
+    output has changed since. scheduler: the address of a Dask cluster that does the work.
+    Raises ImageError where two inputs would become one output or an output would replace an input, LutForgeError where
+    the recipe is wrong for all images; then nothing is written.
     """
-    inputs = [Path(source) for source in sources]
-    targets = plan_outputs(inputs, Path(folder), suffix)
-    done: list[Applied] = []
-    failed: list[Failure] = []
-    for number, (source, target) in enumerate(zip(inputs, targets, strict=True), start=1):
-        try:
-            done.append(apply_image(recipe.grade(source), source, target, workers))
-        except LutForgeError as error:
-            failed.append(Failure(source, str(error)))
-        except MemoryError:
-            failed.append(Failure(source, f"{source}: not enough memory for this image"))
-        if progress is not None:
-            progress(number, len(inputs), source)
-    return BatchResult(tuple(done), tuple(failed))
+    folder = Path(folder)
+    inputs = [image if isinstance(image, Input) else Input(Path(image), Path(Path(image).name)) for image in images]
+    inputs, repeated = _without_repetitions(inputs)
+    jobs = plan_jobs(inputs, folder, suffix, Path(masks) if masks is not None else None)
+    recipe.check()
+    remove_temporaries(path for job in jobs for path in job.outputs)
+    already = _already_done(recipe, jobs, folder) if resume else set()
+    left = [job for job in jobs if job not in already]
+    tally = _Tally(len(jobs), len(already), report=progress)
+    outcomes: dict[Job, Outcome] = {}
+    notes: list[str] = []
+    if scheduler is None:
+        running = _run_here(recipe, left, workers or cpu_count() or 1, tally)
+    else:
+        from lutforge.apply.cluster import run_on_cluster  # loads Dask
+
+        running = run_on_cluster(scheduler, recipe, left)
+    for outcome in running:
+        if outcome is None:
+            tally.tell(None)
+            continue
+        outcomes[outcome.job] = outcome
+        if outcome.record is not None:
+            try:
+                add_to_journal(folder, outcome.record)
+            except OSError as error:
+                notes.append(f"{outcome.job.target}: graded, but --resume will not know of it ({error.strerror})")
+        if scheduler is not None and outcome.applied is not None:
+            tally.add(outcome.applied.width * outcome.applied.height, 1.0)
+        tally.finish(outcome.job.source)
+    failed = [Failure(job.source, outcomes[job].reason) for job in left if outcomes[job].applied is None]
+    return BatchResult(
+        tuple(applied for job in left if (applied := outcomes[job].applied) is not None),
+        (*failed, *(Failure(source, f"{source}: given twice; graded once") for source in repeated)),
+        tuple(job.target for job in jobs if job in already),
+        tuple(notes),
+    )
 
 
-def plan_outputs(sources: Sequence[Path], folder: Path, suffix: str | None = None) -> list[Path]:
-    """The output path of each input. Raises ImageError on a collision or on an output that is an input."""
+def plan_jobs(inputs: Sequence[Input], folder: Path, suffix: str | None = None, masks: Path | None = None) -> list[Job]:
+    """Where each image and its mask go. Raises ImageError on a collision or on an output that is an input."""
     if suffix is not None and not suffix.startswith("."):
         suffix = f".{suffix}"
-    targets = [folder / (source.name if suffix is None else source.stem + suffix) for source in sources]
-    inputs = {source.resolve() for source in sources}
+    jobs = []
+    for image in inputs:
+        chosen = suffix or (".jpg" if image.place.suffix.lower() in RAW_SUFFIXES else image.place.suffix)
+        mask = masks / image.place.with_suffix(".tif") if masks is not None else None
+        jobs.append(Job(image.path, folder / image.place.with_suffix(chosen), mask))
+    sources = {job.source.resolve() for job in jobs}
     seen: dict[str, Path] = {}
-    for source, target in zip(sources, targets, strict=True):
-        if target.resolve() in inputs:
-            raise ImageError(f"{target}: the output would replace an input; choose another folder")
-        # Some file systems do not tell upper from lower case.
-        other = seen.setdefault(str(target.resolve()).lower(), source)
-        if other is not source:
-            raise ImageError(f"{source} and {other} would both become {target}; grade them into two folders")
-    return targets
+    for job in jobs:
+        for path in job.outputs:
+            if path.resolve() in sources:
+                raise ImageError(f"{path}: the output would replace an input; choose another folder")
+            # Some file systems do not tell upper from lower case.
+            other = seen.setdefault(str(path.resolve()).lower(), job.source)
+            if other is not job.source:
+                raise ImageError(f"{job.source} and {other} would both become {path}; grade them into two folders")
+            if path == job.mask and path.resolve() == job.target.resolve():
+                raise ImageError(f"{path}: the image and its mask cannot be one file; choose another folder for masks")
+    return jobs
+
+
+def _without_repetitions(inputs: Sequence[Input]) -> tuple[list[Input], list[Path]]:
+    """The inputs, each file once, and the paths of those that were given again."""
+    first: dict[Path, Input] = {}
+    repeated = [image.path for image in inputs if first.setdefault(image.path.resolve(), image) is not image]
+    return list(first.values()), repeated
+
+
+def _already_done(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> set[Job]:
+    records = read_journal(folder)
+    done = set()
+    for job in jobs:
+        record = records.get(str(job.target.absolute()))
+        if record is not None and record.still_true(recipe.key, job.source, job.outputs):
+            done.add(job)
+    return done
+
+
+class _Tally:
+    """What has been done so far; images in work tell it from their threads."""
+
+    def __init__(self, total: int, done: int, report: Report | None) -> None:
+        self._total, self._images, self._report = total, done, report
+        self._pixels, self._share = 0, float(done)
+        self._began, self._lock = time.monotonic(), Lock()
+
+    def add(self, pixels: int, share: float) -> None:
+        with self._lock:
+            self._pixels += pixels
+            self._share += share
+
+    def finish(self, source: Path) -> None:
+        self._images += 1
+        self.tell(source)
+
+    def tell(self, source: Path | None) -> None:
+        if self._report is not None:
+            share = max(self._share, self._images) / max(1, self._total)
+            seconds = time.monotonic() - self._began
+            self._report(Progress(self._images, self._total, self._pixels, min(1.0, share), seconds, source))
+
+
+def _run_here(recipe: Recipe, jobs: Sequence[Job], workers: int, tally: "_Tally") -> Iterator[Outcome | None]:
+    """The outcomes as they come, and None a few times a second meanwhile.
+
+    One image more than there are threads is in work, so that no core waits for a disk; where there are fewer images
+    than threads, each gets several.
+    """
+    at_once = max(1, min(workers + 1 if workers > 1 else 1, len(jobs)))
+    threads = max(1, workers // at_once)
+    samples = max(LEAST_REGION_SAMPLES, REGION_SAMPLES // at_once)
+    waiting = iter(jobs)
+    with _codec_threads(threads), ThreadPoolExecutor(at_once) as pool:
+        running: set[Future[Outcome]] = set()
+        try:
+            while True:
+                for job in islice(waiting, at_once - len(running)):
+                    running.add(pool.submit(run_job, recipe, job, threads, samples, tally.add))
+                if not running:
+                    return
+                finished, running = wait(running, timeout=0.2, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in finished)
+                if not finished:
+                    yield None
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _codec_threads(count: int) -> Iterator[None]:
+    """Let OpenImageIO's own codecs use this many threads per image."""
+    before = {name: oiio.get_int_attribute(name) for name in ("threads", "exr_threads")}
+    oiio.attribute("threads", count)
+    oiio.attribute("exr_threads", count if count > 1 else -1)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            oiio.attribute(name, value)

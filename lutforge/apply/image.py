@@ -99,12 +99,13 @@ def apply_image(
     workers: int | None = None,
     mask: Path | None = None,
     region_samples: int = REGION_SAMPLES,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int, float], None] | None = None,
 ) -> Applied:
     """Grade an image file, with metadata, bit depth and extra channels kept.
 
     workers: threads, by default one per core. mask: where the confidence of the grade is written, 8 bit, from 0 to 1.
-    progress: called with the number of pixels that were graded since its last call. Raises ImageError.
+    progress: called with the pixels that were graded since its last call, and their share of the image.
+    Raises ImageError.
     """
     source, target = Path(source), Path(target)
     if target.exists() and source.exists() and target.samefile(source):
@@ -140,7 +141,7 @@ def apply_image(
             if masking is not None and confidence is not None:
                 masking.write(region, confidence)
             if progress is not None:
-                progress(region.pixels)
+                progress(region.pixels, region.pixels / (spec.width * spec.height))
 
         regions = image.regions(max(1, region_samples // spec.nchannels), not writer.tiled)
         _overlapped(regions, image.read, work, write, overlap=count > 1)

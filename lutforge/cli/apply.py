@@ -1,15 +1,20 @@
 """`lutforge apply`: grade images with a LUT, a profile or an OpenColorIO config."""
 
+import json
+import sys
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lutforge.cli.console import err, note, progress_bar, say
-from lutforge.errors import SettingsError
+from lutforge.errors import ImageError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 
 if TYPE_CHECKING:
+    from lutforge.apply.batch import BatchResult, Failure
     from lutforge.apply.grade import Recipe
 
 
@@ -27,9 +32,19 @@ def apply(
     suffix: Annotated[str | None, typer.Option(help="Another format for the output, such as .png or .exr.")] = None,
     interpolation: Annotated[str, typer.Option(help="For LUTs that name none.")] = "tetrahedral",
     workers: Annotated[int | None, typer.Option(help="Threads; one per core by default.")] = None,
+    frames: Annotated[str | None, typer.Option(help="Frames of sequences: 1001-1100, 1-9x2, 1,5,9.")] = None,
+    recursive: Annotated[bool, typer.Option("--recursive", help="Folders with their subfolders.")] = False,
+    mask: Annotated[Path | None, typer.Option(help="A folder for each grade's confidence as an image.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Skip what an earlier run did that is still right.")] = False,
+    scheduler: Annotated[str | None, typer.Option(help="A Dask cluster that does the work: tcp://HOST:PORT.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for programs.")] = False,
 ) -> None:
-    """Grade images through OpenColorIO; metadata, bit depth and extra channels are kept."""
-    from lutforge.apply.batch import apply_batch
+    """Grade images through OpenColorIO; metadata, bit depth and extra channels are kept.
+
+    IMAGES are files, folders, and sequences: shot.####.exr, shot.1001-1100####.exr, shot.%04d.exr.
+    """
+    from lutforge.apply.batch import Failure, apply_batch
+    from lutforge.apply.inputs import find_inputs
 
     if interpolation not in INTERPOLATIONS:
         raise SettingsError(f'unknown interpolation "{interpolation}"; choose {" or ".join(INTERPOLATIONS)}')
@@ -37,23 +52,61 @@ def apply(
         raise SettingsError(f"--workers {workers}: at least one thread is needed")
     recipe = _recipe(grade, source, target, ev, interpolation)
     recipe.check()
+    if output.exists() and not output.is_dir():
+        raise ImageError(f"{output}: is not a folder; name a folder for the graded images")
+    inputs = find_inputs(images, frames, recursive, leave_out=output)
+    began = time.monotonic()
     with progress_bar("grading") as report:
         result = apply_batch(
             recipe,
-            images,
+            inputs.images,
             output,
             suffix,
             workers=workers,
-            progress=lambda done, count, path: report(path.name, done / count),
+            progress=lambda now: report(_rate(now.images, now.pixels, now.seconds), now.share),
+            masks=mask,
+            resume=resume,
+            scheduler=scheduler,
         )
-    for done in result.done:
-        say(str(done.target))
-        for text in done.notes:
-            note(text)
-    for failure in result.failed:
+    seconds = time.monotonic() - began
+    failed = (*result.failed, *(Failure(path, f"{path}: this frame is missing") for path in inputs.missing))
+    for text in (*inputs.notes, *result.notes, *(text for done in result.done for text in done.notes)):
+        note(text)
+    for failure in failed:
         err.print(f"lutforge: {failure.reason}", markup=False)
-    if result.failed:
-        raise typer.Exit(2 if len(images) == 1 else 1)
+    if as_json:
+        _print_json(result, failed, seconds)
+    else:
+        for done in result.done:
+            say(str(done.target))
+    asked = len(inputs.images) + len(inputs.missing)
+    if asked > 1:
+        pixels = sum(done.width * done.height for done in result.done)
+        counts = f"{len(result.done)} graded, {len(result.skipped)} skipped, {len(failed)} failed"
+        note(f"{counts} in {seconds:.1f} s: {_rate(len(result.done), pixels, seconds)}")
+    if failed:
+        raise typer.Exit(1 if asked > 1 else 2)
+
+
+def _rate(images: int, pixels: int, seconds: float) -> str:
+    seconds = max(seconds, 1e-3)
+    return f"{images / seconds:.2g} images/s, {pixels / 1e6 / seconds:.3g} Mpixel/s"
+
+
+def _print_json(result: "BatchResult", failed: "Sequence[Failure]", seconds: float) -> None:
+    graded = [
+        {"source": str(done.source), "output": str(done.target), "mask": str(done.mask) if done.mask else None}
+        | {"width": done.width, "height": done.height, "notes": done.notes}
+        for done in result.done
+    ]
+    document = {
+        "graded": graded,
+        "skipped": [str(path) for path in result.skipped],
+        "failed": [{"source": str(failure.source), "reason": failure.reason} for failure in failed],
+        "seconds": round(seconds, 3),
+    }
+    json.dump(document, sys.stdout, indent=1)
+    print()
 
 
 def _recipe(path: Path, source: str | None, target: str | None, ev: float, interpolation: Interpolation) -> "Recipe":

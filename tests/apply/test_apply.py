@@ -8,9 +8,11 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.apply.batch import apply_batch, plan_outputs
+from lutforge.apply import journal
+from lutforge.apply.batch import Progress, apply_batch, plan_jobs
 from lutforge.apply.grade import LutRecipe
 from lutforge.apply.image import BLOCK, apply_image, apply_to_pixels
+from lutforge.apply.inputs import Input
 from lutforge.errors import ImageError, LutError
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
@@ -129,19 +131,20 @@ def test_a_batch_goes_on_past_failures(tmp_path: Path, lut: Lut, lut_file: Path)
     broken = tmp_path / "broken.png"
     broken.write_bytes(good[0].read_bytes()[:600])
     missing = tmp_path / "missing.png"
-    seen: list[tuple[int, int, str]] = []
+    seen: list[Progress] = []
     result = apply_batch(
         LutRecipe(lut_file),
         [good[0], broken, missing, good[1]],
         tmp_path / "out",
         suffix="tif",
-        progress=lambda number, total, path: seen.append((number, total, path.name)),
+        progress=seen.append,
     )
     assert [done.target.name for done in result.done] == ["a.tif", "b.tif"]
     assert [failure.source for failure in result.failed] == [broken, missing]
     assert "no such file" in result.failed[1].reason
-    assert seen == [(1, 4, "a.png"), (2, 4, "broken.png"), (3, 4, "missing.png"), (4, 4, "b.png")]
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.tif", "b.tif"]
+    assert (seen[-1].images, seen[-1].total, seen[-1].share) == (4, 4, 1.0)
+    assert {progress.source for progress in seen if progress.source} == {*good, broken, missing}
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [journal.NAME, "a.tif", "b.tif"]
     np.testing.assert_allclose(
         read_image(tmp_path / "out" / "a.tif").pixels,
         np.clip(lut(read_image(good[0]).pixels), 0, 1),
@@ -155,9 +158,9 @@ def test_a_batch_refuses_to_replace_inputs_or_to_merge_names(tmp_path: Path, lut
     with pytest.raises(ImageError, match="replace an input"):
         apply_batch(LutRecipe(lut_file), [source], tmp_path)
     with pytest.raises(ImageError, match="would both become"):
-        plan_outputs([Path("x/a.png"), Path("y/A.PNG")], tmp_path / "out")
+        plan_jobs([Input(Path("x/a.png"), Path("a.png")), Input(Path("y/A.PNG"), Path("A.PNG"))], tmp_path / "out")
     with pytest.raises(ImageError, match="would both become"):
-        plan_outputs([Path("x/a.png"), Path("x/a.tif")], tmp_path / "out", ".exr")
+        apply_batch(LutRecipe(lut_file), [source, source.with_suffix(".tif")], tmp_path / "out", ".exr")
     assert source.read_bytes() == before
     assert not (tmp_path / "out").exists()
 

@@ -1,0 +1,127 @@
+"""Grade the images of a batch on a Dask cluster whose machines see the same files under the same paths."""
+
+import logging
+import platform
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass, replace
+from importlib import import_module
+from itertools import islice
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from lutforge.apply.grade import Recipe
+from lutforge.apply.job import Job, Outcome, run_job
+from lutforge.errors import LutForgeError
+
+CONNECT_SECONDS = 10
+FIRST_WORKER_SECONDS = 60
+
+FILE_SYSTEM_SECONDS = 10
+"""How long a file that another machine wrote may take to appear on this one, as on network file systems it does."""
+
+
+def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterator[Outcome]:
+    """The outcomes as they come.
+
+    An image whose worker dies is graded again by another, up to the scheduler's `allowed-failures`. Each result is
+    checked: the worker had this recipe, and the file that it tells of is here. Raises LutForgeError where Dask is not
+    installed, or no scheduler or worker answers.
+    """
+    with _connected(address) as (distributed, client):
+        shared, key = _with_absolute_paths(recipe), recipe.key
+        waiting = iter(jobs)
+        running: dict[str, Job] = {}
+
+        def submit(count: int) -> list[Any]:
+            futures = []
+            for job in islice(waiting, count):
+                futures.append(client.submit(_run_there, shared, key, _with_absolute_paths(job), pure=False))
+                running[futures[-1].key] = job
+            return futures
+
+        # A few per thread wait at the workers, so that none is idle; not all, so that the scheduler stays small.
+        finished = distributed.as_completed(submit(4 * max(1, sum(client.nthreads().values()))))
+        for future in finished:
+            yield _outcome(running.pop(future.key), future)
+            for following in submit(1):
+                finished.add(following)
+
+
+@contextmanager
+def _connected(address: str) -> Iterator[tuple[Any, Any]]:
+    """Dask's module, which has no types, and a client of the scheduler."""
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError as error:
+        raise LutForgeError(
+            '--scheduler needs Dask, which is not installed: pip install "lutforge[cluster]"'
+        ) from error
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is told here
+    try:
+        client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise LutForgeError(
+            f"{address}: no Dask scheduler answers ({reason}); start one with: dask scheduler"
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=FIRST_WORKER_SECONDS)
+        except TimeoutError as error:
+            raise LutForgeError(f"{address}: the scheduler has no workers; start some with: dask worker") from error
+        yield distributed, client
+
+
+def _outcome(job: Job, future: Any) -> Outcome:
+    """A worker's answer, checked against the files that are here."""
+    try:
+        outcome: Outcome = future.result()
+    except Exception as error:  # whatever went wrong there: the other images are graded
+        line = " ".join(str(error).split())[:300]
+        return Outcome(job, reason=f"{job.source}: the cluster did not grade it ({type(error).__name__}: {line})")
+    if outcome.applied is None or outcome.record is None:
+        return replace(outcome, job=job)
+    until = time.monotonic() + FILE_SYSTEM_SECONDS
+    for output in outcome.record.outputs:
+        while not output.still_true():
+            if time.monotonic() > until:
+                return Outcome(job, reason=f"{output.path}: a worker wrote it, but it is not here, or is another file")
+            time.sleep(0.2)
+    applied = replace(outcome.applied, source=job.source, target=job.target, mask=outcome.applied.mask and job.mask)
+    return Outcome(job, applied, outcome.record)
+
+
+def _with_absolute_paths(record: Any) -> Any:
+    """A copy of a dataclass, for machines with another working folder."""
+    if not is_dataclass(record) or isinstance(record, type):
+        return record
+    paths = {field.name: getattr(record, field.name) for field in fields(record) if field.init}
+    return replace(record, **{name: path.absolute() for name, path in paths.items() if isinstance(path, Path)})
+
+
+_RECIPES: dict[str, Recipe] = {}
+"""The recipe that this worker has prepared, by its key."""
+
+_PREPARING = Lock()
+
+
+def _run_there(recipe: Recipe, key: str, job: Job) -> Outcome:
+    """Grade an image on a worker, whose threads share one prepared recipe."""
+    try:
+        with _PREPARING:
+            if key not in _RECIPES:
+                recipe.check()
+                if recipe.key != key:
+                    raise LutForgeError(
+                        f"{job.source}: {platform.node()} has other versions of the recipe's files, of LutForge or of "
+                        "OpenColorIO than the machine that asks"
+                    )
+                _RECIPES.clear()
+                _RECIPES[key] = recipe
+            prepared = _RECIPES[key]
+    except LutForgeError as error:
+        return Outcome(job, reason=str(error))
+    return run_job(prepared, job)

@@ -1,0 +1,150 @@
+"""Which images a batch grades, and where each goes: files, folders and frame sequences."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+
+from lutforge.errors import ImageError, SettingsError
+
+MAX_FRAMES = 10_000_000
+
+_PATTERN = re.compile(
+    r"(?P<head>.*?)(?P<frames>\d+-\d+(?:x\d+)?(?:,\d+(?:-\d+(?:x\d+)?)?)*)?(?P<pad>#+|@+|%0?\d*d)(?P<tail>[^#@%]*)"
+)
+_NOT_FILES = frozenset({"null", "term"})
+"""Formats of OpenImageIO whose suffixes are no image files."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """An image to grade. place: its name, with the folders to keep, below the output folder."""
+
+    path: Path
+    place: Path
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the words of a command name. missing: frames that were asked for by number and are not there; notes: gaps
+    in sequences whose frames were not named.
+    """
+
+    images: tuple[Input, ...]
+    missing: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def find_inputs(
+    words: Sequence[str | Path], frames: str | None = None, recursive: bool = False, leave_out: Path | None = None
+) -> Inputs:
+    """The images that files, folders and sequences name, in order.
+
+    A folder gives the images in it, by name; recursive: those of its subfolders too, which are kept in `place`, but
+    not of `leave_out`. A sequence is a name with #### (one # per digit; a single # is four), @@@@, %04d or %d in it,
+    with the frames in front of that (shot.1001-1100####.exr, 1-9x2 for every second) or in `frames`; else
+    those on the disk. A file of exactly that name comes first. Raises ImageError, SettingsError.
+    """
+    images: list[Input] = []
+    missing: list[Path] = []
+    notes: list[str] = []
+    for word in map(Path, words):
+        pattern = _PATTERN.fullmatch(word.name)
+        if word.is_dir():
+            found = list(_in_folder(word, recursive, leave_out))
+            if not found:
+                raise ImageError(
+                    f"{word}: no image in this folder" + ("" if recursive else "; --recursive looks deeper")
+                )
+            images += found
+        elif pattern is None or word.exists():
+            images.append(Input(word, Path(word.name)))
+        elif (wanted := frames or pattern["frames"]) is not None:
+            for number in parse_frames(wanted):
+                path = word.with_name(frame_name(pattern, number))
+                if path.exists():
+                    images.append(Input(path, Path(path.name)))
+                else:
+                    missing.append(path)
+        else:
+            numbered = _on_disk(word, pattern)
+            if not numbered:
+                raise ImageError(f"{word}: no frame of this sequence is there")
+            images += [Input(path, Path(path.name)) for path in numbered.values()]
+            if gaps := _gaps(sorted(numbered)):
+                notes.append(f"{word}: not there: frame {gaps}")
+    return Inputs(tuple(images), tuple(missing), tuple(notes))
+
+
+def parse_frames(text: str) -> list[int]:
+    """Numbers of frames: "1001-1100", "1-9x2" (every second), "5", lists of those with commas. Raises SettingsError."""
+    numbers: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d{1,9})(?:-(\d{1,9})(?:x(\d{1,9}))?)?\s*", part)
+        first, last, step = (int(match[1]), int(match[2] or match[1]), int(match[3] or 1)) if match else (0, -1, 1)
+        if last < first or step < 1 or (last - first) // step + len(numbers) >= MAX_FRAMES:
+            raise SettingsError(f'"{text}": frames are written as 1001-1100, 1-9x2 (every second) or 1,5,9')
+        numbers += range(first, last + 1, step)
+    return numbers
+
+
+def frame_name(pattern: re.Match[str], number: int) -> str:
+    """The file name of a frame."""
+    return f"{pattern['head']}{number:0{_digits(pattern['pad'])}d}{pattern['tail']}"
+
+
+def _digits(pad: str) -> int:
+    if pad.startswith("%"):
+        return int(pad[1:-1] or 1)
+    return 4 if pad == "#" else len(pad)
+
+
+def _on_disk(word: Path, pattern: re.Match[str]) -> dict[int, Path]:
+    """The frames of a sequence that exist, by number."""
+    head, tail, digits = pattern["head"], pattern["tail"], _digits(pattern["pad"])
+    numbered = {}
+    if not word.parent.is_dir():
+        raise ImageError(f"{word.parent}: no such folder")
+    for path in word.parent.iterdir():
+        name = path.name
+        middle = name[len(head) : len(name) - len(tail)]
+        if name.startswith(head) and name.endswith(tail) and middle.isascii() and middle.isdigit():
+            exact = len(middle) == digits or (len(middle) > digits and middle[0] != "0")
+            if exact and name == head + middle + tail:
+                numbered[int(middle)] = path
+    return dict(sorted(numbered.items()))
+
+
+def _gaps(numbers: Sequence[int]) -> str:
+    """The numbers missing between the first and the last, as "1005, 1010-1012"."""
+    gaps = []
+    for before, after in pairwise(numbers):
+        if after - before == 2:
+            gaps.append(str(before + 1))
+        elif after - before > 2:
+            gaps.append(f"{before + 1}-{after - 1}")
+    return ", ".join(gaps)
+
+
+def _in_folder(folder: Path, recursive: bool, leave_out: Path | None) -> Iterator[Input]:
+    files = folder.rglob("*") if recursive else folder.iterdir()
+    excluded = leave_out.resolve() if leave_out is not None else None
+    for path in sorted(files):
+        place = path.relative_to(folder)
+        if any(part.startswith(".") for part in place.parts) or path.suffix.lower() not in _suffixes():
+            continue
+        if path.is_file() and (excluded is None or excluded not in path.resolve().parents):
+            yield Input(path, place)
+
+
+@cache
+def _suffixes() -> frozenset[str]:
+    """The suffixes that OpenImageIO takes for images, in lower case."""
+    groups = (group.partition(":") for group in oiio.get_string_attribute("extension_list").split(";"))
+    return frozenset(
+        f".{suffix}" for name, _, suffixes in groups if name not in _NOT_FILES for suffix in suffixes.split(",")
+    )

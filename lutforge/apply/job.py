@@ -1,0 +1,59 @@
+"""One image of a batch, on this machine or on another: graded, or the reason why not; nothing is raised."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from lutforge.apply.grade import Recipe
+from lutforge.apply.image import REGION_SAMPLES, Applied, apply_image
+from lutforge.apply.journal import Record, identify_output, identify_source
+from lutforge.errors import ImageError, LutForgeError
+
+
+@dataclass(frozen=True)
+class Job:
+    """An image to grade, and where it and its mask go."""
+
+    source: Path
+    target: Path
+    mask: Path | None = None
+
+    @property
+    def outputs(self) -> tuple[Path, ...]:
+        return (self.target,) if self.mask is None else (self.target, self.mask)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a job: `applied` and `record`, or `reason`, one line, why it failed."""
+
+    job: Job
+    applied: Applied | None = None
+    record: Record | None = None
+    reason: str = ""
+
+
+def run_job(
+    recipe: Recipe,
+    job: Job,
+    threads: int = 1,
+    region_samples: int = REGION_SAMPLES,
+    progress: Callable[[int, float], None] | None = None,
+) -> Outcome:
+    """Grade an image. threads, region_samples, progress: as for `apply_image`."""
+    source = job.source
+    try:
+        before = identify_source(source)
+        grade = recipe.grade(source)
+        applied = apply_image(grade, source, job.target, threads, job.mask, region_samples, progress)
+        if identify_source(source) != before:
+            raise ImageError(f"{source}: it was changed while it was graded; grade it again")
+        outputs = job.outputs if applied.mask is not None else (job.target,)
+        record = Record(recipe.key, before, tuple(identify_output(path) for path in outputs))
+    except LutForgeError as error:
+        return Outcome(job, reason=str(error))
+    except MemoryError:
+        return Outcome(job, reason=f"{source}: not enough memory for this image")
+    except Exception as error:  # whatever a codec does with one file, the others are graded
+        return Outcome(job, reason=f"{source}: {type(error).__name__}: {' '.join(str(error).split())[:300]}")
+    return Outcome(job, applied, record)
