@@ -43,7 +43,8 @@ def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterato
             return futures
 
         # A few per thread wait at the workers, so that none is idle; not all, so that the scheduler stays small.
-        finished = distributed.as_completed(submit(4 * max(1, sum(client.nthreads().values()))))
+        futures = submit(4 * max(1, sum(client.nthreads().values())))
+        finished = distributed.as_completed(futures, loop=client.loop)
         for future in finished:
             yield _outcome(running.pop(future.key), future)
             for following in submit(1):
