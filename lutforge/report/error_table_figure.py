@@ -8,14 +8,13 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 from lutforge.calibration.errors_table import ErrorFigures
 
 
-def error_boxes(directions: Sequence[tuple[str, Sequence[tuple[str, ErrorFigures]]]]) -> Figure:
-    """directions: title and, by method, its figures; the first method is drawn in colour. The scale is logarithmic."""
+def error_boxes(directions: Sequence[tuple[str, Sequence[tuple[str, ErrorFigures]]]], own: str) -> Figure:
+    """directions: title and, by method, its figures; the method `own` is drawn in colour. The scale is logarithmic."""
     rows = max(len(methods) for _, methods in directions)
     figure = Figure(figsize=(9, 1.0 + 0.36 * rows), layout="constrained")
     for axis, (title, methods) in zip(figure.subplots(1, len(directions), squeeze=False)[0], directions, strict=True):
-        for position, (_, values) in enumerate(reversed(methods)):
-            own = position == len(methods) - 1
-            colour = "#2f5fb3" if own else "0.6"
+        for position, (name, values) in enumerate(reversed(methods)):
+            colour = "#2f5fb3" if name == own else "0.6"
             axis.plot((values.q3, values.maximum), (position, position), color=colour, linewidth=0.8)
             axis.barh(position, values.q3 - values.q1, left=values.q1, height=0.55, color=colour, alpha=0.75)
             axis.plot((values.median, values.median), (position - 0.27, position + 0.27), color="white", linewidth=1.5)

@@ -193,7 +193,7 @@ def _error_pictures(own: str, evaluation: Evaluation) -> Iterator[Block]:
         if directions:
             yield Picture(
                 f"errors_{style}",
-                error_boxes(directions),
+                error_boxes(directions, own),
                 f"{style}: box from the first to the third quartile, line to the maximum, white the median, diamond "
                 "the mean. Logarithmic.",
             )
