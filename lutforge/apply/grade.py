@@ -12,6 +12,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge import __version__
 from lutforge.errors import ConfigError, LutError
 from lutforge.interpolation import Interpolation
+from lutforge.luts.lut import Lut
 from lutforge.luts.processor import OCIO_ERRORS, file_processor
 from lutforge.ocio.check import load_config
 
@@ -23,7 +24,8 @@ class Grade:
     processor: colours in the image's own encoding → graded colours. history: one line for the output's metadata.
     attributes: further metadata to set in the output, by OpenImageIO's names. confidence: colours → confidence in
     [0, 1] in the first channel, for masks. raw: the source is a RAW file, and its linear camera RGB is graded.
-    notes: what the user should know about this image.
+    notes: what the user should know about this image. oiiotool: the words with which oiiotool does the same, where it
+    can; lut: what `processor` evaluates, where that is in no file.
     """
 
     processor: OCIO.CPUProcessor
@@ -32,6 +34,8 @@ class Grade:
     confidence: OCIO.CPUProcessor | None = None
     raw: bool = False
     notes: tuple[str, ...] = ()
+    oiiotool: tuple[str, ...] = ()
+    lut: Lut | None = None
 
 
 class Recipe(Protocol):
@@ -87,7 +91,10 @@ class LutRecipe:
                 f"{self.path}: half of a LUT, {self.path.with_suffix(pair).name} is the other; bake a .clf or .cube to "
                 "apply, or use the two in an OpenColorIO config"
             )
-        return Grade(file_processor(self.path, self.interpolation), f"graded with {self.path.name}")
+        # oiiotool interpolates its own way: tetrahedral for cubes.
+        words = ("--ociofiletransform", str(self.path)) if self.interpolation == "tetrahedral" else ()
+        processor = file_processor(self.path, self.interpolation)
+        return Grade(processor, f"graded with {self.path.name}", oiiotool=words)
 
     def __reduce__(self) -> tuple[object, ...]:
         return LutRecipe, (self.path, self.interpolation)
@@ -125,7 +132,8 @@ class ConfigRecipe:
             processor = config.getProcessor(self.source, self.target).getDefaultCPUProcessor()
         except OCIO_ERRORS as error:
             raise ConfigError(f"{self.path}: {' '.join(str(error).split())}") from error
-        return Grade(processor, f"{self.source} to {self.target}")
+        words = ("--colorconfig", str(self.path), "--colorconvert", self.source, self.target)
+        return Grade(processor, f"{self.source} to {self.target}", oiiotool=words)
 
     def __reduce__(self) -> tuple[object, ...]:
         return ConfigRecipe, (self.path, self.source, self.target)

@@ -114,7 +114,7 @@ def apply_image(
     with ExitStack() as stack:
         image = stack.enter_context(_open(source, target, grade.raw))
         spec = image.spec
-        _check_channels(source, spec)
+        check_channels(source, spec)
         attributes = dict(grade.attributes)
         if not spec.get_string_attribute("DateTime"):
             # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
@@ -255,7 +255,8 @@ def _mask_spec(output: oiio.ImageSpec) -> oiio.ImageSpec:
     return spec
 
 
-def _check_channels(path: Path, spec: oiio.ImageSpec) -> None:
+def check_channels(path: Path, spec: oiio.ImageSpec) -> None:
+    """Raise ImageError where the first three channels are not colours, or their alpha is not the fourth."""
     if spec.nchannels < 3:
         raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s)")
     alpha = spec.alpha_channel

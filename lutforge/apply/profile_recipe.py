@@ -44,11 +44,12 @@ class ProfileRecipe:
         target = self.target or self.source
         transform = profile.refinish(self.source, target, self.ev)
         with TemporaryDirectory() as folder:  # baked, as OpenColorIO evaluates it
-            written = write_lut(bake(transform, interpolation="tetrahedral"), Path(folder) / "refinish.clf")
+            lut = bake(transform, interpolation="tetrahedral")
+            written = write_lut(lut, Path(folder) / "refinish.clf")
             processor = file_processor(written.path, "tetrahedral")
         exposure = f", {self.ev:+g} EV" if self.ev else ""
         history = f"{profile.camera} {self.source} to {target}{exposure}"
-        return Grade(processor, history, notes=_median_notes(profile, self.source, target))
+        return Grade(processor, history, notes=_median_notes(profile, self.source, target), lut=lut)
 
     def __reduce__(self) -> tuple[object, ...]:
         return ProfileRecipe, (self.path, self.source, self.target, self.ev)

@@ -16,6 +16,7 @@ from lutforge.interpolation import INTERPOLATIONS, Interpolation
 if TYPE_CHECKING:
     from lutforge.apply.batch import BatchResult, Failure
     from lutforge.apply.grade import Recipe
+    from lutforge.apply.inputs import Inputs
 
 
 def apply(
@@ -37,6 +38,9 @@ def apply(
     mask: Annotated[Path | None, typer.Option(help="A folder for each grade's confidence as an image.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Skip what an earlier run did that is still right.")] = False,
     scheduler: Annotated[str | None, typer.Option(help="A Dask cluster that does the work: tcp://HOST:PORT.")] = None,
+    print_commands: Annotated[
+        bool, typer.Option("--print-commands", help="Grade nothing: print oiiotool lines that would, for a farm.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for programs.")] = False,
 ) -> None:
     """Grade images through OpenColorIO; metadata, bit depth and extra channels are kept.
@@ -55,6 +59,9 @@ def apply(
     if output.exists() and not output.is_dir():
         raise ImageError(f"{output}: is not a folder; name a folder for the graded images")
     inputs = find_inputs(images, frames, recursive, leave_out=output)
+    if print_commands:
+        _print_commands(recipe, inputs, output, suffix)
+        return
     began = time.monotonic()
     with progress_bar("grading") as report:
         result = apply_batch(
@@ -86,6 +93,22 @@ def apply(
         note(f"{counts} in {seconds:.1f} s: {_rate(len(result.done), pixels, seconds)}")
     if failed:
         raise typer.Exit(1 if asked > 1 else 2)
+
+
+def _print_commands(recipe: "Recipe", inputs: "Inputs", output: Path, suffix: str | None) -> None:
+    from lutforge.apply.batch import Failure, plan_jobs
+    from lutforge.apply.oiiotool_commands import oiiotool_commands
+
+    failed = [f"{path}: this frame is missing" for path in inputs.missing]
+    for command in oiiotool_commands(recipe, plan_jobs(inputs.images, output, suffix), output / "luts"):
+        if isinstance(command, Failure):
+            failed.append(command.reason)
+        else:
+            print(command)
+    for line in failed:
+        err.print(f"lutforge: {line}", markup=False)
+    if failed:
+        raise typer.Exit(1)
 
 
 def _rate(images: int, pixels: int, seconds: float) -> str:

@@ -98,17 +98,7 @@ def image_writer(
     spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name; note, and
     what is kept, as for `write_image`. attributes: metadata to set, by OpenImageIO's names; None erases one.
     """
-    described = _output_spec(path, _writer_of(path), spec, format)
-    if note is not None:
-        described.attribute("Software", SOFTWARE)
-        history = described.get_string_attribute("Exif:ImageHistory")
-        line = " ".join(note.split())
-        described.attribute("Exif:ImageHistory", f"{history}\n{line}" if history else line)
-    for name, value in (attributes or {}).items():
-        if value is None:
-            described.erase_attribute(name)
-        else:
-            described[name] = value
+    described = describe_output(path, spec, format, note, attributes)
     with atomic_path(path) as temporary:
         # The class is found by the final name: the temporary one has the same suffix.
         target = oiio.ImageOutput.create(str(temporary))
@@ -121,6 +111,28 @@ def image_writer(
             raise
         if not target.close():
             raise ImageError(f"{path}: {_one_line(target.geterror())}")
+
+
+def describe_output(
+    path: Path,
+    spec: oiio.ImageSpec,
+    format: str,
+    note: str | None = None,
+    attributes: Mapping[str, object] | None = None,
+) -> oiio.ImageSpec:
+    """What `image_writer` will write. Raises ImageError where the format cannot hold it."""
+    result = _output_spec(path, _writer_of(path), spec, format)
+    if note is not None:
+        result.attribute("Software", SOFTWARE)
+        history = result.get_string_attribute("Exif:ImageHistory")
+        line = " ".join(note.split())
+        result.attribute("Exif:ImageHistory", f"{history}\n{line}" if history else line)
+    for name, value in (attributes or {}).items():
+        if value is None:
+            result.erase_attribute(name)
+        else:
+            result[name] = value
+    return result
 
 
 def _writer_of(path: Path) -> oiio.ImageOutput:
