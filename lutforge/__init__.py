@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from lutforge.calibration.bracket import response_from_bracket
     from lutforge.calibration.evaluation import Evaluation
     from lutforge.calibration.options import CalibrationOptions
     from lutforge.errors import LutForgeError
@@ -50,6 +51,7 @@ __all__ = [
     "load_profile",
     "match",
     "read_samples",
+    "response_from_bracket",
     "sample",
     "save_profile",
     "verify",
@@ -74,6 +76,7 @@ _HOMES = {
     "load_profile": "model.profile_file",
     "match": "model.camera_profile",
     "read_samples": "samples.table",
+    "response_from_bracket": "calibration.bracket",
     "sample": "pipeline",
     "save_profile": "model.profile_file",
     "verify": "luts.verify",

@@ -1,12 +1,11 @@
 """Exposure pairs: the same surface under the same light in two shots of different exposure (thesis 3.2, 4.2.1)."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
@@ -21,6 +20,11 @@ LEAST_STOPS = 0.15
 LEAST_PAIRS = 6
 SAME_SCENE = 0.12
 """Where RAW is known: the surfaces of one scene have one RAW ratio, within this spread of its logarithm."""
+END_GUARD = 4.0 / 255.0
+"""Cells of a bracket this near its black or white are clipped, too: compression and noise move them."""
+LEAST_INSENSITIVE = 1e-3
+"""Share of the pixels that must not follow the exposure for their value to be the black or white."""
+TONES = 16
 RAW_SPREAD = 0.003
 TIME_SPREAD = 0.03
 
@@ -32,6 +36,7 @@ class ExposurePairs:
     raw_first, raw_second: (n, 3), NaN where there is no RAW. first_row, second_row: (n,) rows of the sample table, or
     cells of the images. shots: names; first_shot, second_shot: (n,) indices into it; shot_exposure: (shots,) log
     exposure as stated, with mean 0 over each group of shots that pairs connect; spread: its expected error.
+    black, white: (3,) the JPEG values that were scaled to 0 and 1: not every camera's are, and film has a fog.
     """
 
     first: Array
@@ -46,6 +51,8 @@ class ExposurePairs:
     second_shot: NDArray[np.intp]
     shot_exposure: NDArray[np.float64]
     spread: float
+    black: Array = field(default_factory=lambda: np.zeros(3))
+    white: Array = field(default_factory=lambda: np.ones(3))
 
     def __len__(self) -> int:
         return len(self.log_ratio)
@@ -92,7 +99,7 @@ def pairs_of_bracket(
     """Exposure pairs of registered JPEGs of one scene: flat cells of `cell` × `cell` pixels.
 
     encoded: images (h, w, 3) in [0, 1], all of one size; exposure_s: relative times, other settings the same;
-    most: cells kept of each pair of shots.
+    most: cells kept of each pair of shots, evenly over the tones. Black and white are found from the outermost shots.
     Raises CalibrationError below two exposures, on sizes that differ, or where nothing is flat and unclipped.
     """
     if len(set(exposure_s)) < 2:
@@ -101,35 +108,61 @@ def pairs_of_bracket(
         )
     if len({image.shape for image in encoded}) != 1 or len(names) != len(encoded) or len(names) != len(exposure_s):
         raise CalibrationError("the shots of a bracket must have one size, and each its name and exposure time")
+    order = np.argsort(exposure_s)
+    black, low = _insensitive(encoded[order[0]], encoded[order[1]], dark=True)
+    white, high = _insensitive(encoded[order[-1]], encoded[order[-2]], dark=False)
     shots = []
-    for name, image, time in zip(names, encoded, exposure_s, strict=True):
-        mean, spread = _cells(np.asarray(image, dtype=np.float64), cell)
-        flat = spread.max(axis=1) < 0.02 + 0.03 * mean.max(axis=1)
-        usable = flat & np.all((mean > 2 * CLIPPED) & (mean < 1 - 2 * CLIPPED), axis=1)
-        cells = np.arange(len(mean))
-        shots.append(_Exposure(name, float(np.log(time)), mean, np.full_like(mean, np.nan), usable, cells))
+    for place in order:
+        mean, spread = _cells(np.asarray(encoded[place], dtype=np.float64), cell)
+        flat = spread.max(axis=1) < 0.01 + 0.03 * mean.max(axis=1)
+        usable = flat & np.all((mean > low + END_GUARD) & (mean < high - END_GUARD), axis=1)
+        cells, log_time = np.arange(len(mean)), float(np.log(exposure_s[place]))
+        inside = (mean - black) / (white - black)
+        shots.append(_Exposure(names[place], log_time, inside, np.full_like(mean, np.nan), usable, cells))
     parts = []
-    rng = np.random.default_rng(0)
-    for one, other in combinations(sorted(shots, key=lambda shot: shot.log_time), 2):
+    for one, other in combinations(shots, 2):
         both = one.usable & other.usable
         ratio = other.log_time - one.log_time
         if both.sum() >= LEAST_PAIRS and LEAST_STOPS <= ratio / np.log(2) <= MOST_STOPS:
-            chosen = np.zeros_like(both)
-            chosen[rng.permutation(np.flatnonzero(both))[:most]] = True
-            parts.append((one, other, chosen, ratio))
+            parts.append((one, other, _over_tones(one.encoded, both, most), ratio))
     if not parts:
         raise CalibrationError("no two shots of the bracket share flat, unclipped surfaces: shoot smaller steps")
-    return _join(parts, TIME_SPREAD)
+    return replace(_join(parts, TIME_SPREAD), black=black, white=white)
+
+
+def _insensitive(outer: Array, inner: Array, *, dark: bool) -> tuple[Array, Array]:
+    """(3,) the JPEG value where a channel no longer follows the exposure, and (3,) where the noise around it ends: the
+    black of the darkest two shots of a bracket, or the white of its brightest two."""
+    ends = np.zeros(3) if dark else np.ones(3)
+    noise = ends.copy()
+    for channel in range(3):
+        one, other = np.ravel(outer[..., channel]), np.ravel(inner[..., channel])
+        side = other < 0.25 if dark else other > 0.75
+        same = one[side & (np.abs(one - other) <= CLIPPED)]
+        if len(same) >= LEAST_INSENSITIVE * one.size:
+            ends[channel] = np.median(same)
+            spread = 3.0 * np.median(np.abs(same - ends[channel]))
+            noise[channel] = ends[channel] + (spread if dark else -spread)
+    return ends, noise
+
+
+def _over_tones(encoded: Array, usable: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
+    """At most so many of the usable cells (n,), evenly over the tones: a dark wall must not outweigh all else."""
+    rows = np.random.default_rng(0).permutation(np.flatnonzero(usable))
+    tone = np.minimum((encoded[rows].mean(axis=1) * TONES).astype(np.intp), TONES - 1)
+    order = np.argsort(tone, kind="stable")
+    rank = np.empty(len(rows), dtype=np.intp)
+    rank[order] = np.arange(len(rows)) - np.searchsorted(tone[order], tone[order])
+    chosen = np.zeros_like(usable)
+    chosen[rows[np.argsort(rank, kind="stable")[:most]]] = True
+    return chosen
 
 
 def _cells(image: Array, cell: int) -> tuple[Array, Array]:
     """Mean and standard deviation (cells, 3) of non-overlapping cells; the grid is the same for every image."""
-    start = cell // 2
-    centres = (slice(start, image.shape[0] - start, cell), slice(start, image.shape[1] - start, cell))
-    means = [uniform_filter(image[..., c], cell)[centres].ravel() for c in range(3)]
-    squares = [uniform_filter(image[..., c] ** 2, cell)[centres].ravel() for c in range(3)]
-    mean, square = np.stack(means, axis=1), np.stack(squares, axis=1)
-    return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
+    height, width = image.shape[0] // cell, image.shape[1] // cell
+    cells = image[: height * cell, : width * cell].reshape(height, cell, width, cell, 3)
+    return cells.mean(axis=(1, 3)).reshape(-1, 3), cells.std(axis=(1, 3)).reshape(-1, 3)
 
 
 def _groups(samples: SampleSet) -> Iterator[list[_Exposure]]:

@@ -1,0 +1,79 @@
+"""The response from JPEGs alone: real brackets, without RAW."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.calibration.bracket import BracketFit, fit_bracket, response_from_bracket
+from lutforge.calibration.exposure_pairs import pairs_of_bracket
+from lutforge.errors import CalibrationError
+from lutforge.images.read import read_image
+from lutforge.images.write import write_image
+from lutforge.model.response import Response
+
+
+@pytest.fixture(scope="module")
+def window(shared_data: Path) -> BracketFit:
+    """Eight of the twelve exposures of a Nikon E995, with its fixed white balance for sunlight."""
+    return response_from_bracket(sorted((shared_data / "brackets" / "nikon_e995_window").glob("*.jpg"))[2:10])
+
+
+def _next_stop(response: Response, codes: np.ndarray) -> np.ndarray:
+    """f(2 f⁻¹(I)), which does not depend on the scale of f⁻¹."""
+    return response.encode(2.0 * response.linearize(np.stack([codes] * 3, axis=1)))
+
+
+def test_a_real_bracket(window: BracketFit) -> None:
+    assert np.all(np.diff(window.response.inverse, axis=0) >= 0)
+    np.testing.assert_allclose(window.white, 251 / 255, atol=1e-6)  # what this camera clips to
+    assert all(0.9 < ratio < 1.1 for ratio in window.exposure_error.values())
+    median = {curve.name.split()[0]: curve.median for curve in window.curves}
+    assert median["EMoR"] < 3.0 and median["monotone"] < 3.0
+    assert median["EMoR"] < 0.25 * median["gamma"] < 0.25 * median["sRGB"]
+
+
+def test_emor_and_the_spline_say_the_same_of_it(window: BracketFit) -> None:
+    codes = np.linspace(0.1, 0.6, 50)
+    emor, spline = (_next_stop(curve.response, codes) for curve in window.curves[:2])
+    assert np.abs(emor - spline).max() < 0.03
+    assert np.abs(emor - emor.mean(axis=1, keepdims=True)).max() < 0.02  # and of its three channels
+
+
+def test_film_with_a_fog_and_no_neutrals(shared_data: Path) -> None:
+    folder = shared_data / "brackets" / "debevec_memorial"
+    lines = [line.split() for line in (folder / "image_list.txt").read_text().splitlines() if line[0] not in "#\n"]
+    paths, times = [folder / words[0] for words in lines], [float(words[1]) for words in lines]
+    with pytest.raises(CalibrationError, match="unsaturated colours"):
+        response_from_bracket(paths, times)
+    fit = response_from_bracket(paths, times, beta=1.0)
+    assert np.all((fit.black > 10 / 255) & (fit.black < 20 / 255))
+    median = [curve.median for curve in fit.curves]
+    assert median[0] < 2.0 and median[1] < 2.0 and min(median[2:]) > 5.0
+
+
+def test_a_simulated_bracket_gives_all_four_curves() -> None:
+    rng = np.random.default_rng(1)
+    scene = np.kron(np.exp(rng.uniform(-4.5, 1.0, (40, 40, 1))) * rng.uniform(0.85, 1, (40, 40, 3)), np.ones((8, 8, 1)))
+    scene[:16] = 0.0
+    times = [2.0**stop for stop in range(-3, 4)]
+    images = [np.rint(245 * np.clip(scene * time, 0, 1) ** (1 / 1.8) + 6) / 255 for time in times]  # 6 … 251
+    fit = fit_bracket(pairs_of_bracket([f"{time:g}" for time in times], images, times))
+    np.testing.assert_allclose([255 * fit.black[0], 255 * fit.white[0]], [6, 251], atol=1.01)
+    codes = np.linspace(0.15, 0.6, 50)
+    expected = (2.0 * ((codes * 255 - 6) / 245) ** 1.8) ** (1 / 1.8) * 245 / 255 + 6 / 255
+    for curve in fit.curves[:3]:
+        np.testing.assert_allclose(_next_stop(curve.response, codes), np.stack([expected] * 3, axis=1), atol=0.012)
+    assert fit.curves[2].name.startswith("gamma 1.8")
+
+
+def test_what_it_cannot_use_it_says(tmp_path: Path, shared_data: Path) -> None:
+    folder = shared_data / "brackets" / "debevec_memorial"
+    with pytest.raises(CalibrationError, match="no exposure time; give the exposures"):
+        response_from_bracket(sorted(folder.glob("*.png"))[:3])
+    with pytest.raises(CalibrationError, match="one exposure only"):
+        response_from_bracket(sorted(folder.glob("*.png"))[:2], [1.0, 1.0])
+    grey = tmp_path / "grey.png"
+    write_image(grey, np.full((64, 64, 1), 0.5, dtype=np.float32), read_image(folder / "memorial0061.png"))
+    with pytest.raises(CalibrationError, match="grey image"):
+        response_from_bracket([grey, grey], [1.0, 2.0])
