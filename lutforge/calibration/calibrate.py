@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.consistency import check_agreement, thin_settings
+from lutforge.calibration.consistency import check_agreement, thin_colours, thin_settings
 from lutforge.calibration.continuation import continuation
 from lutforge.calibration.errors_table import ErrorFigures, error_figures
 from lutforge.calibration.lattice import MEASURING_TOLERANCE, TOLERANCE, LatticeResult, fit_samples, folds
@@ -81,6 +81,7 @@ def calibrate(
     styles, matrices = {}, {}
     for index, (name, style) in enumerate(data.items()):
         share = index / len(data)
+        notes = (*notes, *thin_colours(style.encoded, name))
         notes = (*notes, *check_agreement(style.balanced, style.encoded, style.shot, name))
         progress(f"{name}: fitting", share)
         fit = fit_style(style, options)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.response import BETA, fit_response_to_raw, saturation
+from lutforge.calibration.response import BETA, LEAST_UNSATURATED, fit_response_to_raw, saturation
 from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
 
@@ -17,6 +17,8 @@ LARGEST = 16.0 / 255.0
 """… or so far in any case: then no two agree."""
 LEAST_OF_SHOT = 4
 MOST_SAMPLES = 6000
+LEAST_SPREAD = 0.02
+"""Shares of red, green and blue that spread less than this in their second direction are of one hue, or grey."""
 
 
 def check_agreement(balanced: Array, encoded: Array, shot: NDArray[np.str_], style: str) -> tuple[str, ...]:
@@ -71,4 +73,22 @@ def thin_settings(samples: SampleSet) -> tuple[str, ...]:
             notes.append(
                 f'style "{name}": one exposure only: shoot the same at −2 and +1 EV, too, for dark and light tones'
             )
+    return tuple(notes)
+
+
+def thin_colours(encoded: Array, style: str) -> tuple[str, ...]:
+    """Notes on the colours that a style's unclipped samples (n, 3) lack."""
+    notes = []
+    if (saturation(encoded) < BETA).sum() < LEAST_UNSATURATED:
+        notes.append(
+            f'style "{style}": hardly any unsaturated colours, so its greys are guessed: '
+            "shoot a grey card or a colour chart at several exposures"
+        )
+    shares = encoded / encoded.sum(axis=1, keepdims=True)
+    spread = np.linalg.svd(shares - shares.mean(axis=0), compute_uv=False)
+    if spread[1] < LEAST_SPREAD * np.sqrt(len(encoded)):
+        notes.append(
+            f'style "{style}": all colours are grey or of one hue, so all others are guessed: '
+            "shoot a colour chart or a scene of many colours"
+        )
     return tuple(notes)

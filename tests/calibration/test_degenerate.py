@@ -32,24 +32,34 @@ def _refusal(samples: SampleSet, options: CalibrationOptions) -> str:
 
 
 @pytest.mark.parametrize("model", ["lattice", "rbf"])
-def test_all_clipped(model: ModelName) -> None:
-    samples = replace(_shots(0), srgb=np.ones((60, 3)))
+@pytest.mark.parametrize("clipped", ["JPEG white", "JPEG black", "RAW"])
+def test_all_clipped(model: ModelName, clipped: str) -> None:
+    samples, ends = _shots(0), np.full((60, 3), float(clipped != "JPEG black"))
+    samples = replace(samples, raw=ends) if clipped == "RAW" else replace(samples, srgb=ends)
     message = _refusal(samples, _options(model))
-    assert "unclipped" in message and "add shots" in message
+    assert "0 unclipped samples" in message and "add shots" in message
+
+
+def _notes(samples: SampleSet, model: ModelName) -> str:
+    return "; ".join(calibrate(samples, _options(model)).notes)
 
 
 def test_no_unsaturated_colours() -> None:
     samples = _shots(-1, 0)
-    strong = samples.srgb.min(axis=1) < 0.4 * samples.srgb.max(axis=1)
-    message = _refusal(samples.select(strong), _options("rbf"))
+    strong = samples.select(samples.srgb.min(axis=1) < 0.4 * samples.srgb.max(axis=1))
+    message = _refusal(strong, _options("rbf"))
     assert "unsaturated" in message and "grey card" in message
+    notes = _notes(strong, "lattice")  # a lattice of these colours can be had, but not silently
+    assert "unsaturated" in notes and "grey card" in notes
 
 
-def test_one_exposure_only() -> None:
+@pytest.mark.parametrize("model", ["lattice", "rbf"])
+def test_one_exposure_only(model: ModelName) -> None:
     samples = _shots(0)
-    assert "several shutter speeds" in _refusal(samples, _options("rbf", "thesis"))
-    profile = calibrate(samples, _options("rbf"))  # RAW tells the response, so it can be done, but says so
-    assert any("one exposure only" in note for note in profile.notes)
+    if model == "rbf":
+        assert "several shutter speeds" in _refusal(samples, _options(model, "thesis"))
+    notes = _notes(samples, model)  # RAW tells the response, so it can be done, but says so
+    assert "one exposure only: shoot the same at" in notes and "one shot only" in notes
 
 
 @pytest.mark.parametrize("model", ["lattice", "rbf"])
@@ -70,10 +80,11 @@ def test_one_shot_that_contradicts_many_is_named() -> None:
     assert not any("daylight +0" in note for note in profile.notes)
 
 
-def test_a_white_balance_with_one_shot_is_named() -> None:
+@pytest.mark.parametrize("model", ["lattice", "rbf"])
+def test_a_white_balance_with_one_shot_is_named(model: ModelName) -> None:
     samples = concatenate([_shots(-1, 0), _shots(0, balances=("shade",))])
-    profile = calibrate(samples, _options("lattice"))
-    assert any('"shade": one shot only' in note for note in profile.notes)
+    notes = _notes(samples, model)
+    assert '"shade": one shot only (standard shade +0)' in notes and "add a second" in notes
 
 
 def test_an_empty_set_and_two_cameras_are_refused() -> None:
@@ -86,3 +97,9 @@ def test_an_empty_set_and_two_cameras_are_refused() -> None:
 def test_a_grey_card_alone_cannot_tell_the_matrix() -> None:
     samples = photograph_patches(CAMERA, np.tile(chart_140()[20:24], (5, 1)), balances=("daylight",))
     assert "colour chart" in _refusal(samples, _options("rbf"))
+    assert "all colours are grey" in _notes(samples, "lattice")
+
+
+def test_samples_that_suffice_make_no_such_notes() -> None:
+    notes = _notes(_shots(-1, 0), "lattice")
+    assert "unsaturated" not in notes and "grey" not in notes and "one exposure" not in notes
