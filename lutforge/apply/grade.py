@@ -12,7 +12,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge import __version__
 from lutforge.errors import ConfigError, LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.lut import Lut
+from lutforge.luts.chain import LutChain
 from lutforge.luts.processor import OCIO_ERRORS, file_processor
 from lutforge.ocio.check import load_config
 
@@ -22,8 +22,9 @@ class Grade:
     """What is to be done to one image.
 
     processor: colours in the image's own encoding → graded colours. history: one line for the output's metadata.
-    attributes: further metadata to set in the output, by OpenImageIO's names. confidence: colours → confidence in
-    [0, 1] in the first channel, for masks. raw: the source is a RAW file, and its linear camera RGB is graded.
+    attributes: further metadata to set in the output, by OpenImageIO's names; None erases those that a name matches as a
+    regular expression. confidence: colours → (confidence, unclipped, covered), each in [0, 1]: the first for masks,
+    the others to count pixels below 0.5. raw: the source is a RAW file, and its linear camera RGB is graded.
     notes: what the user should know about this image. oiiotool: the words with which oiiotool does the same, where it
     can; lut: what `processor` evaluates, where that is in no file.
     """
@@ -35,7 +36,7 @@ class Grade:
     raw: bool = False
     notes: tuple[str, ...] = ()
     oiiotool: tuple[str, ...] = ()
-    lut: Lut | None = None
+    lut: LutChain | None = None
 
 
 class Recipe(Protocol):

@@ -11,8 +11,7 @@ from lutforge.apply.job import Job
 from lutforge.errors import ImageError, LutForgeError
 from lutforge.images.read import ImageReader, is_premultiplied
 from lutforge.images.write import SOFTWARE, describe_output, keeps_orientation
-from lutforge.luts.lut import Lut
-from lutforge.luts.write import write_lut
+from lutforge.luts.chain import LutChain
 
 _CONVERSIONS = ("--ociofiletransform", "--colorconvert")
 
@@ -23,7 +22,7 @@ def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iter
     folder: where the LUT of a profile's grade is written, once for the images that share it. Pixels are those of
     `apply_image` to within a code value; masks are not written.
     """
-    files: dict[int, tuple[Lut, Path]] = {}
+    files: dict[int, tuple[LutChain, Path]] = {}
     for job in jobs:
         try:
             grade = recipe.grade(job.source)
@@ -31,7 +30,7 @@ def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iter
             if grade.lut is not None:
                 if id(grade.lut) not in files:
                     path = folder / f"{recipe.key[:12]}-{len(files) + 1}.clf"
-                    files[id(grade.lut)] = grade.lut, write_lut(grade.lut, path).path
+                    files[id(grade.lut)] = grade.lut, grade.lut.write(path)
                 words = ("--ociofiletransform", str(files[id(grade.lut)][1]))
             yield shlex.join(_command(grade, words, job))
         except LutForgeError as error:

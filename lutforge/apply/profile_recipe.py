@@ -1,70 +1,264 @@
-"""Refinish images with a camera profile: the picture style, white balance and exposure that they should have had."""
+"""Refinish pictures with camera profiles, each from its own settings to others, or to another camera's."""
 
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryDirectory
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+from numpy.typing import NDArray
 
 from lutforge.apply.grade import Grade, fingerprint
-from lutforge.errors import SettingsError
+from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
+from lutforge.errors import ProfileError, SettingsError
 from lutforge.luts.bake import bake
-from lutforge.luts.processor import file_processor
-from lutforge.luts.write import write_lut
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.luts.chain import LutChain, grading_chain
+from lutforge.luts.lut import Lut, lut_from_lattice
+from lutforge.model.camera_profile import CameraProfile, match, same_light
+from lutforge.model.coverage import confidence
+from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.profile_file import load_profile
+from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
+from lutforge.model.transform import Refinish, Transform
+from lutforge.model.white_balance import tinted
+from lutforge.settings import Multipliers, Selector, checked_tint, parse_selector
+from lutforge.shots.discover import RAW_SUFFIXES
+from lutforge.shots.picture_settings import PictureSettings, history_line, read_picture_settings
+
+Array = NDArray[np.float64]
+
+LIGHT_SOURCES: Mapping[str, int] = {
+    "daylight": 1, "fluorescent": 2, "tungsten": 3, "incandescent": 3, "flash": 4, "cloudy": 10, "shade": 11,
+}  # fmt: skip
+"""Codes of the Exif tag LightSource (Exif 2.32, 4.6.5)."""
+OTHER_LIGHT = 255
+
+STALE = (
+    "Exif:MakerNote", "Exif:Saturation", "Exif:Contrast", "Exif:CustomRendered",
+    "(Canon|Nikon|Olympus|Panasonic|Pentax|Fujifilm|Sony):.*",
+)  # fmt: skip
+"""What the camera wrote about a rendering that is no longer the picture's."""
+
+MOST_CHAINS = 16
+"""Gradings kept in memory; pictures on automatic white balance each have their own."""
 
 
 @dataclass(frozen=True)
 class ProfileRecipe:
-    """From one setting of a camera to another. source, target: STYLE/WB; ev: exposure change in stops."""
+    """From the settings that each picture was made with to others.
 
-    path: Path
-    source: str | None
-    target: str | None
+    profiles: of one camera or of several; the camera that a picture names decides which applies. source: STYLE/WB of
+    all pictures, by default what each one's metadata tell. target: STYLE/WB wanted; "as-shot" keeps a picture's own
+    style or white balance. ev: exposure change in stops. look: the profile of the camera whose look is wanted.
+    transfers: RAW → RAW from other cameras to that one, in steps where they go through a third.
+    """
+
+    profiles: tuple[Path, ...]
+    source: str | None = None
+    target: str | None = None
     ev: float = 0.0
+    look: Path | None = None
+    transfers: tuple[Path, ...] = ()
 
     @cached_property
     def key(self) -> str:
-        return fingerprint("profile", self.path, self.source, self.target, self.ev)
+        files = (*self.profiles, *((self.look,) if self.look else ()), *self.transfers)
+        return fingerprint("profile", *files, self.source, self.target, self.ev)
 
     def check(self) -> None:
-        _ = self._grade
+        """Raise SettingsError or ProfileError where the profiles, the transfers or the settings asked for are wrong."""
+        cameras = self._cameras
+        asked = parse_selector(self.source) if self.source else None
+        for camera in cameras.values():
+            if asked is not None and asked.style != AS_SHOT and asked.white_balance not in NAMED_BY_FILE:
+                camera.selector(asked)
+        target = self._target
+        for camera in [self._look] if self._look else cameras.values():
+            style = target.style if target.style != AS_SHOT else next(iter(camera.styles))
+            if _own_balance(target) is None:
+                camera.selector(Selector(style, target.white_balance))
+            elif style not in camera.styles:
+                raise SettingsError(f'unknown style "{style}"; {camera.camera} has {", ".join(sorted(camera.styles))}')
+        _ = self._transfers
 
     def grade(self, source: Path) -> Grade:
-        return self._grade
+        settings = read_picture_settings(source)
+        camera, notes = choose_camera(source, settings, self._cameras, self.source is not None)
+        look = self._look or camera
+        if source.suffix.lower() in RAW_SUFFIXES:
+            return self._developed(source, settings, camera, look)
+        given, doubts = source_selector(source, settings, camera, self.source)
+        wanted = self._wanted(camera, given, look)
+        chain, processor = self._chain(camera, given, look, wanted)
+        return Grade(
+            processor,
+            history_line(camera.camera, str(given), look.camera, str(wanted), self.ev),
+            attributes=_attributes(wanted),
+            confidence=self._confidence(camera, given.style),
+            notes=tuple(f"{source}: {text}" for text in (*settings.notes, *notes, *doubts)),
+            lut=chain,
+        )
+
+    def _chain(
+        self, camera: CameraProfile, given: Selector, look: CameraProfile, wanted: Selector
+    ) -> tuple[LutChain, OCIO.CPUProcessor]:
+        """The refinish as LUTs, the same for all pictures with the same settings."""
+        key = (camera.camera, str(given), str(wanted))
+        found = self._chains.get(key)
+        if found is None:
+            transform = match(camera, given, look, wanted, self.ev, transfer=self._transfer(camera, look))
+            assert isinstance(transform, Refinish)
+            chain = grading_chain(transform, self._baked(transform.linearize), self._baked(transform.render))
+            while len(self._chains) >= MOST_CHAINS:
+                self._chains.pop(next(iter(self._chains)), None)
+            found = self._chains[key] = chain, chain.processor()
+        return found
+
+    def _developed(self, source: Path, settings: PictureSettings, camera: CameraProfile, look: CameraProfile) -> Grade:
+        """The grade of a RAW file: rendered, with its own white balance or the one asked for.
+
+        Highlights are clipped where the white-balanced sensor saturates, before less exposure darkens them: they stay
+        neutral.
+        """
+        style = settings.style if settings.style in camera.styles else next(iter(camera.styles))
+        asked = parse_selector(self.source) if self.source else Selector(AS_SHOT, AS_SHOT)
+        text = str(Selector(style, asked.white_balance)) if self.source else None
+        given, notes = source_selector(source, replace(settings, style=style), camera, text)
+        if self._target.style == AS_SHOT and settings.style not in camera.styles:
+            notes = (*notes, f'the file does not tell a style of this profile; "{style}" is used')
+        wanted = self._wanted(camera, given, look)
+        transfer = self._transfer(camera, look)
+        transform = match(camera, given, look, wanted, transfer=transfer)
+        assert isinstance(transform, Refinish)
+        before = camera.multipliers(given if look is not camera else wanted)
+        after = np.asarray(getattr(transform.render, "gain", np.ones(3)))
+        k = 2.0**self.ev
+        levels = uniform_levels(2 if transfer is None or transfer.wedges is None else 49)
+        balanced = transform.exposed(grid(levels) / before) * after
+        first = Lut(before * max(k, 1.0), levels, balanced, min(k, 1.0) * np.eye(3), interpolation="trilinear")
+        chain = LutChain((first, replace(self._baked(transform.render), gain=np.ones(3))))
+        return Grade(
+            chain.processor(),
+            history_line(camera.camera, "RAW", look.camera, str(wanted), self.ev),
+            attributes=_attributes(wanted),
+            raw=True,
+            notes=tuple(f"{source}: {text}" for text in notes),
+        )
 
     @cached_property
-    def _grade(self) -> Grade:
-        profile = load_profile(self.path)
-        if self.source is None:
+    def _cameras(self) -> dict[str, CameraProfile]:
+        cameras: dict[str, CameraProfile] = {}
+        for path in self.profiles:
+            profile = load_profile(path)
+            if cameras.setdefault(profile.camera.lower(), profile) is not profile:
+                raise ProfileError(f"{path}: a second profile of {profile.camera}; give one profile per camera")
+        return cameras
+
+    @cached_property
+    def _look(self) -> CameraProfile | None:
+        if self.look is None:
+            return None
+        look = load_profile(self.look)
+        same = [path for path in self.profiles if path.resolve() == self.look.resolve()]
+        return self._cameras[look.camera.lower()] if same else look
+
+    @cached_property
+    def _target(self) -> Selector:
+        return parse_selector(self.target) if self.target else Selector(AS_SHOT, AS_SHOT)
+
+    @cached_property
+    def _transfers(self) -> dict[str, RawTransfer]:
+        """The transfer to the wanted look, by the camera at which it begins; steps may be given in any order."""
+        if self.transfers and self._look is None:
+            raise SettingsError("--transfer goes with --as: it leads to the RAW of the camera whose look is wanted")
+        steps = {step.source: step for step in map(load_transfer, self.transfers)}
+        found = {}
+        for camera in self._cameras.values():
+            path: list[RawTransfer] = []
+            at = camera.camera
+            while self._look is not None and at != self._look.camera and at in steps and len(path) < len(steps):
+                path.append(steps[at])
+                at = steps[at].target
+            if path and self._look is not None and at == self._look.camera:
+                found[camera.camera] = chained(path)
+        if steps and not found:
             raise SettingsError(
-                f"refinish needs --from STYLE/WB; {profile.camera} has the styles {', '.join(profile.styles)} "
-                f"and the white balances {', '.join(profile.white_balances)}"
+                f"no transfer leads from {', '.join(camera.camera for camera in self._cameras.values())} to "
+                f"{self._look.camera if self._look else ''}; those given begin at {', '.join(steps)}"
             )
-        target = self.target or self.source
-        transform = profile.refinish(self.source, target, self.ev)
-        with TemporaryDirectory() as folder:  # baked, as OpenColorIO evaluates it
-            lut = bake(transform, interpolation="tetrahedral")
-            written = write_lut(lut, Path(folder) / "refinish.clf")
-            processor = file_processor(written.path, "tetrahedral")
-        exposure = f", {self.ev:+g} EV" if self.ev else ""
-        history = f"{profile.camera} {self.source} to {target}{exposure}"
-        return Grade(processor, history, notes=_median_notes(profile, self.source, target), lut=lut)
+        return found
+
+    @cached_property
+    def _chains(self) -> dict[tuple[str, str, str], tuple[LutChain, OCIO.CPUProcessor]]:
+        return {}
+
+    @cached_property
+    def _luts(self) -> dict[object, Lut]:
+        return {}
+
+    @cached_property
+    def _confidences(self) -> dict[tuple[str, str], OCIO.CPUProcessor]:
+        return {}
+
+    def _baked(self, step: Transform) -> Lut:
+        """The LUT of a linearize or render step, made once for all white balances."""
+        core: object = getattr(step, "lattice", None) or getattr(step, "gamut_map", step)
+        if core not in self._luts:
+            self._luts[core] = bake(step, display_referred=False)
+        return self._luts[core]
+
+    def _confidence(self, camera: CameraProfile, style: str) -> OCIO.CPUProcessor:
+        key = (camera.camera, style)
+        if key not in self._confidences:
+            lattice = confidence(camera.styles[style])
+            self._confidences[key] = LutChain((lut_from_lattice(lattice),)).processor()
+        return self._confidences[key]
+
+    def _transfer(self, camera: CameraProfile, look: CameraProfile) -> RawTransfer | None:
+        return None if look is camera else self._transfers.get(camera.camera)
+
+    def _wanted(self, camera: CameraProfile, given: Selector, look: CameraProfile) -> Selector:
+        """The settings to render with; "as-shot" ones are those of the picture, for another camera those under which
+        the same light is neutral.
+        """
+        style = given.style if self._target.style == AS_SHOT else self._target.style
+        tint = _own_balance(self._target)
+        if tint is None:
+            return look.selector(Selector(style, self._target.white_balance))
+        balance = given.white_balance
+        if look is not camera:
+            transfer = self._transfer(camera, look)
+            if transfer is not None:
+                neutral = transfer(1 / camera.multipliers(given))
+                balance = _multipliers(neutral[1] / neutral)
+            else:
+                # Where the light is unknown to the other camera, any setting that it knows serves to stay neutral.
+                balance = same_light(camera, given, look) or next(iter(look.white_balances))
+        wanted = look.selector(Selector(style, balance))
+        if tint:
+            wanted = Selector(
+                style, _multipliers(tinted(look.multipliers(wanted), tint, look.white_balances, look.matrix))
+            )
+        return wanted
 
     def __reduce__(self) -> tuple[object, ...]:
-        return ProfileRecipe, (self.path, self.source, self.target, self.ev)
+        return ProfileRecipe, (self.profiles, self.source, self.target, self.ev, self.look, self.transfers)
 
 
-def _median_notes(profile: CameraProfile, *selectors: str) -> tuple[str, ...]:
-    """Which white balances the camera sets anew for each shot, so that a name stands for their median."""
-    names = dict.fromkeys(str(profile.selector(selector).white_balance) for selector in selectors)
-    notes = []
-    for name in names:
-        known = profile.white_balances.get(name)
-        if known is not None and known.spread > 0.02:
-            r, g, b = known.multipliers
-            notes.append(
-                f"{profile.camera} sets {name} anew for each shot (by up to {known.spread:.0%}); its median is used, "
-                f"{r:.3f},{g:g},{b:.3f}; name a shot's own multipliers for an exact grade"
-            )
-    return tuple(notes)
+def _own_balance(target: Selector) -> float | None:
+    """The tint to add to a picture's own white balance ("as-shot", "as-shot+10"); None where another is wanted."""
+    found = re.fullmatch(rf"({'|'.join(NAMED_BY_FILE)})([+-]\d+(?:\.\d+)?)?", str(target.white_balance))
+    return None if found is None else checked_tint(float(found[2] or 0.0))
+
+
+def _multipliers(values: Array) -> Multipliers:
+    r, g, b = (float(value) for value in values)
+    return Multipliers((r / g, 1.0, b / g))
+
+
+def _attributes(wanted: Selector) -> dict[str, object]:
+    """EXIF tags of the new rendering, and the stale ones of the old as None."""
+    light = LIGHT_SOURCES.get(wanted.white_balance, 0) if isinstance(wanted.white_balance, str) else OTHER_LIGHT
+    return {**dict.fromkeys(STALE), "Exif:WhiteBalance": 1, "Exif:LightSource": light}

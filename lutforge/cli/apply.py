@@ -13,6 +13,8 @@ from lutforge.cli.console import err, note, progress_bar, say
 from lutforge.errors import ImageError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 
+PROFILE = ".npz"
+
 if TYPE_CHECKING:
     from lutforge.apply.batch import BatchResult, Failure
     from lutforge.apply.grade import Recipe
@@ -21,15 +23,28 @@ if TYPE_CHECKING:
 
 def apply(
     grade: Annotated[Path, typer.Argument(help="A LUT file, a profile (.npz) or a config.", show_default=False)],
-    images: Annotated[list[Path], typer.Argument(help="Images: JPEG, PNG, TIFF, EXR, …", show_default=False)],
+    images: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Images: JPEG, PNG, TIFF, EXR, with a profile RAW; before them further profiles.", show_default=False
+        ),
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the graded images.")],
     source: Annotated[
-        str | None, typer.Option("--from", help="STYLE/WB of the images; with a config, their colour space.")
+        str | None,
+        typer.Option(
+            "--from", help="STYLE/WB of the images, where they do not tell; with a config, their colour space."
+        ),
     ] = None,
     target: Annotated[
-        str | None, typer.Option("--to", help="STYLE/WB wanted; with a config, the colour space wanted.")
+        str | None,
+        typer.Option("--to", help="STYLE/WB wanted, as-shot to keep either; with a config, the colour space wanted."),
     ] = None,
     ev: Annotated[float, typer.Option(help="Exposure change in stops, with a profile.")] = 0.0,
+    look: Annotated[Path | None, typer.Option("--as", help="The profile of the camera whose look is wanted.")] = None,
+    transfer: Annotated[
+        list[Path] | None, typer.Option(help="With --as: RAW to RAW, from `lutforge transfer`; may repeat.")
+    ] = None,
     suffix: Annotated[str | None, typer.Option(help="Another format for the output, such as .png or .exr.")] = None,
     interpolation: Annotated[str, typer.Option(help="For LUTs that name none.")] = "tetrahedral",
     workers: Annotated[int | None, typer.Option(help="Threads; one per core by default.")] = None,
@@ -49,12 +64,22 @@ def apply(
     """
     from lutforge.apply.batch import Failure, apply_batch
     from lutforge.apply.inputs import find_inputs
+    from lutforge.apply.profile_recipe import ProfileRecipe
 
     if interpolation not in INTERPOLATIONS:
         raise SettingsError(f'unknown interpolation "{interpolation}"; choose {" or ".join(INTERPOLATIONS)}')
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers {workers}: at least one thread is needed")
-    recipe = _recipe(grade, source, target, ev, interpolation)
+    profiles = (grade, *(path for path in images if path.suffix.lower() == PROFILE))
+    images = [path for path in images if path.suffix.lower() != PROFILE]
+    if not images:
+        raise SettingsError("no image named: give the images after the profiles")
+    if grade.suffix.lower() == PROFILE:
+        recipe: Recipe = ProfileRecipe(profiles, source, target, ev, look, tuple(transfer or ()))
+    elif look is not None or transfer or len(profiles) > 1:
+        raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
+    else:
+        recipe = _recipe(grade, source, target, ev, interpolation)
     recipe.check()
     if output.exists() and not output.is_dir():
         raise ImageError(f"{output}: is not a folder; name a folder for the graded images")
@@ -134,10 +159,7 @@ def _print_json(result: "BatchResult", failed: "Sequence[Failure]", seconds: flo
 
 def _recipe(path: Path, source: str | None, target: str | None, ev: float, interpolation: Interpolation) -> "Recipe":
     from lutforge.apply.grade import ConfigRecipe, LutRecipe
-    from lutforge.apply.profile_recipe import ProfileRecipe
 
-    if path.suffix.lower() == ".npz":
-        return ProfileRecipe(path, source, target, ev)
     if path.suffix.lower() in (".ocio", ".ocioz"):
         return ConfigRecipe(path, source, target)
     if source is not None or target is not None or ev:

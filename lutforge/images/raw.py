@@ -107,6 +107,17 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
     return image
 
 
+def read_multipliers(path: Path | str) -> NDArray[np.float64] | None:
+    """As-shot white balance (3,) of a RAW file with green = 1, without decoding it; None where it has no valid one.
+
+    Raises ImageError.
+    """
+    path = Path(path)
+    _require_file(path)
+    with _translated(path), rawpy.imread(str(path)) as raw:
+        return _multipliers(list(raw.camera_whitebalance))
+
+
 def _require_file(path: Path) -> None:
     if path.is_dir():
         raise ImageError(f"{path}: is a folder, not a RAW file")

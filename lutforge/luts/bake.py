@@ -196,7 +196,7 @@ def _parts(transform: Transform, response: bool) -> _Parts:
         ahead, back = _output_curve(transform.response)
         to_linear, forward = transform.to_linear, transform.gamut_map
         return _Parts(_checked(lambda x: ahead(forward(x @ to_linear.T))), transform.gain, one, None, back)
-    if isinstance(transform, Refinish):
+    if isinstance(transform, Refinish) and transform.transfer is None:
         first = _parts(transform.linearize, response)
         last = _parts(transform.render, response)
         if np.all(first.gain == 1) and first.response is None and last.curve is None:

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
+from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response import Response
 from lutforge.model.scene_spaces import SceneSpace, from_linear_srgb
 from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
-from lutforge.model.white_balance import WhiteBalance, resolve, tinted
+from lutforge.model.white_balance import WhiteBalance, resolve, seen_as, tinted
 from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector
 
 Array = NDArray[np.float64]
@@ -185,23 +186,45 @@ def match(
     target: str | Selector,
     ev: float = 0.0,
     model: ModelName | None = None,
+    transfer: RawTransfer | None = None,
 ) -> Transform:
     """One camera's JPEG → the JPEG of another, or of itself under other settings (6.1, 6.3).
 
-    Between two cameras Tc = (Ts_b Tw_b)⁻¹ Ts_a Tw_a, with both white balances those of the source's light; where the
-    target camera does not know that setting, its own target white balance stands in.
-    Raises SettingsError on an exposure beyond ±20 stops.
+    transfer: Tc, measured on common scenes. Without it Tc = (Ts_b Tw_b)⁻¹ Ts_a Tw_a, with both white balances those of
+    the source's light (see `same_light`); where the target camera does not know it, its target white balance stands in.
+    Raises SettingsError on an exposure beyond ±20 stops, ProfileError on a transfer between other cameras.
     """
     if not -20.0 <= ev <= 20.0:
         raise SettingsError(f"exposure change {ev:g} EV is not within ±20 stops")
+    source, target = source_camera.selector(source), target_camera.selector(target)
+    if transfer is not None and (transfer.source, transfer.target) != (source_camera.camera, target_camera.camera):
+        raise ProfileError(
+            f"the RAW transfer is from {transfer.source} to {transfer.target}, "
+            f"the profiles are of {source_camera.camera} and {target_camera.camera}"
+        )
     between = 2.0**ev * np.eye(3)
-    if source_camera is not target_camera:
-        light = source_camera.selector(source)
-        try:
-            reference = target_camera.selector(Selector(target_camera.selector(target).style, light.white_balance))
-        except SettingsError:
-            reference = target_camera.selector(target)
-        to_target = np.linalg.inv(target_camera.raw_to_linear_srgb(reference))
-        between = 2.0**ev * to_target @ source_camera.raw_to_linear_srgb(light)
+    if source_camera is not target_camera and transfer is None:
+        reference = same_light(source_camera, source, target_camera) or target.white_balance
+        to_target = np.linalg.inv(target_camera.raw_to_linear_srgb(Selector(target.style, reference)))
+        between = 2.0**ev * to_target @ source_camera.raw_to_linear_srgb(source)
     source_linear = source_camera._linearize(source, "raw", model)
-    return Refinish(source_linear, between, target_camera.render(target, model=model))
+    return Refinish(source_linear, between, target_camera.render(target, model=model), transfer)
+
+
+def same_light(
+    source_camera: CameraProfile, source: Selector, target_camera: CameraProfile
+) -> str | Kelvin | Multipliers | None:
+    """The target camera's white balance for the light that the source's setting is for: of the same name, else of the
+    same temperature and tint; None where it knows neither.
+    """
+    if isinstance(source.white_balance, str) and source.white_balance in target_camera.white_balances:
+        return source.white_balance
+    if source_camera.raw_camera or target_camera.raw_camera:
+        return None
+    try:
+        multipliers = source_camera.multipliers(source)
+        light = seen_as(multipliers, source_camera.white_balances, source_camera.matrix)
+        resolve(light, target_camera.white_balances, target_camera.matrix)
+    except SettingsError:
+        return None
+    return light

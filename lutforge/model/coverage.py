@@ -5,21 +5,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from lutforge.model.camera_profile import PhysicalModel, PictureStyle
-from lutforge.model.lattice import Lattice
+from lutforge.model.highlights import CLIPPED, clipped
+from lutforge.model.lattice import Lattice, grid
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FARTHEST = 24.0 / 255.0
 """Default limit: distance to the nearest sample, in encoded RGB."""
-CLIPPED = 0.5 / 255.0
-
-
-def clipped(encoded: ArrayLike) -> Mask:
-    """(…,) of encoded (…, 3): a channel at 0 or 255, whose RAW value cannot be told."""
-    values = np.asarray(encoded, dtype=np.float64)
-    mask: Mask = np.any((values <= CLIPPED) | (values >= 1.0 - CLIPPED), axis=-1)
-    return mask
 
 
 def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHEST) -> Mask:
@@ -34,6 +27,26 @@ def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHES
     distance, _ = cKDTree(points).query(values.reshape(-1, 3), distance_upper_bound=farthest, workers=-1)
     mask: Mask = ~np.isfinite(distance).reshape(values.shape[:-1])
     return mask
+
+
+def confidence(style: PictureStyle, size: int = 33) -> Lattice:
+    """A lattice of encoded colours with how well the style knows them: (confidence, unclipped, covered), each 0 to 1.
+
+    covered: 1 as near to a sample as half the limit of `uncovered`, falling evenly to 0 at one and a half of it: 0.5 is
+    the limit. unclipped: 0 where a channel is at 0 or 255. confidence: the smaller. O(size³ log n) once; then any image
+    at the speed of a LUT.
+    """
+    axis = np.linspace(2 * CLIPPED, 1.0 - 2 * CLIPPED, size - 4)
+    axis = np.concatenate([[0.0, CLIPPED], axis, [1.0 - CLIPPED, 1.0]])
+    levels = (axis, axis.copy(), axis.copy())
+    nodes = grid(levels)
+    points = _sampled(style)
+    trust = np.zeros(nodes.shape[:3])
+    if len(points):
+        reach = cKDTree(points).query(nodes.reshape(-1, 3), distance_upper_bound=1.5 * FARTHEST, workers=-1)[0]
+        trust = np.clip(1.5 - reach / FARTHEST, 0.0, 1.0).reshape(trust.shape)
+    unclipped = np.where(clipped(nodes), 0.0, 1.0)
+    return Lattice(levels, np.stack([np.minimum(trust, unclipped), unclipped, trust], axis=-1))
 
 
 def _sampled(style: PictureStyle) -> Array:

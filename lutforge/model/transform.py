@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.errors import ImageError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
@@ -14,6 +15,16 @@ from lutforge.model.response import Response
 Array = NDArray[np.float64]
 Transform = Callable[[ArrayLike], Array]
 """Any function of colours (…, 3) → (…, 3), float64."""
+
+
+def checked_colours(x: ArrayLike) -> Array:
+    """Colours (…, 3) as float64. Raises ImageError on another shape, and on integers, whose scale is unknown."""
+    values = np.asarray(x)
+    if isinstance(x, np.ndarray) and values.dtype.kind != "f":
+        raise ImageError(f"pixels of type {values.dtype}: scale them to [0, 1] first, such as pixels / 255.0")
+    if values.ndim == 0 or values.shape[-1] != 3:
+        raise ImageError(f"colours have shape (…, 3), not {values.shape}; pass pixels[..., :3] of an image with alpha")
+    return np.asarray(values, dtype=np.float64)
 
 
 class ShapedTransform(Protocol):
@@ -46,8 +57,13 @@ class _Shaped:
         raise NotImplementedError  # each transform below has its own
 
     def __call__(self, x: ArrayLike) -> Array:
-        """Evaluate at x (…, 3); gain · x is clamped to [0, 1], where the camera clips."""
-        return self.core(np.clip(np.asarray(x, dtype=np.float64) * self.gain, 0.0, 1.0)) @ self.matrix.T
+        """Evaluate at x (…, 3); gain · x is clamped to [0, 1], where the camera clips. NaN stays NaN."""
+        values = checked_colours(x)
+        y = self.core(np.clip(values * self.gain, 0.0, 1.0)) @ self.matrix.T
+        unknown = np.isnan(values).any(axis=-1)
+        if unknown.any():
+            y[unknown] = np.nan
+        return y
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +104,19 @@ class LinearizeChain(_Shaped):
 
 @dataclass(frozen=True, eq=False)
 class Refinish:
-    """I' = render(M · linearize(I)), equations (6.1) and (6.3). between: M (3, 3), exposure k and, where the two
-    cameras differ, Tc."""
+    """I' = render(M · Tc(linearize(I))), equations (6.1) and (6.3). between: M (3, 3), the exposure k and, between two
+    cameras without a transfer of their own, their matrices; transfer: Tc, RAW of one camera → RAW of the other.
+    """
 
     linearize: Transform
     between: Array
     render: Transform
+    transfer: Transform | None = None
+
+    def exposed(self, raw: Array) -> Array:
+        """What is rendered of the source's RAW (…, 3)."""
+        return (raw if self.transfer is None else self.transfer(raw)) @ self.between.T
 
     def __call__(self, x: ArrayLike) -> Array:
         """Encoded (…, 3) → encoded (…, 3)."""
-        return self.render(self.linearize(x) @ self.between.T)
+        return self.render(self.exposed(self.linearize(x)))

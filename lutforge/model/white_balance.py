@@ -86,10 +86,18 @@ def tinted(multipliers: Array, tint: float, known: Mapping[str, WhiteBalance], m
 
     Raises SettingsError where the profile knows no temperature at all.
     """
-    from_xyz = _camera_from_xyz(known, matrix)
-    kelvin, _ = temperature_and_tint(white_of(multipliers, from_xyz))
+    from_xyz, kelvin = _camera_from_xyz(known, matrix), seen_as(multipliers, known, matrix).kelvin
     change = multipliers_of(white(kelvin, tint), from_xyz) / multipliers_of(locus(kelvin), from_xyz)
     return np.asarray(multipliers * change)
+
+
+def seen_as(multipliers: Array, known: Mapping[str, WhiteBalance], matrix: Array) -> Kelvin:
+    """Temperature and tint of the light that multipliers make neutral, through the camera's matrix.
+
+    Raises SettingsError where the profile knows no temperature at all.
+    """
+    kelvin, tint = temperature_and_tint(white_of(multipliers, _camera_from_xyz(known, matrix)))
+    return Kelvin(kelvin, tint)
 
 
 def temperature_range(known: Mapping[str, WhiteBalance]) -> tuple[float, float]:

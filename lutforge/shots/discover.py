@@ -32,7 +32,7 @@ def discover(paths: Iterable[Path | str]) -> list[Path]:
         if not path.exists():
             raise ShotError(f"{path}: no such file or folder")
         for file in _in_folder(path) if path.is_dir() else [path]:
-            if file.suffix.lower() not in JPEG_SUFFIXES or not _has_raw_beside(file):
+            if file.suffix.lower() not in JPEG_SUFFIXES or raw_beside(file) is None:
                 found.setdefault(file.resolve(), file)
     if not found:
         raise ShotError("no RAW files: name RAW files, or folders that hold some")
@@ -51,6 +51,20 @@ def jpeg_beside(raw: Path) -> Path | None:
     return next(iter(exact + similar), None)
 
 
+def raw_beside(jpeg: Path) -> Path | None:
+    """The RAW file of the same stem in a JPEG's folder, whatever the case of its name; None where there is none."""
+    stem = jpeg.stem.lower()
+    try:
+        names = sorted(
+            entry
+            for entry in jpeg.parent.iterdir()
+            if entry.stem.lower() == stem and entry.suffix.lower() in RAW_SUFFIXES
+        )
+    except OSError:
+        return None
+    return next(iter(names), None)
+
+
 def _in_folder(folder: Path) -> list[Path]:
     files = []
     for entry in folder.rglob("*"):
@@ -61,10 +75,3 @@ def _in_folder(folder: Path) -> list[Path]:
     if not files:
         raise ShotError(f"{folder}: the folder holds no RAW files")
     return sorted(files)
-
-
-def _has_raw_beside(jpeg: Path) -> bool:
-    return any(
-        entry.stem.lower() == jpeg.stem.lower() and entry.suffix.lower() in RAW_SUFFIXES
-        for entry in jpeg.parent.iterdir()
-    )

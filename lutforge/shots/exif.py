@@ -181,14 +181,16 @@ class _Reader:
                         self.tags.setdefault(("NikonPc", index), (raw[index],))
 
     def _olympus(self, entries: dict[int, _Entry], order: str, base: int) -> None:
-        if 0x2020 in entries:
-            entry = entries[0x2020]
+        for tag, group in ((0x2020, "OlympusCs"), (0x2040, "OlympusIp")):
+            if tag not in entries:
+                continue
+            entry = entries[tag]
             offset = (
                 struct.unpack_from(order + "I", self.data, entry.position)[0]
                 if entry.size == 4
                 else entry.position - base
             )
-            self.directory("OlympusCs", order, base, offset)
+            self.directory(group, order, base, offset)
 
 
 def _spread(tags: Tags, group: str, order: str, code: str, raw: bytes) -> None:

@@ -162,7 +162,7 @@ def white_balance_of(tags: Tags) -> str | None:
         code = _element(tags.get(key), 0)
         if code is not None and (name := names.get(code & 0xFFFF)) and name != "unknown":
             return name
-    return None
+    return _described(tags, "WhiteBalance")
 
 
 def notes_of(tags: Tags) -> Iterator[str]:
@@ -190,7 +190,14 @@ def _named_style(tags: Tags) -> str | None:
     profile = tags.get(("Image", 0xC6F8))  # DNG's ProfileName: cameras that write DNG name the style here
     if isinstance(profile, str) and profile.strip() and not re.search(r"adobe|embedded|camera", profile.lower()):
         return re.sub(r"\s+", " ", profile.lower()).strip()
-    return None
+    return _described(tags, "PictureStyle")
+
+
+def _described(tags: Tags, what: str) -> str | None:
+    """A setting out of a description such as "PictureStyle=vivid; WhiteBalance=daylight" (the simulated camera's)."""
+    text = tags.get(("Image", 0x010E))
+    found = re.search(rf"\b{what}=([^;=]+)", text) if isinstance(text, str) else None
+    return found[1].strip().lower() if found else None
 
 
 def _deviations(tags: Tags, named: bool) -> Iterator[tuple[str, int]]:

@@ -4,8 +4,9 @@ import numpy as np
 from profiles_synthetic import gamma_response, identity_map, small_profile
 
 from lutforge.model.camera_profile import PhysicalModel, PictureStyle
-from lutforge.model.coverage import clipped, uncovered
+from lutforge.model.coverage import FARTHEST, confidence, uncovered
 from lutforge.model.gamut_map import GamutMap
+from lutforge.model.highlights import clipped
 
 
 def test_clipped_is_any_channel_at_an_end() -> None:
@@ -32,3 +33,24 @@ def test_a_lattice_knows_the_nodes_that_samples_touched() -> None:
     x = np.array([[0.5, 0.5, 0.55], [0.1, 0.1, 0.1]])
     np.testing.assert_array_equal(uncovered(lattice_only, x), [False, True])
     assert uncovered(PictureStyle(), x).all()
+
+
+def test_confidence_is_the_mask_as_a_lattice() -> None:
+    rng = np.random.default_rng(3)
+    known = rng.uniform(0.1, 0.9, (60, 3))
+    back = GamutMap(known**2.2, np.zeros((60, 3)), identity_map().polynomial)
+    style = PictureStyle(physical=(PhysicalModel(("daylight",), np.eye(3), gamma_response(), identity_map(), back),))
+    trust = confidence(style)
+    near = np.clip(known + rng.normal(size=(60, 3)) * 0.2 * FARTHEST / np.sqrt(3), 0.02, 0.98)
+    assert trust(near)[:, 0].min() > 0.7
+    x = rng.uniform(0.02, 0.98, (4000, 3))
+    distance = np.linalg.norm(x[:, None] - known, axis=-1).min(axis=1)
+    assert np.all(trust(x)[distance > 2.2 * FARTHEST][:, [0, 2]] == 0)
+    # The cells of the lattice are a third of the limit wide.
+    agree = (trust(x)[:, 0] < 0.5) == uncovered(style, x)
+    assert agree[np.abs(distance - FARTHEST) > 0.3 * FARTHEST].all()
+    edge = np.repeat(known[:1], 2, axis=0)
+    edge[0, 1], edge[1, 2] = 0.0, 1.0
+    np.testing.assert_array_equal(trust(edge)[:, :2], 0)
+    np.testing.assert_allclose(trust(x)[:, 1], 1)
+    assert np.all(confidence(PictureStyle())(x)[:, [0, 2]] == 0)

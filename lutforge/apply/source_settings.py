@@ -1,0 +1,95 @@
+"""Which of a profile's settings a picture was made with: by its metadata, or by what the user says of it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from lutforge.errors import SettingsError
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.settings import KELVIN_RANGE, Kelvin, Multipliers, Selector, parse_selector
+from lutforge.shots.picture_settings import PictureSettings
+
+AS_SHOT = "as-shot"
+NAMED_BY_FILE = (AS_SHOT, "auto")
+"""White balances that stand for the picture's own."""
+
+STEADY = 0.02
+"""A named setting whose multipliers vary by less from shot to shot is the same for all shots."""
+LIKELY = 0.3
+"""Multipliers that depart further from the named setting are not believed."""
+
+
+def choose_camera(
+    path: Path, settings: PictureSettings, cameras: Mapping[str, CameraProfile], asked: bool
+) -> tuple[CameraProfile, tuple[str, ...]]:
+    """The profile of the camera that took a picture; where `asked` (the user names the settings), a single profile
+    applies to any picture, and the notes say so. cameras: by name in lower case. Raises SettingsError.
+    """
+    found = cameras.get(settings.camera.lower())
+    if found is not None:
+        return found, ()
+    named = f"is of {settings.camera}" if settings.camera else "does not name its camera"
+    known = ", ".join(camera.camera for camera in cameras.values())
+    if len(cameras) > 1 or not asked:
+        raise SettingsError(
+            f"{path}: the picture {named}, the profile{'s are' if len(cameras) > 1 else ' is'} of {known}; "
+            "name the settings with --from STYLE/WB to use a profile all the same"
+        )
+    return next(iter(cameras.values())), (f"the picture {named}; the profile is of {known}",)
+
+
+def source_selector(
+    path: Path, settings: PictureSettings, camera: CameraProfile, asked: str | None
+) -> tuple[Selector, tuple[str, ...]]:
+    """The settings of a picture: those asked for, completed by its metadata; and notes. Raises SettingsError with the
+    profile's known settings where they cannot be told.
+    """
+    wanted = parse_selector(asked) if asked else Selector(AS_SHOT, AS_SHOT)
+    style = wanted.style if wanted.style != AS_SHOT else settings.style
+    if style not in camera.styles:
+        known = f"{camera.camera} has the styles {', '.join(sorted(camera.styles))}"
+        if wanted.style != AS_SHOT:
+            raise SettingsError(f'unknown style "{style}"; {known}')
+        told = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
+        raise SettingsError(f"{path}: {told}; {known} and the white balances {_balances(camera)}: name it with --from")
+    if wanted.white_balance not in NAMED_BY_FILE:
+        return camera.selector(Selector(style, wanted.white_balance)), ()
+    balance = _balance_of_file(settings, camera)
+    if balance is not None:
+        return camera.selector(Selector(style, balance)), ()
+    median = camera.white_balances.get("auto")
+    if wanted.white_balance == "auto" and median is not None:
+        r, g, b = median.multipliers
+        text = f"the file does not tell its white balance; the median of the shots, {r:.3f},{g:g},{b:.3f}, is used"
+        return Selector(style, "auto"), (text,)
+    told = f'its white balance is "{settings.white_balance}"'
+    raise SettingsError(
+        f"{path}: {told if settings.white_balance != 'unknown' else 'the file does not tell its white balance'}, "
+        f"without multipliers; name it with --from {style}/WB, where {camera.camera} has {_balances(camera)}, "
+        f"or find it with --candidates sheet.jpg"
+    )
+
+
+def _balance_of_file(settings: PictureSettings, camera: CameraProfile) -> str | Kelvin | Multipliers | None:
+    """The white balance that the metadata tell: the named setting, the temperature that was dialled in, or the
+    multipliers.
+    """
+    name = settings.white_balance
+    known = camera.white_balances.get(name)
+    steady = known is not None and known.spread <= STEADY
+    if settings.multipliers is not None and not camera.raw_camera:
+        r, g, b = (float(value) for value in settings.multipliers)
+        departure = 0.0 if known is None else float(np.max(np.abs(settings.multipliers / known.multipliers - 1)))
+        if not steady or STEADY < departure <= LIKELY:
+            return Multipliers((r, g, b))
+    if steady:
+        return name
+    if name.endswith("k") and name[:-1].replace(".", "", 1).isdigit():
+        kelvin = float(name[:-1])
+        return Kelvin(kelvin) if KELVIN_RANGE[0] <= kelvin <= KELVIN_RANGE[1] else None
+    return None
+
+
+def _balances(camera: CameraProfile) -> str:
+    return ", ".join(sorted(camera.white_balances))

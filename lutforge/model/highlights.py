@@ -1,0 +1,32 @@
+"""What clipped in the source cannot be recovered; it is kept neutral, not turned into a colour by new multipliers."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CLIPPED = 0.5 / 255.0
+"""An encoded channel this near to 0 or 1 is clipped: half a code of an 8-bit file."""
+
+
+def clipped(encoded: ArrayLike) -> Mask:
+    """(…,) of encoded (…, 3): a channel at 0 or 255, whose RAW value cannot be told."""
+    values = np.asarray(encoded, dtype=np.float64)
+    mask: Mask = np.any((values <= CLIPPED) | (values >= 1.0 - CLIPPED), axis=-1)
+    return mask
+
+
+def neutral_where_clipped(encoded: Array, balanced: Array) -> Array:
+    """Balanced linear colours (…, 3) to render anew, with what clipped in the source `encoded` (…, 3) kept neutral.
+
+    The true value of a channel at 255 is at least what it reads: it is raised to the smallest of the unclipped ones,
+    which makes burnt-out neutrals neutral and leaves saturated colours alone. Where all are at 255 they are raised to
+    the largest, where all are at 0 lowered to the smallest. Unclipped colours are untouched.
+    """
+    burnt = encoded >= 1.0 - CLIPPED
+    floor = np.where(burnt, np.inf, balanced).min(axis=-1, keepdims=True)
+    floor = np.where(burnt.all(axis=-1, keepdims=True), balanced.max(axis=-1, keepdims=True), floor)
+    raised = np.where(burnt, np.maximum(balanced, floor), balanced)
+    black = np.all(encoded <= CLIPPED, axis=-1, keepdims=True)
+    return np.asarray(np.where(black, balanced.min(axis=-1, keepdims=True), raised))

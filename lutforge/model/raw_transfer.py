@@ -1,0 +1,152 @@
+"""One camera's RAW → another's: Tc (thesis 6.2), or its piecewise-linear form (7.2).
+
+The piecewise-linear form cuts RAW space into wedges between the neutral axis and neighbouring hues, each with a matrix
+of its own, continuous where they meet (Andersen and Hardeberg, "Camera characterization of hue-planes", CIC 13, 2005).
+Both keep the scale: twice the light is twice the answer.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lutforge import __version__
+from lutforge.atomic_write import atomic_path
+from lutforge.errors import ProfileError
+
+Array = NDArray[np.float64]
+
+FORMAT = "lutforge-raw-transfer"
+FORMAT_VERSION = 1
+LARGEST_FILE = 1 << 20
+MOST_HUES = 64
+
+OPPONENT = np.array([[1.0, -0.5, -0.5], [0.0, np.sqrt(0.75), -np.sqrt(0.75)]])
+"""The plane of hues, seen along the neutral axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class HueWedges:
+    """Wedges around the neutral axis. neutral: (3,) source RAW of a white; hues: (K,) angles in radians, increasing
+    within one turn, of the edges between wedges, after white balance by `neutral`; images: (K + 1, 3) the target RAW of
+    the neutral, then of a unit step along each edge.
+
+    Raises ProfileError where a wedge is wider than half a turn.
+    """
+
+    neutral: Array
+    hues: Array
+    images: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.hues)
+        if not 3 <= count <= MOST_HUES or self.images.shape != (count + 1, 3) or self.neutral.shape != (3,):
+            raise ProfileError(f"RAW transfer: {count} hues and {self.images.shape} images do not make wedges")
+        if not all(np.all(np.isfinite(part)) for part in (self.hues, self.images, self.neutral)):
+            raise ProfileError("RAW transfer: a number is not finite")
+        gaps = np.diff(np.concatenate([self.hues, self.hues[:1] + 2 * np.pi]))
+        if np.any(gaps <= 0) or np.any(gaps >= np.pi) or np.any(self.neutral <= 0):
+            raise ProfileError("RAW transfer: hues increase within one turn, by less than half a turn each")
+
+    def coordinates(self, raw: Array) -> Array:
+        """(n, K + 1) weights of the images for RAW (n, 3): the share of neutral, then of the two edges of its wedge."""
+        balanced = raw / self.neutral
+        plane = balanced @ OPPONENT.T
+        angle = np.mod(np.arctan2(plane[:, 1], plane[:, 0]) - self.hues[0], 2 * np.pi) + self.hues[0]
+        first = np.clip(np.searchsorted(self.hues, angle, side="right") - 1, 0, len(self.hues) - 1)
+        second = (first + 1) % len(self.hues)
+        edge = np.stack([np.cos(self.hues), np.sin(self.hues)], axis=1)
+        a, b = edge[first], edge[second]
+        area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        rows = np.arange(len(raw))
+        weights = np.zeros((len(raw), len(self.hues) + 1))
+        weights[:, 0] = balanced.mean(axis=1)
+        weights[rows, first + 1] += (plane[:, 0] * b[:, 1] - plane[:, 1] * b[:, 0]) / area
+        weights[rows, second + 1] += (a[:, 0] * plane[:, 1] - a[:, 1] * plane[:, 0]) / area
+        return weights
+
+
+@dataclass(frozen=True, eq=False)
+class RawTransfer:
+    """RAW of `source` → RAW of `target`, both before white balance. matrix: Tc (3, 3); wedges: instead, where fitted.
+
+    error: root mean square of the pairs that the fit had not seen, relative to their norm.
+    """
+
+    source: str
+    target: str
+    matrix: Array
+    wedges: HueWedges | None = None
+    error: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.matrix.shape != (3, 3) or not np.all(np.isfinite(self.matrix)) or np.linalg.cond(self.matrix) > 1e6:
+            raise ProfileError(f"RAW transfer {self.source} to {self.target}: the matrix is not invertible")
+
+    def __call__(self, raw: ArrayLike) -> Array:
+        """RAW (…, 3) → RAW (…, 3)."""
+        x = np.asarray(raw, dtype=np.float64)
+        if self.wedges is None:
+            return x @ self.matrix.T
+        flat = x.reshape(-1, 3)
+        return (self.wedges.coordinates(flat) @ self.wedges.images).reshape(x.shape)
+
+    def save(self, path: str | Path) -> None:
+        """Write the transfer (.json), atomically; `load_transfer` reads it."""
+        wedges = self.wedges
+        document = {
+            "format": FORMAT,
+            "version": FORMAT_VERSION,
+            "software": f"LutForge {__version__}",
+            "source": self.source,
+            "target": self.target,
+            "matrix": self.matrix.tolist(),
+            "wedges": None
+            if wedges is None
+            else {"neutral": wedges.neutral.tolist(), "hues": wedges.hues.tolist(), "images": wedges.images.tolist()},
+            "error": self.error,
+        }
+        with atomic_path(path) as temporary:
+            temporary.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def load_transfer(path: str | Path) -> RawTransfer:
+    """Read a transfer. Raises ProfileError, in one line, on anything that is not one."""
+    path = Path(path)
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ProfileError(f"{path}: refused, it is far larger than any RAW transfer")
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(document, dict) or document.get("format") != FORMAT:
+            raise ProfileError(f"{path}: not a RAW transfer; make one with `lutforge transfer`")
+        if not isinstance(document["version"], int) or document["version"] > FORMAT_VERSION:
+            raise ProfileError(f"{path}: version {document['version']}; this LutForge reads up to {FORMAT_VERSION}")
+        stored = document["wedges"]
+        wedges = stored and HueWedges(*(np.array(stored[name], float) for name in ("neutral", "hues", "images")))
+        error = None if document["error"] is None else float(document["error"])
+        matrix = np.array(document["matrix"], dtype=np.float64)
+        return RawTransfer(str(document["source"]), str(document["target"]), matrix, wedges or None, error)
+    except OSError as error:
+        raise ProfileError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except ProfileError as error:
+        raise error if str(path) in str(error) else ProfileError(f"{path}: {error}") from error
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise ProfileError(f"{path}: damaged RAW transfer ({type(error).__name__}: {error})") from error
+
+
+def chained(transfers: list[RawTransfer]) -> RawTransfer:
+    """One transfer through a reference camera: Tc(1→3) = Tc(2→3) Tc(1→2). Piecewise parts are kept by their matrices.
+
+    Raises ProfileError where one does not begin at the camera at which the one before ends.
+    """
+    first, *rest = transfers
+    for other in rest:
+        if other.source != first.target:
+            raise ProfileError(
+                f"the RAW transfer {first.source} to {first.target} cannot be followed by "
+                f"{other.source} to {other.target}"
+            )
+        first = RawTransfer(first.source, other.target, other.matrix @ first.matrix)
+    return first

@@ -1,0 +1,133 @@
+"""What a finished picture says about the settings that it was made with: camera, picture style, white balance."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.errors import ImageError, SettingsError
+from lutforge.images.raw import read_multipliers
+from lutforge.images.read import ImageReader
+from lutforge.settings import Multipliers, Selector, parse_selector, setting_name
+from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
+from lutforge.shots.exif import Tags
+from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
+from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
+from lutforge.shots.metadata import UNKNOWN, file_tags, tidy_camera
+
+SOFTWARE = "LutForge"
+
+_EDITORS = re.compile(
+    "photoshop|lightroom|camera raw|gimp|darktable|rawtherapee|^art |capture one|affinity|dxo|luminar|on1|acdsee|"
+    "snapseed|picasa|imagemagick|paint|digikam|krita|silkypix",
+    re.IGNORECASE,
+)
+"""Programs that change colours; cameras name their firmware in the same tag."""
+
+
+@dataclass(frozen=True, eq=False)
+class PictureSettings:
+    """camera: make and model, "" where the file does not name it. style, white_balance: lower-case words, "unknown"
+    where the file does not tell; white_balance may be a temperature ("5200k"). multipliers: (3,) with green = 1, None
+    where unknown. notes: what makes the rendering depend on the scene.
+    """
+
+    camera: str
+    style: str
+    white_balance: str
+    multipliers: NDArray[np.float64] | None
+    notes: tuple[str, ...] = ()
+
+
+def read_picture_settings(path: Path) -> PictureSettings:
+    """Settings of a JPEG, another finished picture or a RAW file, from its EXIF and maker notes.
+
+    A picture that LutForge wrote has the settings that its history names last, whatever its maker notes still say. The
+    RAW file of the same camera beside a JPEG (same stem) completes what the JPEG does not tell. Raises ImageError for
+    what is no image.
+    """
+    is_raw = path.suffix.lower() in RAW_SUFFIXES
+    tags = file_tags(path) if is_raw else {**_header_tags(path), **file_tags(path)}
+    made = _made_by_lutforge(tags)
+    if made is not None:
+        return made
+    camera = camera_of(tags)
+    raw = path if is_raw else raw_beside(path) if camera else None
+    raw_tags = {} if raw is None else file_tags(raw)
+    if camera_of(raw_tags) == camera:
+        tags = {**raw_tags, **tags}
+    else:
+        raw = None
+    multipliers = multipliers_of(tags)
+    if multipliers is None and raw is not None:
+        try:
+            multipliers = read_multipliers(raw)
+        except ImageError:
+            multipliers = None  # then the RAW file is of no help; the picture itself may be fine
+    balance = white_balance_of(tags) or UNKNOWN
+    kelvin = kelvin_of(tags) if balance == "kelvin" else None
+    return PictureSettings(
+        camera=camera,
+        style=setting_name(style_of(tags) or UNKNOWN),
+        white_balance=f"{kelvin:g}k" if kelvin is not None else setting_name(balance),
+        multipliers=multipliers,
+        notes=(*notes_of(tags), *_edited(tags)),
+    )
+
+
+def camera_of(tags: Tags) -> str:
+    """Make and model in one; "" where neither is there."""
+    make, model = (str(tags.get(("Image", tag), "")).strip() for tag in (0x010F, 0x0110))
+    return tidy_camera(make, model) if make or model else ""
+
+
+def history_line(camera: str, source: str, target_camera: str, target: str, ev: float) -> str:
+    """What was done, as the image's history names it and `read_picture_settings` reads it back."""
+    exposure = f", {ev:+g} EV" if ev else ""
+    return f"{SOFTWARE}: {camera}: {source} -> {target_camera}: {target}{exposure}"
+
+
+def _edited(tags: Tags) -> tuple[str, ...]:
+    software = str(tags.get(("Image", 0x0131), "")).strip()
+    if not _EDITORS.search(software):
+        return ()
+    return (f"{software} wrote this file: its colours may not be those that the camera made",)
+
+
+def _made_by_lutforge(tags: Tags) -> PictureSettings | None:
+    """Settings of a refinished picture, by the last line of its history."""
+    if not str(tags.get(("Image", 0x0131), "")).startswith(SOFTWARE):
+        return None
+    lines = [line for line in str(tags.get(("Photo", 0x9213), "")).splitlines() if " -> " in line]
+    found = re.fullmatch(rf"{SOFTWARE}: .* -> (.+): ([^:]+?)(?:, [+-][\d.e+-]+ EV)?", lines[-1]) if lines else None
+    if found is None:
+        return None
+    try:
+        selector: Selector = parse_selector(found[2])
+    except SettingsError:
+        return None
+    balance = selector.white_balance
+    multipliers = np.array(balance.rgb) if isinstance(balance, Multipliers) else None
+    name = "custom" if isinstance(balance, Multipliers) else str(selector).partition("/")[2].lower()
+    return PictureSettings(found[1], selector.style, name, multipliers)
+
+
+def _header_tags(path: Path) -> Tags:
+    """What OpenImageIO reads of any format's header, under EXIF's numbers."""
+    with ImageReader(path) as image:
+        spec = image.spec
+    names = {
+        ("Image", 0x010E): "ImageDescription",
+        ("Image", 0x010F): "Make",
+        ("Image", 0x0110): "Model",
+        ("Image", 0x0131): "Software",
+        ("Photo", 0x9213): "Exif:ImageHistory",
+    }
+    tags: Tags = {}
+    for key, name in names.items():
+        text = spec.get_string_attribute(name)
+        if text:
+            tags[key] = text
+    return tags
