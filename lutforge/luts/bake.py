@@ -15,7 +15,8 @@ from scipy.stats import qmc
 
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.least_squares import Function, Samples, curvature_levels, fit_cube, sample
+from lutforge.luts.axes import fit_axes
+from lutforge.luts.least_squares import Function, fit_cube, sample
 from lutforge.luts.lut import Lut, lut_from_lattice, through
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.colour_difference import delta_e_2000
@@ -24,10 +25,14 @@ from lutforge.model.response import Response
 from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
 
 Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the share that is done, 0 … 1."""
 
 DEFAULT_SIZE = 33
 SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
 """Sizes that a tolerance is tried at."""
+BEST_ORDER = 3
+"""No error falls faster than with this power of the size (piecewise linear: 2); sizes that cannot do are left out."""
 CHECK_POINTS = 1 << 15
 CURVE_SIZE = SHAPER_SIZE
 BLOCK = 1 << 15
@@ -46,7 +51,10 @@ class BakeError:
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """A transform as matrix · response(inner(curve(gain · x))); `inner` is what the cube holds."""
+    """A transform as matrix · response(inner(gain · x)); curve: axes on which `inner` is smooth.
+
+    The cube holds `inner`.
+    """
 
     inner: Function
     gain: Array
@@ -64,7 +72,7 @@ def bake(
     display_referred: bool = True,
     title: str = "",
     comments: tuple[str, ...] = (),
-    progress: Callable[[str, float], None] = lambda what, share: None,
+    progress: Progress = lambda what, share: None,
     shaper: bool = True,
     response: bool = True,
     shared: bool = False,
@@ -88,7 +96,7 @@ def bake(
     method = interpolation or "tetrahedral"
     parts = _parts(transform, response) if shaper and not shared else _Parts(_checked(transform), np.ones(3), np.eye(3))
     if tolerance is None:
-        lut = _fit(parts, size or DEFAULT_SIZE, method, shaper, shared)
+        lut = _fit(parts, size or DEFAULT_SIZE, method, shaper, shared, progress)
     else:
         lut = _smallest(transform, parts, tolerance, method, shaper, shared, display_referred, progress)
     return replace(lut, title=title, comments=comments, source=transform)
@@ -117,17 +125,14 @@ def _as_it_stands(transform: Transform, size: int | None, interpolation: Interpo
     return lut_from_lattice(lattice, transform.gain, transform.matrix)
 
 
-def _fit(parts: _Parts, size: int, method: Interpolation, shaper: bool, shared: bool) -> Lut:
-    inner, curve = parts.inner, parts.curve
-
-    def ahead(x: Array) -> Array:
-        return x if curve is None else through(curve, x)
-
+def _fit(parts: _Parts, size: int, method: Interpolation, shaper: bool, shared: bool, progress: Progress) -> Lut:
+    progress(f"{size}³ nodes: where they lie", 0.0)
     weight = None if parts.response is None else _slope_weight(parts.response)
-    levels = (
-        curvature_levels(lambda x: inner(ahead(x)), size, weight, shared, ahead) if shaper else uniform_levels(size)
-    )
-    grey = np.repeat(np.linspace(0.0, 1.0, 1025)[:, None], 3, axis=1)
+    curve, levels = None, uniform_levels(size)
+    if shaper:
+        axes = fit_axes(parts.inner, size, parts.gain, weight, parts.curve, shared)
+        levels = axes.levels
+        curve = axes.curve if len(axes.curve) > 2 else None  # a straight line stretches nothing
     empty = Lut(
         gain=parts.gain,
         levels=levels,
@@ -137,21 +142,9 @@ def _fit(parts: _Parts, size: int, method: Interpolation, shaper: bool, shared: 
         curve=curve,
         response=parts.response,
     )
-    samples = sample(inner, empty.knots, ahead(grey))
-    cube = fit_cube(samples, empty.knots, method, weight, parts.response is None)
-    return replace(empty, cube=cube, samples=samples if parts.response is not None else None)
-
-
-def without_response(lut: Lut) -> Lut:
-    """A LUT with a response fitted again without, from the same evaluation. Raises LutError where that is not kept."""
-    if lut.response is None:
-        return lut
-    if lut.samples is None:
-        raise LutError("a LUT without the samples of its fit cannot be fitted again")
-    inner = lut.samples
-    encoded = Samples(inner.x, through(lut.response, inner.y), inner.grey, through(lut.response, inner.nodes))
-    cube = fit_cube(encoded, lut.knots, lut.interpolation)
-    return replace(lut, cube=cube, response=None, samples=None)
+    samples = sample(parts.inner, levels, parts.gain, lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share))
+    progress(f"{size}³ nodes: fitted", 0.8)
+    return replace(empty, cube=fit_cube(samples, empty.knots, method, empty.stretched, weight, parts.response is None))
 
 
 def _smallest(
@@ -162,22 +155,25 @@ def _smallest(
     shaper: bool,
     shared: bool,
     display_referred: bool,
-    progress: Callable[[str, float], None],
+    progress: Progress,
 ) -> Lut:
     if not display_referred:
         raise LutError("a ΔE00 tolerance has no meaning for scene-linear output; give a size (33 or 65) instead")
     if not tolerance > 0:
         raise LutError(f"tolerance {tolerance:g}: a ΔE00 above 0 is needed")
-    reached = float("inf")
-    for index, size in enumerate(SIZES):
-        progress(f"{size} nodes per axis", index / len(SIZES))
-        lut = _fit(parts, size, method, shaper, shared)
-        error = bake_error(lut, transform).de00_p99
-        reached = min(reached, error if error is not None else reached)
-        if reached <= tolerance:
+    best, at, sizes = float("inf"), 0, list(SIZES)
+    while sizes:
+        size = sizes[0]
+        lut = _fit(parts, size, method, shaper, shared, progress)
+        error = bake_error(lut, transform).de00_p99 or 0.0
+        if error < best:
+            best, at = error, size
+        if error <= tolerance:
             return lut
+        sizes = [larger for larger in sizes[1:] if error * (size / larger) ** BEST_ORDER <= tolerance]
     raise LutError(
-        f"no size up to {SIZES[-1]} brings 99 % of colours within {tolerance:g} ΔE00; the best is {reached:.2g}"
+        f"no size up to {SIZES[-1]} brings 99 % of colours within {tolerance:g} ΔE00: the smallest error found is "
+        f"{best:.2g}, at {at}; give a larger tolerance, or --size {SIZES[-1]} for the best there is"
     )
 
 
@@ -185,27 +181,23 @@ def _parts(transform: Transform, response: bool) -> _Parts:
     """What of a transform can be a gain, a curve, a response and a matrix; the cube has to hold the rest."""
     one = np.eye(3)
     if isinstance(transform, LinearizeChain):
-        table = _input_curve(transform.response)
-        linear, backward = transform.response.inverse, transform.gamut_map
-
-        def inner(u: Array) -> Array:
-            return backward(np.stack([np.interp(u[..., c], table[:, c], linear[:, c]) for c in range(3)], axis=-1))
-
-        return _Parts(_checked(inner), transform.gain, transform.matrix, table)
+        return _Parts(_checked(transform.core), transform.gain, transform.matrix, _input_curve(transform.response))
     if isinstance(transform, RenderChain) and response:
         ahead, back = _output_curve(transform.response)
         to_linear, forward = transform.to_linear, transform.gamut_map
-        return _Parts(_checked(lambda x: ahead(forward(x @ to_linear.T))), transform.gain, one, None, back)
+        straight = np.repeat([[0.0], [1.0]], 3, axis=1)
+        return _Parts(_checked(lambda x: ahead(forward(x @ to_linear.T))), transform.gain, one, straight, back)
     if isinstance(transform, Refinish) and transform.transfer is None:
         first = _parts(transform.linearize, response)
         last = _parts(transform.render, response)
-        if np.all(first.gain == 1) and first.response is None and last.curve is None:
+        if np.all(first.gain == 1) and first.response is None:
             between = transform.between @ first.matrix
 
-            def both(u: Array) -> Array:
-                return last.inner(np.clip(first.inner(u) @ between.T * last.gain, 0.0, 1.0))
+            def both(x: Array) -> Array:
+                return last.inner(np.clip(first.inner(x) @ between.T * last.gain, 0.0, 1.0))
 
-            return _Parts(both, np.ones(3), last.matrix, first.curve, last.response)
+            curve = first.curve if last.response is not None else None
+            return _Parts(both, np.ones(3), last.matrix, curve, last.response)
     gain: Array = getattr(transform, "gain", np.ones(3))
     matrix: Array = getattr(transform, "matrix", one)
     return _Parts(_checked(getattr(transform, "core", transform)), gain, matrix)

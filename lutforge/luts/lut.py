@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, interpolate
-from lutforge.luts.least_squares import Samples
 from lutforge.luts.shaper import SHAPER_SIZE, SHAPER_SIZES, on_grid, sampled_shaper, scaled_levels
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.transform import Transform
@@ -37,8 +36,7 @@ class Lut:
     curve: (m, 3), increasing from 0 to 1 at m even steps of [0, 1], or none: axes on which the cube is linear between
     its nodes, such as linear light for an encoded input. Files hold it in the shaper. response: (m, 3), the output at m
     even steps of [0, 1] of what the cube gives, clamped; none for none. Process lists (CLF, CTF) hold it.
-    source: the function that the LUT was fitted to, samples: its values there: formats that cannot hold this form of
-    it are fitted anew.
+    source: the function that the LUT was fitted to: formats that cannot hold this form of it are fitted anew.
     """
 
     gain: Array
@@ -52,7 +50,6 @@ class Lut:
     curve: Array | None = None
     response: Array | None = None
     source: Transform | None = field(default=None, repr=False)
-    samples: Samples | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         size = len(self.levels[0])
@@ -93,19 +90,21 @@ class Lut:
     def __call__(self, x: ArrayLike) -> Array:
         """What a reader of the file computes, in float64: (…, 3) → (…, 3). NaN counts as 0."""
         inside = np.clip(np.nan_to_num(np.asarray(x, dtype=np.float64) * self.gain), 0.0, 1.0)
-        if self.curve is not None:
-            inside = through(self.curve, inside)
-        y = interpolate(inside, self.knots, self.cube, self.interpolation)
+        y = interpolate(self.stretched(inside), self.knots, self.cube, self.interpolation)
         if self.response is not None:
             y = through(self.response, y)
         return y @ self.matrix.T
+
+    def stretched(self, x: Array) -> Array:
+        """Inputs (…, 3) in [0, 1], behind the gain, on the axes of the cube."""
+        return x if self.curve is None else through(self.curve, x)
 
     @property
     def knots(self) -> Levels:
         """The node levels behind the curve: where the cube is interpolated."""
         if self.curve is None:
             return self.levels
-        r, g, b = through(self.curve, np.stack(self.levels, axis=1)).T
+        r, g, b = self.stretched(np.stack(self.levels, axis=1)).T
         return (np.ascontiguousarray(r), np.ascontiguousarray(g), np.ascontiguousarray(b))
 
     @property

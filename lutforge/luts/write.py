@@ -14,7 +14,7 @@ import numpy as np
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.bake import bake, without_response
+from lutforge.luts.bake import bake
 from lutforge.luts.formats import clf, csp, cube_3d, cube_resolve, hald, houdini, spi, threedl, truelight
 from lutforge.luts.lut import Lut
 from lutforge.luts.sample_points import sample_points
@@ -208,10 +208,12 @@ def _in_form(lut: Lut, form: Format, program: Dialect | None, size: int | None) 
 def _with_shaper(lut: Lut) -> tuple[Lut, str]:
     lost = ""
     if lut.response is not None:
-        if lut.samples is None:
-            lut, lost = _uniform(lut, 65, lut.interpolation)
-        else:
-            lut, lost = without_response(lut), "no response behind the cube: fitted without"
+        if lut.source is None:
+            return _uniform(lut, 65, lut.interpolation)
+        lut, lost = (
+            _fitted(lut, lut.size, lut.interpolation, response=False),
+            "no response behind the cube: fitted without",
+        )
     folded = lut.folded()
     if not lut.has_gain:
         return folded, lost

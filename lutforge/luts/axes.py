@@ -1,0 +1,136 @@
+"""The axes of a cube for a known function: per channel an input curve, and node levels along it.
+
+A cube interpolates linearly between its nodes, so each axis is first stretched until the function rises evenly along
+it: the curve is the running sum of its root-mean-square slope, which leaves, of all curves, the least curvature on
+average (d/dx log u' = ⟨F_xx, F_x⟩ / ⟨F_x, F_x⟩). Node levels then even out what curvature is left: intervals of width h
+carry a mean error ∝ |κ| h² per unit length, and at a fixed number of them the total is least where 1/h ∝ |κ|^(1/3), the
+largest where 1/h ∝ |κ|^(1/2) (de Boor 1973). The first is wanted where the cube holds all, the second where a response
+behind it magnifies the errors of the darks.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import gaussian_filter1d
+from scipy.stats import qmc
+
+from lutforge.interpolation import Levels
+from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.regression.node_levels import snap_levels
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
+
+LINES = 64
+"""Lines along each axis on which slope and curvature are measured, beside the grey axis, and steps of each."""
+STEPS = 256
+GREY_SHARE = 0.25
+"""What the grey axis counts among the lines."""
+SLOPE_FLOOR = 0.5
+"""Share of a straight line in the curve beside the slope, so that it rises where the function is flat."""
+SLOPE_SMOOTHING, LEVEL_SMOOTHING = 4.0, 1.0
+"""Standard deviations, in steps, of the Gaussians over the densities."""
+FLOOR = 0.2
+"""Share of the nodes that stays evenly spread."""
+
+
+@dataclass(frozen=True, eq=False)
+class Axes:
+    """curve: (SHAPER_SIZE, 3) or as given, increasing from 0 to 1; levels: of the input, on the shaper's grid."""
+
+    curve: Array
+    levels: Levels
+
+
+def fit_axes(
+    function: Function,
+    size: int,
+    gain: Array | None = None,
+    weight: Function | None = None,
+    curve: Array | None = None,
+    shared: bool = False,
+) -> Axes:
+    """Curve and `size` node levels per axis for a function (n, 3) in [0, 1] → (n, 3).
+
+    gain: (3,) in front of the function, which clamps at 1: inputs are taken to be even before it. weight: (n, 3) of
+    outputs → (n,), how much a squared error counts there. curve: one that is known. shared: one for all three axes.
+    """
+    t = np.linspace(0.0, 1.0, STEPS + 1) ** 1.5  # finer in the darks, where responses are steep
+    before = np.ones(3) if gain is None else gain
+    lines = [_lines(function, t, axis, before, weight is not None) for axis in range(3)]
+    if curve is None:
+        slopes = [_slope(y, t) for y in lines]
+        if shared:
+            slopes = [np.sqrt(np.mean(np.square(slopes), axis=0))] * 3
+        curve = np.stack([_curve(slope, t) for slope in slopes], axis=1)
+    even = np.linspace(0.0, 1.0, len(curve))
+    places = [np.interp(t, even, curve[:, axis]) for axis in range(3)]
+    masses = [_mass(lines[axis], t, places[axis], weight) for axis in range(3)]
+    if shared:
+        masses = [np.mean(masses, axis=0)] * 3
+    r, g, b = (snap_levels(_equal(mass, t, size), SHAPER_SIZE) for mass in masses)
+    return Axes(curve, (r, g, b))
+
+
+def _lines(function: Function, t: Array, axis: int, gain: Array, dark: bool) -> Array:
+    """The function on lines along an axis, (LINES + 1, STEPS + 1, 3); the first is the grey axis.
+
+    dark: half of the others lie in the darks.
+    """
+    others = [c for c in range(3) if c != axis]
+    x = np.empty((LINES + 1, len(t), 3))
+    x[..., axis] = t
+    base = qmc.Sobol(2, scramble=False).random(LINES)
+    if dark:
+        base[: LINES // 2] **= 2
+    x[1:, :, others] = np.minimum(base * np.maximum(gain[others], 1.0), 1.0)[:, None, :]
+    x[0] = t[:, None]
+    return function(x.reshape(-1, 3)).reshape(x.shape)
+
+
+def _mean(values: Array, grey: float) -> Array:
+    """Over the lines (LINES + 1, m)."""
+    mean: Array = (1 - grey) * values[1:].mean(axis=0) + grey * values[0]
+    return mean
+
+
+def _slope(y: Array, t: Array) -> Array:
+    slope = np.diff(y, axis=1) / np.diff(t)[:, None]
+    return np.asarray(np.sqrt(_mean(np.sum(slope**2, axis=2), GREY_SHARE)))
+
+
+def _curve(slope: Array, t: Array) -> Array:
+    """The running sum of a slope, from 0 to 1, at SHAPER_SIZE even steps."""
+    density = gaussian_filter1d(slope, SLOPE_SMOOTHING, mode="nearest")
+    total = float(np.sum(density * np.diff(t)))
+    density = density + SLOPE_FLOOR * total if total > 1e-12 else np.ones_like(density)
+    u = np.concatenate([[0.0], np.cumsum(density * np.diff(t))])
+    curve = PchipInterpolator(t, u / u[-1])(np.linspace(0.0, 1.0, SHAPER_SIZE))
+    curve[0], curve[-1] = 0.0, 1.0
+    return np.asarray(curve)
+
+
+def _mass(y: Array, t: Array, u: Array, weight: Function | None) -> Array:
+    """Share of the nodes in each step, from the curvature that is left along u."""
+    step, wide = np.diff(t), np.diff(u)
+    bend = np.diff(np.diff(y, axis=1) / wide[:, None], axis=1) * (2 / (wide[1:] + wide[:-1]))[:, None]
+    square = np.sum(bend**2, axis=2)
+    if weight is None:
+        inputs = (step[1:] + step[:-1]) / (wide[1:] + wide[:-1])  # how many, per unit of u
+        density = (_mean(np.sqrt(square), GREY_SHARE) * inputs) ** (1 / 3)
+    else:
+        square *= weight(y[:, 1:-1].reshape(-1, 3)).reshape(square.shape)
+        density = _mean(square, 0.5) ** (1 / 4)
+    density = gaussian_filter1d(np.pad(density, 1, mode="edge"), LEVEL_SMOOTHING, mode="nearest")
+    mass = 0.5 * (density[1:] + density[:-1]) * wide
+    total = mass.sum()
+    mass = (1 - FLOOR) * mass / total + FLOOR * step if total > 1e-12 else step
+    return np.asarray(mass / mass.sum())
+
+
+def _equal(mass: Array, t: Array, size: int) -> Array:
+    total = np.concatenate([[0.0], np.cumsum(mass)])
+    return np.interp(np.linspace(0.0, total[-1], size), total, t)
