@@ -87,7 +87,7 @@ def grading_chain(transform: Refinish, linearize: Lut, render: Lut) -> LutChain:
     255, so that unclipped colours are the model's.
     """
     balance = np.asarray(getattr(transform.render, "gain", np.ones(3)))
-    wider = _with_level_below_clipping(replace(linearize, matrix=np.eye(3), response=None, source=None, samples=None))
+    wider = _with_level_below_clipping(replace(linearize, matrix=np.eye(3), response=None, source=None))
     nodes = grid(wider.levels)
     raw = wider.cube @ np.asarray(getattr(transform.linearize, "matrix", np.eye(3))).T
     cube = neutral_where_clipped(nodes, transform.exposed(raw) * balance)
