@@ -96,12 +96,19 @@ def _check(linear: Array, trusted: NDArray[np.float64]) -> None:
         raise CalibrationError(
             f"{count} unsaturated colours; the matrix needs {LEAST_COLOURS}: shoot a colour chart, not clipped"
         )
-    colours = linear[trusted > 0.5] / np.maximum(linear[trusted > 0.5].sum(axis=1, keepdims=True), 1e-9)
-    spread = np.linalg.svd(colours - colours.mean(axis=0), compute_uv=False)
-    if spread[1] < LEAST_CONDITION * np.sqrt(count):
+    if hue_spread(linear[trusted > 0.5]) < LEAST_CONDITION:
         raise CalibrationError(
             "the unsaturated colours are all one hue or grey and cannot tell the matrix: shoot a colour chart"
         )
+
+
+def hue_spread(linear: Array) -> float:
+    """Root mean square of the chromaticities of linear colours (n, 3) along the second of their principal directions;
+    below LEAST_CONDITION they are grey or of one hue."""
+    if len(linear) < 2:
+        return 0.0
+    shares = linear / np.maximum(linear.sum(axis=1, keepdims=True), 1e-9)
+    return float(np.linalg.svd(shares - shares.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(linear)))
 
 
 def _solve(

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from lutforge.calibration.exposure_pairs import pairs_of_samples
 from lutforge.calibration.gamut_map import GamutMapFit, GamutMapOptions, fit_gamut_map, identity_gamut_map
-from lutforge.calibration.matrix import fit_matrix
+from lutforge.calibration.matrix import LEAST_CONDITION, fit_matrix, hue_spread
 from lutforge.calibration.options import Preset
 from lutforge.calibration.response import (
     BETA,
     encoding_slope,
     fit_response_to_exposures,
     fit_response_to_raw,
-    saturation,
+    untouched,
 )
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import PhysicalModel
@@ -24,6 +24,7 @@ from lutforge.samples.sample_set import SampleSet
 
 Array = NDArray[np.float64]
 
+LARGER_BETAS = (0.4, 0.5)
 AUTO_OF_SHOT = "auto\x00"
 """Under auto every shot has a white balance of its own: settings "auto\\0shot"."""
 
@@ -88,14 +89,43 @@ def fit_stages(
 
 
 def _fit_style(samples: SampleSet, multipliers: Array, name: str, preset: Preset) -> StyleStages:
+    balanced = samples.raw * multipliers
     try:
         if preset == "thesis":
             response = fit_response_to_exposures(pairs_of_samples(samples), preset).response
-            return StyleStages(response, (saturation(samples.srgb) < BETA).astype(np.float64))
-        fit = fit_response_to_raw(samples.raw * multipliers, samples.srgb, preset)
+            low = _unsaturated(samples.srgb, response)
+            response = _scaled_to_raw(response, balanced[low], samples.srgb[low])
+            return StyleStages(response, low.astype(np.float64))
+        fit = fit_response_to_raw(balanced, samples.srgb, preset)
     except CalibrationError as error:
         raise CalibrationError(f'style "{name}": {error}') from None
     return StyleStages(fit.response, fit.weight)
+
+
+def _unsaturated(encoded: Array, response: Response) -> NDArray[np.bool_]:
+    """(n,) colours below β; where these are all alike, as on a small chart, below a larger one."""
+    linear = response.linearize(encoded)
+    for beta in (BETA, *LARGER_BETAS):
+        low = untouched(encoded, beta)
+        if hue_spread(linear[low]) >= LEAST_CONDITION:
+            break
+    return low
+
+
+def _scaled_to_raw(response: Response, balanced: Array, encoded: Array) -> Response:
+    """f⁻¹ with the scale of RAW: exposure pairs leave a factor per channel open, which f(1) = 1 only guesses.
+
+    Of f⁻¹(I) = A x the rows of A must sum to 1, as neutral RAW is neutral light.
+    """
+    linear = response.linearize(encoded)
+    level = np.maximum(linear.mean(axis=1, keepdims=True), 0.02)
+    transposed, _, rank, _ = np.linalg.lstsq(balanced / level, linear / level, rcond=1e-6)
+    factors = transposed.sum(axis=0)
+    if rank < 3 or not np.all(factors > 0):
+        raise CalibrationError(
+            "the unsaturated colours are all one hue or grey and cannot tell the matrix: shoot a colour chart"
+        )
+    return Response(response.inverse / factors)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from samples_simulated import BALANCES, chart_140, photograph_patches
 from lutforge.calibration.calibrate import unclipped
 from lutforge.calibration.matrix import fit_matrix
 from lutforge.calibration.options import Preset
-from lutforge.calibration.response import BETA, saturation
+from lutforge.calibration.response import BETA, saturation, untouched
 from lutforge.errors import CalibrationError
 from lutforge.simulate.camera import nikon_d5100
 
@@ -15,7 +15,7 @@ CAMERA = nikon_d5100()
 SAMPLES = photograph_patches(CAMERA, chart_140())
 SAMPLES = SAMPLES.select(unclipped(SAMPLES, SAMPLES.wb))
 LINEAR = CAMERA.styles["standard"].response.inverse(SAMPLES.srgb)
-TRUSTED = (saturation(SAMPLES.srgb) < BETA).astype(np.float64)
+TRUSTED = untouched(SAMPLES.srgb).astype(np.float64)
 TRUTH = {name: CAMERA.multipliers(name) for name in BALANCES}
 
 
@@ -24,12 +24,21 @@ TRUTH = {name: CAMERA.multipliers(name) for name in BALANCES}
 def test_matrix_and_multipliers_are_the_cameras(known: tuple[str, ...], preset: Preset) -> None:
     given = {name: TRUTH[name] for name in known}
     fit = fit_matrix(LINEAR, SAMPLES.raw, SAMPLES.white_balance, given, trusted=TRUSTED, preset=preset)
-    limit = 0.01 if preset == "lutforge" else 0.03  # below β not every colour is untouched, the thesis's weak point
-    assert np.linalg.norm(fit.matrix - CAMERA.matrix) < limit * np.linalg.norm(CAMERA.matrix)
+    assert np.linalg.norm(fit.matrix - CAMERA.matrix) < 0.01 * np.linalg.norm(CAMERA.matrix)
     for name, multipliers in TRUTH.items():
         np.testing.assert_allclose(fit.multipliers[name], multipliers, rtol=0.005)
         assert fit.multipliers[name][1] == 1.0
         assert fit.gain[name] == pytest.approx(1.0, abs=0.005)
+
+
+def test_colours_near_white_are_what_turns_the_plain_fit() -> None:
+    """The thesis's threshold β alone lets them in; the robust fit tells them by their residual."""
+    every = (saturation(SAMPLES.srgb) < BETA).astype(np.float64)
+    error = {}
+    for name, trusted in (("β", every), ("not near white", TRUSTED)):
+        fit = fit_matrix(LINEAR, SAMPLES.raw, SAMPLES.white_balance, TRUTH, trusted=trusted, preset="thesis")
+        error[name] = np.linalg.norm(fit.matrix - CAMERA.matrix) / np.linalg.norm(CAMERA.matrix)
+    assert error["not near white"] < 0.005 < 0.02 < error["β"]
 
 
 def test_strays_do_not_turn_the_robust_fit() -> None:

@@ -41,6 +41,21 @@ def test_ground_truth(known: bool) -> None:
     assert np.sqrt(np.mean(back**2)) <= 0.003
 
 
+@pytest.mark.parametrize("style", ["standard", "vivid"])
+@pytest.mark.parametrize("patches", [24, 140])
+@pytest.mark.parametrize("known", [True, False])
+def test_the_thesis_preset_from_exposure_pairs(style: str, patches: int, known: bool) -> None:
+    """f has the scale of RAW, which pairs leave open; Ts and Tw follow from it."""
+    samples = photograph_patches(CAMERA, chart_140()[:patches], styles=(style,), known=known)
+    samples = samples.select(unclipped(samples, _truth(samples)))
+    stages = fit_stages(samples, complete_multipliers(samples)[0], np.full(len(samples), known), "thesis")
+    assert np.linalg.norm(stages.matrix - CAMERA.matrix) < 0.01 * np.linalg.norm(CAMERA.matrix)
+    np.testing.assert_allclose(stages.multipliers, _truth(samples), rtol=0.005)
+    codes = np.stack([np.linspace(0.03, 0.95, 200)] * 3, axis=1)
+    true = CAMERA.styles[style].response.inverse(codes)
+    np.testing.assert_allclose(stages.styles[style].response.encode(true), codes, atol=0.005)
+
+
 @pytest.fixture(scope="module")
 def small() -> tuple[SampleSet, CameraProfile]:
     samples = photograph_patches(CAMERA, chart_140()[:60], balances=("tungsten", "daylight"), stops=(-2, -1, 0))
