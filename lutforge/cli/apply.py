@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.cli.console import err, note, progress_bar, say
+from lutforge.cli.console import err, note, progress_bar, quiet_codecs, say
 from lutforge.errors import ImageError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 
@@ -88,7 +88,7 @@ def apply(
         _print_commands(recipe, inputs, output, suffix)
         return
     began = time.monotonic()
-    with progress_bar("grading") as report:
+    with quiet_codecs(), progress_bar("grading") as report:
         result = apply_batch(
             recipe,
             inputs.images,

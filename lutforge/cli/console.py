@@ -1,7 +1,10 @@
 """What all commands share: progress bars on stderr, tables and notes."""
 
+import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
@@ -32,6 +35,21 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
             bars.update(task, completed=share, what=escape(what[:60]))
 
         yield report
+
+
+@contextmanager
+def quiet_codecs() -> Iterator[None]:
+    """Keep what image libraries print by themselves, such as libpng, off stderr: the errors say it in one line."""
+    sys.stderr.flush()
+    python_stderr, stderr = sys.stderr, os.dup(2)
+    with Path(os.devnull).open("w") as nowhere, os.fdopen(os.dup(stderr), "w", buffering=1) as sys.stderr:
+        os.dup2(nowhere.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            sys.stderr = python_stderr
 
 
 def say(text: str) -> None:

@@ -1,5 +1,8 @@
 """Write an image file with OpenImageIO, keeping what the source file said about itself."""
 
+import os
+import resource
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
-from lutforge.images.read import Image, Region
+from lutforge.images.read import Image, ImageReader, Region
 
 JPEG_QUALITY = 97
 SOFTWARE = "LutForge"
@@ -32,6 +35,8 @@ _WIDEST: dict[str, str] = {  # the deepest pixel type that a format takes, where
 _NO_INTEGERS = frozenset({"openexr", "hdr"})
 _DEPTHS = ("uint8", "uint16", "half", "float")
 _KEEPS_ORIENTATION = frozenset({"jpeg", "tiff", "png", "openexr"})
+_TELL_OF_FAILURES = frozenset({"tiff", "openexr", "dpx", "hdr", "pnm", "jpegxl"})
+_NOT_SAFE_ON_DISK = frozenset({"jpeg", "webp"})
 _OWN_ATTRIBUTES = ("jpeg:", "png:", "tiff:", "openexr:", "dpx:", "targa:", "bmp:", "webp:", "gif:", "jpegxl:")
 
 
@@ -99,11 +104,10 @@ def image_writer(
     what is kept, as for `write_image`. attributes: metadata to set, by OpenImageIO's names; None erases one.
     """
     described = describe_output(path, spec, format, note, attributes)
-    with atomic_path(path) as temporary:
-        # The class is found by the final name: the temporary one has the same suffix.
-        target = oiio.ImageOutput.create(str(temporary))
-        if target is None or not target.open(str(temporary), described):
-            raise ImageError(f"{path}: {_one_line(target.geterror() if target else oiio.geterror())}")
+    with atomic_path(path) as temporary, _safe_place(path, temporary, described) as place:
+        target = _writer_of(path)
+        if not target.open(str(place), described):
+            raise ImageError(f"{path}: {_one_line(target.geterror())}")
         try:
             yield ImageWriter(path, described, target)
         except BaseException:
@@ -111,6 +115,50 @@ def image_writer(
             raise
         if not target.close():
             raise ImageError(f"{path}: {_one_line(target.geterror())}")
+
+
+@contextmanager
+def _safe_place(path: Path, temporary: Path, spec: oiio.ImageSpec) -> Iterator[Path]:
+    """Where OpenImageIO may write a file that becomes `temporary`, so that a full disk is noticed, and ends nothing.
+
+    Of OpenImageIO 3.2's writers, those of TIFF, OpenEXR, DPX, Radiance, PNM and JPEG XL tell of a failed write; libjpeg
+    ends the program, libwebp tries for ever: those encode into memory; the others lose data in silence, so that their
+    files are checked.
+    """
+    name = _writer_of(path).format_name()
+    if name not in _NOT_SAFE_ON_DISK or not hasattr(os, "memfd_create"):
+        yield temporary
+        if name not in _TELL_OF_FAILURES and not _is_whole(temporary, name):
+            raise ImageError(f"{path}: it was not written as a whole; is the disk full?")
+        return
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    most = spec.width * spec.height * spec.nchannels * 2
+    if limit != resource.RLIM_INFINITY and limit < most:
+        raise ImageError(f"{path}: might get larger than the {limit} bytes that `ulimit -f` allows a file")
+    handle = os.memfd_create("image")
+    try:
+        yield Path(f"/proc/self/fd/{handle}")
+        with temporary.open("wb") as file, os.fdopen(os.dup(handle), "rb") as encoded:
+            encoded.seek(0)
+            shutil.copyfileobj(encoded, file, 1 << 20)
+    finally:
+        os.close(handle)
+
+
+def _is_whole(path: Path, name: str) -> bool:
+    """True where a file that was just written is not cut short."""
+    if name == "png":
+        with path.open("rb") as file:
+            file.seek(0, os.SEEK_END)
+            file.seek(max(0, file.tell() - 8))
+            return file.read(4) == b"IEND"
+    try:
+        with ImageReader(path) as reader:
+            for region in reader.regions(1 << 20, rows_only=True):
+                reader.read(region)
+    except ImageError:
+        return False
+    return True
 
 
 def describe_output(
