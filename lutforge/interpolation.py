@@ -1,4 +1,4 @@
-"""Trilinear and tetrahedral interpolation of a lattice on nonuniform axes.
+"""Trilinear and tetrahedral interpolation of a lattice on nonuniform axes, and linear interpolation of a curve.
 
 The weights are those of the readers of LUT files (OpenColorIO's `ops/lut3d`): trilinear over the eight corners of the
 cell, or tetrahedral over four of them, walked from the low corner to the high one along the axes in falling order of
@@ -108,3 +108,26 @@ def interpolate(
         flat, r, g, b, np.ascontiguousarray(values, dtype=np.float64), method == "tetrahedral"
     )
     return result.reshape(*points.shape[:-1], values.shape[3])
+
+
+def through(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A curve per channel, given at even steps of [0, 1] as (m, 3), at x (…, 3); clamped. NaN counts as 0."""
+    result: NDArray[np.float64] = _through(np.ascontiguousarray(table), np.ascontiguousarray(x).reshape(-1, 3))
+    return result.reshape(x.shape)
+
+
+@njit(cache=True, parallel=True)
+def _through(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    last = table.shape[0] - 1
+    y = np.empty_like(x)
+    for n in prange(x.shape[0]):
+        for c in range(3):
+            at = x[n, c] * last
+            if not at > 0:
+                y[n, c] = table[0, c]
+            elif at >= last:
+                y[n, c] = table[last, c]
+            else:
+                i = int(at)
+                y[n, c] = table[i, c] + (at - i) * (table[i + 1, c] - table[i, c])
+    return y

@@ -1,7 +1,7 @@
 """From samples to a camera profile: the stages of the calibration in order."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +9,17 @@ from numpy.typing import NDArray
 from lutforge.calibration.consistency import check_agreement, thin_colours, thin_settings
 from lutforge.calibration.continuation import continuation
 from lutforge.calibration.errors_table import ErrorFigures, error_figures
-from lutforge.calibration.lattice import MEASURING_TOLERANCE, TOLERANCE, LatticeResult, fit_samples, folds
+from lutforge.calibration.lattice import MEASURING_TOLERANCE, TOLERANCE, fit_samples, folds
+from lutforge.calibration.lattice_result import LatticeResult
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.output_curve import output_curve
 from lutforge.calibration.physical import GamutMaps, fit_gamut_maps, fit_stages, linearize, render
 from lutforge.calibration.reference_camera import calibrate_by_reference
 from lutforge.calibration.white_balance import complete_multipliers, named_white_balances
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.lattice import Lattice
 from lutforge.samples.sample_set import SampleSet
 
 Array = NDArray[np.float64]
@@ -90,7 +93,7 @@ def calibrate(
         errors, weak = _held_out(style, fit, options, maps)
         notes = (*notes, *(f"{name}: {note}" for note in weak))
         styles[name] = PictureStyle(
-            render=fit.render.lattice,
+            render=_render_with_plain(style, fit, options),
             linearize=fit.linearize.lattice,
             physical=() if maps is None else (maps.model,),
             errors=errors,
@@ -214,10 +217,21 @@ def fit_direction(
     smoothness: float | None = None,
     tolerance: float = TOLERANCE,
 ) -> LatticeResult:
-    """One lattice of a style: inverse is linearize, else render."""
+    """One lattice of a style: inverse is linearize, else render, with a response behind where the options have it."""
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     guess = continuation(base, x, y, inverse=inverse)
-    return fit_samples(x, y, data.shot, guess, options, clips=not inverse, smoothness=smoothness, tolerance=tolerance)
+    curve = output_curve(base.response) if options.response and not inverse else None
+    return fit_samples(
+        x, y, data.shot, guess, options, clips=not inverse, curve=curve, smoothness=smoothness, tolerance=tolerance
+    )
+
+
+def _render_with_plain(data: StyleData, fit: StyleFit, options: CalibrationOptions) -> Lattice:
+    """The lattice that renders; where it has a response, with its form for files that can hold none."""
+    if fit.render.lattice.response is None:
+        return fit.render.lattice
+    plain = fit_direction(data, replace(options, response=False), fit.base, inverse=False)
+    return replace(fit.render.lattice, plain=plain.lattice)
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,11 +43,15 @@ class Continuation:
 
     def __call__(self, x: Array) -> Array:
         """The guess at x (…, 3)."""
-        linear = self._enter(x)
-        mapped = linear if self.gamut_map is None else self.gamut_map(linear)
+        mapped = self.mapped(x)
         if self.inverse:
             return mapped @ np.linalg.inv(self.base.matrix).T
         return self.base.response.encode(mapped)
+
+    def mapped(self, x: Array) -> Array:
+        """Linear light of the guess at x (…, 3), after the gamut map; not clipped."""
+        linear = self._enter(x)
+        return linear if self.gamut_map is None else self.gamut_map(linear)
 
     def refit(self, x: Array, y: Array) -> "Continuation":
         """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response."""

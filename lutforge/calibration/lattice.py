@@ -2,32 +2,23 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
+from scipy.optimize import isotonic_regression
 
 from lutforge.calibration.continuation import Continuation
-from lutforge.calibration.options import THESIS, CalibrationOptions
+from lutforge.calibration.lattice_result import LatticeResult, result, snapped
+from lutforge.calibration.lattice_thesis import fit_thesis
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.output_curve import OutputCurve
 from lutforge.interpolation import Levels, interpolate
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.regression.blas import one_blas_thread
-from lutforge.regression.lattice_regression import (
-    LatticeFit,
-    Prior,
-    Regularisation,
-    fit_lattice,
-    predict,
-    solve_lattice,
-)
-from lutforge.regression.node_levels import (
-    blended_levels,
-    equidistributed_levels,
-    error_histogram,
-    resized_levels,
-    snap_levels,
-)
-from lutforge.regression.normal_equations import normal_equations
+from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, predict, solve_lattice
+from lutforge.regression.node_levels import equidistributed_levels, resized_levels
+from lutforge.regression.normal_equations import NormalEquations, normal_equations
 
 Array = NDArray[np.float64]
 Guess = Callable[[Array], Array]
@@ -51,26 +42,18 @@ HOLD = 1e3
 """Weight that holds black to 0, and white to 1 where the camera clips: no sample can lie there."""
 LEAST_HOLD = 1e-5
 """Weight that holds every node: next to a sample nothing, but what no sample can tell is the guess."""
+FARTHEST = (-1.0, 2.0)
+"""Bounds of the guess behind which a curve clamps to [0, 1]."""
+GREY = np.linspace(0.0, 1.0, 257)[:, None].repeat(3, axis=1)
+GREY_WEIGHT = 0.005
+"""What a point of the grey axis counts beside a sample: where there are samples nothing, else it keeps it neutral."""
+RISING_WEIGHT = 30.0
+"""What it counts where the fit would fall along the axis."""
+RISING_ROUNDS = 4
+LEAST_FALL = 1e-6
 OUTLIER_SCALE = 10.0
 """A sample whose error is this many times the median counts half (Cauchy)."""
 LEAST_OUTLIER = 12.0 / 255.0
-ALPHA_TOLERANCE = 1e-4
-ALPHAS = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Where the search for α begins (5.10): the error over α has more than one minimum."""
-
-
-@dataclass(frozen=True, eq=False)
-class LatticeResult:
-    """A lattice; coverage: summed sample weight per node (N_r, N_g, N_b); rms: on the samples.
-
-    smoothness: the λ_S that was chosen, of a lattice of SEARCH_SIZE nodes per axis; a lattice of N has N / SEARCH_SIZE
-    times that, which weighs the same curvature alike.
-    """
-
-    lattice: Lattice
-    coverage: Array
-    smoothness: float
-    rms: float
 
 
 @one_blas_thread
@@ -82,19 +65,20 @@ def fit_samples(
     options: CalibrationOptions,
     *,
     clips: bool,
+    curve: OutputCurve | None = None,
     smoothness: float | None = None,
     tolerance: float = TOLERANCE,
 ) -> LatticeResult:
     """Fit x (n, 3) → y (n, 3), both in [0, 1]; groups (n,): the shot of each sample.
 
     clips: the camera clips in this direction (render), so values that the guess clips are held there, and the thesis's
-    boundary term applies. smoothness: λ_S where it is known already; else it is cross-validated over the groups.
+    boundary term applies. curve: what comes behind the cube, in the output's encoding; errors count after it.
+    smoothness: λ_S where it is known already; else it is cross-validated over the groups.
     tolerance: relative residual of the last solve.
     """
     if options.preset == "thesis":
-        regularisation = THESIS if clips else Regularisation(anchor=0.0)
-        return _fit_thesis(x, y, options, regularisation)
-    problem = _Problem(x, y, guess, options, clips, DEFAULT_SMOOTHNESS if smoothness is None else smoothness)
+        return fit_thesis(x, y, options, clips=clips)
+    problem = _Problem(x, y, guess, options, clips, DEFAULT_SMOOTHNESS if smoothness is None else smoothness, curve)
     rows = _subset(len(x))
     search = replace(problem, x=x[rows], y=y[rows])
     levels = search.levels(uniform_levels(min(SEARCH_SIZE, options.size)), ROUNDS)
@@ -102,64 +86,13 @@ def fit_samples(
         search = replace(search, smoothness=_choose_smoothness(search, groups[rows], levels))
         problem = replace(problem, smoothness=search.smoothness)
     levels = resized_levels(levels, options.size) if options.nonuniform else uniform_levels(options.size)
-    fit = search.fit(levels, None, tolerance=SEARCH_TOLERANCE)
+    fit = search.fit(levels, search.first_robust, SEARCH_TOLERANCE)
     if options.nonuniform:
         levels = equidistributed_levels(search.x, search.squared_error(fit), levels)
-    levels = _snap(levels, options)
+    levels = snapped(levels, options)
     start = interpolate(grid(levels), fit.levels, fit.values)
-    final = problem.fit(levels, _robust(problem.squared_error(fit)), start=start, tolerance=tolerance)
-    return _result(final, x, y, options, problem.smoothness)
-
-
-def _snap(levels: Levels, options: CalibrationOptions) -> Levels:
-    r, g, b = (snap_levels(axis, options.shaper_size) for axis in levels)
-    return (r, g, b)
-
-
-def _result(fit: LatticeFit, x: Array, y: Array, options: CalibrationOptions, smoothness: float) -> LatticeResult:
-    ones = np.ones_like(x)
-    coverage = normal_equations(x, ones, fit.levels, options.interpolation).right[..., 0]
-    values = fit.values
-    if options.preset == "lutforge":
-        # A node that no sample touches may not leave the range of colours; the others carry on across the clipping,
-        # which the camera does after the smooth function that they describe.
-        values = np.where(coverage[..., None] > 0, values, np.clip(values, 0.0, 1.0))
-    lattice = Lattice(fit.levels, values, options.interpolation)
-    rms = float(np.sqrt(np.mean(np.sum((lattice(x) - y) ** 2, axis=1))))
-    return LatticeResult(lattice, np.ascontiguousarray(coverage), smoothness, rms)
-
-
-# --- the thesis's own fit -------------------------------------------------------------------------------------------
-
-
-def _fit_thesis(x: Array, y: Array, options: CalibrationOptions, regularisation: Regularisation) -> LatticeResult:
-    """Uniform fit, error histogram, α by the fitting error over [0, 1] (5.10), final fit on the snapped levels."""
-    method = options.interpolation
-    uniform = uniform_levels(options.size)
-    first = fit_lattice(x, y, _snap(uniform, options), regularisation, method=method)
-    if not options.nonuniform:
-        return _result(first, x, y, options, regularisation.smoothness)
-    histograms = error_histogram(x, np.sum((predict(first, x, method) - y) ** 2, axis=1))
-    fits: dict[float, tuple[float, Levels, Array]] = {}
-
-    def fitting_error(alpha: float) -> float:
-        levels = _snap(blended_levels(histograms, alpha, options.size), options)
-        start = fits[min(fits, key=lambda other: abs(other - alpha))][2] if fits else first.values
-        fit = fit_lattice(x, y, levels, regularisation, method=method, start=start, tolerance=ALPHA_TOLERANCE)
-        error = float(np.sum((predict(fit, x, method) - y) ** 2))
-        fits[alpha] = (error, levels, fit.values)
-        return error
-
-    coarse = [fitting_error(alpha) for alpha in ALPHAS]
-    best = int(np.argmin(coarse))
-    bounds = (ALPHAS[max(best - 1, 0)], ALPHAS[min(best + 1, len(ALPHAS) - 1)])
-    minimize_scalar(fitting_error, bounds=bounds, method="bounded", options={"xatol": 0.02})
-    _, levels, start = min(fits.values(), key=lambda entry: entry[0])
-    final = fit_lattice(x, y, levels, regularisation, method=method, start=start)
-    return _result(final, x, y, options, regularisation.smoothness)
-
-
-# --- LutForge's fit -------------------------------------------------------------------------------------------------
+    final = problem.rising_fit(levels, _robust(problem.squared_error(fit)), start, tolerance)
+    return result(problem.lattice(final), x, y, problem.smoothness)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +105,7 @@ class _Problem:
     options: CalibrationOptions
     clips: bool
     smoothness: float
+    curve: OutputCurve | None
 
     def select(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> "_Problem":
         """The problem of some of the samples, whose guess has not seen the others."""
@@ -180,36 +114,90 @@ class _Problem:
             self, x=x, y=y, guess=self.guess.refit(x, y) if isinstance(self.guess, Continuation) else self.guess
         )
 
+    @cached_property
+    def target(self) -> Array:
+        """What the cube should give, (n, 3)."""
+        return self.y if self.curve is None else self.curve.enter(self.y)
+
+    @cached_property
+    def weight(self) -> Array:
+        """(n,): how much an error of the cube counts behind the curve; 1 in the median."""
+        if self.curve is None:
+            return np.ones(len(self.x))
+        square = np.mean(self.curve.slope(self.y) ** 2, axis=1)
+        return np.asarray(square / np.median(square))
+
+    @cached_property
+    def first_robust(self) -> Array:
+        """(n,): robust weights before any lattice is fitted, from the guess, which no stray sample bends."""
+        error: Array = np.sum((np.clip(self.guess(self.x), 0.0, 1.0) - self.y) ** 2, axis=1)
+        return _robust(error)
+
+    @cached_property
+    def grey(self) -> Array:
+        """What the cube should give on GREY: neutral, as bright as matrix and response make it on average."""
+        plain = replace(self.guess, gamut_map=None) if isinstance(self.guess, Continuation) else self.guess
+        values = np.clip(plain(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
+        return values if self.curve is None else self.curve.enter(values)
+
     def prior(self, levels: Levels) -> Prior:
-        values = np.clip(self.guess(grid(levels)), 0.0, 1.0)
+        positions = grid(levels)
+        if self.curve is None:
+            values = np.clip(self.guess(positions), 0.0, 1.0)
+        elif isinstance(self.guess, Continuation):
+            values = np.clip(self.curve.continued(self.guess.mapped(positions)), *FARTHEST)
+        else:
+            values = self.curve.enter(np.clip(self.guess(positions), 0.0, 1.0))
         hold = np.full_like(values, LEAST_HOLD)
         values[0, 0, 0], hold[0, 0, 0] = 0.0, HOLD
         if self.clips:
-            values[-1, -1, -1], hold[-1, -1, -1] = 1.0, HOLD
+            # Behind a curve white may lie beyond 1: the cube need not turn back to it.
+            values[-1, -1, -1] = 1.0 if self.curve is None else np.maximum(values[-1, -1, -1], 1.0)
+            hold[-1, -1, -1] = HOLD
         return Prior(values, hold)
 
-    def regularisation(self, size: int) -> Regularisation:
-        smoothness = self.smoothness * size / SEARCH_SIZE
-        return Regularisation(smoothness, twist=smoothness, anchor=0.0, thin_plate=0.0)
+    def equations(
+        self, levels: Levels, prior: Prior, weight: Array, grey: tuple[Array, Array] | None = None
+    ) -> NormalEquations:
+        """W'ΩW and W'Ω(y − W b₀); weight: (n,) beside the curve's own; grey: values and weights on the grey axis."""
+        method = self.options.interpolation
+        values, grey_weight = grey or (self.grey, np.full(len(GREY), GREY_WEIGHT))
+        x = np.concatenate([self.x, GREY])
+        y = np.concatenate([self.target, values]) - interpolate(x, levels, prior.values, method)
+        return normal_equations(x, y, levels, method, np.concatenate([self.weight * weight, grey_weight]))
 
-    def fit(self, levels: Levels, weight: Array | None, *, start: Array | None = None, tolerance: float) -> LatticeFit:
-        return fit_lattice(
-            self.x,
-            self.y,
-            levels,
-            self.regularisation(len(levels[0])),
-            method=self.options.interpolation,
-            weight=weight,
-            prior=self.prior(levels),
-            start=start,
-            tolerance=tolerance,
-        )
+    def solve(
+        self, equations: NormalEquations, levels: Levels, prior: Prior, start: Array | None, tolerance: float
+    ) -> LatticeFit:
+        smoothness = self.smoothness * len(levels[0]) / SEARCH_SIZE
+        regularisation = Regularisation(smoothness, twist=smoothness, anchor=0.0, thin_plate=0.0)
+        return solve_lattice(equations, levels, regularisation, prior=prior, start=start, tolerance=tolerance)
+
+    def fit(self, levels: Levels, weight: Array, tolerance: float) -> LatticeFit:
+        prior = self.prior(levels)
+        return self.solve(self.equations(levels, prior, weight), levels, prior, None, tolerance)
+
+    def rising_fit(self, levels: Levels, weight: Array, start: Array, tolerance: float) -> LatticeFit:
+        """The fit, again with the isotonic regression of its own grey axis while that falls anywhere."""
+        prior = self.prior(levels)
+        values, grey_weight = self.grey.copy(), np.full(len(GREY), GREY_WEIGHT)
+        for _ in range(RISING_ROUNDS):
+            equations = self.equations(levels, prior, weight, (values, grey_weight))
+            fit = self.solve(equations, levels, prior, start, tolerance)
+            axis = np.clip(predict(fit, GREY, self.options.interpolation), 0.0, 1.0)
+            if np.diff(axis, axis=0).min() >= -LEAST_FALL:
+                break
+            rising = np.stack([isotonic_regression(channel).x for channel in axis.T], axis=1)
+            falls = np.any(np.abs(rising - axis) > 0.1 * LEAST_FALL, axis=1)
+            values[falls], grey_weight[falls] = rising[falls], RISING_WEIGHT
+            start = fit.values
+        return fit
 
     def levels(self, start: Levels, rounds: int) -> Levels:
         """Better node levels by rounds of equidistribution, samples weighted by their error; the best round's."""
-        levels, weight, best = start, None, (np.inf, start)
+        levels, weight, best = start, self.first_robust, (np.inf, start)
         for _ in range(rounds + 1):
-            error = self.squared_error(self.fit(levels, weight, tolerance=SEARCH_TOLERANCE))
+            error = self.squared_error(self.fit(levels, weight, SEARCH_TOLERANCE))
             weight = _robust(error)
             mean = float(np.mean(weight * error))
             stalled = mean > 0.97 * best[0]
@@ -220,8 +208,20 @@ class _Problem:
         return best[1]
 
     def squared_error(self, fit: LatticeFit) -> Array:
-        error: Array = np.sum((predict(fit, self.x, self.options.interpolation) - self.y) ** 2, axis=1)
+        """(n,) of the output, behind the curve."""
+        values = predict(fit, self.x, self.options.interpolation)
+        error: Array = np.sum(((values if self.curve is None else self.curve.leave(values)) - self.y) ** 2, axis=1)
         return error
+
+    def lattice(self, fit: LatticeFit) -> Lattice:
+        """The fit, as profiles keep it."""
+        method = self.options.interpolation
+        if self.curve is not None:
+            return Lattice(fit.levels, fit.values, method, self.curve.table)
+        # A node that no sample touches may not leave the range of colours; the others carry on across the clipping,
+        # which the camera does after the smooth function that they describe.
+        touched = normal_equations(self.x, np.ones_like(self.x), fit.levels, method).right > 0
+        return Lattice(fit.levels, np.where(touched, fit.values, np.clip(fit.values, 0.0, 1.0)), method)
 
 
 def _robust(squared_error: Array) -> Array:
@@ -255,29 +255,19 @@ def _choose_smoothness(problem: _Problem, groups: NDArray[np.str_], levels: Leve
     masks = [mask for mask in folds(groups, SEARCH_FOLDS) if 0 < mask.sum() < len(mask)]
     if len(masks) < 2:
         return DEFAULT_SMOOTHNESS
-    method = problem.options.interpolation
     tests = [replace(problem, x=problem.x[mask], y=problem.y[mask]) for mask in masks]
-    priors, equations = [], []
-    for mask in masks:
-        train = problem.select(~mask)
-        prior = train.prior(levels)
-        offset = interpolate(train.x, levels, prior.values, method)
-        priors.append(prior)
-        equations.append(normal_equations(train.x, train.y - offset, levels, method))
+    trains = [problem.select(~mask) for mask in masks]
+    priors = [train.prior(levels) for train in trains]
+    equations = [
+        train.equations(levels, prior, train.first_robust) for train, prior in zip(trains, priors, strict=True)
+    ]
     starts = [prior.values for prior in priors]
 
     def held_out_error(smoothness: float) -> float:
         total = 0.0
-        regularisation = replace(problem, smoothness=smoothness).regularisation(len(levels[0]))
         for fold, test in enumerate(tests):
-            fit = solve_lattice(
-                equations[fold],
-                levels,
-                regularisation,
-                prior=priors[fold],
-                start=starts[fold],
-                tolerance=SEARCH_TOLERANCE,
-            )
+            train = replace(trains[fold], smoothness=smoothness)
+            fit = train.solve(equations[fold], levels, priors[fold], starts[fold], SEARCH_TOLERANCE)
             starts[fold] = fit.values
             error = test.squared_error(fit)
             total += float(np.sum(_robust(error) * error))

@@ -25,7 +25,9 @@ class CalibrationOptions:
     preset: "thesis" is its chapters as written (uniform prior, fixed weights, α by fitting error, saturation threshold
     β); "lutforge" continues the matrix and response where there are no samples, smooths in all directions, chooses its
     weights by cross-validation over shots, and tells outliers by their residual. size: nodes per axis, 3 … 65.
-    nonuniform: False stops at the uniform lattice. Raises CalibrationError on values outside these.
+    nonuniform: False stops at the uniform lattice. response: the lattice that renders has a curve behind it, which CLF
+    and CTF files hold, and a plain form beside it for other files (lutforge preset only). Raises CalibrationError on
+    values outside these.
     """
 
     model: ModelName = "lattice"
@@ -34,6 +36,7 @@ class CalibrationOptions:
     interpolation: Interpolation = "trilinear"
     nonuniform: bool = True
     shaper_size: int = SHAPER_SIZE
+    response: bool = True
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
@@ -58,6 +61,7 @@ class CalibrationOptions:
             "interpolation": self.interpolation,
             "nonuniform": self.nonuniform,
             "shaper_size": self.shaper_size,
+            "response": self.response,
         }
 
 

@@ -1,9 +1,10 @@
 """Bake a transform into a shaper and a cube, and a response behind it where the file can hold one.
 
-A lattice of a profile is baked as it stands, without loss. Any other transform is evaluated densely and fitted by least
-squares under the reader's own interpolation, with node levels where the function bends; it is never merely sampled at
-the nodes. A physical model keeps its two responses as curves: the cube then holds the smooth colour mapping between
-them, on linear axes, and what the camera clips is clipped by the response, not rounded off by the cube.
+A lattice of a profile is baked as it stands, without loss, in the form that the file can hold. Any other transform is
+evaluated densely and fitted by least squares under the reader's own interpolation, with node levels where the function
+bends; it is never merely sampled at the nodes. A physical model keeps its two responses as curves: the cube then holds
+the smooth colour mapping between them, on linear axes, and what the camera clips is clipped by the response, not
+rounded off by the cube.
 """
 
 from collections.abc import Callable
@@ -14,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lutforge.errors import LutError
-from lutforge.interpolation import Interpolation
+from lutforge.interpolation import Interpolation, through
 from lutforge.luts.axes import fit_axes
 from lutforge.luts.least_squares import Function, fit_cube, sample
-from lutforge.luts.lut import Lut, lut_from_lattice, through
+from lutforge.luts.lut import Lut, lut_from_lattice
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.lattice import uniform_levels
@@ -90,7 +91,9 @@ def bake(
         raise LutError("give a size or a tolerance, not both")
     if size is not None and not 2 <= size <= 129:
         raise LutError(f"{size} nodes per axis: choose 2 to 129 (17, 33 and 65 are usual)")
-    exact = _as_it_stands(transform, size, interpolation) if shaper and not shared and tolerance is None else None
+    exact = (
+        _as_it_stands(transform, size, interpolation, response) if shaper and not shared and tolerance is None else None
+    )
     if exact is not None:
         return replace(exact, title=title, comments=comments, source=transform)
     method = interpolation or "tetrahedral"
@@ -113,11 +116,17 @@ def bake_error(lut: Lut, transform: Transform, display_referred: bool = True) ->
     return BakeError(float(norm.mean()), float(norm.max()), p99)
 
 
-def _as_it_stands(transform: Transform, size: int | None, interpolation: Interpolation | None) -> Lut | None:
+def _as_it_stands(
+    transform: Transform, size: int | None, interpolation: Interpolation | None, response: bool
+) -> Lut | None:
     """A lattice of a profile, where it has the size and the interpolation that are asked for."""
     if not isinstance(transform, LatticeTransform):
         return None
     lattice = transform.lattice
+    if lattice.response is not None and not response:
+        if lattice.plain is None:
+            return None
+        lattice = lattice.plain
     if set(lattice.size) != {size or lattice.size[0]}:
         return None
     if (interpolation or lattice.interpolation) != lattice.interpolation:
@@ -187,6 +196,9 @@ def _parts(transform: Transform, response: bool) -> _Parts:
         to_linear, forward = transform.to_linear, transform.gamut_map
         straight = np.repeat([[0.0], [1.0]], 3, axis=1)
         return _Parts(_checked(lambda x: ahead(forward(x @ to_linear.T))), transform.gain, one, straight, back)
+    if isinstance(transform, LatticeTransform) and response and transform.lattice.response is not None:
+        lattice = transform.lattice
+        return _Parts(_checked(lattice.inner), transform.gain, transform.matrix, None, lattice.response)
     if isinstance(transform, Refinish) and transform.transfer is None:
         first = _parts(transform.linearize, response)
         last = _parts(transform.render, response)

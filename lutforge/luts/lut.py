@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import LutError
-from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, interpolate
+from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, interpolate, through
 from lutforge.luts.shaper import SHAPER_SIZE, SHAPER_SIZES, on_grid, sampled_shaper, scaled_levels
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.transform import Transform
@@ -206,35 +205,13 @@ def lut_from_lattice(lattice: Lattice, gain: Array | None = None, matrix: Array 
     return Lut(
         gain=np.ones(3) if gain is None else gain,
         levels=(r, g, b),
-        cube=lattice.values if exact else lattice(grid((r, g, b))),
+        cube=lattice.values if exact else lattice.inner(grid((r, g, b))),
         matrix=np.eye(3) if matrix is None else matrix,
         shaper_size=shaper_size,
         interpolation=lattice.interpolation,
         title=title,
+        response=lattice.response,
     )
-
-
-def through(table: Array, x: Array) -> Array:
-    """A curve per channel, given at even steps of [0, 1] as (m, 3), at x (…, 3); clamped."""
-    result: Array = _through(np.ascontiguousarray(table), np.ascontiguousarray(x).reshape(-1, 3))
-    return result.reshape(x.shape)
-
-
-@njit(cache=True, parallel=True)
-def _through(table: Array, x: Array) -> Array:
-    last = table.shape[0] - 1
-    y = np.empty_like(x)
-    for n in prange(x.shape[0]):
-        for c in range(3):
-            at = x[n, c] * last
-            if not at > 0:
-                y[n, c] = table[0, c]
-            elif at >= last:
-                y[n, c] = table[last, c]
-            else:
-                i = int(at)
-                y[n, c] = table[i, c] + (at - i) * (table[i + 1, c] - table[i, c])
-    return y
 
 
 def _padded(axis: Array, size: int) -> Array:

@@ -6,20 +6,28 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import ProfileError
-from lutforge.interpolation import Interpolation, Levels, interpolate
+from lutforge.interpolation import Interpolation, Levels, interpolate, through
+
+MOST_ENTRIES = 1 << 16
+"""Of a response: as many as the 1D tables of process lists."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
     """Node levels per axis and the output value at each node; evaluation only.
 
-    levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64.
-    Raises ProfileError where the shapes disagree, a level does not increase, or a number is not finite.
+    levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64. response: (m, 3), the
+    output at m even steps of [0, 1] of the interpolated values, clamped; none for none. plain: the same function fitted
+    without a response, for files that can hold none.
+    Raises ProfileError where the shapes disagree, a level does not increase, a response falls, or a number is not
+    finite.
     """
 
     levels: Levels
     values: NDArray[np.float64]
     interpolation: Interpolation = "trilinear"
+    response: NDArray[np.float64] | None = None
+    plain: "Lattice | None" = None
 
     def __post_init__(self) -> None:
         shape = (*(len(axis) for axis in self.levels), 3)
@@ -30,9 +38,22 @@ class Lattice:
                 raise ProfileError(f"lattice: the {name} node levels are not strictly increasing numbers")
         if not np.all(np.isfinite(self.values)):
             raise ProfileError("lattice: a node value is not a finite number")
+        if self.response is not None:
+            table = self.response
+            if table.ndim != 2 or table.shape[1] != 3 or not 2 <= len(table) <= MOST_ENTRIES:
+                raise ProfileError("lattice: the response is not a table of rows of three numbers")
+            if not np.all(np.isfinite(table)) or np.any(np.diff(table, axis=0) < 0):
+                raise ProfileError("lattice: the response falls, or holds what is not a number")
+        if self.plain is not None and (self.plain.response is not None or self.plain.plain is not None):
+            raise ProfileError("lattice: the plain form has a response")
 
     def __call__(self, x: ArrayLike) -> NDArray[np.float64]:
-        """Interpolate at `x` (…, 3), clamped to the domain; returns (…, 3) float64."""
+        """Evaluate at `x` (…, 3), clamped to the domain; returns (…, 3) float64."""
+        values = self.inner(x)
+        return values if self.response is None else through(self.response, values)
+
+    def inner(self, x: ArrayLike) -> NDArray[np.float64]:
+        """The interpolated values at `x` (…, 3), before the response."""
         return interpolate(x, self.levels, self.values, self.interpolation)
 
     @property

@@ -24,7 +24,8 @@ from lutforge.model.white_balance import WhiteBalance
 
 Array = NDArray[np.float64]
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""2: lattices may have a response."""
 LARGEST_ENTRY = 512 * 1024 * 1024
 """Bytes that one array of a profile may unpack to; a 129³ lattice takes 52 MB."""
 MOST_ENTRIES = 4096
@@ -72,12 +73,7 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
         lattice: Lattice | None = getattr(style, direction)
         if lattice is None:
             continue
-        names = {"values": f"{prefix}_{direction}_values", "levels": []}
-        arrays[f"{prefix}_{direction}_values"] = lattice.values
-        for channel, levels in zip("rgb", lattice.levels, strict=True):
-            names["levels"].append(f"{prefix}_{direction}_levels_{channel}")  # type: ignore[attr-defined]  # mixed dict
-            arrays[f"{prefix}_{direction}_levels_{channel}"] = levels
-        entry: dict[str, Any] = {**names, "interpolation": lattice.interpolation, "domain": [0.0, 1.0]}
+        entry = _lattice_to_json(lattice, f"{prefix}_{direction}", arrays)
         if direction in style.coverage:
             entry["coverage"] = f"{prefix}_{direction}_coverage"
             arrays[entry["coverage"]] = style.coverage[direction]
@@ -97,6 +93,24 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
             {"white_balances": list(model.white_balances), "matrix": model.matrix.tolist(), "arrays": base}
         )
     return result
+
+
+def _lattice_to_json(lattice: Lattice, prefix: str, arrays: dict[str, Array]) -> dict[str, Any]:
+    levels = [f"{prefix}_levels_{channel}" for channel in "rgb"]
+    arrays[f"{prefix}_values"] = lattice.values
+    arrays.update(zip(levels, lattice.levels, strict=True))
+    entry: dict[str, Any] = {
+        "values": f"{prefix}_values",
+        "levels": levels,
+        "interpolation": lattice.interpolation,
+        "domain": [0.0, 1.0],
+    }
+    if lattice.response is not None:
+        entry["response"] = f"{prefix}_response"
+        arrays[entry["response"]] = lattice.response
+    if lattice.plain is not None:
+        entry["plain"] = _lattice_to_json(lattice.plain, f"{prefix}_plain", arrays)
+    return entry
 
 
 def load_profile(path: str | Path) -> CameraProfile:
@@ -191,10 +205,8 @@ def _style_from_json(entry: Mapping[str, Any], arrays: _Arrays, path: Path) -> P
     for direction in DIRECTIONS:
         if direction in entry:
             stored = entry[direction]
-            if stored["interpolation"] not in INTERPOLATIONS:
-                raise ProfileError(f"{path}: unknown interpolation {stored['interpolation']!r}")
-            r, g, b = (arrays[name] for name in stored["levels"])
-            lattices[direction] = Lattice((r, g, b), arrays[stored["values"]], stored["interpolation"])
+            plain = _lattice_from_json(stored["plain"], arrays, path) if "plain" in stored else None
+            lattices[direction] = _lattice_from_json(stored, arrays, path, plain)
             if "coverage" in stored:
                 coverage[direction] = arrays[stored["coverage"]]
     physical = []
@@ -215,3 +227,11 @@ def _style_from_json(entry: Mapping[str, Any], arrays: _Arrays, path: Path) -> P
         )
     errors = {str(name): float(value) for name, value in entry.get("errors", {}).items()}
     return PictureStyle(lattices.get("render"), lattices.get("linearize"), tuple(physical), errors, coverage)
+
+
+def _lattice_from_json(stored: Mapping[str, Any], arrays: _Arrays, path: Path, plain: Lattice | None = None) -> Lattice:
+    if stored["interpolation"] not in INTERPOLATIONS:
+        raise ProfileError(f"{path}: unknown interpolation {stored['interpolation']!r}")
+    r, g, b = (arrays[name] for name in stored["levels"])
+    response = arrays[stored["response"]] if "response" in stored else None
+    return Lattice((r, g, b), arrays[stored["values"]], stored["interpolation"], response, plain)

@@ -5,9 +5,11 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.calibration.continuation import continuation
-from lutforge.calibration.lattice import LatticeResult, fit_samples, folds
+from lutforge.calibration.lattice import fit_samples, folds
+from lutforge.calibration.lattice_result import LatticeResult
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.output_curve import output_curve
 from lutforge.model.colour_difference import delta_e_2000
 from lutforge.simulate.camera import nikon_d5100
 
@@ -29,17 +31,21 @@ def colours_in_gamut(count: int, seed: int) -> tuple[Array, Array]:
     return x, render(x)
 
 
-def fit(x: Array, y: Array, size: int, *, inverse: bool = False, shots: int = 10) -> LatticeResult:
+def fit(
+    x: Array, y: Array, size: int, *, inverse: bool = False, shots: int = 10, response: bool = True
+) -> LatticeResult:
     groups = np.array([f"shot {row % shots}" for row in range(len(x))])
     base = fit_matrix_and_response(y, x) if inverse else fit_matrix_and_response(x, y)
     guess = continuation(base, x, y, inverse=inverse)
-    return fit_samples(x, y, groups, guess, CalibrationOptions(size=size), clips=not inverse)
+    curve = output_curve(base.response) if response and not inverse else None
+    return fit_samples(x, y, groups, guess, CalibrationOptions(size=size), clips=not inverse, curve=curve)
 
 
-def test_unseen_colours_of_the_simulated_camera() -> None:
+@pytest.mark.parametrize("response", [True, False])
+def test_unseen_colours_of_the_simulated_camera(response: bool) -> None:
     x, y = colours_in_gamut(5000, 1)
     unseen, wanted = colours_in_gamut(10_000, 2)
-    lattice = fit(x, y, 33).lattice
+    lattice = fit(x, y, 33, response=response).lattice
     difference = delta_e_2000(np.clip(lattice(unseen), 0, 1), wanted)
     assert difference.mean() <= 0.35
     assert np.quantile(difference, 0.95) <= 0.8
@@ -54,11 +60,12 @@ def test_there_and_back() -> None:
     assert error.mean() < 0.003 and np.quantile(error, 0.95) < 0.012
 
 
-def test_ends_and_grey_axis() -> None:
+@pytest.mark.parametrize("response", [True, False])
+def test_ends_and_grey_axis(response: bool) -> None:
     x, y = colours_in_gamut(3000, 5)
     x[:300] = np.random.default_rng(0).uniform(0.005, 0.9, (300, 1))
     y[:300] = render(x[:300])
-    lattice = fit(x, y, 33).lattice
+    lattice = fit(x, y, 33, response=response).lattice
     grey = lattice(AXIS)
     np.testing.assert_allclose(grey[0], 0.0, atol=1e-5)
     np.testing.assert_allclose(grey[-1], 1.0, atol=1e-5)
@@ -100,16 +107,18 @@ WEAK = {
 
 
 @pytest.mark.parametrize("size", [9, 33])
+@pytest.mark.parametrize("response", [True, False])
 @pytest.mark.parametrize("name", WEAK)
-def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int) -> None:
+def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int, response: bool) -> None:
     x = WEAK[name]
     y = np.round(render(x) * 255) / 255
-    lattice = fit(x, y, size, shots=3).lattice
+    lattice = fit(x, y, size, shots=3, response=response).lattice
     assert np.linalg.norm(lattice(x) - y, axis=1).max() < 0.04
     grey = np.clip(lattice(AXIS), 0, 1)
     assert np.diff(grey, axis=0).min() > -4e-3  # monotone but for the last bit of a node
     assert np.ptp(grey, axis=1).max() < 0.15
-    assert np.all((lattice.values > -0.25) & (lattice.values < 1.25))
+    everywhere = lattice(RNG.random((2000, 3)))
+    assert np.all((everywhere >= 0) & (everywhere <= 1)) if response else np.all(np.abs(everywhere - 0.5) < 0.75)
     np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-4)
 
 

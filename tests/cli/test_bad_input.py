@@ -128,7 +128,8 @@ def test_an_output_that_cannot_be_written_leaves_the_old_file(tmp_path: Path) ->
 
 def test_what_would_be_applied_by_half_is_refused(tmp_path: Path) -> None:
     small_table(tmp_path / "samples.csv")
-    assert run("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", cwd=tmp_path).returncode == 0
+    thesis = ("--size", "5", "--preset", "thesis")  # without a response, which this format cannot hold
+    assert run("calibrate", "samples.csv", "-o", "camera.npz", *thesis, cwd=tmp_path).returncode == 0
     render = ("bake", "camera.npz", "render", "--to", "standard/daylight")
     made = run(*render, "-o", "look.spi3d", cwd=tmp_path)
     assert made.returncode == 0, made.stderr

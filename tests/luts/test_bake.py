@@ -1,5 +1,6 @@
 """Baking: a fit, never a sampling; exact where the model is a lattice; curves where the model has them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.luts.bake import bake
+from lutforge.luts.bake import bake, bake_error
 from lutforge.luts.chain import bake_chain
 from lutforge.luts.formats import hald
 from lutforge.luts.processor import evaluate, file_processor
@@ -100,6 +101,30 @@ def test_a_lattice_is_baked_as_it_stands() -> None:
     lut = bake(transform)
     np.testing.assert_allclose(lut(points()), transform(points()), atol=1e-12)
     assert bake(transform, 17).size == 17
+
+
+def test_a_lattice_with_a_response_is_kept_by_process_lists(tmp_path: Path) -> None:
+    """Other formats get its plain form, other sizes are fitted; no file leaves [0, 1]."""
+    axis = snap_levels(np.linspace(0, 1, 9), SHAPER_SIZE)
+    values = grid((axis, axis, axis)) * 1.3 - 0.15
+    table = np.clip(np.linspace(0.0, 1.0, 4096), 0, 1)[:, None].repeat(3, axis=1) ** 0.5
+    plain = Lattice((axis, axis, axis), np.clip(values, 0, 1) ** 0.5, "trilinear")
+    lattice = Lattice((axis, axis, axis), values, "trilinear", table, plain)
+    x = points()
+    transform = LatticeTransform(np.ones(3), np.eye(3), lattice)
+    clf = write_lut(bake(transform), tmp_path / "a.clf")
+    assert clf.what_was_lost == ""
+    read = evaluate(file_processor(clf.path), x)
+    np.testing.assert_allclose(read, transform(x), atol=1e-5)
+    assert read.min() >= 0.0 and read.max() <= 1.0
+    csp = write_lut(bake(transform), tmp_path / "a.csp")
+    assert "response" in csp.what_was_lost
+    np.testing.assert_allclose(evaluate(file_processor(csp.path, "trilinear"), x), plain(x), atol=1e-5)
+    other = bake(transform, 17)
+    assert other.response is not None and bake_error(other, transform).maximum < 0.01
+    alone = LatticeTransform(np.ones(3), np.eye(3), replace(lattice, plain=None))
+    fitted = write_lut(bake(alone), tmp_path / "b.csp")
+    assert np.abs(evaluate(file_processor(fitted.path, "trilinear"), x) - transform(x)).mean() < 0.03
 
 
 @pytest.mark.parametrize("suffix", [".clf", ".ctf"])

@@ -4,6 +4,7 @@ import io
 import json
 import pickle
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from profiles_synthetic import small_profile
 
 from lutforge.errors import LutForgeError, ProfileError
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_file import load_profile, save_profile
 
 
@@ -52,6 +54,46 @@ def _refused(path: Path) -> str:
     assert "\n" not in message
     assert str(path) in message or "lattice" in message or "gamut map" in message or "response" in message
     return message
+
+
+def _with_response() -> CameraProfile:
+    profile = small_profile()
+    name, style = next(iter(profile.styles.items()))
+    assert style.render is not None
+    table = np.linspace(0.0, 1.0, 65)[:, None] ** np.array([0.4, 0.5, 0.6])
+    render = replace(style.render, response=table, plain=style.render)
+    return replace(profile, styles={**profile.styles, name: replace(style, render=render)})
+
+
+def test_a_response_and_the_plain_form_come_back(tmp_path: Path) -> None:
+    first = _with_response()
+    save_profile(first, tmp_path / "a.npz")
+    second = load_profile(tmp_path / "a.npz")
+    for name, style in first.styles.items():
+        wanted, got = style.render, second.styles[name].render
+        assert wanted is not None and got is not None
+        x = np.random.default_rng(0).random((100, 3))
+        np.testing.assert_array_equal(got(x), wanted(x))
+        assert (got.response is None) == (wanted.response is None)
+        if wanted.plain is not None:
+            assert got.plain is not None
+            np.testing.assert_array_equal(got.plain(x), wanted.plain(x))
+
+
+def test_a_falling_response_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    save_profile(_with_response(), path)
+    with zipfile.ZipFile(path) as archive:
+        entry = next(name for name in archive.namelist() if name.endswith("render_response.npy"))
+    _rewrite(path, {entry: _npy(np.linspace(1.0, 0.0, 65)[:, None].repeat(3, axis=1))})
+    assert "response" in _refused(path)
+    _rewrite(path, {entry: _npy(np.zeros((1 << 17, 3)))})
+    assert "response" in _refused(path)
+
+
+def test_profiles_of_the_first_version_are_read(saved: Path) -> None:
+    _edit(saved, version=1)
+    assert load_profile(saved).camera == small_profile().camera
 
 
 def test_everything_comes_back(saved: Path) -> None:

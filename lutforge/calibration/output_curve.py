@@ -1,0 +1,78 @@
+"""The curve behind a cube: what lets a small cube hold a rendering that clips.
+
+Encoded values have a kink where a camera clips, on oblique planes that no lattice along the axes can follow, and bend
+most in the darks. So the cube holds values v that run on smoothly across the clipping, and the curve I(v) after it
+bends and clamps: dI/dv ∝ 1 + f', half way between encoded values (dI/dv = 1) and linear light (dI/dv = f').
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from lutforge.interpolation import through
+from lutforge.model.response import Response
+
+Array = NDArray[np.float64]
+
+ENTRIES = 4096
+STEEPEST = 8.0
+"""Bound on f' with respect to the whole range of linear light. A fitted f can be arbitrarily steep at the very foot,
+where saturated colours stay away from black: errors of the cube must not be multiplied by that."""
+CODE = 1.0 / 255.0
+
+
+@dataclass(frozen=True, eq=False)
+class OutputCurve:
+    """table: (ENTRIES, 3), I at even steps of v in [0, 1], rising from 0 to 1.
+
+    linear, values: (n, 3), f⁻¹ and v at n even steps of I; ends: (2, 3), dv/d(linear) below and above them.
+    """
+
+    table: Array
+    linear: Array
+    values: Array
+    ends: Array
+
+    def enter(self, encoded: Array) -> Array:
+        """I (…, 3) in [0, 1] → v, through the table as files hold it."""
+        even = np.linspace(0.0, 1.0, len(self.table))
+        return np.stack([np.interp(encoded[..., c], self.table[:, c], even) for c in range(3)], axis=-1)
+
+    def leave(self, values: Array) -> Array:
+        """v (…, 3) → I in [0, 1]."""
+        return through(self.table, values)
+
+    def slope(self, encoded: Array) -> Array:
+        """dI/dv at I (…, 3), over two codes."""
+        low, high = np.clip(encoded - CODE, 0.0, 1.0), np.clip(encoded + CODE, 0.0, 1.0)
+        rise: Array = (high - low) / (self.enter(high) - self.enter(low))
+        return rise
+
+    def continued(self, linear: Array) -> Array:
+        """v of linear light (…, 3), which runs on straight where the camera clips."""
+        result = np.empty_like(linear)
+        for c in range(3):
+            known = self.linear[:, c]
+            below, above = np.minimum(linear[..., c] - known[0], 0.0), np.maximum(linear[..., c] - known[-1], 0.0)
+            inside = np.interp(linear[..., c], known, self.values[:, c])
+            result[..., c] = inside + below * self.ends[0, c] + above * self.ends[1, c]
+        return result
+
+
+def output_curve(response: Response) -> OutputCurve:
+    """The curve of a camera with response f."""
+    codes = np.linspace(0.0, 1.0, ENTRIES)
+    inverse = response.inverse
+    knots = np.linspace(0.0, 1.0, len(inverse))
+    linear = np.asarray(PchipInterpolator(knots, inverse, axis=0)(codes), dtype=np.float64)
+    span = linear[-1] - linear[0]
+    slope = np.maximum(np.gradient(linear / span, codes, axis=0), 1.0 / STEEPEST)  # of f⁻¹
+    rate = slope / (1.0 + slope)
+    values = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rate[1:] + rate[:-1]), axis=0) / (ENTRIES - 1)])
+    total = values[-1].copy()
+    values /= total
+    table = np.stack([np.interp(codes, values[:, c], codes) for c in range(3)], axis=1)
+    ends = (rate / slope)[[0, -1]] / (total * span)
+    return OutputCurve(table, linear, values, ends)
