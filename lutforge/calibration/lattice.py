@@ -45,7 +45,7 @@ LEAST_HOLD = 1e-5
 FARTHEST = (-1.0, 2.0)
 """Bounds of the guess behind which a curve clamps to [0, 1]."""
 GREY = np.linspace(0.0, 1.0, 257)[:, None].repeat(3, axis=1)
-GREY_WEIGHT = 0.005
+GREY_WEIGHT = 0.02
 """What a point of the grey axis counts beside a sample: where there are samples nothing, else it keeps it neutral."""
 RISING_WEIGHT = 30.0
 """What it counts where the fit would fall along the axis."""

@@ -107,8 +107,10 @@ def test_a_lattice_with_a_response_is_kept_by_process_lists(tmp_path: Path) -> N
     """Other formats get its plain form, other sizes are fitted; no file leaves [0, 1]."""
     axis = snap_levels(np.linspace(0, 1, 9), SHAPER_SIZE)
     values = grid((axis, axis, axis)) * 1.3 - 0.15
-    table = np.clip(np.linspace(0.0, 1.0, 4096), 0, 1)[:, None].repeat(3, axis=1) ** 0.5
-    plain = Lattice((axis, axis, axis), np.clip(values, 0, 1) ** 0.5, "trilinear")
+    even = np.linspace(0.0, 1.0, 4096)[:, None].repeat(3, axis=1)
+    table = 2 * even / (1 + even)
+    inside = np.clip(values, 0, 1)
+    plain = Lattice((axis, axis, axis), 2 * inside / (1 + inside), "trilinear")
     lattice = Lattice((axis, axis, axis), values, "trilinear", table, plain)
     x = points()
     transform = LatticeTransform(np.ones(3), np.eye(3), lattice)
