@@ -216,12 +216,16 @@ class _Problem:
     def lattice(self, fit: LatticeFit) -> Lattice:
         """The fit, as profiles keep it."""
         method = self.options.interpolation
+        values = fit.values.copy()
+        values[0, 0, 0] = 0.0  # what the weight that holds them leaves over
+        if self.clips:
+            values[-1, -1, -1] = 1.0 if self.curve is None else np.maximum(values[-1, -1, -1], 1.0)
         if self.curve is not None:
-            return Lattice(fit.levels, fit.values, method, self.curve.table)
+            return Lattice(fit.levels, values, method, self.curve.table)
         # A node that no sample touches may not leave the range of colours; the others carry on across the clipping,
         # which the camera does after the smooth function that they describe.
         touched = normal_equations(self.x, np.ones_like(self.x), fit.levels, method).right > 0
-        return Lattice(fit.levels, np.where(touched, fit.values, np.clip(fit.values, 0.0, 1.0)), method)
+        return Lattice(fit.levels, np.where(touched, values, np.clip(values, 0.0, 1.0)), method)
 
 
 def _robust(squared_error: Array) -> Array:
