@@ -22,9 +22,9 @@ class Grade:
     """What is to be done to one image.
 
     processor: colours in the image's own encoding → graded colours. history: one line for the output's metadata.
-    attributes: further metadata to set in the output, by OpenImageIO's names; None erases those that a name matches as a
-    regular expression. confidence: colours → (confidence, unclipped, covered), each in [0, 1]: the first for masks,
-    the others to count pixels below 0.5. raw: the source is a RAW file, and its linear camera RGB is graded.
+    attributes: further metadata to set in the output, by OpenImageIO's names; with None those that match the name, a
+    regular expression, are erased. confidence: colours → (confidence, unclipped, covered), each in [0, 1]: the first
+    for masks, the others to count pixels below 0.5. raw: the source is a RAW file, and its linear camera RGB is graded.
     notes: what the user should know about this image. oiiotool: the words with which oiiotool does the same, where it
     can; lut: what `processor` evaluates, where that is in no file.
     """

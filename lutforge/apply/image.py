@@ -127,12 +127,15 @@ def apply_image(
         threads = stack.enter_context(_threads(count))
         premultiplied = is_premultiplied(spec)
 
+        doubtful = np.zeros(3, dtype=np.int64)
+
         def work(pixels: Pixels) -> Pixels | None:
             confidence = None
-            if masking is not None:
+            if grade.confidence is not None:
                 confidence = np.empty_like(pixels)
                 _grade(grade.confidence, pixels, confidence, premultiplied, threads)
-                confidence = np.ascontiguousarray(confidence[..., :1])
+                doubtful[:] += _count_doubtful(confidence, pixels)
+                confidence = np.ascontiguousarray(confidence[..., :1]) if masking is not None else None
             _grade(grade.processor, pixels, pixels, premultiplied, threads)
             return confidence
 
@@ -147,8 +150,31 @@ def apply_image(
         _overlapped(regions, image.read, work, write, overlap=count > 1)
         parts = image.count_parts()
         width, height = spec.width, spec.height
-    notes = grade.notes if parts == 1 else (*grade.notes, f"{source}: the first of {parts} images in the file was used")
+    notes = (*grade.notes, *_doubts(source, doubtful, width * height))
+    if parts != 1:
+        notes = (*notes, f"{source}: the first of {parts} images in the file was used")
     return Applied(source, target, width, height, notes, mask if masking is not None else None)
+
+
+def _count_doubtful(confidence: Pixels, pixels: Pixels) -> NDArray[np.int64]:
+    """How many pixels are clipped, else unlike every colour of the calibration, and how many are not numbers."""
+    clipped = confidence[..., 1] < 0.5
+    unlike = (confidence[..., 2] < 0.5) & ~clipped
+    sums = pixels[..., 0] + pixels[..., 1] + pixels[..., 2]  # NaN and infinity stay what they are
+    return np.array([np.count_nonzero(part) for part in (clipped, unlike, ~np.isfinite(sums))])
+
+
+def _doubts(source: Path, doubtful: NDArray[np.int64], count: int) -> tuple[str, ...]:
+    """What to tell of the pixels whose grade is a guess; less than one in a thousand is not worth a line."""
+    clipped, unlike, broken = (int(number) for number in doubtful)
+    notes = []
+    if clipped > 0.001 * count:
+        notes.append(f"{source}: {clipped / count:.1%} of the pixels are clipped; what they lost stays neutral")
+    if unlike > 0.001 * count:
+        notes.append(f"{source}: {unlike / count:.1%} of the pixels are unlike all colours of the calibration")
+    if broken:
+        notes.append(f"{source}: {broken} pixels are not finite numbers and became black")
+    return tuple(notes)
 
 
 def _overlapped(
@@ -258,7 +284,8 @@ def _mask_spec(output: oiio.ImageSpec) -> oiio.ImageSpec:
 def check_channels(path: Path, spec: oiio.ImageSpec) -> None:
     """Raise ImageError where the first three channels are not colours, or their alpha is not the fourth."""
     if spec.nchannels < 3:
-        raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s)")
+        grey = " (greyscale); convert it to RGB first" if spec.nchannels <= 2 else ""
+        raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s){grey}")
     alpha = spec.alpha_channel
     if 0 <= alpha < 3 or (alpha > 3 and is_premultiplied(spec)):
         raise ImageError(f"{path}: channels are {', '.join(spec.channelnames)}; put R, G, B, A first")

@@ -69,7 +69,7 @@ class ProfileRecipe:
 
     def check(self) -> None:
         """Raise SettingsError or ProfileError where the profiles, the transfers or the settings asked for are wrong."""
-        cameras = self._cameras
+        cameras = self.cameras
         asked = parse_selector(self.source) if self.source else None
         for camera in cameras.values():
             if asked is not None and asked.style != AS_SHOT and asked.white_balance not in NAMED_BY_FILE:
@@ -85,13 +85,13 @@ class ProfileRecipe:
 
     def grade(self, source: Path) -> Grade:
         settings = read_picture_settings(source)
-        camera, notes = choose_camera(source, settings, self._cameras, self.source is not None)
-        look = self._look or camera
+        camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
+        look = self.look_for(camera)
         if source.suffix.lower() in RAW_SUFFIXES:
             return self._developed(source, settings, camera, look)
         given, doubts = source_selector(source, settings, camera, self.source)
-        wanted = self._wanted(camera, given, look)
-        chain, processor = self._chain(camera, given, look, wanted)
+        wanted = self.wanted(camera, given, look)
+        chain, processor = self.chain(camera, given, look, wanted)
         return Grade(
             processor,
             history_line(camera.camera, str(given), look.camera, str(wanted), self.ev),
@@ -101,7 +101,16 @@ class ProfileRecipe:
             lut=chain,
         )
 
-    def _chain(
+    @property
+    def keeps_white_balance(self) -> bool:
+        """True where pictures keep the white balance that they were shot with."""
+        return _own_balance(self._target) is not None
+
+    def look_for(self, camera: CameraProfile) -> CameraProfile:
+        """The profile of the camera whose look a camera's pictures get."""
+        return self._look or camera
+
+    def chain(
         self, camera: CameraProfile, given: Selector, look: CameraProfile, wanted: Selector
     ) -> tuple[LutChain, OCIO.CPUProcessor]:
         """The refinish as LUTs, the same for all pictures with the same settings."""
@@ -128,7 +137,7 @@ class ProfileRecipe:
         given, notes = source_selector(source, replace(settings, style=style), camera, text)
         if self._target.style == AS_SHOT and settings.style not in camera.styles:
             notes = (*notes, f'the file does not tell a style of this profile; "{style}" is used')
-        wanted = self._wanted(camera, given, look)
+        wanted = self.wanted(camera, given, look)
         transfer = self._transfer(camera, look)
         transform = match(camera, given, look, wanted, transfer=transfer)
         assert isinstance(transform, Refinish)
@@ -148,7 +157,8 @@ class ProfileRecipe:
         )
 
     @cached_property
-    def _cameras(self) -> dict[str, CameraProfile]:
+    def cameras(self) -> dict[str, CameraProfile]:
+        """The profiles by camera, in lower case."""
         cameras: dict[str, CameraProfile] = {}
         for path in self.profiles:
             profile = load_profile(path)
@@ -162,7 +172,7 @@ class ProfileRecipe:
             return None
         look = load_profile(self.look)
         same = [path for path in self.profiles if path.resolve() == self.look.resolve()]
-        return self._cameras[look.camera.lower()] if same else look
+        return self.cameras[look.camera.lower()] if same else look
 
     @cached_property
     def _target(self) -> Selector:
@@ -175,7 +185,7 @@ class ProfileRecipe:
             raise SettingsError("--transfer goes with --as: it leads to the RAW of the camera whose look is wanted")
         steps = {step.source: step for step in map(load_transfer, self.transfers)}
         found = {}
-        for camera in self._cameras.values():
+        for camera in self.cameras.values():
             path: list[RawTransfer] = []
             at = camera.camera
             while self._look is not None and at != self._look.camera and at in steps and len(path) < len(steps):
@@ -185,7 +195,7 @@ class ProfileRecipe:
                 found[camera.camera] = chained(path)
         if steps and not found:
             raise SettingsError(
-                f"no transfer leads from {', '.join(camera.camera for camera in self._cameras.values())} to "
+                f"no transfer leads from {', '.join(camera.camera for camera in self.cameras.values())} to "
                 f"{self._look.camera if self._look else ''}; those given begin at {', '.join(steps)}"
             )
         return found
@@ -219,7 +229,7 @@ class ProfileRecipe:
     def _transfer(self, camera: CameraProfile, look: CameraProfile) -> RawTransfer | None:
         return None if look is camera else self._transfers.get(camera.camera)
 
-    def _wanted(self, camera: CameraProfile, given: Selector, look: CameraProfile) -> Selector:
+    def wanted(self, camera: CameraProfile, given: Selector, look: CameraProfile) -> Selector:
         """The settings to render with; "as-shot" ones are those of the picture, for another camera those under which
         the same light is neutral.
         """
@@ -230,12 +240,15 @@ class ProfileRecipe:
         balance = given.white_balance
         if look is not camera:
             transfer = self._transfer(camera, look)
-            if transfer is not None:
+            light = same_light(camera, given, look)
+            if light is not None:
+                balance = light
+            elif transfer is not None:
                 neutral = transfer(1 / camera.multipliers(given))
                 balance = _multipliers(neutral[1] / neutral)
             else:
                 # Where the light is unknown to the other camera, any setting that it knows serves to stay neutral.
-                balance = same_light(camera, given, look) or next(iter(look.white_balances))
+                balance = next(iter(look.white_balances))
         wanted = look.selector(Selector(style, balance))
         if tint:
             wanted = Selector(

@@ -29,7 +29,7 @@ def apply(
             help="Images: JPEG, PNG, TIFF, EXR, with a profile RAW; before them further profiles.", show_default=False
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the graded images.")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="The folder for the graded images.")] = None,
     source: Annotated[
         str | None,
         typer.Option(
@@ -44,6 +44,9 @@ def apply(
     look: Annotated[Path | None, typer.Option("--as", help="The profile of the camera whose look is wanted.")] = None,
     transfer: Annotated[
         list[Path] | None, typer.Option(help="With --as: RAW to RAW, from `lutforge transfer`; may repeat.")
+    ] = None,
+    candidates: Annotated[
+        Path | None, typer.Option(help="Grade nothing: a sheet of the image under presumed white balances.")
     ] = None,
     suffix: Annotated[str | None, typer.Option(help="Another format for the output, such as .png or .exr.")] = None,
     interpolation: Annotated[str, typer.Option(help="For LUTs that name none.")] = "tetrahedral",
@@ -81,6 +84,11 @@ def apply(
     else:
         recipe = _recipe(grade, source, target, ev, interpolation)
     recipe.check()
+    if candidates is not None:
+        _candidates(recipe, images, candidates)
+        return
+    if output is None:
+        raise SettingsError("no output: name a folder for the graded images with -o")
     if output.exists() and not output.is_dir():
         raise ImageError(f"{output}: is not a folder; name a folder for the graded images")
     inputs = find_inputs(images, frames, recursive, leave_out=output)
@@ -118,6 +126,17 @@ def apply(
         note(f"{counts} in {seconds:.1f} s: {_rate(len(result.done), pixels, seconds)}")
     if failed:
         raise typer.Exit(1 if asked > 1 else 2)
+
+
+def _candidates(recipe: "Recipe", images: Sequence[Path], sheet: Path) -> None:
+    from lutforge.apply.candidates import candidate_sheet
+    from lutforge.apply.profile_recipe import ProfileRecipe
+
+    if not isinstance(recipe, ProfileRecipe) or len(images) != 1:
+        raise SettingsError("--candidates goes with a profile and one image")
+    for name in candidate_sheet(recipe, images[0], sheet):
+        say(f"--from {name}")
+    note(f"{sheet} shows the picture graded from each; grade it from the one that looks right")
 
 
 def _print_commands(recipe: "Recipe", inputs: "Inputs", output: Path, suffix: str | None) -> None:

@@ -1,5 +1,6 @@
 """`lutforge bake`: a profile's transform → LUT files, each read back and measured."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,6 +39,9 @@ def bake(
         str | None, typer.Option(help="trilinear or tetrahedral: how the reader interpolates.")
     ] = None,
     model: Annotated[str | None, typer.Option(help="lattice or rbf, where the profile holds both.")] = None,
+    transfer: Annotated[
+        list[Path] | None, typer.Option(help="For match: RAW to RAW, from `lutforge transfer`; may repeat, in steps.")
+    ] = None,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
     from lutforge.luts.bake import bake as fit_lut
@@ -58,7 +62,7 @@ def bake(
         require_writable(path)
     camera = load_profile(profile)
     partner = load_profile(other) if other is not None else None
-    transform, title = choose_transform(camera, kind, partner, source, target, ev, space, model)
+    transform, title = choose_transform(camera, kind, partner, source, target, ev, space, model, transfer or ())
     display = kind != "linearize"
     comments = (title, f"LutForge {__version__}", *_held_out(camera, kind, source, target))
     with progress_bar("baking") as report:
@@ -91,9 +95,11 @@ def choose_transform(
     ev: float,
     space: str,
     model: str | None,
+    transfers: Sequence[Path] = (),
 ) -> tuple["Transform", str]:
     """The transform that the words ask for, and its title. Raises SettingsError where one is missing or unknown."""
     from lutforge.model.camera_profile import MODELS, match
+    from lutforge.model.raw_transfer import chained, load_transfer
     from lutforge.model.scene_spaces import SCENE_SPACES
 
     if kind not in KINDS:
@@ -104,6 +110,8 @@ def choose_transform(
         raise SettingsError(f'unknown space "{space}"; choose {", ".join(SCENE_SPACES)}')
     if (partner is not None) != (kind == "match"):
         raise SettingsError("match needs two profiles, A.npz match B.npz; the other transforms need one")
+    if transfers and kind != "match":
+        raise SettingsError("--transfer goes with match")
     if ev and kind in ("render", "linearize"):
         raise SettingsError(f"--ev goes with refinish and match; scale the RAW values to expose a {kind} anew")
     if kind == "render":
@@ -116,7 +124,8 @@ def choose_transform(
     wanted = _needed(target, "--to", kind, end)
     exposure = f", {ev:+g} EV" if ev else ""
     name = f"{end.camera} {wanted}" if partner else wanted
-    return match(camera, given, end, wanted, ev, model), f"{camera.camera} {given} to {name}{exposure}"
+    step = chained([load_transfer(path) for path in transfers]) if transfers else None
+    return match(camera, given, end, wanted, ev, model, step), f"{camera.camera} {given} to {name}{exposure}"
 
 
 def _needed(selector: str | None, option: str, kind: str, profile: "CameraProfile") -> str:

@@ -203,12 +203,17 @@ def match(
             f"the profiles are of {source_camera.camera} and {target_camera.camera}"
         )
     between = 2.0**ev * np.eye(3)
-    if source_camera is not target_camera and transfer is None:
-        reference = same_light(source_camera, source, target_camera) or target.white_balance
+    light = None if source_camera is target_camera else same_light(source_camera, source, target_camera)
+    carried: Transform | None = None
+    if transfer is not None:
+        under = None if light is None else target_camera.multipliers(Selector(target.style, light))
+        carried = transfer.under(source_camera.multipliers(source), under)
+    elif source_camera is not target_camera:
+        reference = light or target.white_balance
         to_target = np.linalg.inv(target_camera.raw_to_linear_srgb(Selector(target.style, reference)))
         between = 2.0**ev * to_target @ source_camera.raw_to_linear_srgb(source)
     source_linear = source_camera._linearize(source, "raw", model)
-    return Refinish(source_linear, between, target_camera.render(target, model=model), transfer)
+    return Refinish(source_linear, between, target_camera.render(target, model=model), carried)
 
 
 def same_light(

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge import __version__
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ProfileError
+from lutforge.model.transform import Transform
 
 Array = NDArray[np.float64]
 
@@ -72,18 +73,23 @@ class HueWedges:
 class RawTransfer:
     """RAW of `source` → RAW of `target`, both before white balance. matrix: Tc (3, 3); wedges: instead, where fitted.
 
-    error: root mean square of the pairs that the fit had not seen, relative to their norm.
+    neutral: (3,) the source's RAW of a white under the light of the fit, where known. error: root mean square of the
+    pairs that the fit had not seen, relative to their norm.
     """
 
     source: str
     target: str
     matrix: Array
+    neutral: Array | None = None
     wedges: HueWedges | None = None
     error: float | None = None
 
     def __post_init__(self) -> None:
         if self.matrix.shape != (3, 3) or not np.all(np.isfinite(self.matrix)) or np.linalg.cond(self.matrix) > 1e6:
             raise ProfileError(f"RAW transfer {self.source} to {self.target}: the matrix is not invertible")
+        neutral = self.neutral
+        if neutral is not None and not (neutral.shape == (3,) and np.all(np.isfinite(neutral)) and np.all(neutral > 0)):
+            raise ProfileError(f"RAW transfer {self.source} to {self.target}: its white is not three positive numbers")
 
     def __call__(self, raw: ArrayLike) -> Array:
         """RAW (…, 3) → RAW (…, 3)."""
@@ -92,6 +98,17 @@ class RawTransfer:
             return x @ self.matrix.T
         flat = x.reshape(-1, 3)
         return (self.wedges.coordinates(flat) @ self.wedges.images).reshape(x.shape)
+
+    def under(self, source: Array, target: Array | None) -> Transform:
+        """The transfer under another light than that of the fit, whose multipliers (3,) are known for both cameras.
+
+        White-balanced colours change little with the light, RAW ones much: the fit is carried over between them.
+        """
+        if self.neutral is None or target is None:
+            return self
+        neutral = self.neutral
+        white = self(neutral)
+        return lambda raw: self(np.asarray(raw) * source * neutral) * (white[1] / white / target)
 
     def save(self, path: str | Path) -> None:
         """Write the transfer (.json), atomically; `load_transfer` reads it."""
@@ -103,9 +120,8 @@ class RawTransfer:
             "source": self.source,
             "target": self.target,
             "matrix": self.matrix.tolist(),
-            "wedges": None
-            if wedges is None
-            else {"neutral": wedges.neutral.tolist(), "hues": wedges.hues.tolist(), "images": wedges.images.tolist()},
+            "neutral": None if self.neutral is None else self.neutral.tolist(),
+            "wedges": None if wedges is None else {"hues": wedges.hues.tolist(), "images": wedges.images.tolist()},
             "error": self.error,
         }
         with atomic_path(path) as temporary:
@@ -124,10 +140,13 @@ def load_transfer(path: str | Path) -> RawTransfer:
         if not isinstance(document["version"], int) or document["version"] > FORMAT_VERSION:
             raise ProfileError(f"{path}: version {document['version']}; this LutForge reads up to {FORMAT_VERSION}")
         stored = document["wedges"]
-        wedges = stored and HueWedges(*(np.array(stored[name], float) for name in ("neutral", "hues", "images")))
+        neutral = None if document["neutral"] is None else np.array(document["neutral"], dtype=np.float64)
+        wedges = None
+        if stored is not None and neutral is not None:
+            wedges = HueWedges(neutral, *(np.array(stored[name], dtype=np.float64) for name in ("hues", "images")))
         error = None if document["error"] is None else float(document["error"])
         matrix = np.array(document["matrix"], dtype=np.float64)
-        return RawTransfer(str(document["source"]), str(document["target"]), matrix, wedges or None, error)
+        return RawTransfer(str(document["source"]), str(document["target"]), matrix, neutral, wedges, error)
     except OSError as error:
         raise ProfileError(f"{path}: cannot be read ({error.strerror or error})") from error
     except ProfileError as error:
@@ -148,5 +167,5 @@ def chained(transfers: list[RawTransfer]) -> RawTransfer:
                 f"the RAW transfer {first.source} to {first.target} cannot be followed by "
                 f"{other.source} to {other.target}"
             )
-        first = RawTransfer(first.source, other.target, other.matrix @ first.matrix)
+        first = RawTransfer(first.source, other.target, other.matrix @ first.matrix, first.neutral)
     return first

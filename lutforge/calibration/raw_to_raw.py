@@ -1,0 +1,126 @@
+"""Fit one camera's RAW → another's from common scenes: linear (thesis 6.2) or piecewise linear (7.2)."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.errors import CalibrationError
+from lutforge.model.raw_transfer import OPPONENT, HueWedges, RawTransfer
+from lutforge.samples.sample_set import SampleSet
+
+Array = NDArray[np.float64]
+
+LEAST_PAIRS = 12
+HUES = 12
+"""Edges between wedges; narrower ones follow a finer change with hue than smooth sensitivities make."""
+STIFFNESS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+"""Candidates for the weight that holds neighbouring wedges to one matrix; held-out pairs choose."""
+FLOOR = 0.05
+"""Colours darker than this share of the brightest count by their absolute error, not by their relative one."""
+FOLDS = 5
+
+
+def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Array]:
+    """Aligned RAW (n, 3) of both cameras and the source's RAW of white (3,), of the same patches in the same shots.
+
+    Patches go together by name. Shots do by name too, or, where the cameras named them differently, in their order, if
+    both have as many. Clipped colours are left out. Raises CalibrationError where too few are common.
+    """
+    names = [list(dict.fromkeys(samples.shot.tolist())) for samples in (source, target)]
+    if not set(names[0]) & set(names[1]) and len(names[0]) == len(names[1]):
+        renamed = dict(zip(names[1], names[0], strict=True))
+        target = replace(target, shot=np.array([renamed[shot] for shot in target.shot.tolist()], dtype=np.str_))
+    place = {key: row for row, key in enumerate(zip(target.shot.tolist(), target.patch.tolist(), strict=True))}
+    rows = [
+        (row, place[key])
+        for row, key in enumerate(zip(source.shot.tolist(), source.patch.tolist(), strict=True))
+        if key in place
+    ]
+    first, second = (np.array([pair[side] for pair in rows], dtype=np.intp) for side in (0, 1))
+    x, y = source.raw[first], target.raw[second]
+    usable = np.all((x > 0) & (x < 0.999) & (y > 0) & (y < 0.999), axis=1)
+    if usable.sum() < LEAST_PAIRS:
+        raise CalibrationError(
+            f"{int(usable.sum())} colours are common to both cameras, at least {LEAST_PAIRS} are needed: photograph "
+            "the same charts with both, and name the shots alike or give as many of each, in the same order"
+        )
+    multipliers = source.wb[first][usable]
+    known = np.all(np.isfinite(multipliers), axis=1)
+    if known.any():
+        neutral = 1 / np.median(multipliers[known], axis=0)
+    else:
+        neutral = np.median(x[usable] / x[usable].mean(axis=1, keepdims=True), axis=0)
+    return x[usable], y[usable], np.asarray(neutral)
+
+
+def fit_raw_transfer(
+    source: str, target: str, x: Array, y: Array, neutral: Array | None = None, piecewise: bool = False
+) -> RawTransfer:
+    """Tc between two cameras from aligned RAW, x (n, 3) → y (n, 3), both before white balance.
+
+    neutral: (3,) the source's RAW of a white, about which a piecewise fit turns; it lets the transfer serve under other
+    lights. Colours count by their relative error.
+    The transfer's error is that of pairs left out of the fit, in five parts. Raises CalibrationError where the colours
+    do not determine it.
+    """
+    if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3 or len(x) < LEAST_PAIRS:
+        raise CalibrationError(
+            f"aligned RAW of shapes {x.shape} and {y.shape}; at least {LEAST_PAIRS} pairs are needed"
+        )
+    if np.linalg.matrix_rank(x, tol=1e-4 * np.linalg.norm(x)) < 3:
+        raise CalibrationError("the common colours are all alike: photograph a colour chart with both cameras")
+    level = np.linalg.norm(y, axis=1)
+    weight = 1 / np.maximum(level, FLOOR * level.max())
+    part = np.arange(len(x)) % FOLDS
+    if not piecewise:
+        matrix = _least_squares(x, y, weight)
+        held = np.zeros_like(y)
+        for index in range(FOLDS):
+            rest = part != index
+            held[~rest] = x[~rest] @ _least_squares(x[rest], y[rest], weight[rest]).T
+        return RawTransfer(source, target, matrix, neutral, None, _relative(held - y, weight))
+    if neutral is None:
+        raise CalibrationError("a piecewise transfer needs the source camera's RAW of a white")
+    return _fit_wedges(source, target, x, y, weight, neutral, part)
+
+
+def _fit_wedges(
+    source: str, target: str, x: Array, y: Array, weight: Array, neutral: Array, part: NDArray[np.intp]
+) -> RawTransfer:
+    matrix = _least_squares(x, y, weight)
+    hues: Array = np.arange(HUES, dtype=np.float64) * (2 * np.pi / HUES)
+    # A unit step along an edge, in RAW: where one matrix would take it is where the fit starts from.
+    edges = np.stack([np.cos(hues), np.sin(hues)], axis=1) @ np.linalg.pinv(OPPONENT).T
+    one_matrix = np.vstack([neutral, edges * neutral]) @ matrix.T
+    weights = HueWedges(neutral, hues, one_matrix).coordinates(x)
+    ring = np.eye(HUES)
+    # 0 where all wedges share one matrix: the images are then a cosine of the hue.
+    bend = np.roll(ring, 1, axis=1) - 2 * np.cos(2 * np.pi / HUES) * ring + np.roll(ring, -1, axis=1)
+    bend = np.hstack([np.zeros((HUES, 1)), bend])
+
+    def fit(stiffness: float, rows: NDArray[np.bool_]) -> Array:
+        scale = stiffness * np.sqrt(rows.sum()) * np.median(weight * np.linalg.norm(x / neutral, axis=1))
+        left = np.vstack([weights[rows] * weight[rows, None], scale * bend, 1e-3 * scale * np.eye(HUES + 1)])
+        rest = (y[rows] - weights[rows] @ one_matrix) * weight[rows, None]
+        right = np.vstack([rest, np.zeros((2 * HUES + 1, 3))])
+        return np.asarray(one_matrix + np.linalg.lstsq(left, right)[0])
+
+    errors = []
+    for stiffness in STIFFNESS:
+        held = np.zeros_like(y)
+        for index in range(FOLDS):
+            held[part == index] = weights[part == index] @ fit(stiffness, part != index)
+        errors.append(_relative(held - y, weight))
+    best = int(np.argmin(errors))
+    images = fit(STIFFNESS[best], np.ones(len(x), dtype=np.bool_))
+    return RawTransfer(source, target, matrix, neutral, HueWedges(neutral, hues, images), errors[best])
+
+
+def _least_squares(x: Array, y: Array, weight: Array) -> Array:
+    """argmin Σ w² ‖y − T x‖²."""
+    return np.asarray(np.linalg.lstsq(x * weight[:, None], y * weight[:, None])[0].T)
+
+
+def _relative(difference: Array, weight: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum((difference * weight[:, None]) ** 2, axis=1))))

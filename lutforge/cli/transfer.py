@@ -1,0 +1,46 @@
+"""`lutforge transfer`: one camera's RAW → another's, from photographs of the same scenes."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lutforge.cli.console import note, progress_bar, say
+from lutforge.errors import SampleError
+
+
+def transfer(
+    source: Annotated[Path, typer.Argument(help="The first camera's samples, RAW file or folder.", show_default=False)],
+    target: Annotated[Path, typer.Argument(help="The other camera's, of the same charts.", show_default=False)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The transfer to write (.json).")],
+    piecewise: Annotated[
+        bool, typer.Option("--piecewise", help="Piecewise linear in hue: nearer, where there are many colours.")
+    ] = False,
+) -> None:
+    """Fit RAW → RAW between two cameras from charts that both photographed, for apply --as and bake match."""
+    from lutforge.atomic_write import require_writable
+    from lutforge.calibration.raw_to_raw import fit_raw_transfer, pair_samples
+    from lutforge.pipeline import gather_samples
+
+    if output.suffix.lower() != ".json":
+        raise SampleError(f"{output}: a transfer is a .json file, such as a_to_b.json")
+    require_writable(output)
+    sets = []
+    for path in (source, target):
+        with progress_bar(f"sampling {path.name}") as report:
+            sampled = gather_samples([path], report)
+        for text in sampled.left_out:
+            note(text)
+        if len(set(sampled.samples.camera.tolist())) != 1:
+            raise SampleError(f"{path}: samples of several cameras; give those of one")
+        sets.append(sampled.samples)
+    first, second = sets
+    names = (str(first.camera[0]), str(second.camera[0]))
+    x, y, neutral = pair_samples(first, second)
+    linear = fit_raw_transfer(*names, x, y, neutral)
+    chosen = fit_raw_transfer(*names, x, y, neutral, piecewise=True) if piecewise else linear
+    chosen.save(output)
+    say(f"{output}: {names[0]} to {names[1]}, from {len(x)} common colours")
+    say(f"  held-out error, relative: one matrix {linear.error:.2%}")
+    if piecewise:
+        say(f"  piecewise linear in hue {chosen.error:.2%}")

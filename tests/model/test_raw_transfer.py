@@ -1,0 +1,87 @@
+"""RAW to RAW between cameras: evaluation, other lights, steps, files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.errors import ProfileError
+from lutforge.model.raw_transfer import OPPONENT, HueWedges, RawTransfer, chained, load_transfer
+
+MATRIX = np.array([[1.1, -0.1, 0.05], [0.1, 0.9, 0.0], [0.0, 0.2, 0.7]])
+NEUTRAL = np.array([0.5, 1.0, 0.7])
+HUES = np.array([0.1, 1.5, 3.0, 4.4, 5.5])
+
+
+def wedges_of(matrix: np.ndarray) -> HueWedges:  # type: ignore[type-arg]  # a helper of this file
+    edges = np.stack([np.cos(HUES), np.sin(HUES)], axis=1) @ np.linalg.pinv(OPPONENT).T
+    return HueWedges(NEUTRAL, HUES, np.vstack([NEUTRAL, edges * NEUTRAL]) @ matrix.T)
+
+
+def test_wedges_of_one_matrix_are_that_matrix() -> None:
+    x = np.random.default_rng(0).uniform(0, 1, (500, 3))
+    transfer = RawTransfer("A", "B", MATRIX, NEUTRAL, wedges_of(MATRIX))
+    np.testing.assert_allclose(transfer(x), x @ MATRIX.T, atol=1e-12)
+    np.testing.assert_allclose(transfer(x[0]), MATRIX @ x[0], atol=1e-12)
+
+
+def test_wedges_are_continuous_and_keep_the_scale() -> None:
+    rng = np.random.default_rng(1)
+    bent = wedges_of(MATRIX)
+    wedges = HueWedges(NEUTRAL, HUES, bent.images * rng.uniform(0.8, 1.2, bent.images.shape))
+    transfer = RawTransfer("A", "B", MATRIX, NEUTRAL, wedges)
+    x = rng.uniform(0, 1, (2000, 3))
+    np.testing.assert_allclose(transfer(3 * x), 3 * transfer(x), rtol=1e-9, atol=1e-12)
+    angles = np.linspace(0, 2 * np.pi, 20001)
+    ring = 0.5 + 0.3 * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ np.linalg.pinv(OPPONENT).T
+    assert np.abs(np.diff(transfer(ring * NEUTRAL), axis=0)).max() < 5e-4
+
+
+def test_under_another_light_white_stays_white() -> None:
+    transfer = RawTransfer("A", "B", MATRIX, NEUTRAL)
+    multipliers_a, multipliers_b = np.array([1.3, 1.0, 2.5]), np.array([1.5, 1.0, 2.2])
+    under = transfer.under(multipliers_a, multipliers_b)
+    white = under(1 / multipliers_a) * multipliers_b
+    np.testing.assert_allclose(white, white[1], rtol=1e-12)
+    # Under the light of the fit it is the fit.
+    same = transfer.under(1 / NEUTRAL, transfer(NEUTRAL)[1] / transfer(NEUTRAL))
+    x = np.random.default_rng(2).uniform(0, 1, (50, 3))
+    np.testing.assert_allclose(same(x), transfer(x), rtol=1e-12)
+
+
+def test_steps_go_through_a_reference_camera_in_order() -> None:
+    other = np.array([[0.9, 0.2, 0.0], [0.0, 1.0, 0.1], [0.1, 0.0, 1.2]])
+    through = chained([RawTransfer("A", "R", MATRIX, NEUTRAL), RawTransfer("R", "B", other)])
+    assert (through.source, through.target) == ("A", "B")
+    np.testing.assert_allclose(through.matrix, other @ MATRIX)
+    with pytest.raises(ProfileError, match="cannot be followed"):
+        chained([RawTransfer("R", "B", other), RawTransfer("A", "R", MATRIX)])
+
+
+@pytest.mark.parametrize("piecewise", [False, True])
+def test_a_file_reads_back(tmp_path: Path, piecewise: bool) -> None:
+    transfer = RawTransfer("Camera ü", "B", MATRIX, NEUTRAL, wedges_of(MATRIX) if piecewise else None, 0.012)
+    transfer.save(tmp_path / "t.json")
+    read = load_transfer(tmp_path / "t.json")
+    x = np.random.default_rng(3).uniform(0, 1, (50, 3))
+    np.testing.assert_array_equal(read(x), transfer(x))
+    assert (read.source, read.target, read.error) == ("Camera ü", "B", 0.012)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "{}", "[]", "nonsense", '{"format": "lutforge-raw-transfer", "version": 99}',
+        '{"format": "lutforge-raw-transfer", "version": 1, "source": "a", "target": "b", "matrix": [[1, 0], [0, 1]], '
+        '"neutral": null, "wedges": null, "error": null}',
+        '{"format": "lutforge-raw-transfer", "version": 1, "source": "a", "target": "b", "neutral": [1, 1, 1], '
+        '"matrix": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "wedges": {"hues": [0, 0, 0], "images": []}, "error": null}',
+    ],
+)  # fmt: skip
+def test_anything_else_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "t.json"
+    path.write_text(text)
+    with pytest.raises(ProfileError) as caught:
+        load_transfer(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
