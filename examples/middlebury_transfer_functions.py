@@ -18,11 +18,11 @@ from middlebury_table import read_patches, unclipped
 from lutforge.calibration.brightness_transfer import ResponseVerdict, TransferFunction, judge, transfer_functions
 from lutforge.calibration.exposure_pairs import pairs_of_samples
 
-NOTES = """Made by `examples/middlebury_transfer_functions.py` from the photographs named in middlebury_table.md: pairs of
-one chart at two exposures, both lights. A colour is an outlier where it leaves the camera's common function by more than
-three codes in any channel; R, G, B are the channels in which it does. The shift is the median departure of unsaturated
-colours in the worst pair of shots; a shutter 5 % off shifts middle grey by three codes. RAW departs from one ratio a
-pair of shots by the share given (median of the worst pair), noise and 8 bits included.
+NOTES = """Made by `examples/middlebury_transfer_functions.py` from the photographs named in middlebury_table.md: pairs
+of one chart at two exposures, both lights. A colour is an outlier where it leaves the camera's common function by more
+than three codes in any channel; R, G, B are the channels in which it does. The shift is the median departure of
+unsaturated colours in the worst pair of shots; a shutter 5 % off shifts middle grey by three codes. RAW departs from one
+ratio a pair of shots by the share given (median of the worst pair), noise and 8 bits included.
 """
 
 
@@ -60,11 +60,12 @@ def answer(verdicts: Mapping[str, ResponseVerdict]) -> str:
     rest = [f"{camera} ({shift:.0f} codes)" for camera, shift in shifts.items() if camera not in (*fixed, *near)]
     moved = [verdict for verdict in verdicts.values() if verdict.outliers > 0]
     apart = sum(verdict.outlier_saturation > verdict.inlier_saturation for verdict in moved)
+    others = " and ".join(rest) or "any other"
     return (
         f"Is the response a fixed property of the camera? Within 3 codes for {len(fixed)} of {len(verdicts)}, within 6 "
-        f"for {len(fixed) + len(near)}; not for {' and '.join(rest) or 'any other'}, whose greys move from pair to pair. "
-        f"What leaves the common function is more saturated than what follows it in {apart} of the {len(moved)} cameras "
-        "that move any colour, most in blue or red, while RAW keeps one ratio: a map of colours, not another response."
+        f"for {len(fixed) + len(near)}; not for {others}, whose greys move from pair to pair. What leaves the common "
+        f"function is more saturated than what follows it in {apart} of the {len(moved)} cameras that move any colour, "
+        "most in blue or red, while RAW keeps one ratio: a map of colours, not another response."
     )
 
 
