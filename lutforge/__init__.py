@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from lutforge.model.profile_file import load_profile, save_profile
     from lutforge.model.published_model import import_published
     from lutforge.ocio.config import build_config, write_config
-    from lutforge.pipeline import calibrate, evaluate, sample
+    from lutforge.pipeline import calibrate, evaluate, learning_curves, sample, smallest_size
     from lutforge.samples.sample_set import SampleSet
     from lutforge.samples.table import read_samples, write_samples
 
@@ -48,12 +48,14 @@ __all__ = [
     "check_lut",
     "evaluate",
     "import_published",
+    "learning_curves",
     "load_profile",
     "match",
     "read_samples",
     "response_from_bracket",
     "sample",
     "save_profile",
+    "smallest_size",
     "verify",
     "write_config",
     "write_samples",
@@ -73,12 +75,14 @@ _HOMES = {
     "check_lut": "luts.check",
     "evaluate": "pipeline",
     "import_published": "model.published_model",
+    "learning_curves": "pipeline",
     "load_profile": "model.profile_file",
     "match": "model.camera_profile",
     "read_samples": "samples.table",
     "response_from_bracket": "calibration.bracket",
     "sample": "pipeline",
     "save_profile": "model.profile_file",
+    "smallest_size": "pipeline",
     "verify": "luts.verify",
     "write_config": "ocio.config",
     "write_samples": "samples.table",

@@ -9,9 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lutforge.calibration.calibrate import calibrate as fit_profile
+from lutforge.calibration.calibrate import data_by_style
 from lutforge.calibration.evaluate import evaluate as evaluate_profile
 from lutforge.calibration.evaluation import Evaluation
+from lutforge.calibration.learning_curve import LearningCurve, learning_curve
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.size_search import smallest_size as find_smallest_size
 from lutforge.errors import LutForgeError, SampleError, ShotError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.extract import ShotSamples, extract
@@ -105,6 +108,27 @@ def calibrate(
 ) -> CameraProfile:
     """Samples → a camera profile."""
     return fit_profile(with_setting_names(samples), options, progress)
+
+
+def smallest_size(
+    samples: SampleSet, tolerance: float, options: CalibrationOptions | None = None, progress: Progress = _silent
+) -> int:
+    """Nodes per axis of the smallest lattice that renders held-out shots within a mean error (RGB norm, 1 = full)."""
+    return find_smallest_size(data_by_style(with_setting_names(samples)), tolerance, options, progress)
+
+
+def learning_curves(samples: SampleSet, progress: Progress = _silent) -> dict[str, LearningCurve]:
+    """How many shots are enough, by style: the error on held-out shots against the number of shots fitted to."""
+    data = data_by_style(with_setting_names(samples))
+    curves = {}
+    for index, (name, style) in enumerate(data.items()):
+        start = index / len(data)
+
+        def within(what: str, share: float, name: str = name, start: float = start) -> None:
+            progress(f"{name}: {what}", start + share / len(data))
+
+        curves[name] = learning_curve(style, progress=within)
+    return curves
 
 
 def evaluate(

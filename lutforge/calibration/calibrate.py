@@ -193,6 +193,17 @@ def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleD
     return result, int((~usable).sum())
 
 
+def data_by_style(samples: SampleSet) -> dict[str, StyleData]:
+    """The fitting samples of each style of one camera with RAW of its own. Raises CalibrationError."""
+    _check_one_camera(samples)
+    if np.any(samples.raw_camera != samples.camera):
+        raise CalibrationError(
+            f"{samples.camera[0]} was sampled with another camera's RAW: its model has no lattice to choose a size of"
+        )
+    multipliers, _ = complete_multipliers(samples)
+    return style_data(samples, multipliers)[0]
+
+
 def fit_style(
     data: StyleData,
     options: CalibrationOptions,

@@ -1,5 +1,6 @@
 """`lutforge calibrate`: samples or RAW files → a camera profile."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -8,9 +9,11 @@ import typer
 from lutforge.atomic_write import require_writable
 from lutforge.cli.console import note, print_table, progress_bar, say
 from lutforge.cli.sample import tell
+from lutforge.errors import CalibrationError
 from lutforge.interpolation import Interpolation
 
 if TYPE_CHECKING:
+    from lutforge.calibration.learning_curve import LearningCurve
     from lutforge.model.camera_profile import CameraProfile
 
 Sources = Annotated[
@@ -24,28 +27,45 @@ def calibrate(
     output: Annotated[Path, typer.Option("-o", "--output", help="The profile to write (.npz).")] = Path("camera.npz"),
     model: Annotated[str, typer.Option(help="lattice; or rbf: the physical stages of chapter 4 too.")] = "lattice",
     preset: Annotated[str, typer.Option(help="lutforge, or thesis (chapter 5 as written).")] = "lutforge",
-    size: Annotated[int, typer.Option(help="Nodes per axis of the lattices, 3 to 65.")] = 33,
+    size: Annotated[int | None, typer.Option(help="Nodes per axis of the lattices, 3 to 65; 33 unless given.")] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="Instead of a size: the smallest one (9 to 65) that renders held-out shots with this mean error, the "
+            "norm of the RGB difference of encoded values 0 to 1 (0.0068 is one code of 255).",
+        ),
+    ] = None,
     interpolation: Annotated[str, typer.Option(help="trilinear or tetrahedral: what will read the LUT.")] = "trilinear",
     uniform: Annotated[bool, typer.Option("--uniform", help="Keep the node levels evenly spaced.")] = False,
+    learning_curve: Annotated[
+        bool,
+        typer.Option("--learning-curve", help="Show, too, how the error falls with more shots: are they enough?"),
+    ] = False,
 ) -> None:
     """Calibrate a camera, and print the error on shots that were held out."""
     from lutforge.calibration.options import CalibrationOptions, Preset
     from lutforge.model.camera_profile import ModelName
     from lutforge.model.profile_file import save_profile
     from lutforge.pipeline import calibrate as fit
-    from lutforge.pipeline import gather_samples
+    from lutforge.pipeline import gather_samples, learning_curves, smallest_size
 
+    if size is not None and tolerance is not None:
+        raise CalibrationError("give --size or --tolerance, not both")
     require_writable(output)
     options = CalibrationOptions(
         model=cast(ModelName, model),
         preset=cast(Preset, preset),
-        size=size,
+        size=33 if size is None else size,
         interpolation=cast(Interpolation, interpolation),
         nonuniform=not uniform,
     )
     with progress_bar("sampling") as report:
         sampled = gather_samples(sources, report)
     tell(sampled)
+    if tolerance is not None:
+        with progress_bar("choosing a size") as report:
+            options = replace(options, size=smallest_size(sampled.samples, tolerance, options, report))
+        say(f"{options.size} nodes per axis are the fewest that reach a mean error of {tolerance:g} on held-out shots")
     with progress_bar("calibrating") as report:
         profile = fit(sampled.samples, options, report)
     for text in profile.notes:
@@ -53,7 +73,29 @@ def calibrate(
     print_held_out(profile)
     save_profile(profile, output)
     say(f"{output}: {profile.camera}, {len(sampled.samples)} samples of {len(profile.shots)} shots")
+    if learning_curve:
+        with progress_bar("learning curve") as report:
+            curves = learning_curves(sampled.samples, report)
+        for name, curve in curves.items():
+            print_learning_curve(name, curve)
     say(f"styles: {', '.join(profile.styles)}; white balances: {', '.join(profile.white_balances)}")
+
+
+def print_learning_curve(style: str, curve: "LearningCurve") -> None:
+    """A style's error on held-out shots against the number of shots, as a table and one sentence."""
+    rows = [
+        (
+            str(point.shots),
+            f"{point.samples:.0f}",
+            f"{point.render:.4f}",
+            f"{point.spread:.4f}",
+            f"{point.linearize:.4f}",
+        )
+        for point in curve.points
+    ]
+    header = ("shots", "samples", "render mean", "± 1 σ", "linearize mean")
+    print_table(f"Error on held-out shots by the number of shots: {style}", header, rows)
+    say(f"{style}: {curve.advice}")
 
 
 def print_held_out(profile: "CameraProfile") -> None:
