@@ -28,4 +28,4 @@ print(f"its {len(error)} measured colours: mean error {np.linalg.norm(error, axi
 
 lut = lf.bake(profile.refinish("standard/tungsten", "standard/daylight"), size=33)
 print(lut.write(folder / "tungsten_to_daylight.clf").format)
-print(lf.write_config([profile], folder / "ocio"))
+print(lf.write_config([profile], folder / "ocio", replace=True))

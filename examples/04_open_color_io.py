@@ -18,7 +18,7 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_04")
 
 shots = demo_shots(folder / "shots")
 profile = lf.calibrate(lf.sample(shots.calibration), lf.CalibrationOptions(size=17))
-path = lf.write_config([profile], folder / "ocio")
+path = lf.write_config([profile], folder / "ocio", replace=True)
 
 config = OCIO.Config.CreateFromFile(str(path))
 camera = profile.camera

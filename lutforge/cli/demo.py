@@ -119,7 +119,7 @@ def _config(profile: "CameraProfile", folder: Path) -> None:
     from lutforge.ocio.check import check_config, load_config
     from lutforge.ocio.config import write_config
 
-    path = write_config([profile], folder)
+    path = write_config([profile], folder, replace=True)
     findings = check_config(load_config(path))
     for finding in findings:
         note(str(finding))

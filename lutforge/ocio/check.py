@@ -1,19 +1,35 @@
-"""Check a config: valid, and every colour space, view, look and role can be used on pixels."""
+"""Check a config of any origin: valid, complete, and every transform in it used on real pixels and there and back."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from lutforge.errors import ConfigError
 from lutforge.luts.processor import OCIO_ERRORS
+from lutforge.ocio.merge import LUT_SUFFIXES
+from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL
 
-Make = Callable[[], OCIO.Processor]
+Pixels = NDArray[np.float32]
 
-_WANTED_ROLES = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_SCENE_LINEAR, OCIO.ROLE_INTERCHANGE_DISPLAY)
+WANTED_ROLES = (
+    OCIO.ROLE_INTERCHANGE_SCENE,
+    OCIO.ROLE_SCENE_LINEAR,
+    OCIO.ROLE_INTERCHANGE_DISPLAY,
+    OCIO.ROLE_COMPOSITING_LOG,
+    OCIO.ROLE_COLOR_TIMING,
+    OCIO.ROLE_COLOR_PICKING,
+    OCIO.ROLE_DATA,
+)
+ROUND_TRIP_PIXELS = 1 << 12
+IDENTICAL = 1e-4
+"""Difference up to which two colour spaces of one equality group are the same."""
 
 _PIXELS = np.array(
     [[0, 0, 0], [0.18, 0.18, 0.18], [1, 1, 1], [0.5, 0.2, 0.1], [0.1, 0.4, 0.7], [-0.01, 0.5, 1.2]],
@@ -33,6 +49,15 @@ class Finding:
         return f"{self.severity}: {self.where}: {self.what}"
 
 
+@dataclass(frozen=True)
+class SpaceRoundTrip:
+    """A colour space to the reference and back, on values that it can hold: norm of the change of these values."""
+
+    space: str
+    mean: float
+    maximum: float
+
+
 def load_config(path: str | Path) -> OCIO.Config:
     """Read config.ocio or an .ocioz archive. Raises ConfigError in one line."""
     path = Path(path)
@@ -45,7 +70,11 @@ def load_config(path: str | Path) -> OCIO.Config:
 
 
 def check_config(config: OCIO.Config) -> list[Finding]:
-    """What ociocheck checks, and pixels pushed through each transform; an empty list is a sound config."""
+    """What ociocheck checks and more; an empty list is a sound config.
+
+    Pixels go through each colour space, named transform, view and look, in both directions; round trips are measured,
+    files looked for, names and equality groups compared.
+    """
     findings: list[Finding] = []
     try:
         config.validate()
@@ -53,35 +82,86 @@ def check_config(config: OCIO.Config) -> list[Finding]:
         findings.append(Finding("error", "config", _one_line(error)))
     findings += [
         Finding("warning", f"role {role}", "missing; programs cannot relate this config to others")
-        for role in _WANTED_ROLES
+        for role in WANTED_ROLES
         if not config.hasRole(role)
     ]
+    findings += _names(config)
+    findings += _files(config)
     for where, make in _transforms(config):
         findings += _try(where, make)
-    return findings
+    if any(finding.severity == "error" for finding in findings):
+        return findings
+    for trip in round_trips(config):
+        if trip.mean > MEAN_GOAL or trip.maximum > MAX_GOAL:
+            found = f"mean {trip.mean:.2g}, max {trip.maximum:.2g}"
+            findings.append(Finding("warning", f"colour space {trip.space}", f"to the reference and back: {found}"))
+    return findings + _equality_groups(config)
 
 
-def _transforms(config: OCIO.Config) -> Iterator[tuple[str, Make]]:
+def round_trips(config: OCIO.Config) -> Iterator[SpaceRoundTrip]:
+    """Each colour space to the reference and back, on values of [0, 1] that have been there once: it can hold those."""
+    values = qmc.Sobol(3, rng=3).random(ROUND_TRIP_PIXELS)
+    start = np.concatenate([values, values**2]).astype(np.float32)
+    for name, reference in _convertible(config):
+        there = _processor(config, name, reference)
+        back = _processor(config, reference, name)
+        first = _applied(back, _applied(there, start))
+        second = _applied(back, _applied(there, first))
+        error = np.linalg.norm(second - first, axis=1)
+        yield SpaceRoundTrip(name, float(error.mean()), float(error.max()))
+
+
+def _processor(config: OCIO.Config, source: str, target: str) -> OCIO.CPUProcessor:
+    return config.getProcessor(source, target).getDefaultCPUProcessor()
+
+
+def _applied(processor: OCIO.CPUProcessor, pixels: Pixels) -> Pixels:
+    result = pixels.copy()
+    processor.applyRGB(result)
+    return result
+
+
+def _spaces(config: OCIO.Config) -> list[OCIO.ColorSpace]:
+    return [*config.getColorSpaces(OCIO.SEARCH_REFERENCE_SPACE_ALL, OCIO.COLORSPACE_ALL)]
+
+
+def _convertible(config: OCIO.Config) -> Iterator[tuple[str, str]]:
+    """Colour spaces that can be converted, each with the reference that it is defined by (else any that is there)."""
+    roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_INTERCHANGE_DISPLAY, OCIO.ROLE_SCENE_LINEAR)
+    scene, display, _ = (role if config.hasRole(role) else "" for role in roles)
+    fallback = next((role for role in roles if config.hasRole(role)), "")
+    for space in _spaces(config):
+        of_display = space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
+        reference = (display if of_display else scene) or fallback
+        if reference and not space.isData():
+            yield space.getName(), reference
+
+
+def _transforms(config: OCIO.Config) -> Iterator[tuple[str, Callable[[], OCIO.Processor]]]:
     """Every transform of a config by name, and how to make its processor."""
-    reference = next((role for role in _WANTED_ROLES if config.hasRole(role)), "")
+    for name, reference in _convertible(config):
+        yield f"colour space {name}, to the reference", partial(config.getProcessor, name, reference)
+        yield f"colour space {name}, from the reference", partial(config.getProcessor, reference, name)
+    for direction, way in ((OCIO.TRANSFORM_DIR_FORWARD, "forward"), (OCIO.TRANSFORM_DIR_INVERSE, "backward")):
+        for named in config.getNamedTransforms(OCIO.NAMEDTRANSFORM_ALL):
+            if named.getTransform(direction):
+                yield f"named transform {named.getName()}, {way}", partial(config.getProcessor, named, direction)
+    roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_SCENE_LINEAR, OCIO.ROLE_INTERCHANGE_DISPLAY)
+    reference = next((role for role in roles if config.hasRole(role)), "")
     if not reference:
         return
-    for space in config.getColorSpaces(OCIO.SEARCH_REFERENCE_SPACE_ALL, OCIO.COLORSPACE_ALL):
-        if not space.isData():
-            name = space.getName()
-            yield f"colour space {name}, to the reference", partial(config.getProcessor, name, reference)
-            yield f"colour space {name}, from the reference", partial(config.getProcessor, reference, name)
     forward = OCIO.TRANSFORM_DIR_FORWARD
-    for display in config.getDisplays():
-        for view in config.getViews(display):
-            yield f"view {display} / {view}", partial(config.getProcessor, reference, display, view, forward)
+    for display in config.getDisplaysAll():
+        for kind in (OCIO.VIEW_SHARED, OCIO.VIEW_DISPLAY_DEFINED):
+            for view in config.getViews(kind, display):
+                yield f"view {display} / {view}", partial(config.getProcessor, reference, display, view, forward)
     for name in config.getLookNames():
         for sign in "+-":
             look = OCIO.LookTransform(src=reference, dst=reference, looks=sign + name)
             yield f"look {sign}{name}", partial(config.getProcessor, look)
 
 
-def _try(where: str, make: Make) -> list[Finding]:
+def _try(where: str, make: Callable[[], OCIO.Processor]) -> list[Finding]:
     pixels = _PIXELS.copy()
     try:
         make().getDefaultCPUProcessor().applyRGB(pixels)
@@ -90,6 +170,93 @@ def _try(where: str, make: Make) -> list[Finding]:
     if not np.all(np.isfinite(pixels)):
         return [Finding("error", where, "ordinary pixels come out as NaN or infinity")]
     return []
+
+
+def _names(config: OCIO.Config) -> list[Finding]:
+    """Names that stand for two things, whatever their case: which of them is meant depends on the program."""
+    owners: dict[str, list[str]] = {}
+    for space in _spaces(config):
+        for name in {space.getName().lower(), *(alias.lower() for alias in space.getAliases())}:
+            owners.setdefault(name, []).append(f"colour space {space.getName()}")
+    for named in config.getNamedTransforms(OCIO.NAMEDTRANSFORM_ALL):
+        for name in {named.getName().lower(), *(alias.lower() for alias in named.getAliases())}:
+            owners.setdefault(name, []).append(f"named transform {named.getName()}")
+    for role in config.getRoleNames():
+        owners.setdefault(role.lower(), []).append(f"role {role}")
+    for look in config.getLookNames():
+        owners.setdefault(f"look {look.lower()}", []).append(f"look {look}")
+    return [
+        Finding("error", f'name "{name.removeprefix("look ")}"', f"stands for {' and '.join(who)}")
+        for name, who in sorted(owners.items())
+        if len(who) > 1
+    ]
+
+
+def _files(config: OCIO.Config) -> list[Finding]:
+    """Files that are named but missing, and LUT files beside the config that nothing names."""
+    context = config.getCurrentContext()
+    findings, found = [], set()
+    for source, where in sorted(_sources(config).items()):
+        try:
+            found.add(Path(context.resolveFileLocation(source)).resolve())
+        except OCIO_ERRORS:
+            findings.append(Finding("error", f"file {source}", f"missing; {where} needs it"))
+    root = Path(config.getWorkingDir())
+    if not config.getWorkingDir() or not root.is_dir():  # from memory, or an archive
+        return findings
+    for entry in filter(None, config.getSearchPaths()):
+        if Path(entry).is_absolute():
+            findings.append(Finding("warning", f"search path {entry}", "is absolute: the config works on one machine"))
+        elif "$" not in entry and (root / entry).is_dir():
+            files = {path.resolve() for path in (root / entry).iterdir() if path.suffix.lower() in LUT_SUFFIXES}
+            findings += [
+                Finding("warning", f"file {path.name}", "nothing in the config refers to it")
+                for path in sorted(files - found)
+            ]
+    return findings
+
+
+def _sources(config: OCIO.Config) -> dict[str, str]:
+    """File names that the config's transforms refer to, and the first place that does; none with context variables."""
+    both = (OCIO.COLORSPACE_DIR_TO_REFERENCE, OCIO.COLORSPACE_DIR_FROM_REFERENCE)
+    ways = (OCIO.TRANSFORM_DIR_FORWARD, OCIO.TRANSFORM_DIR_INVERSE)
+    views = (OCIO.VIEWTRANSFORM_DIR_TO_REFERENCE, OCIO.VIEWTRANSFORM_DIR_FROM_REFERENCE)
+    transforms = [(f"colour space {s.getName()}", s.getTransform(way)) for s in _spaces(config) for way in both]
+    for named in config.getNamedTransforms(OCIO.NAMEDTRANSFORM_ALL):
+        transforms += [(f"named transform {named.getName()}", named.getTransform(way)) for way in ways]
+    for view in config.getViewTransforms():
+        transforms += [(f"view transform {view.getName()}", view.getTransform(way)) for way in views]
+    for look in config.getLooks():
+        transforms += [(f"look {look.getName()}", part) for part in (look.getTransform(), look.getInverseTransform())]
+    sources: dict[str, str] = {}
+    for where, transform in transforms:
+        for part in _leaves(transform):
+            if isinstance(part, OCIO.FileTransform) and "$" not in part.getSrc():
+                sources.setdefault(part.getSrc(), where)
+    return sources
+
+
+def _leaves(transform: OCIO.Transform | None) -> Iterator[OCIO.Transform]:
+    if isinstance(transform, OCIO.GroupTransform):
+        for part in transform:
+            yield from _leaves(part)
+    elif transform is not None:
+        yield transform
+
+
+def _equality_groups(config: OCIO.Config) -> list[Finding]:
+    """Colour spaces of one equality group are taken for each other: they must be the same."""
+    grouped = [(space.getEqualityGroup(), space.getName()) for space in _spaces(config) if space.getEqualityGroup()]
+    references = dict(_convertible(config))
+    findings = []
+    for group, members in groupby(sorted(grouped), key=lambda pair: pair[0]):
+        names = [name for _, name in members if name in references]
+        results = [_applied(_processor(config, name, references[name]), np.abs(_PIXELS)) for name in names[:1]]
+        for name in names[1:]:
+            result = _applied(_processor(config, name, references[name]), np.abs(_PIXELS))
+            if np.abs(result - results[0]).max() > IDENTICAL:
+                findings.append(Finding("error", f"equality group {group}", f"{names[0]} and {name} differ"))
+    return findings
 
 
 def _one_line(error: Exception) -> str:

@@ -1,0 +1,142 @@
+"""Under which names a config holds its cameras: unique, kept by programs and file systems, free of the base's own."""
+
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.errors import ConfigError
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.scene_spaces import from_linear_srgb
+from lutforge.ocio.names import UniqueNames, file_stem, part_name, space_name
+
+Array = NDArray[np.float64]
+
+DAYLIGHT_KELVIN = 5200.0
+RAW = "RAW"
+DEFAULT = "default"
+"""Stands for the reference white balance in names that context variables make."""
+AS_SHOT = "(as shot)"
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A profile and its names: of the camera, its styles and its white balances, each the profile's name → ours."""
+
+    profile: CameraProfile
+    name: str
+    styles: dict[str, str]
+    balances: dict[str, str]
+
+    @property
+    def family(self) -> str:
+        """The family of its colour spaces."""
+        return f"Input/{self.name}"
+
+    @property
+    def own(self) -> str:
+        """The white balance under which this camera's neutral is the reference's: daylight, or what comes nearest."""
+        balances = self.profile.white_balances
+
+        def distance(name: str) -> tuple[bool, float]:
+            kelvin = balances[name].kelvin
+            return (kelvin is None, abs(1e6 / (kelvin or DAYLIGHT_KELVIN) - 1e6 / DAYLIGHT_KELVIN))
+
+        return "daylight" if "daylight" in balances else min(balances, key=distance)
+
+    def raw(self, balance: str | None = None) -> str:
+        """The colour space of its RAW, before white balance or after one."""
+        return space_name(self.name, RAW, self.balances[balance] if balance is not None else "")
+
+    def jpeg(self, style: str, balance: str) -> str:
+        """The colour space of its JPEGs in a style and white balance."""
+        return space_name(self.name, self.styles[style], self.balances[balance])
+
+    def spaces(self) -> Iterator[str]:
+        """Every colour space name that it takes."""
+        yield self.raw()
+        for balance in self.profile.white_balances:
+            yield self.raw(balance)
+            for style in self.profile.styles:
+                yield self.jpeg(style, balance)
+        for style in self.styles.values():
+            yield space_name(self.name, style, AS_SHOT)
+            yield space_name(self.name, style, DEFAULT)
+
+    def gain(self, balance: str) -> Array:
+        """The multipliers (3,) of a white balance."""
+        return np.asarray(self.profile.white_balances[balance].multipliers, dtype=np.float64)
+
+    def to_reference(self, balance: str | None) -> Array:
+        """Camera RGB after a white balance, or before any (None) → ACES2065-1, (3, 3)."""
+        gain = self.gain(self.own)
+        if balance is not None:
+            gain = gain / self.gain(balance)
+        return np.asarray((from_linear_srgb("aces2065-1") @ self.profile.matrix) * gain)
+
+
+def name_cameras(profiles: Sequence[CameraProfile], taken: Iterable[str] = ()) -> tuple[Camera, ...]:
+    """Names for profiles, none of whose colour spaces or aliases is among those taken, whatever the case.
+
+    Where one would be, the camera gets a number. Raises ConfigError on no profile, on the same one twice, and on one
+    that has no RAW of its own.
+    """
+    if not profiles:
+        raise ConfigError("a config needs at least one camera profile")
+    used = {name.lower() for name in taken}
+    prints: set[str] = set()
+    cameras: list[Camera] = []
+    for profile in profiles:
+        if profile.raw_camera:
+            raise ConfigError(
+                f"{profile.camera} was calibrated through the RAW of {profile.raw_camera}: it has no RAW of its own "
+                "for a config; bake refinish LUTs of it instead"
+            )
+        key = _fingerprint(profile)
+        if key in prints:
+            raise ConfigError(f"the profile of {profile.camera} is given twice; name each profile once")
+        prints.add(key)
+        camera = _named(profile, used)
+        used |= {name.lower() for name in (camera.name, *camera.spaces())}
+        used |= {file_stem(name) for name in camera.spaces()}
+        cameras.append(camera)
+    return tuple(cameras)
+
+
+def _named(profile: CameraProfile, used: set[str]) -> Camera:
+    styles, balances = UniqueNames((RAW,)), UniqueNames((DEFAULT, AS_SHOT))
+    first = Camera(
+        profile,
+        part_name(profile.camera, "camera"),
+        {name: styles(part_name(name)) for name in profile.styles},
+        {name: balances(part_name(name)) for name in profile.white_balances},
+    )
+    camera, number = first, 2
+    while not used.isdisjoint(
+        [camera.name.lower(), *(form for name in camera.spaces() for form in (name.lower(), file_stem(name)))]
+    ):
+        camera = Camera(profile, f"{first.name} {number}", first.styles, first.balances)
+        number += 1
+    return camera
+
+
+def _fingerprint(profile: CameraProfile) -> str:
+    """Equal for profiles of one camera that render alike."""
+    digest = hashlib.sha256(repr((profile.camera, sorted(profile.white_balances.items()))).encode())
+    arrays = [profile.matrix]
+    for name, style in sorted(profile.styles.items()):
+        digest.update(name.encode())
+        arrays += [
+            part
+            for lattice in (style.render, style.linearize)
+            if lattice is not None
+            for part in (*lattice.levels, lattice.values)
+        ]
+        for model in style.physical:
+            arrays += [model.matrix, model.response.inverse]
+            arrays += [part.coefficients for part in (model.gamut_map, model.inverse_gamut_map)]
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+    return digest.hexdigest()

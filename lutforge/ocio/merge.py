@@ -1,0 +1,253 @@
+"""Cameras added to a studio's own config, by OpenColorIO's ConfigMerger (2.5 and later).
+
+The base wins wherever both have something: its colour spaces, roles, rules and views stay bit for bit what they were.
+The cameras are named so that nothing clashes (`ocio.cameras`); where the base's scene reference is not ACES2065-1, the
+merger puts the change of reference between.
+"""
+
+import shutil
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+from lutforge.errors import ConfigError
+from lutforge.luts.processor import OCIO_ERRORS
+from lutforge.ocio.base_config import DATA, DISPLAY_REFERENCE, LUT_FOLDER, REFERENCE, UN_TONE_MAPPED
+from lutforge.ocio.file_rules import put_first
+from lutforge.ocio.names import config_names
+
+BUILTIN = "ocio://"
+LUT_SUFFIXES = frozenset(
+    (".3dl", ".cc", ".ccc", ".cdl", ".clf", ".csp", ".ctf", ".cub", ".cube", ".hdl", ".icc", ".icm", ".itx", ".look")
+    + (".lut", ".mga", ".m3d", ".spi1d", ".spi3d", ".spimtx", ".vf")
+)
+"""Files that OpenColorIO reads, and so what belongs to a config."""
+MOST_BYTES = 2 << 30
+"""Most that is unpacked from an archive."""
+
+
+@dataclass(frozen=True, eq=False)
+class BaseConfig:
+    """A config to add to. label: how the user named it; folder: where its files are, or none (built in)."""
+
+    config: OCIO.Config
+    label: str
+    folder: Path | None
+
+    @property
+    def version(self) -> str:
+        """Its profile version."""
+        return f"{self.config.getMajorVersion()}.{self.config.getMinorVersion()}"
+
+    @property
+    def names(self) -> set[str]:
+        """Names that a colour space may not take."""
+        return config_names(self.config)
+
+    @property
+    def looks(self) -> set[str]:
+        """Its looks."""
+        return {name.lower() for name in self.config.getLookNames()}
+
+    @property
+    def views(self) -> set[str]:
+        """Its views and view transforms."""
+        config = self.config
+        names = [*config.getViewTransformNames(), *config.getSharedViews()]
+        names += [view for display in config.getDisplaysAll() for view in config.getViews(display)]
+        return {name.lower() for name in names}
+
+    @property
+    def files(self) -> list[Path]:
+        """Its LUT files, relative to its folder."""
+        if self.folder is None:
+            return []
+        found: set[Path] = set()
+        for entry in [*self.config.getSearchPaths()] or [""]:
+            if "$" in entry or Path(entry).is_absolute():
+                continue
+            place = self.folder / entry
+            if not place.resolve().is_relative_to(self.folder.resolve()):
+                raise ConfigError(
+                    f'{self.label}: its search path "{entry}" leaves its folder; pack it first (ocioarchive), and '
+                    "merge the archive"
+                )
+            files = place.rglob("*") if place.is_dir() else ()
+            found |= {path for path in files if path.suffix.lower() in LUT_SUFFIXES and path.is_file()}
+        return sorted(path.relative_to(self.folder) for path in found)
+
+    @property
+    def file_stems(self) -> set[str]:
+        """Stems that files of cameras may not have."""
+        return {file.stem.lower().removesuffix("_render").removesuffix("_linearize") for file in self.files}
+
+    def copy_files(self, target: Path) -> None:
+        """Its LUT files into another folder, under the same relative names."""
+        for file in self.files:
+            assert self.folder is not None
+            place = target / file
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.folder / file, place)
+
+
+@contextmanager
+def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
+    """The config to merge into: a file, an archive (unpacked while the block runs), or the name of a built-in one.
+
+    None for none. Raises ConfigError.
+    """
+    if source is None:
+        yield None
+        return
+    label = str(source)
+    if label.startswith(BUILTIN) or label in _builtin_names():
+        yield _checked(BaseConfig(_read(f"{BUILTIN}{label.removeprefix(BUILTIN)}", label), label, None))
+        return
+    path = Path(source)
+    if not path.is_file():
+        raise ConfigError(
+            f"{path}: no such config; name a .ocio or .ocioz file, or one of {', '.join(_builtin_names())}"
+        )
+    if not zipfile.is_zipfile(path):
+        yield _checked(BaseConfig(_read(str(path), label), label, path.absolute().parent))
+        return
+    with TemporaryDirectory() as folder:
+        _unpack(path, Path(folder))
+        inside = Path(folder) / "config.ocio"
+        if not inside.is_file():
+            raise ConfigError(f"{path}: not an OpenColorIO archive, there is no config.ocio in it")
+        yield _checked(BaseConfig(_read(str(inside), label), label, Path(folder)))
+
+
+def merged(
+    base: BaseConfig,
+    cameras: OCIO.Config,
+    views: Sequence[str],
+    rules: Sequence[tuple[str, str, str]],
+    version: str | None,
+) -> OCIO.Config:
+    """The base with the cameras of another config of ours: spaces, looks, views and file rules. Raises ConfigError."""
+    displays = _sdr_displays(base.config)
+    _strip(cameras, keep_displays=not displays)
+    parameters = OCIO.ConfigMergingParameters.Create()
+    parameters.setDefaultStrategy(OCIO.ConfigMergingParameters.STRATEGY_PREFER_BASE)
+    parameters.setInputFirst(False)
+    parameters.setAdjustInputReferenceSpace(True)
+    parameters.setAvoidDuplicates(False)
+    parameters.setErrorOnConflict(False)
+    level = OCIO.GetLoggingLevel()
+    OCIO.SetLoggingLevel(OCIO.LOGGING_LEVEL_NONE)  # it lists all that both have, which is what is wanted
+    try:
+        config = OCIO.ConfigMergingHelpers.MergeConfigs(parameters, base.config, cameras)
+    except OCIO_ERRORS as error:
+        raise ConfigError(f"{base.label}: OpenColorIO cannot merge it: {' '.join(str(error).split())[:300]}") from error
+    finally:
+        OCIO.SetLoggingLevel(level)
+    paths = [path for path in base.config.getSearchPaths() if path != LUT_FOLDER]
+    config.setSearchPath(":".join([*paths, LUT_FOLDER]))
+    active = [*base.config.getActiveViews()]
+    for view in views:
+        for display in displays:
+            config.addDisplaySharedView(display, view)
+        if active:
+            config.addActiveView(view)
+    file_rules = config.getFileRules()
+    put_first(file_rules, rules)
+    config.setFileRules(file_rules)
+    if version is not None:
+        _set_version(config, base, version)
+    return config
+
+
+def _set_version(config: OCIO.Config, base: BaseConfig, version: str) -> None:
+    config.setVersion(2, int(version.partition(".")[2]))
+    try:
+        config.validate()
+        config.serialize()
+    except OCIO_ERRORS as error:
+        reason = " ".join(str(error).split()).removeprefix("Error building YAML: ")
+        raise ConfigError(
+            f"{base.label}: is a config of version {base.version}, and not {version}: {reason}"
+        ) from error
+
+
+def _strip(cameras: OCIO.Config, keep_displays: bool) -> None:
+    """Leave what the base cannot have: the cameras. Their own common spaces would only clash with its."""
+    scene = OCIO.SEARCH_REFERENCE_SPACE_SCENE
+    kept = {REFERENCE, DISPLAY_REFERENCE}
+    roles = (OCIO.ROLE_INTERCHANGE_SCENE, OCIO.ROLE_INTERCHANGE_DISPLAY)
+    for role in [name for name in cameras.getRoleNames() if name not in roles]:
+        cameras.setRole(role, None)
+    everything = [space.getName() for space in cameras.getColorSpaces(scene, OCIO.COLORSPACE_ALL)]
+    display = [
+        space.getName() for space in cameras.getColorSpaces(OCIO.SEARCH_REFERENCE_SPACE_DISPLAY, OCIO.COLORSPACE_ALL)
+    ]
+    ours = [name for name in everything if cameras.getColorSpace(name).getFamily().startswith("Input/")]
+    for name in [*everything, *([] if keep_displays else display)]:
+        if name not in kept and name not in ours:
+            cameras.removeColorSpace(name)
+    for entry in cameras.getDisplaysAll():
+        cameras.removeDisplayView(entry, DATA)
+    if not keep_displays:
+        cameras.clearDisplays()
+        cameras.clearActiveDisplays()
+        cameras.removeSharedView(UN_TONE_MAPPED)
+    cameras.setInactiveColorSpaces("")
+    cameras.setFileRules(OCIO.FileRules())
+
+
+def _sdr_displays(config: OCIO.Config) -> list[str]:
+    """Displays of a config that a shared view can be shown on: named as a colour space of video or cinema."""
+    found = []
+    for display in config.getDisplaysAll():
+        space = config.getColorSpace(display)
+        of_display = space is not None and space.getReferenceSpaceType() == OCIO.REFERENCE_SPACE_DISPLAY
+        if of_display and space.getEncoding() in ("sdr-video", ""):
+            found.append(display)
+    return found
+
+
+def _checked(base: BaseConfig) -> BaseConfig:
+    if base.config.getMajorVersion() < 2:
+        raise ConfigError(f"{base.label}: is of OpenColorIO 1; bring it to profile version 2 first")
+    if not base.config.hasRole(OCIO.ROLE_INTERCHANGE_SCENE):
+        raise ConfigError(
+            f"{base.label}: has no role {OCIO.ROLE_INTERCHANGE_SCENE}, so nobody knows what its reference is; give "
+            "that role to its ACES2065-1 first"
+        )
+    return base
+
+
+def _builtin_names() -> list[str]:
+    return [entry[0] for entry in OCIO.BuiltinConfigRegistry().getBuiltinConfigs()]
+
+
+def _read(source: str, label: str) -> OCIO.Config:
+    try:
+        return OCIO.Config.CreateFromFile(source)
+    except OCIO_ERRORS as error:
+        raise ConfigError(f"{label}: OpenColorIO cannot read it: {' '.join(str(error).split())[:300]}") from error
+
+
+def _unpack(path: Path, folder: Path) -> None:
+    """Unpack an archive of a stranger: no entry outside of the folder, no more than MOST_BYTES."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+            if sum(entry.file_size for entry in entries) > MOST_BYTES:
+                raise ConfigError(f"{path}: unpacks to more than {MOST_BYTES >> 30} GB, refused")
+            for entry in entries:
+                name = PurePosixPath(entry.filename.replace("\\", "/"))
+                if name.is_absolute() or ".." in name.parts or ":" in entry.filename:
+                    raise ConfigError(f'{path}: holds an entry outside of itself, "{entry.filename[:80]}", refused')
+                place = folder / name
+                place.parent.mkdir(parents=True, exist_ok=True)
+                with archive.open(entry) as source, place.open("wb") as target:
+                    shutil.copyfileobj(source, target)
+    except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError) as error:
+        raise ConfigError(f"{path}: cannot be unpacked ({error})") from error

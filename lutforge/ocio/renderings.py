@@ -1,0 +1,110 @@
+"""The LUT files behind a config: one a style and direction, shared by all white balances that one model covers.
+
+White balance is a matrix in front of the LUTs or behind them.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lutforge.errors import ConfigError
+from lutforge.luts.bake import bake, bake_error
+from lutforge.luts.lut import Lut
+from lutforge.model.transform import LatticeTransform, LinearizeChain, RenderChain, Transform
+from lutforge.ocio.cameras import Camera
+from lutforge.ocio.lut_files import compact
+from lutforge.ocio.names import UniqueNames, file_stem
+from lutforge.ocio.round_trip import consistent
+from lutforge.settings import Selector
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """What shares its LUTs: a style, and the white balances that one model of it covers.
+
+    render: white-balanced RAW → JPEG; linearize: JPEG → white-balanced RAW. stem: of its file names.
+    """
+
+    camera: Camera
+    style: str
+    white_balances: tuple[str, ...]
+    stem: str
+    render: Transform | None
+    linearize: Transform | None
+
+    @property
+    def render_file(self) -> str:
+        """Name of the file white-balanced RAW → JPEG."""
+        return f"{self.stem}_render.clf"
+
+    @property
+    def linearize_file(self) -> str:
+        """Name of the file JPEG → white-balanced RAW."""
+        return f"{self.stem}_linearize.clf"
+
+
+@dataclass(frozen=True, eq=False)
+class BakedRendering:
+    """The LUTs of a rendering by file name, as the files hold them, and what is to be said about their error."""
+
+    luts: dict[str, Lut]
+    error: str
+
+
+def renderings(cameras: Iterable[Camera], taken: Iterable[str] = ()) -> tuple[Rendering, ...]:
+    """The renderings of cameras; taken: file stems that others use. Raises ConfigError on a style without a model."""
+    files = UniqueNames(taken, "_")
+    return tuple(rendering for camera in cameras for rendering in _of_camera(camera, files))
+
+
+def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
+    profile = camera.profile
+    everywhere = tuple(profile.white_balances)
+    for name, style in profile.styles.items():
+        groups = [everywhere] if style.render or style.linearize else []
+        if not groups:
+            groups = [tuple(b for b in everywhere if b in model.white_balances) for model in style.physical]
+        if not any(groups):
+            raise ConfigError(f"{profile.camera}: style {name} holds no model; calibrate it first")
+        for balances in filter(None, groups):
+            selector = Selector(name, balances[0])
+            render = linearize = None
+            if style.render or style.physical:
+                render = replace(_shaped(profile.render(selector)), gain=np.ones(3))
+            if style.linearize or style.physical:
+                back = _shaped(profile.linearize(selector))
+                linearize = replace(back, matrix=np.diag(profile.multipliers(selector)) @ back.matrix)
+            stem = files(file_stem(camera.name, camera.styles[name]))
+            yield Rendering(camera, name, balances, stem, render, linearize)
+
+
+def baked(rendering: Rendering) -> BakedRendering:
+    """Bake both directions, the linearization so that JPEG → reference → JPEG comes back (`ocio.round_trip`)."""
+    title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
+    luts: dict[str, Lut] = {}
+    said = []
+    render = linearize = None
+    if rendering.render is not None:
+        render = compact(bake(rendering.render, title=f"{title} render"))
+        error = bake_error(render, rendering.render, display_referred=False)
+        said.append(f"render LUT against the model: mean {error.mean:.2g}, max {error.maximum:.2g}")
+        luts[rendering.render_file] = replace(render, comments=(said[-1],))
+    if rendering.linearize is not None:
+        linearize = compact(bake(rendering.linearize, title=f"{title} linearize"))
+        trip = ""
+        if render is not None:
+            linearize, measured = consistent(render, linearize)
+            trip = str(measured)
+        error = bake_error(linearize, rendering.linearize, display_referred=False)
+        said.append(f"linearize LUT against the model: mean {error.mean:.2g}, max {error.maximum:.2g}")
+        said += [trip] if trip else []
+        luts[rendering.linearize_file] = replace(linearize, comments=tuple(said[1 if render else 0 :]))
+    return BakedRendering(luts, "; ".join(said))
+
+
+def _shaped(transform: Transform) -> LatticeTransform | RenderChain | LinearizeChain:
+    assert isinstance(transform, LatticeTransform | RenderChain | LinearizeChain)
+    return transform

@@ -1,0 +1,156 @@
+"""The colour spaces of a camera: its RAW, its JPEGs per style and white balance, and those that context variables name.
+
+The scene reference is ACES2065-1 under one white balance of each camera, its daylight (or what comes nearest): the
+reference RAW of a scene does not change with the dial. RAW → JPEG is the render of the profile, JPEG → RAW the way
+back, and from one JPEG space to another is a refinish (thesis, equation 6.1).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+from numpy.typing import NDArray
+
+from lutforge.ocio.base_config import matrix_transform
+from lutforge.ocio.cameras import AS_SHOT, DEFAULT, Camera
+from lutforge.ocio.names import file_stem, space_name
+from lutforge.ocio.renderings import Rendering
+
+ANY_FAMILY = "Input/Any camera"
+ANY_AS_SHOT = "Camera (as shot)"
+ANY_AS_WANTED = "Camera (as wanted)"
+
+CAMERA_VAR, STYLE_VAR, BALANCE_VAR = "LUTFORGE_CAMERA", "LUTFORGE_STYLE", "LUTFORGE_WB"
+TO_CAMERA_VAR, TO_STYLE_VAR, TO_BALANCE_VAR = "LUTFORGE_TO_CAMERA", "LUTFORGE_TO_STYLE", "LUTFORGE_TO_WB"
+SOURCE_NAME = f"${{{CAMERA_VAR}}} ${{{STYLE_VAR}}} ${{{BALANCE_VAR}}}"
+TARGET_NAME = f"${{{TO_CAMERA_VAR}}} ${{{TO_STYLE_VAR}}} ${{{TO_BALANCE_VAR}}}"
+
+
+def file_transform(name: str) -> OCIO.FileTransform:
+    """A LUT file of the config."""
+    return OCIO.FileTransform(src=name, interpolation=OCIO.INTERP_BEST)
+
+
+def inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The inverse of a 3 × 3 matrix."""
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
+def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> None:
+    """The camera's RAW before white balance, and after each. groups: equality groups, by what decides them."""
+    for balance in (None, *camera.profile.white_balances):
+        name, matrix = camera.raw(balance), camera.to_reference(balance)
+        what = f"Linear RAW of the {camera.profile.camera}, black 0, saturation 1, "
+        if balance is None:
+            what += f"before white balance. Neutral in the reference under {camera.own}"
+        else:
+            setting = camera.profile.white_balances[balance]
+            kelvin = f", about {setting.kelvin:.0f} K" if setting.kelvin is not None else ""
+            r, g, b = setting.multipliers
+            what += f"after white balance {balance}{kelvin}: multipliers {r:.4f}, {g:.4f}, {b:.4f}"
+        config.addColorSpace(
+            OCIO.ColorSpace(
+                name=name,
+                aliases=[file_stem(name)],
+                family=camera.family,
+                equalityGroup=groups.setdefault(matrix.tobytes(), file_stem(name)),
+                encoding="scene-linear",
+                categories=["file-io"],
+                description=what,
+                bitDepth=OCIO.BIT_DEPTH_F32,
+                toReference=matrix_transform(matrix),
+            )
+        )
+
+
+def jpeg_to_reference(rendering: Rendering, balance: str) -> OCIO.GroupTransform:
+    """JPEG → ACES2065-1."""
+    matrix = rendering.camera.to_reference(balance)
+    return OCIO.GroupTransform([file_transform(rendering.linearize_file), matrix_transform(matrix)])
+
+
+def reference_to_jpeg(rendering: Rendering, balance: str) -> OCIO.GroupTransform:
+    """ACES2065-1 → JPEG."""
+    matrix = rendering.camera.to_reference(balance)
+    return OCIO.GroupTransform([matrix_transform(inverse(matrix)), file_transform(rendering.render_file)])
+
+
+def add_jpegs(config: OCIO.Config, rendering: Rendering, default: str, groups: dict[object, str], error: str) -> None:
+    """The JPEGs of a rendering, a colour space for each white balance.
+
+    default: the white balance that the style is known by; error: what is known of the LUTs, or "".
+    """
+    camera, style = rendering.camera, rendering.camera.profile.styles[rendering.style]
+    held_out = "; ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in sorted(style.errors.items()))
+    for balance in rendering.white_balances:
+        name = camera.jpeg(rendering.style, balance)
+        aliases = [file_stem(name)]
+        if balance == default:
+            aliases.append(space_name(camera.name, camera.styles[rendering.style], DEFAULT))
+        space = OCIO.ColorSpace(
+            name=name,
+            aliases=aliases,
+            family=camera.family,
+            equalityGroup=groups.setdefault((rendering.stem, camera.to_reference(balance).tobytes()), aliases[0]),
+            encoding="sdr-video",
+            categories=["file-io"],
+            description=(
+                f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}. "
+                f"Held-out error: {held_out or 'not measured'}" + (f". {error[:1].upper()}{error[1:]}" if error else "")
+            ),
+            bitDepth=OCIO.BIT_DEPTH_F32,
+        )
+        if rendering.linearize is not None:
+            space.setTransform(jpeg_to_reference(rendering, balance), OCIO.COLORSPACE_DIR_TO_REFERENCE)
+        if rendering.render is not None:
+            space.setTransform(reference_to_jpeg(rendering, balance), OCIO.COLORSPACE_DIR_FROM_REFERENCE)
+        config.addColorSpace(space)
+
+
+def default_balances(renderings: Sequence[Rendering]) -> dict[tuple[str, str], str]:
+    """Per camera name and style the white balance that it is known by: the camera's own, or the first that it has."""
+    found: dict[tuple[str, str], str] = {}
+    for rendering in renderings:
+        key, own = (rendering.camera.name, rendering.style), rendering.camera.own
+        if own in rendering.white_balances or key not in found:
+            found[key] = own if own in rendering.white_balances else rendering.white_balances[0]
+    return found
+
+
+def add_contextual(config: OCIO.Config, cameras: Sequence[Camera]) -> None:
+    """Colour spaces whose settings are context variables: per style its white balance, and one for any camera."""
+    first = cameras[0]
+    style = next(iter(first.styles.values()))
+    for variable, value in (
+        (CAMERA_VAR, first.name),
+        (STYLE_VAR, style),
+        (BALANCE_VAR, DEFAULT),
+        (TO_CAMERA_VAR, first.name),
+        (TO_STYLE_VAR, style),
+        (TO_BALANCE_VAR, DEFAULT),
+    ):
+        config.addEnvironmentVar(variable, value)
+    for camera in cameras:
+        for name in camera.styles.values():
+            settings = space_name(camera.name, name, f"${{{BALANCE_VAR}}}")
+            what = f"JPEG of the {camera.name}, {name}, white balance as the context variable {BALANCE_VAR} says"
+            _add_named(config, space_name(camera.name, name, AS_SHOT), settings, camera.family, what)
+    names = ", ".join((CAMERA_VAR, STYLE_VAR, BALANCE_VAR))
+    _add_named(config, ANY_AS_SHOT, SOURCE_NAME, ANY_FAMILY, f"JPEG of the settings that {names} name")
+    names = ", ".join((TO_CAMERA_VAR, TO_STYLE_VAR, TO_BALANCE_VAR))
+    _add_named(config, ANY_AS_WANTED, TARGET_NAME, ANY_FAMILY, f"JPEG of the settings that {names} name")
+
+
+def _add_named(config: OCIO.Config, name: str, settings: str, family: str, description: str) -> None:
+    config.addColorSpace(
+        OCIO.ColorSpace(
+            name=name,
+            aliases=[file_stem(name)],
+            family=family,
+            encoding="sdr-video",
+            categories=["file-io"],
+            description=description,
+            bitDepth=OCIO.BIT_DEPTH_F32,
+            toReference=OCIO.ColorSpaceTransform(src=settings, dst=OCIO.ROLE_INTERCHANGE_SCENE),
+        )
+    )

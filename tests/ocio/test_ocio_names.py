@@ -1,0 +1,113 @@
+"""Names from strangers: every camera keeps colour spaces that can be told apart, written, and found again."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_config import MATRIX, ociocheck, plain_profile
+
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.ocio.base_config import ROLES
+from lutforge.ocio.cameras import name_cameras
+from lutforge.ocio.check import check_config, load_config
+from lutforge.ocio.config import build_config, write_config
+from lutforge.ocio.names import STEM_LENGTH, UniqueNames, file_stem, part_name
+
+
+def test_parts() -> None:
+    assert part_name("Canon EOS/5D: é, \n+x") == "Canon EOS 5D e x"
+    assert part_name("…") == "unnamed"
+    assert part_name("富士フイルム X-T5") == "富士フイルム X-T5"
+    assert part_name("Зенит ЕТ") == "Зенит ЕТ"
+    assert part_name("x" * 200) == "x" * 64
+
+
+def test_stems_are_ascii_and_keep_every_script() -> None:
+    assert file_stem("../../etc/Pass wd") == "etc_pass_wd"
+    assert file_stem("富士 X") != file_stem("佳能 X")
+    for text in ("富士", "Зенит", "กล้อง", "x" * 300, "é/…", ""):
+        assert re.fullmatch(r"[a-z0-9]+(_[a-z0-9]+)*", file_stem(text)), text
+        assert len(file_stem(text)) <= STEM_LENGTH
+
+
+def test_unique() -> None:
+    unique = UniqueNames(("Data",))
+    assert [unique("data"), unique("A"), unique("a"), unique("A")] == ["data 2", "A", "a 2", "A 3"]
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.text(max_size=80), min_size=1, max_size=3), st.text(max_size=30), st.text(max_size=30))
+def test_any_names_give_spaces_of_their_own(cameras: list[str], style: str, balance: str) -> None:
+    profiles = [
+        CameraProfile(
+            name, MATRIX + 0.01 * k, {balance: one.white_balances["daylight"]}, {style: one.styles["standard"]}
+        )
+        for k, name in enumerate(cameras)
+        for one in [plain_profile("x")]
+    ]
+    spaces = [name for camera in name_cameras(profiles) for name in camera.spaces()]
+    assert len({name.lower() for name in spaces}) == len(spaces)
+    assert not {name.lower() for name in spaces} & set(ROLES)
+
+
+HOSTILE = [
+    "Nikon  D40 ",
+    "NIKON d40",
+    'Canon EOS/5D: "mark" {3}, [é] #%$&\'*!|>',
+    "富士フイルム X-T5",
+    "Зенит",
+    "scene_linear",
+    "data",
+    "Raw",
+    "ACEScg",
+    "x" * 200,
+    "x" * 199,
+    "../../etc/passwd",
+    "${HOME}",
+    "a: b",
+    "- no",
+    "…",
+]
+
+
+def test_a_config_of_hostile_names_is_sound(tmp_path: Path) -> None:
+    """Spaces, slashes, signs of YAML and of OpenColorIO, other scripts, 200 letters, roles, the same but for case."""
+    profiles = [
+        CameraProfile(name, MATRIX + 0.001 * k, one.white_balances, {style: one.styles["standard"]})
+        for k, (name, style) in enumerate(zip(HOSTILE, [*HOSTILE[::-1]], strict=True))
+        for one in [plain_profile("x", balances=("daylight", "default", "(as shot)", "to/from"))]
+    ]
+    path = write_config(profiles, tmp_path / "ocio")
+    said = ociocheck(path).lower()
+    assert "warning" not in said
+    assert "error" not in said
+    config = load_config(path)
+    assert check_config(config) == []
+    names = list(config.getColorSpaceNames())
+    assert len(names) == len({name.lower() for name in names})
+    assert any("フイルム" in name for name in names)
+    assert any("Зенит" in name for name in names)
+    for name in ("scene_linear", "data"):
+        assert config.getColorSpace(name).getName() in ("ACEScg", "Raw")  # still the roles
+    for file in path.parent.rglob("*.clf"):
+        assert file.resolve().is_relative_to((tmp_path / "ocio" / "luts").resolve())
+
+
+def test_two_profiles_of_one_camera_are_told_apart() -> None:
+    one = plain_profile("Nikon D40")
+    two = CameraProfile("Nikon D40", MATRIX * 1.01, one.white_balances, one.styles)
+    names = set(build_config([one, two]).getColorSpaceNames())
+    assert {"Nikon D40 standard daylight", "Nikon D40 2 standard daylight"} <= names
+
+
+@pytest.mark.parametrize("names", [("A b", "c d", "A", "b c d"), ("A", "b", "A b", "b")])
+def test_names_that_run_together_stay_apart(names: tuple[str, str, str, str]) -> None:
+    """Camera "A b" with style "c d" beside camera "A" with style "b c d": one text, two cameras."""
+    first, second = plain_profile(names[0], names[1]), plain_profile(names[2], names[3])
+    second = CameraProfile(names[2], MATRIX * 1.01, second.white_balances, second.styles)
+    spaces = [name for camera in name_cameras([first, second]) for name in camera.spaces()]
+    assert len(set(spaces)) == len(spaces)
+    assert np.all([name.startswith("A") for name in spaces])
