@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.atomic_write import atomic_path
+from lutforge.interpolation import through
 from lutforge.luts.formats import clf
-from lutforge.luts.lut import Lut, through
+from lutforge.luts.lut import Lut
 from lutforge.model.lattice import grid
 from lutforge.regression.node_levels import snap_levels
 
@@ -34,8 +35,9 @@ def compact(lut: Lut) -> Lut:
     if lut.curve is not None:
         lut = replace(lut, curve=through(lut.curve, even))
     if lut.response is not None:
-        lut = replace(lut, response=rounded(through(lut.response, even)))
-    return replace(lut, cube=rounded(lut.cube), source=None, samples=None)
+        table = lut.response if len(lut.response) <= CURVE_SIZE else through(lut.response, even)
+        lut = replace(lut, response=rounded(table))
+    return replace(lut, cube=rounded(lut.cube), source=None)
 
 
 def rounded(values: Array) -> Array:

@@ -22,10 +22,8 @@ from lutforge.ocio.file_rules import put_first
 from lutforge.ocio.names import config_names
 
 BUILTIN = "ocio://"
-LUT_SUFFIXES = frozenset(
-    (".3dl", ".cc", ".ccc", ".cdl", ".clf", ".csp", ".ctf", ".cub", ".cube", ".hdl", ".icc", ".icm", ".itx", ".look")
-    + (".lut", ".mga", ".m3d", ".spi1d", ".spi3d", ".spimtx", ".vf")
-)
+_TABLES = {".3dl", ".clf", ".csp", ".ctf", ".cub", ".cube", ".hdl", ".itx", ".lut", ".mga", ".m3d", ".spi1d", ".spi3d"}
+LUT_SUFFIXES = _TABLES | {".cc", ".ccc", ".cdl", ".icc", ".icm", ".look", ".spimtx", ".vf"}
 """Files that OpenColorIO reads, and so what belongs to a config."""
 MOST_BYTES = 2 << 30
 """Most that is unpacked from an archive."""

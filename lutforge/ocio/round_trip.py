@@ -15,8 +15,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from lutforge.interpolation import Levels
-from lutforge.luts.lut import Lut, through
+from lutforge.interpolation import Levels, through
+from lutforge.luts.lut import Lut
 from lutforge.model.lattice import grid
 from lutforge.ocio.lut_files import CURVE_SIZE, compact
 from lutforge.regression.node_levels import equidistributed_levels, snap_levels
