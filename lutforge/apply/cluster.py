@@ -2,6 +2,7 @@
 
 import logging
 import platform
+import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -54,6 +55,8 @@ def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterato
 @contextmanager
 def _connected(address: str) -> Iterator[tuple[Any, Any]]:
     """Dask's module, which has no types, and a client of the scheduler."""
+    if not re.fullmatch(r"([a-z]+://)?[^/\s]+:\d{1,5}", address):
+        raise LutForgeError(f'"{address}" is not the address of a Dask scheduler; write it as tcp://HOST:8786')
     try:
         distributed: Any = import_module("distributed")
     except ImportError as error:

@@ -72,7 +72,7 @@ def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
 def _attributes(attributes: Mapping[str, object]) -> Iterator[str]:
     for name, value in attributes.items():
         if value is None:
-            yield from ("--eraseattrib", f"^{name}$")
+            yield from ("--eraseattrib", name)
         elif isinstance(value, str):
             yield from ("--sattrib", name, value)
         elif isinstance(value, Sequence):

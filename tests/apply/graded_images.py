@@ -1,0 +1,43 @@
+"""Small LUTs and images for the tests of grading."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.float32]
+
+
+def write_cube(path: Path, gamma: float = 0.8) -> Path:
+    """A 9³ .cube: a power with the channels mixed a little."""
+    axis = np.linspace(0, 1, 9)
+    blue, green, red = np.meshgrid(axis, axis, axis, indexing="ij")
+    table = np.stack([red, green, blue], -1).reshape(-1, 3) ** gamma @ [[0.9, 0.1, 0], [0, 0.8, 0.2], [0.1, 0, 0.9]]
+    rows = "\n".join(" ".join(f"{value:.6f}" for value in row) for row in table)
+    path.write_text(f"LUT_3D_SIZE 9\n{rows}\n")
+    return path
+
+
+def write_picture(
+    path: Path,
+    size: tuple[int, int] = (40, 64),
+    kind: str = "uint8",
+    tile: int = 0,
+    channels: int = 3,
+    seed: int = 0,
+    **attributes: object,
+) -> Pixels:
+    """A noisy picture; attributes: metadata, with _ for : in the names."""
+    height, width = size
+    pixels = np.random.default_rng(seed).random((height, width, channels), dtype=np.float32)
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    spec.tile_width = spec.tile_height = tile
+    for name, value in attributes.items():
+        spec[name.replace("_", ":")] = value
+    target = oiio.ImageOutput.create(str(path))
+    assert target is not None
+    assert target.open(str(path), spec), target.geterror()
+    assert target.write_image(pixels), target.geterror()
+    assert target.close(), target.geterror()
+    return pixels

@@ -1,0 +1,109 @@
+"""Whatever is wrong with one image of a batch is told in one line, and the others are graded."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from graded_images import write_cube, write_picture
+
+
+def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lutforge", "apply", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=100)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_cube(tmp_path / "look.cube")
+    write_picture(tmp_path / "good.png", (90, 120), seed=1)
+    write_picture(tmp_path / "good.tif", (90, 120), "uint16", seed=2)
+    return tmp_path
+
+
+def test_each_failure_is_named_and_nothing_is_lost(folder: Path) -> None:
+    data = (folder / "good.png").read_bytes()
+    (folder / "cut.png").write_bytes(data[:-3000])
+    broken = bytearray(data)
+    broken[-2000] ^= 255
+    (folder / "broken.png").write_bytes(broken)  # libpng says so on stderr by itself
+    (folder / "zero.jpg").touch()
+    (folder / "text.exr").write_text("hello")
+    (folder / "folder.tif").mkdir()
+    write_picture(folder / "folder.tif" / "inside.jpg")
+    write_picture(folder / "grey.tif", channels=1)
+    bad = ("cut.png", "broken.png", "zero.jpg", "text.exr", "none.exr", "grey.tif")
+    done = run(folder, "look.cube", "good.png", *bad, "good.tif", "folder.tif", "./good.png", "-o", "out", "--json")
+    assert done.returncode == 1
+    summary = json.loads(done.stdout)
+    assert [entry["output"] for entry in summary["graded"]] == ["out/good.png", "out/good.tif", "out/inside.jpg"]
+    assert {entry["source"] for entry in summary["failed"]} == {*bad, "good.png"}
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
+    assert len(lines) == 7
+    assert all(line.startswith("lutforge: ") for line in lines), lines
+    assert "given twice" in done.stderr
+    assert "3 graded, 0 skipped, 7 failed" in done.stderr
+    assert [path.name for path in (folder / "out").glob(".*")] == [".lutforge-apply.jsonl"]
+
+
+def test_a_full_disk(folder: Path) -> None:
+    """A limit of the size of a file stands for it. One process for all formats: libjpeg would end it."""
+    write_picture(folder / "large.png", (300, 400), seed=3)
+    code = """if True:
+        import resource
+        from pathlib import Path
+        from lutforge.apply.batch import apply_batch
+        from lutforge.apply.grade import LutRecipe
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+        for suffix in ("jpg", "png", "tif", "exr", "webp", "bmp", "dpx", "tga", "sgi", "ppm", "hdr", "jp2"):
+            result = apply_batch(LutRecipe(Path("look.cube")), ["large.png", "none.png"], "out", suffix)
+            print(suffix, len(result.done), *(failure.reason for failure in result.failed), sep="|")
+        """
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=100, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert len(lines) == 12
+    for line in lines:
+        suffix, count, *reasons = line.split("|")
+        assert count == "0"
+        assert reasons[0].startswith(f"out/large.{suffix}: "), reasons
+        assert reasons[1:] == ["none.png: no such file"]
+    assert list((folder / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize("place", ["/dev/full", "good.png", "/proc/none"])
+def test_places_that_are_no_folder(folder: Path, place: str) -> None:
+    done = run(folder, "look.cube", "good.png", "-o", place)
+    assert done.returncode == 2
+    assert done.stderr.startswith("lutforge: ")
+    assert place in done.stderr
+    assert "folder" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_workers_frames_and_clusters_that_make_no_sense(folder: Path) -> None:
+    for words, says in (
+        (("--workers", "-3"), "at least one thread"),
+        (("--frames", "9-1"), "frames are written as"),
+        (("--scheduler", "nonsense"), "not the address of a Dask scheduler"),
+    ):
+        done = run(folder, "look.cube", "good.####.png" if "--frames" in words else "good.png", "-o", "out", *words)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+        assert says in done.stderr
+    assert not (folder / "out").exists()
+
+
+def test_missing_frames_are_failures_where_they_were_asked_for(folder: Path) -> None:
+    for number in (1001, 1002, 1004):
+        write_picture(folder / f"shot.{number}.exr", (20, 30), "half")
+    done = run(folder, "look.cube", "shot.1001-1004####.exr", "-o", "out")
+    assert done.returncode == 1
+    assert "lutforge: shot.1003.exr: this frame is missing" in done.stderr
+    assert done.stdout.split() == [f"out/shot.{number}.exr" for number in (1001, 1002, 1004)]
+    again = run(folder, "look.cube", "shot.####.exr", "-o", "out", "--resume")
+    assert again.returncode == 0
+    assert "not there: frame 1003" in again.stderr
+    assert "0 graded, 3 skipped" in again.stderr
