@@ -13,6 +13,8 @@ from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
 
 if TYPE_CHECKING:
+    from lutforge.luts.chain import LutChain
+    from lutforge.luts.lut import Lut
     from lutforge.model.camera_profile import CameraProfile
     from lutforge.model.transform import Transform
 
@@ -28,10 +30,19 @@ def bake(
     ] = None,
     source: Annotated[str | None, typer.Option("--from", help="STYLE/WB of the JPEG that comes in.")] = None,
     target: Annotated[str | None, typer.Option("--to", help="STYLE/WB of the JPEG that comes out.")] = None,
-    ev: Annotated[float, typer.Option(help="Exposure change in stops (refinish, match).")] = 0.0,
-    space: Annotated[str, typer.Option(help="For linearize: raw, linear-srgb, acescg or aces2065-1.")] = "raw",
+    ev: Annotated[
+        float, typer.Option(help="Exposure change in stops (refinish, match; render from scene-linear light).")
+    ] = 0.0,
+    space: Annotated[
+        str,
+        typer.Option(
+            help="Scene-linear side of linearize and render: raw, or linear-srgb, acescg, aces2065-1 (render: values "
+            "beyond 1 included)."
+        ),
+    ] = "raw",
     reader: Annotated[
-        str | None, typer.Option("--for", help="The program that will read it: resolve, ffmpeg, …")
+        str | None,
+        typer.Option("--for", help="The program that will read it: resolve, ffmpeg, …; without -o it names the files."),
     ] = None,
     size: Annotated[int | None, typer.Option(help="Nodes per axis of the cube.")] = None,
     tolerance: Annotated[float | None, typer.Option(help="Instead: the ΔE00 that 99 % of colours keep within.")] = None,
@@ -42,48 +53,112 @@ def bake(
     transfer: Annotated[
         list[Path] | None, typer.Option(help="For match: RAW to RAW, from `lutforge transfer`; may repeat, in steps.")
     ] = None,
+    stages: Annotated[
+        bool,
+        typer.Option("--stages", help=".clf, .ctf: each step a cube of its own; lattices of a profile stay exact."),
+    ] = False,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
     from lutforge.luts.bake import bake as fit_lut
-    from lutforge.luts.verify import verify
-    from lutforge.luts.write import DIALECTS, write_lut
+    from lutforge.luts.chain import bake_chain
+    from lutforge.luts.write import DIALECTS
     from lutforge.model.profile_file import load_profile
 
-    outputs = output or []
-    if not outputs:
-        raise LutError("no output: name a file with -o, for example -o look.cube or -o look.clf")
     if interpolation is not None and interpolation not in INTERPOLATIONS:
         raise SettingsError(f'unknown interpolation "{interpolation}"; choose {" or ".join(INTERPOLATIONS)}')
     if reader is not None and reader not in DIALECTS:
         raise LutError(f'unknown program "{reader}" for --for; known: {", ".join(DIALECTS)}')
     if reader is not None and interpolation is None:
         interpolation = DIALECTS[reader].interpolation
-    for path in outputs:
+    if stages and tolerance is not None:
+        raise SettingsError("--stages goes with --size: steps that are exact alone need no tolerance")
+    for path in output or []:
         require_writable(path)
     camera = load_profile(profile)
     partner = load_profile(other) if other is not None else None
     transform, title = choose_transform(camera, kind, partner, source, target, ev, space, model, transfer or ())
-    display = kind != "linearize"
-    comments = (title, f"LutForge {__version__}", *_held_out(camera, kind, source, target))
+    outputs = _outputs(output or [], reader, title, stages)
+    comments = (f"LutForge {__version__}", *_ends(kind, space), *_held_out(camera, kind, source, target))
+    if stages:
+        with progress_bar("baking"):
+            chain = bake_chain(transform, size, interpolation=interpolation, title=title, comments=comments)
+        for path in outputs:
+            _say_stages(path, chain, transform, kind)
+        return
     with progress_bar("baking") as report:
         lut = fit_lut(
             transform,
             size,
             tolerance=tolerance,
             interpolation=interpolation,
-            display_referred=display,
+            display_referred=kind != "linearize",
             title=title,
             comments=comments,
             progress=report,
         )
-    for path in outputs:
-        written = write_lut(lut, path, reader, size)
-        held = written.lut or lut
-        error = verify(written.path, transform, held, display_referred=display)
-        lost = f"; {written.what_was_lost}" if written.what_was_lost else ""
-        nodes = "" if "nodes" in written.format else f", {held.size} nodes per axis"
-        say(f"{written.path}: {written.format}{nodes}, {held.interpolation}{lost}")
-        say(f"  read back, against the model: {error}")
+    for path, dialect in outputs.items():
+        _write(path, dialect, size, lut, transform, kind)
+    if kind in ("render", "linearize"):
+        note(f"{_ends(kind, space)[0]}; {_ends(kind, space)[1]}")
+
+
+def _outputs(named: list[Path], reader: str | None, title: str, stages: bool) -> "dict[Path, str | None]":
+    """Files to write, each once, and the dialect of each; without names, those that suit the program."""
+    from lutforge.luts.formats.clf import FORMATS as PROCESS_LISTS
+    from lutforge.luts.write import files_for
+
+    if not named and reader is None:
+        raise LutError(
+            "no output: name a file with -o, for example -o look.cube or -o look.clf; or a program with --for"
+        )
+    if not named and reader is not None:
+        return files_for(reader, title)
+    outputs: dict[Path, str | None] = {}
+    for path in named:
+        if path.resolve() in {known.resolve() for known in outputs}:
+            note(f"{path}: named twice, written once")
+            continue
+        if stages and path.suffix.lower() not in PROCESS_LISTS:
+            raise LutError(f"{path}: --stages writes {' and '.join(PROCESS_LISTS)}; other files hold one cube")
+        outputs[path] = reader
+    return outputs
+
+
+def _write(path: Path, dialect: str | None, size: int | None, lut: "Lut", transform: "Transform", kind: str) -> None:
+    from lutforge.luts.verify import verify
+    from lutforge.luts.write import write_lut
+
+    written = write_lut(lut, path, dialect, size)
+    held = written.lut or lut
+    error = verify(written.path, transform, held, display_referred=kind != "linearize")
+    lost = f"; {written.what_was_lost}" if written.what_was_lost else ""
+    nodes = "" if "nodes" in written.format else f", {held.size} nodes per axis"
+    say(f"{written.path}: {written.format}{nodes}, {held.interpolation}{lost}")
+    say(f"  read back, against the model: {error}")
+    if kind == "linearize" and written.integers:
+        note(f"{path}: whole numbers hold linear light badly: the darks band, and values beyond 1 are lost; use .clf")
+
+
+def _say_stages(path: Path, chain: "LutChain", transform: "Transform", kind: str) -> None:
+    from lutforge.luts.verify import verify
+
+    error = verify(chain.write(path), transform, chain.luts[0], display_referred=kind != "linearize")
+    cubes = " → ".join(f"{lut.size}³" for lut in chain.luts)
+    say(f"{path}: {path.suffix[1:].upper()} in stages, {cubes} nodes")
+    say(f"  read back, against the model: {error}")
+
+
+def _ends(kind: str, space: str) -> tuple[str, str]:
+    """What goes in and what comes out, for the comments of the file: a LUT on the wrong pixels is the usual mistake."""
+    scene = (
+        "linear camera RAW, black 0, saturation 1, before white balance" if space == "raw" else f"scene-linear {space}"
+    )
+    jpeg = "the camera's JPEG, encoded, 0 to 1"
+    if kind == "render":
+        return f"input: {scene}; not for JPEGs", f"output: {jpeg}"
+    if kind == "linearize":
+        return f"input: {jpeg}", f"output: {scene}; keep it in half or float files, 8 bits would show bands"
+    return f"input: {jpeg}", f"output: {jpeg}"
 
 
 def choose_transform(
@@ -100,6 +175,7 @@ def choose_transform(
     """The transform that the words ask for, and its title. Raises SettingsError where one is missing or unknown."""
     from lutforge.model.camera_profile import MODELS, match
     from lutforge.model.raw_transfer import chained, load_transfer
+    from lutforge.model.scene_render import through_camera
     from lutforge.model.scene_spaces import SCENE_SPACES
 
     if kind not in KINDS:
@@ -112,10 +188,15 @@ def choose_transform(
         raise SettingsError("match needs two profiles, A.npz match B.npz; the other transforms need one")
     if transfers and kind != "match":
         raise SettingsError("--transfer goes with match")
-    if ev and kind in ("render", "linearize"):
+    if space != "raw" and kind in ("refinish", "match"):
+        raise SettingsError(f"--space goes with linearize and render; a {kind} has JPEGs on both sides")
+    if ev and (kind == "linearize" or (kind == "render" and space == "raw")):
         raise SettingsError(f"--ev goes with refinish and match; scale the RAW values to expose a {kind} anew")
     if kind == "render":
         wanted = _needed(target, "--to", kind, camera)
+        if space != "raw":
+            exposure = f", {ev:+g} EV" if ev else ""
+            return through_camera(camera, wanted, space, ev, model), f"{camera.camera} {space} to {wanted}{exposure}"
         return camera.render(wanted, model), f"{camera.camera} RAW to {wanted}"
     given = _needed(source, "--from", kind, camera)
     if kind == "linearize":

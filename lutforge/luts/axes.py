@@ -52,13 +52,15 @@ def fit_axes(
     weight: Function | None = None,
     curve: Array | None = None,
     shared: bool = False,
+    stops: float = 0.0,
 ) -> Axes:
     """Curve and `size` node levels per axis for a function (n, 3) in [0, 1] → (n, 3).
 
     gain: (3,) in front of the function, which clamps at 1: inputs are taken to be even before it. weight: (n, 3) of
     outputs → (n,), how much a squared error counts there. curve: one that is known. shared: one for all three axes.
+    stops: of light that the axes span beyond 1; the more, the finer the darks are looked at.
     """
-    t = np.linspace(0.0, 1.0, STEPS + 1) ** 1.5  # finer in the darks, where responses are steep
+    t = np.linspace(0.0, 1.0, STEPS + 1) ** (1.5 + 0.25 * stops)  # finer in the darks, where responses are steep
     before = np.ones(3) if gain is None else gain
     lines = [_lines(function, t, axis, before, weight is not None) for axis in range(3)]
     if curve is None:

@@ -23,6 +23,7 @@ from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.lattice import uniform_levels
 from lutforge.model.response import Response
+from lutforge.model.scene_render import SceneRender
 from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
 
 Array = NDArray[np.float64]
@@ -62,6 +63,7 @@ class _Parts:
     matrix: Array
     curve: Array | None = None
     response: Array | None = None
+    stops: float = 0.0
 
 
 def bake(
@@ -77,37 +79,48 @@ def bake(
     shaper: bool = True,
     response: bool = True,
     shared: bool = False,
+    highest: float = 1.0,
 ) -> Lut:
     """A LUT of any transform of colours, (…, 3) → (…, 3) on [0, 1]³.
 
     size: nodes per axis (33; a lattice of a profile keeps its own). tolerance: instead, the smallest size at which 99 %
     of colours are within this ΔE00; display_referred: the output is encoded sRGB, so that ΔE00 has a meaning.
     shaper: node levels and input curve are free, else the cube is uniform; shared: one shaper for all three axes;
-    response: there may be a curve behind the cube, which only process lists hold. `Lut.write` fits again where the
-    format of a file cannot hold these.
+    response: there may be a curve behind the cube, which only process lists hold. highest: inputs reach from 0 to this,
+    for scene-linear light. A `SceneRender` brings its own, and a matrix in front where a response may be behind.
+    `Lut.write` fits again where the format of a file cannot hold these.
     Raises LutError where the size or tolerance cannot be had, or the transform gives numbers that are not finite.
     """
     if size is not None and tolerance is not None:
         raise LutError("give a size or a tolerance, not both")
     if size is not None and not 2 <= size <= 129:
         raise LutError(f"{size} nodes per axis: choose 2 to 129 (17, 33 and 65 are usual)")
+    whole = shaper and response and not shared
+    if isinstance(transform, SceneRender) and whole:
+        lut = bake(
+            transform.render, size, tolerance=tolerance, interpolation=interpolation, display_referred=display_referred,
+            progress=progress,
+        )  # fmt: skip
+        return replace(lut, before=transform.to_raw, source=transform, title=title, comments=comments)
     exact = (
         _as_it_stands(transform, size, interpolation, response) if shaper and not shared and tolerance is None else None
     )
     if exact is not None:
         return replace(exact, title=title, comments=comments, source=transform)
     method = interpolation or "tetrahedral"
-    parts = _parts(transform, response) if shaper and not shared else _Parts(_checked(transform), np.ones(3), np.eye(3))
+    if isinstance(transform, SceneRender):
+        highest = transform.highest
+    parts = _parts(transform, response) if shaper and not shared and highest == 1 else _as_one(transform, highest)
     if tolerance is None:
         lut = _fit(parts, size or DEFAULT_SIZE, method, shaper, shared, progress)
     else:
         lut = _smallest(transform, parts, tolerance, method, shaper, shared, display_referred, progress)
-    return replace(lut, title=title, comments=comments, source=transform)
+    return replace(lut, title=title, comments=comments, highest=highest, source=transform)
 
 
 def bake_error(lut: Lut, transform: Transform, display_referred: bool = True) -> BakeError:
     """Measure a LUT against its transform on a scrambled Sobol set of its input cube."""
-    x = qmc.Sobol(3, rng=7).random(CHECK_POINTS)
+    x = qmc.Sobol(3, rng=7).random(CHECK_POINTS) * lut.highest
     got, wanted = lut(x), transform(x)
     norm = np.linalg.norm(got - wanted, axis=1)
     p99 = None
@@ -139,7 +152,7 @@ def _fit(parts: _Parts, size: int, method: Interpolation, shaper: bool, shared: 
     weight = None if parts.response is None else _slope_weight(parts.response)
     curve, levels = None, uniform_levels(size)
     if shaper:
-        axes = fit_axes(parts.inner, size, parts.gain, weight, parts.curve, shared)
+        axes = fit_axes(parts.inner, size, parts.gain, weight, parts.curve, shared, parts.stops)
         levels = axes.levels
         curve = axes.curve if len(axes.curve) > 2 else None  # a straight line stretches nothing
     empty = Lut(
@@ -174,7 +187,7 @@ def _smallest(
     while sizes:
         size = sizes[0]
         lut = _fit(parts, size, method, shaper, shared, progress)
-        error = bake_error(lut, transform).de00_p99 or 0.0
+        error = bake_error(replace(lut, highest=2.0**parts.stops), transform).de00_p99 or 0.0
         if error < best:
             best, at = error, size
         if error <= tolerance:
@@ -213,6 +226,12 @@ def _parts(transform: Transform, response: bool) -> _Parts:
     gain: Array = getattr(transform, "gain", np.ones(3))
     matrix: Array = getattr(transform, "matrix", one)
     return _Parts(_checked(getattr(transform, "core", transform)), gain, matrix)
+
+
+def _as_one(transform: Transform, highest: float) -> _Parts:
+    """A transform with nothing taken out of it, its inputs from 0 to `highest`."""
+    inner = transform if highest == 1 else lambda x: transform(x * highest)
+    return _Parts(_checked(inner), np.ones(3), np.eye(3), stops=float(np.log2(max(highest, 1.0))))
 
 
 def _input_curve(response: Response) -> Array:

@@ -24,7 +24,7 @@ MAX_SIZE = 129
 
 @dataclass(frozen=True, eq=False)
 class Lut:
-    """y = matrix · response(cube(s(curve(clamp(gain · x))))), with s the shaper that spreads the node levels evenly.
+    """y = matrix · response(cube(s(curve(clamp(gain · before · x / highest))))), s spreading the node levels evenly.
 
     gain: (3,) positive. levels: three axes of N node levels from 0, strictly increasing, each a multiple of
     1 / (shaper_size − 1), or evenly spaced on [0, 1] (then the file needs no shaper). The last is 1, save in
@@ -35,6 +35,8 @@ class Lut:
     curve: (m, 3), increasing from 0 to 1 at m even steps of [0, 1], or none: axes on which the cube is linear between
     its nodes, such as linear light for an encoded input. Files hold it in the shaper. response: (m, 3), the output at m
     even steps of [0, 1] of what the cube gives, clamped; none for none. Process lists (CLF, CTF) hold it.
+    highest: inputs span 0 to this, scene-linear light often more than 1; files hold it as the range of the shaper.
+    before: (3, 3), from a scene-linear space to the axes of the LUT, or none; process lists hold it.
     source: the function that the LUT was fitted to: formats that cannot hold this form of it are fitted anew.
     """
 
@@ -48,6 +50,8 @@ class Lut:
     comments: tuple[str, ...] = ()
     curve: Array | None = None
     response: Array | None = None
+    highest: float = 1.0
+    before: Array | None = None
     source: Transform | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -66,6 +70,10 @@ class Lut:
             raise LutError("LUT: the gain is three positive numbers")
         if self.matrix.shape != (3, 3) or not np.all(np.isfinite(self.matrix)):
             raise LutError("LUT: the matrix is 3 × 3 finite numbers")
+        if not 0 < self.highest < 65504:
+            raise LutError(f"LUT: inputs up to {self.highest:g}; half floats end at 65504")
+        if self.before is not None and (self.before.shape != (3, 3) or not np.all(np.isfinite(self.before))):
+            raise LutError("LUT: the matrix in front is 3 × 3 finite numbers")
         if not np.all(np.isfinite(self.cube)):
             raise LutError("LUT: a cube value is not a finite number")
         if self.interpolation not in INTERPOLATIONS:
@@ -88,7 +96,10 @@ class Lut:
 
     def __call__(self, x: ArrayLike) -> Array:
         """What a reader of the file computes, in float64: (…, 3) → (…, 3). NaN counts as 0."""
-        inside = np.clip(np.nan_to_num(np.asarray(x, dtype=np.float64) * self.gain), 0.0, 1.0)
+        scene = np.asarray(x, dtype=np.float64)
+        if self.before is not None:
+            scene = scene @ self.before.T
+        inside = np.clip(np.nan_to_num(scene * (self.gain / self.highest)), 0.0, 1.0)
         y = interpolate(self.stretched(inside), self.knots, self.cube, self.interpolation)
         if self.response is not None:
             y = through(self.response, y)
@@ -115,12 +126,21 @@ class Lut:
     def is_uniform(self) -> bool:
         """True where the node levels are evenly spaced on [0, 1]: no shaper is needed."""
         even = np.linspace(0.0, 1.0, self.size)
-        return self.curve is None and all(np.allclose(axis, even, rtol=0, atol=1e-12) for axis in self.levels)
+        return (
+            self.curve is None
+            and self.highest == 1
+            and all(np.allclose(axis, even, rtol=0, atol=1e-12) for axis in self.levels)
+        )
 
     @property
     def has_gain(self) -> bool:
         """True where a gain other than 1 comes first."""
         return bool(np.any(self.gain != 1))
+
+    @property
+    def is_for_scenes(self) -> bool:
+        """True where inputs are scene-linear light, beyond 1 or through a matrix in front."""
+        return self.before is not None or self.highest != 1
 
     @property
     def has_matrix(self) -> bool:

@@ -84,6 +84,8 @@ def _cube(path: Path, data: bytes) -> LutContents:
     if len(lines) > index + entries + size**3:
         raise lines.wrong(index + entries + size**3, f"more rows than the {entries + size**3} that the header says")
     dialect = "1D shaper + 3D (Resolve)" if entries and size else "3D" if size else "1D"
+    if size and shaper is not None:
+        low, high = (shaper.domain[0],) * 3, (shaper.domain[1],) * 3
     if size and not entries and "LUT_3D_INPUT_RANGE" in keywords:
         first, second = ranges["LUT_3D_INPUT_RANGE"]
         low, high = (first, first, first), (second, second, second)

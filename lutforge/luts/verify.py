@@ -64,8 +64,14 @@ def verify(
     method = interpolation or (lut.interpolation if lut is not None else "tetrahedral")
     levels = lut.levels if lut is not None else uniform_levels(33)
     gain = lut.gain if lut is not None else np.ones(3)
+    x = sample_points(levels, gain)
+    if lut is not None:
+        x = x * lut.highest
+    if lut is not None and lut.before is not None:
+        x = x @ np.linalg.inv(lut.before).T
+        x = np.concatenate([x, 2 * x[::8]])  # and what the camera clips
     # Rounded to float32 first: both sides get the very same input.
-    x = sample_points(levels, gain).astype(np.float32).astype(np.float64)
+    x = x.astype(np.float32).astype(np.float64)
     return compare(_read_back(Path(path), method)(x), reference(x), x, display_referred)
 
 

@@ -4,6 +4,8 @@ A format that cannot hold a LUT's own form (no shaper, no curve behind the cube)
 the form that it can hold, where the LUT knows its function; otherwise the LUT is sampled. `Written` says what was lost.
 """
 
+import re
+import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -33,6 +35,7 @@ class Written:
     format: str
     what_was_lost: str = ""
     lut: Lut | None = field(default=None, repr=False)
+    integers: bool = False
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,8 @@ FORMATS: dict[str, Format] = {
     ".spi1d": Format(".spi1d (shaper) and .spi3d (cube), to be used one after the other", "shaper", spi.write_spi3d),
     ".spi3d": Format(".spi1d (shaper) and .spi3d (cube), to be used one after the other", "shaper", spi.write_spi3d),
 }
+HOLD_RANGES = (cube_resolve.write, csp.write, spi.write_spi3d)
+"""Writers of formats whose shaper may begin or end anywhere."""
 RESOLVE = Format(".cube with a shaper (Resolve, OpenColorIO)", "shaper", cube_resolve.write)
 
 SUFFIXES = tuple(FORMATS)
@@ -85,8 +90,8 @@ DIALECTS: dict[str, Dialect] = {
     "nuke": Dialect(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
     "ocio": Dialect(shaper=True, reads=OCIO_READS),
     "oiio": Dialect(shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
-    "baselight": Dialect(shaper=True, reads=(".cub", ".clf", ".cube")),
-    "flame": Dialect(shaper=True, reads=(".clf", ".ctf", ".3dl", ".csp", ".cube")),
+    "baselight": Dialect(shaper=False, reads=(".cub", ".clf", ".cube")),
+    "flame": Dialect(shaper=False, reads=(".clf", ".ctf", ".3dl", ".csp", ".cube")),
     "houdini": Dialect(shaper=True, reads=OCIO_READS),
     "blender": Dialect(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
     "photoshop": Dialect(shaper=False, reads=(".cube", ".3dl", ".csp")),
@@ -148,7 +153,19 @@ def write_lut(lut: Lut, path: str | Path, dialect: str | None = None, size: int 
     _write(held, path.with_suffix(".spi3d") if suffix == ".spi1d" else path, writer)
     if form.bits is not None:
         lost = "; ".join(part for part in (lost, f"{form.bits} bits per channel, clamped to [0, 1]") if part)
-    return Written(path, name, lost, held)
+    return Written(path, name, lost, held, form.bits is not None)
+
+
+def files_for(program: str, title: str) -> dict[Path, str | None]:
+    """File names for a program, and the dialect of each; where it reads a shaper, a plain cube as the fallback, too."""
+    stem = "_".join(re.findall(r"[\w+.-]+", unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()))[
+        :100
+    ]
+    dialect = DIALECTS[program]
+    first = f"{stem or 'lut'}{dialect.reads[0]}"
+    if dialect.shaper or dialect.reads[0] in (".clf", ".cub"):
+        return {Path(first): program, Path(f"{stem or 'lut'}.plain.cube"): None}
+    return {Path(first): program}
 
 
 def bake_for(
@@ -190,6 +207,8 @@ def _in_form(lut: Lut, form: Format, program: Dialect | None, size: int | None) 
     """The LUT as this format can hold it, and what that costs."""
     if form.form == "whole":
         return lut, ""
+    if lut.is_for_scenes:
+        return _for_scenes(lut, form)
     if form.form == "shaper":
         return _with_shaper(lut)
     if form.form == "shared":
@@ -203,6 +222,18 @@ def _in_form(lut: Lut, form: Format, program: Dialect | None, size: int | None) 
             raise LutError(f"{size} nodes per axis; {form.name} has {', '.join(map(str, form.sizes))}")
         wanted = min(form.sizes, key=lambda known: (abs(known - wanted), known))
     return _uniform(lut, wanted, program.interpolation if program else lut.interpolation)
+
+
+def _for_scenes(lut: Lut, form: Format) -> tuple[Lut, str]:
+    """A LUT of scene-linear light as a shaper on 0 to the highest value, and a cube."""
+    if form.writer not in HOLD_RANGES:
+        raise LutError(
+            f"{form.name} holds no scene-linear input beyond 1; write .clf, .ctf, .resolve.cube, .csp or .spi1d"
+        )
+    if lut.before is None:
+        return lut.folded(), ""
+    fitted = _fitted(lut, lut.size, lut.interpolation, response=False)
+    return fitted, f"no matrix in front: inputs from 0 to {fitted.highest:.4g}, negative ones become 0; fitted so"
 
 
 def _with_shaper(lut: Lut) -> tuple[Lut, str]:

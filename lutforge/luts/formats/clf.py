@@ -15,10 +15,12 @@ FORMATS = {".clf": "Academy/ASC Common LUT Format", ".ctf": "Color Transform For
 
 
 def transforms(lut: Lut) -> OCIO.GroupTransform:
-    """Matrix (gain) → Range (clamp to [0, 1]) → LUT1D (shaper) → LUT3D → LUT1D (response) → Matrix; no idle ones."""
+    """Matrix (gain, scene space) → Range (to [0, 1]) → LUT1D (shaper) → LUT3D → LUT1D (response) → Matrix."""
     group = OCIO.GroupTransform()
-    if lut.has_gain:
-        group.appendTransform(OCIO.MatrixTransform(np.diag([*lut.gain, 1.0]).ravel().tolist()))
+    if lut.has_gain or lut.is_for_scenes:
+        ahead = np.eye(4)
+        ahead[:3, :3] = (lut.gain / lut.highest)[:, None] * (np.eye(3) if lut.before is None else lut.before)
+        group.appendTransform(OCIO.MatrixTransform(ahead.ravel().tolist()))
     group.appendTransform(OCIO.RangeTransform(minInValue=0.0, maxInValue=1.0, minOutValue=0.0, maxOutValue=1.0))
     if not lut.is_uniform:
         group.appendTransform(_lut1d(lut.shaper))
@@ -78,8 +80,8 @@ def _identifier(luts: Sequence[Lut]) -> str:
     """An id that depends on the content alone, so that the same LUT is the same file."""
     digest = hashlib.sha256()
     for lut in luts:
-        curves = (curve for curve in (lut.curve, lut.response) if curve is not None)
-        for array in (lut.gain, *lut.levels, lut.cube, lut.matrix, *curves):
+        curves = (curve for curve in (lut.curve, lut.response, lut.before) if curve is not None)
+        for array in (lut.gain / lut.highest, *lut.levels, lut.cube, lut.matrix, *curves):
             digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
         digest.update(lut.interpolation.encode())
     h = digest.hexdigest()

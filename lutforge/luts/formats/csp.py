@@ -39,5 +39,5 @@ def _knots(lut: Lut, shaper: Array, channel: int) -> tuple[list[float], list[flo
     level = np.rint(lut.levels[channel] * last).astype(np.int64)
     even = np.linspace(0, last, min(KNOTS, last + 1)).astype(np.int64)
     index = np.unique(np.clip(np.concatenate([even, level, level - 1, level + 1]), 0, last))
-    x, y = index / last, shaper[index, channel]
+    x, y = index / last * lut.highest, shaper[index, channel]
     return x.tolist(), y.tolist()

@@ -16,12 +16,12 @@ from lutforge.luts.lut import Lut
 
 def write(lut: Lut, path: Path) -> None:
     """Write a LUT without gain or matrix (fold them first). Raises LutError on one that has them."""
-    if lut.has_gain or lut.has_matrix:
+    if lut.has_gain or lut.has_matrix or lut.before is not None:
         raise LutError(f"{path}: a .cube holds no gain and no matrix; fold them first")
     header = [
         *comment_lines(lut.title, lut.comments),
         f"LUT_1D_SIZE {lut.shaper_size}",
-        "LUT_1D_INPUT_RANGE 0.0 1.0",
+        f"LUT_1D_INPUT_RANGE 0.0 {lut.highest!r}",
         f"LUT_3D_SIZE {lut.size}",
         "LUT_3D_INPUT_RANGE 0.0 1.0",
     ]

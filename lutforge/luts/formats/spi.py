@@ -11,7 +11,7 @@ from lutforge.luts.lut import Lut
 
 def write_spi1d(lut: Lut, path: Path) -> None:
     """Write the shaper of a LUT."""
-    header = f"Version 1\nFrom 0.0 1.0\nLength {lut.shaper_size}\nComponents 3\n{{\n"
+    header = f"Version 1\nFrom 0.0 {lut.highest!r}\nLength {lut.shaper_size}\nComponents 3\n{{\n"
     path.write_text(header + rows(lut.shaper) + "}\n", encoding="ascii", newline="\n")
 
 

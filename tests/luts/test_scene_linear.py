@@ -1,0 +1,112 @@
+"""Scene-linear light beyond [0, 1] through a camera, as OpenColorIO reads it from the files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from lutforge.errors import LutError, SettingsError
+from lutforge.luts.bake import bake
+from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.verify import verify
+from lutforge.luts.write import write_lut
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.colour_difference import delta_e_2000
+from lutforge.model.published_model import import_published
+from lutforge.model.scene_render import SceneRender, through_camera
+from lutforge.model.scene_spaces import from_linear_srgb
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def profile(shared_data: Path) -> CameraProfile:
+    return import_published([shared_data / "nus_nikon_d40" / "other_white_balances"], "Nikon D40")
+
+
+@pytest.fixture(scope="module")
+def footage(profile: CameraProfile) -> SceneRender:
+    """ACEScg, exposed two stops down: neutral light up to 4 is not clipped."""
+    return through_camera(profile, "standard/daylight", "acescg", -2.0)
+
+
+def light(highest: float) -> Array:
+    """Scene-linear colours up to `highest`, most of them dark, and a grey ramp."""
+    rng = np.random.default_rng(2)
+    colours = rng.random((4000, 3)) * highest * rng.random((4000, 1)) ** 3
+    grey = np.repeat(np.geomspace(1e-4, highest, 500)[:, None], 3, axis=1)
+    x: Array = np.concatenate([colours, grey]).astype(np.float32).astype(np.float64)
+    return x
+
+
+def test_footage_is_what_linearize_gives(profile: CameraProfile) -> None:
+    """A JPEG, linearized to ACEScg and photographed again, is the JPEG: the model's own round trip."""
+    jpeg = np.random.default_rng(0).uniform(0.2, 0.8, (500, 3))
+    linear = profile.linearize("standard/daylight", "acescg")(jpeg)
+    direct = profile.render("standard/daylight")(profile.linearize("standard/daylight")(jpeg))
+    again = through_camera(profile, "standard/daylight", "acescg")(linear)
+    # The published Ts of the fit and the row-normalised Ts of the profile differ a little.
+    assert np.abs(again - direct).mean() < 0.02
+
+
+def test_exposure_makes_room_for_highlights(profile: CameraProfile) -> None:
+    for ev, last in ((0.0, 1.0), (-2.0, 4.0), (-5.0, 32.0)):
+        transform = through_camera(profile, "standard/daylight", "linear-srgb", ev)
+        assert transform.highest >= last
+        below, at, beyond = transform(np.array([[0.8 * last] * 3, [last] * 3, [2 * last] * 3]))
+        assert np.all(below < at + 1e-12)
+        np.testing.assert_allclose(beyond, at, atol=0.01)
+    with pytest.raises(SettingsError, match="20 stops"):
+        through_camera(profile, "standard/daylight", "acescg", 30.0)
+    with pytest.raises(SettingsError, match="not raw"):
+        through_camera(profile, "standard/daylight", "raw")
+    assert np.linalg.cond(from_linear_srgb("acescg")) < 10
+
+
+@pytest.mark.parametrize("suffix", [".clf", ".ctf"])
+def test_a_process_list_takes_any_light(tmp_path: Path, footage: SceneRender, suffix: str) -> None:
+    """Also negative values, which saturated colours of other spaces have, and what the camera clips."""
+    written = write_lut(bake(footage, 33), tmp_path / f"a{suffix}")
+    assert written.what_was_lost == ""
+    assert written.lut is not None
+    x = np.concatenate([light(footage.highest), 3 * light(footage.highest), light(1.0) - 0.05])
+    got = evaluate(file_processor(written.path), x)
+    np.testing.assert_allclose(got, written.lut(x), atol=2e-5)
+    assert delta_e_2000(got.astype(np.float64), footage(x)).mean() < 0.05
+    assert verify(written.path, footage, written.lut).mean < 1e-3
+
+
+@pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.spi1d"])
+def test_other_files_span_the_range_of_the_camera(tmp_path: Path, footage: SceneRender, name: str) -> None:
+    written = write_lut(bake(footage, 33), tmp_path / name)
+    assert "negative ones become 0" in written.what_was_lost
+    assert written.lut is not None
+    assert written.lut.highest == footage.highest > 4.0
+    x = light(footage.highest)
+    if name != "a.spi1d":  # two files: verify reads them one after the other
+        got = evaluate(file_processor(written.path), x)
+        np.testing.assert_allclose(got, written.lut(x), atol=1e-3 if name == "a.csp" else 5e-5)
+        assert delta_e_2000(got.astype(np.float64), footage(x)).mean() < 0.25
+    assert verify(written.path, footage, written.lut).mean < 0.005
+
+
+@pytest.mark.parametrize("name", ["a.cube", "a.png", "a.3dl", "a.cub", "a.lut"])
+def test_files_without_a_range_are_refused(tmp_path: Path, footage: SceneRender, name: str) -> None:
+    with pytest.raises(LutError, match="beyond 1"):
+        write_lut(bake(footage, 9), tmp_path / name)
+
+
+def test_any_function_of_light(tmp_path: Path) -> None:
+    def tone(x: ArrayLike) -> Array:
+        values = np.maximum(np.asarray(x, dtype=np.float64), 0.0)
+        return np.asarray(values / (values + 0.3))
+
+    lut = bake(tone, 33, highest=64.0)
+    x = light(64.0)
+    for name in ("a.clf", "a.resolve.cube"):
+        got = evaluate(file_processor(lut.write(tmp_path / name).path), x)
+        np.testing.assert_allclose(got, lut(x), atol=5e-5)
+        assert np.abs(got - tone(x)).mean() < 2e-3
+    with pytest.raises(LutError, match="65504"):
+        bake(tone, 5, highest=1e6)
