@@ -191,7 +191,8 @@ class _Fitter:
                 for nonuniform in (False, True):
                     sizes = replace(options, size=size, nonuniform=nonuniform)
                     self.lattices[sized(size, nonuniform=nonuniform)] = sizes
-        self.physical = bool(style.physical) or tables
+        self.own_physical = bool(style.physical)
+        self.physical = self.own_physical or tables
         self.smoothness: tuple[float | None, float | None] = (None, None)
         self.nuggets: tuple[float | None, float | None] = (None, None)
 
@@ -221,6 +222,10 @@ class _Fitter:
         try:
             maps = refit_physical(train, self.options, self.white_balances, self.nuggets)
         except CalibrationError as error:
+            if not self.own_physical and self.options.preset == "thesis":
+                self.notes.append(f"{self.name}: the physical model takes f from RAW/JPEG pairs ({error})")
+                self.options = replace(self.options, preset="lutforge")
+                return self._physical(train)
             self.notes.append(f"{self.name}: the physical model cannot be refitted without one of its shots ({error})")
             return {}
         self.nuggets = (maps.nugget, maps.inverse_nugget)
