@@ -9,14 +9,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_bracket
-from lutforge.calibration.inequality_least_squares import solve_lsi
-from lutforge.calibration.response import (
-    BETA,
-    fit_response_to_exposures,
-    gamma_response,
-    saturation,
-    srgb_response,
-)
+from lutforge.calibration.plain_curves import gamma_response, spline_of_pairs, srgb_response
+from lutforge.calibration.response import BETA, fit_response_to_exposures, saturation
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.model.response import Response
@@ -24,11 +18,6 @@ from lutforge.model.response import Response
 Array = NDArray[np.float64]
 
 ENTRIES = 1024
-KNOTS = 24
-SPLINE_SMOOTHNESS = 0.1
-"""Weight of the squared second differences of the spline's log f⁻¹ less sRGB's, relative to the number of pairs."""
-LEAST_RISE = 0.2
-"""The spline's log f⁻¹ rises at least this fraction as fast as sRGB's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,39 +118,3 @@ def _over_codes(response: Response, pairs: ExposurePairs) -> Response:
     """The response of values scaled from black … white, as one of the file's own values 0 … 1."""
     codes = np.linspace(0.0, 1.0, ENTRIES)[:, None]
     return Response(response.linearize(np.clip((codes - pairs.black) / (pairs.white - pairs.black), 0.0, 1.0)))
-
-
-def spline_of_pairs(pairs: ExposurePairs, weight: NDArray[np.float64]) -> Response:
-    """A monotone linear spline for log f⁻¹ in each channel, after Debevec & Malik (SIGGRAPH 1997), f(1) = 1.
-
-    minimise Σ w (g(I') − g(I) − log k')² and the squared second differences of g less sRGB's, under rising g.
-    """
-    knots = np.linspace(0.0, 1.0, KNOTS + 1)[1:]  # log f⁻¹ has no value at 0
-    shape = np.log(srgb_response().linearize(np.stack([knots] * 3, axis=1))[:, 0])
-    rising = np.zeros((KNOTS - 1, KNOTS))
-    step = np.arange(KNOTS - 1)
-    rising[step, step], rising[step, step + 1] = -1.0, 1.0
-    bend = np.diff(rising, axis=0) * np.sqrt(SPLINE_SMOOTHNESS * weight.sum())
-    top = np.zeros((1, KNOTS))
-    top[0, -1] = 1e3 * np.sqrt(weight.sum())
-    root = np.sqrt(weight)
-    codes = np.linspace(0.0, 1.0, ENTRIES)
-    table = np.zeros((ENTRIES, 3))
-    for channel in range(3):
-        design = (_hats(pairs.second[:, channel], knots) - _hats(pairs.first[:, channel], knots)) * root[:, None]
-        logs = solve_lsi(
-            np.vstack([design, bend, top]),
-            np.concatenate([pairs.log_ratio * root, bend @ shape, [0.0]]),
-            rising,
-            LEAST_RISE * np.diff(shape),
-        )
-        below = np.exp(logs[0]) * codes / knots[0]
-        table[:, channel] = np.where(codes < knots[0], below, np.exp(np.interp(codes, knots, logs)))
-    return Response(np.maximum.accumulate(table, axis=0))
-
-
-def _hats(values: Array, knots: Array) -> Array:
-    """(n, knots) weights of linear interpolation; the first piece holds on below it."""
-    position = np.clip((values - knots[0]) / (knots[1] - knots[0]), 0.0, len(knots) - 1.0)
-    weights: Array = np.maximum(1.0 - np.abs(position[:, None] - np.arange(len(knots))), 0.0)
-    return weights

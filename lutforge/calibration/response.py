@@ -1,4 +1,4 @@
-"""The camera response f: from exposure pairs, from RAW/JPEG pairs, or a plain named curve (thesis 4.2.1).
+"""The camera response f, from exposure pairs or from RAW/JPEG pairs (thesis 4.2.1).
 
 From exposure pairs f⁻¹ is EMoR's in the log domain (4.3, 4.4); from RAW it is EMoR's in the linear domain, found
 together with Ts. Both are linear least squares under the constraint that f⁻¹ rises. The "thesis" preset trusts all
@@ -7,11 +7,9 @@ residual, so that what the gamut map moved drops out wherever it lies.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.inequality_least_squares import solve_lsi
@@ -22,7 +20,6 @@ from lutforge.model.response import Response
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float64]
-PlainCurve = Literal["srgb", "gamma", "monotone spline"]
 
 BETA = 0.3
 """HSV saturation below which a colour is taken to be untouched by the gamut map."""
@@ -295,42 +292,3 @@ def _log_noise(pairs: ExposurePairs, logs: Array) -> Array:
         for c in range(3)
     ]
     return np.maximum(CODE_NOISE * np.stack(columns, axis=1), 1e-3)
-
-
-# --- plain curves ---------------------------------------------------------------------------------------------------
-
-
-def srgb_response(entries: int = 1024) -> Response:
-    """The sRGB curve (IEC 61966-2-1) in all channels."""
-    v = np.linspace(0.0, 1.0, entries)
-    linear = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
-    return Response(np.stack([linear] * 3, axis=1))
-
-
-def gamma_response(gamma: float = 2.2, entries: int = 1024) -> Response:
-    """f⁻¹(I) = I^gamma in all channels. Raises CalibrationError unless 0.2 ≤ gamma ≤ 5."""
-    if not 0.2 <= gamma <= 5.0:
-        raise CalibrationError(f"gamma {gamma:g} is not within 0.2 … 5")
-    return Response(np.stack([np.linspace(0.0, 1.0, entries) ** gamma] * 3, axis=1))
-
-
-def spline_response(linear: Array, encoded: Array, knots: int = 12, entries: int = 1024) -> Response:
-    """A monotone cubic spline (Fritsch & Carlson 1980) per channel through the medians of `knots` groups of like count.
-
-    linear: Ts Tw E (n, 3); encoded: I (n, 3) of the same colours. Raises CalibrationError below 2 samples a knot.
-    """
-    if len(linear) < 2 * knots:
-        raise CalibrationError(f"{len(linear)} samples are too few for a spline of {knots} knots")
-    codes = np.linspace(0.0, 1.0, entries)
-    columns = []
-    for channel in range(3):
-        order = np.argsort(encoded[:, channel], kind="stable")
-        groups = np.array_split(order, knots)
-        x = np.array([np.median(encoded[group, channel]) for group in groups])
-        y = np.maximum.accumulate([np.median(linear[group, channel]) for group in groups])
-        keep = np.concatenate([[True], np.diff(x) > 1e-6]) & (x > 1e-6)
-        x, y = np.concatenate([[0.0], x[keep]]), np.concatenate([[0.0], np.maximum(y[keep], 0.0)])
-        curve = PchipInterpolator(x, y, extrapolate=False)(np.minimum(codes, x[-1]))
-        end = (y[-1] - y[-2]) / (x[-1] - x[-2])
-        columns.append(np.maximum.accumulate(curve + np.maximum(codes - x[-1], 0.0) * end))
-    return Response(np.stack(columns, axis=1))

@@ -11,12 +11,10 @@ from samples_simulated import chart_140, photograph_patches
 from lutforge.calibration.calibrate import unclipped
 from lutforge.calibration.exposure_pairs import pairs_of_bracket, pairs_of_samples
 from lutforge.calibration.options import Preset
+from lutforge.calibration.plain_curves import gamma_response, spline_response, srgb_response
 from lutforge.calibration.response import (
     fit_response_to_exposures,
     fit_response_to_raw,
-    gamma_response,
-    spline_response,
-    srgb_response,
 )
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
