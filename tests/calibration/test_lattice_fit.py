@@ -67,10 +67,12 @@ def test_ends_and_grey_axis(response: bool) -> None:
     y[:300] = render(x[:300])
     lattice = fit(x, y, 33, response=response).lattice
     grey = lattice(AXIS)
-    np.testing.assert_allclose(grey[0], 0.0, atol=1e-5)
-    np.testing.assert_allclose(grey[-1], 1.0, atol=1e-5)
+    np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-12)
     assert np.ptp(grey, axis=1).max() < 0.02
-    assert np.diff(grey, axis=0).min() > -5e-4
+    assert np.diff(grey, axis=0).min() >= (-1e-6 if response else -2e-4)
+    everywhere = lattice(np.random.default_rng(1).random((20_000, 3)))
+    if response:
+        assert everywhere.min() >= 0.0 and everywhere.max() <= 1.0
     assert np.abs(grey - render(AXIS))[10:470].max() < 0.02
 
 
@@ -115,11 +117,11 @@ def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int, response:
     lattice = fit(x, y, size, shots=3, response=response).lattice
     assert np.linalg.norm(lattice(x) - y, axis=1).max() < 0.04
     grey = np.clip(lattice(AXIS), 0, 1)
-    assert np.diff(grey, axis=0).min() > -4e-3  # monotone but for the last bit of a node
+    assert np.diff(grey, axis=0).min() > -2e-3  # between the points that the fit is held at
     assert np.ptp(grey, axis=1).max() < 0.15
     everywhere = lattice(RNG.random((2000, 3)))
     assert np.all((everywhere >= 0) & (everywhere <= 1)) if response else np.all(np.abs(everywhere - 0.5) < 0.75)
-    np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-4)
+    np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-12)
 
 
 def test_folds_leave_whole_shots_out_once() -> None:
