@@ -30,9 +30,11 @@ MARGIN = 0.75
 """Share of the goal at which the fit is content, since other colours than its own will be tried."""
 SAMPLES = 1 << 14
 """Colours of each of three spreads."""
-ROUNDS = 4
+ROUNDS = 5
 """Most times that the node levels are placed anew."""
 STEPS = 12
+WORST, NEIGHBOURS = 512, 16
+"""Colours that come back worst after a round, and how many beside each the next one fits too."""
 SMOOTHNESS = 1e-4
 OUTSIDE = 0.5
 """Slope of the residual beyond the RAW range, where the render itself is flat."""
@@ -77,11 +79,10 @@ def consistent(render: Lut, linearize: Lut) -> tuple[Lut, RoundTrip]:
     before = measure(render, linearize)
     if before.met:
         return linearize, before
-    raw = _spread(SAMPLES, seed=5)
-    jpeg = render(raw)
+    jpeg = render(_spread(SAMPLES, seed=5))
     best, reached = linearize, before
     current = _on_levels(linearize, linearize.levels)
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         current = _fitted(render, current, jpeg)
         candidate = compact(current)
         found = measure(render, candidate)
@@ -90,9 +91,21 @@ def consistent(render: Lut, linearize: Lut) -> tuple[Lut, RoundTrip]:
         if _worth(reached) <= MARGIN:
             break
         left = np.linalg.norm(render(current(jpeg)) - jpeg, axis=1)
-        current = _on_levels(current, equidistributed_levels(jpeg, left, current.levels))
+        jpeg = np.concatenate([jpeg, _worst(render, current, seed=100 + number)])
+        current = _on_levels(current, equidistributed_levels(jpeg[: len(left)], left, current.levels))
     departure = float(np.linalg.norm(best(jpeg) - linearize(jpeg), axis=1).mean())
     return best, replace(reached, departure=departure)
+
+
+def _worst(render: Lut, linearize: Lut, seed: int) -> Array:
+    """JPEG colours beside those of a fresh spread that come back worst: the next round has to mind them."""
+    raw = _spread(SAMPLES, seed)
+    jpeg = render(raw)
+    error = np.linalg.norm(render(linearize(jpeg)) - jpeg, axis=1)
+    found = np.argsort(error)[-WORST:]
+    found = np.repeat(found[error[found] > MARGIN * MAX_GOAL / 2], NEIGHBOURS)
+    near = raw[found] * np.random.default_rng(seed).uniform(0.97, 1.03, (len(found), 3))
+    return render(np.clip(near, 0.0, 1.0))
 
 
 def _worth(trip: RoundTrip) -> float:

@@ -1,0 +1,118 @@
+"""The configs in ocio_configs/: sound, small, fast to load, and what their commands make."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+import pytest
+from test_config import convert, ociocheck
+
+import lutforge as lf
+from lutforge.model.scene_spaces import from_linear_srgb
+from lutforge.ocio.check import check_config, load_config, round_trips
+from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL
+
+CONFIGS = Path(__file__).parents[2] / "ocio_configs"
+FOLDERS = sorted(path.parent for path in CONFIGS.glob("*/config.ocio"))
+
+
+def made_again(folder: Path, data: Path, work: Path) -> Path:
+    """Run the commands of a config's README on the data that it names."""
+    commands = [line.split() for line in (folder / "README.md").read_text().splitlines() if "    lutforge " in line]
+    assert len(commands) == 2
+    for _, *words in commands:
+        found = [str(next(data.rglob(word), word)) if "." in word[-5:] or "/" in word else word for word in words]
+        run = subprocess.run(
+            [sys.executable, "-m", "lutforge", *found],
+            cwd=work,
+            capture_output=True,
+            text=True,
+            timeout=280,
+            check=False,
+        )
+        assert run.returncode == 0, run.stderr
+    return work / folder.name / "config.ocio"
+
+
+def test_there_are_two() -> None:
+    assert {folder.name for folder in FOLDERS} == {"nikon_d40", "canon_powershot_s40"}
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
+def test_sound_and_explained(folder: Path) -> None:
+    said = ociocheck(folder / "config.ocio").lower()
+    assert "warning" not in said
+    assert "error" not in said
+    assert [str(f) for f in check_config(load_config(folder / "config.ocio")) if f.severity == "error"] == []
+    readme = (folder / "README.md").read_text()
+    assert "Made by" in readme
+    assert any(licence in readme for licence in ("MIT", "CC0"))
+
+
+def test_the_d40_is_small_and_fast() -> None:
+    """4 MB in all; a processor within 150 ms of CPU time, so that a busy machine counts no one else's work."""
+    folder = CONFIGS / "nikon_d40"
+    assert sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) <= 4_000_000
+    OCIO.ClearAllCaches()
+    start = time.process_time()
+    config = OCIO.Config.CreateFromFile(str(folder / "config.ocio"))
+    config.getProcessor("Nikon D40 standard tungsten", "ACEScg").getDefaultCPUProcessor()
+    assert time.process_time() - start < 0.150
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
+def test_jpegs_come_back(folder: Path) -> None:
+    config = load_config(folder / "config.ocio")
+    trips = [trip for trip in round_trips(config) if "standard" in trip.space]
+    assert trips
+    assert all(trip.mean <= MEAN_GOAL for trip in trips), trips
+
+
+def test_what_the_d40_renders_comes_back(shared_data: Path) -> None:
+    """JPEG colours of even RAW colours, none of them clipped: to the reference and back, and near the model."""
+    models = [shared_data / "nus_nikon_d40" / name for name in ("other_white_balances", "fluorescent")]
+    profile = lf.import_published(models, "Nikon D40")
+    config = load_config(CONFIGS / "nikon_d40" / "config.ocio")
+    to_reference = from_linear_srgb("aces2065-1") @ profile.matrix * profile.multipliers("standard/daylight")
+    for balance in profile.white_balances:
+        space, selector = f"Nikon D40 standard {balance}", f"standard/{balance}"
+        raw = np.random.default_rng(4).random((20000, 3)) / profile.multipliers(selector)
+        jpeg = profile.render(selector)(raw)
+        jpeg = jpeg[np.all((jpeg > 1 / 255) & (jpeg < 254 / 255), axis=1)]
+        there = convert(config, space, "ACES2065-1", pixels=jpeg)
+        error = np.linalg.norm(convert(config, "ACES2065-1", space, pixels=there) - jpeg, axis=1)
+        assert error.mean() <= MEAN_GOAL
+        assert error.max() <= MAX_GOAL, (balance, error.max())
+        model = profile.linearize(selector)(jpeg) @ to_reference.T
+        assert np.linalg.norm(there - model, axis=1).mean() < 0.01
+
+
+def test_the_d40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> None:
+    """The same text but for measured numbers, and the same colours within a fraction of a code."""
+    folder = CONFIGS / "nikon_d40"
+    published = load_config(folder / "config.ocio")
+    again = load_config(made_again(folder, shared_data, tmp_path))
+    assert list(again.getColorSpaceNames()) == list(published.getColorSpaceNames())
+    assert list(again.getLookNames()) == list(published.getLookNames())
+    for balance in ("tungsten", "fluorescent"):
+        space = f"Nikon D40 standard {balance}"
+        for pair in (("ACEScg", space), (space, "ACEScg")):
+            difference = np.linalg.norm(convert(again, *pair) - convert(published, *pair), axis=1)
+            assert difference.mean() < 0.25 / 255
+
+
+def test_the_s40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> None:
+    """Calibrated anew: the same names, and colours within the held-out error."""
+    folder = CONFIGS / "canon_powershot_s40"
+    published, again = (
+        load_config(path) for path in (folder / "config.ocio", made_again(folder, shared_data, tmp_path))
+    )
+    assert list(again.getColorSpaceNames()) == list(published.getColorSpaceNames())
+    space = "Canon PowerShot S40 standard auto"
+    jpeg = convert(published, "ACEScg", space)
+    assert np.linalg.norm(convert(again, "ACEScg", space) - jpeg, axis=1).mean() < 0.014
+    there = [convert(config, space, "ACEScg", pixels=jpeg) for config in (published, again)]
+    assert np.linalg.norm(there[0] - there[1], axis=1).mean() < 0.014
