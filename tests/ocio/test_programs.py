@@ -38,7 +38,8 @@ def oiiotool(folder: Path, pixels: NDArray[Any], *actions: str, **variables: str
     command = [tool, "--colorconfig", str(CONFIG), str(source), *actions, "-d", "float", "-o", str(target)]
     run = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | variables)
     assert run.returncode == 0, run.stdout + run.stderr
-    return np.asarray(oiio.ImageBuf(str(target)).get_pixels(oiio.FLOAT), dtype=np.float32)[0]
+    values: NDArray[np.float32] = np.asarray(oiio.ImageBuf(str(target)).get_pixels(oiio.FLOAT), dtype=np.float32)
+    return values.reshape(-1, 3)
 
 
 def stated(way: str) -> tuple[float, float]:
