@@ -106,7 +106,7 @@ def _with_level_below_clipping(lut: Lut) -> Lut:
     size, shaper = lut.size, lut.shaper_size
     if lut.is_uniform:
         shaper = (size - 1) * ((SHAPER_SIZE - 1) // (size - 1)) + 1  # the evenly spaced levels lie on its points
-    top = np.rint((1.0 - CLIPPED) * (shaper - 1)) / (shaper - 1)
+    top = np.floor((1.0 - CLIPPED) * (shaper - 1)) / (shaper - 1)  # not itself clipped
     r, g, b = (axis if np.any(axis == top) else np.sort(np.append(axis, top)) for axis in lut.levels)
     if not len(r) == len(g) == len(b):
         return lut

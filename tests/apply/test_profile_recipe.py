@@ -1,0 +1,293 @@
+"""Refinishing pictures by their own settings: the simulated camera says what each should become."""
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import pytest
+from numpy.typing import NDArray
+
+from lutforge.apply.batch import apply_batch
+from lutforge.apply.candidates import candidate_sheet
+from lutforge.apply.profile_recipe import ProfileRecipe
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.raw_to_raw import fit_raw_transfer
+from lutforge.errors import ProfileError, SettingsError
+from lutforge.images.read import Image, read_image
+from lutforge.images.write import write_image
+from lutforge.luts.processor import evaluate
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline import calibrate
+from lutforge.samples.sample_set import SampleSet
+from lutforge.shots.picture_settings import read_picture_settings
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
+from lutforge.simulate.scene import palette
+from lutforge.simulate.scenes import SCENES
+
+STYLES, BALANCES = ("standard", "vivid"), ("tungsten", "fluorescent", "daylight", "flash", "cloudy", "shade")
+LEVELS = (0.12, 0.45, 1.0)
+
+
+def samples_of(
+    camera: SimulatedCamera, seed: int, styles: tuple[str, ...] = STYLES, balances: tuple[str, ...] = BALANCES
+) -> SampleSet:
+    """Colours of 60 surfaces at three levels under three lights, on every setting."""
+    parts: list[tuple[str, str, str, NDArray[np.float64], NDArray[np.float64]]] = []
+    rng = np.random.default_rng(seed)
+    for style in styles:
+        for balance in balances:
+            for light in (balance, "tungsten", "shade"):
+                surfaces = palette(36, rng)
+                raw = np.vstack([camera.expose(level * surfaces, light) for level in LEVELS])
+                raw = np.clip(raw, 0.0, 1.0)
+                jpeg = camera.render(raw[:, None] + rng.normal(0, 0.002, (len(raw), 16, 3)), style, balance)
+                parts.append((style, balance, light, raw, np.rint(255 * jpeg).mean(axis=1) / 255))
+    counts = [len(raw) for *_, raw, _ in parts]
+
+    def column(values: list[str]) -> NDArray[np.str_]:
+        return np.repeat(values, counts)
+
+    settings = column([part[1] for part in parts])
+    name = np.full(sum(counts), camera.name)
+    return SampleSet(
+        name,
+        column([part[0] for part in parts]),
+        settings,
+        column([f"{part[0]} {part[1]} {part[2]}" for part in parts]),
+        np.array([str(row) for row in range(sum(counts))]),
+        np.full(sum(counts), 1 / 60),
+        np.vstack([part[3] for part in parts]),
+        np.vstack([part[4] for part in parts]),
+        np.array([camera.white_balances[str(balance)].multipliers for balance in settings]),
+        name,
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("refinish")
+
+
+@pytest.fixture(scope="module")
+def profile(folder: Path) -> CameraProfile:
+    made = calibrate(samples_of(nikon_d5100(), 1), CalibrationOptions(size=17))
+    made.save(folder / "camera.npz")
+    return made
+
+
+@pytest.fixture(scope="module")
+def shot(folder: Path) -> Photograph:
+    """A still life that no calibration has seen, tungsten in daylight; its JPEG says so."""
+    settings = CameraSettings("standard", "tungsten", nikon_d5100().nominal_exposure_s * 0.6)
+    scene = SCENES["still-life"](232, 344, 7)
+    return photograph(nikon_d5100(), scene, settings, folder / "shot", "IMG_1", light="daylight")
+
+
+def alone(shot: Photograph, folder: Path, name: str = "picture.jpg") -> Path:
+    """The shot's JPEG without its RAW file beside it."""
+    assert shot.jpeg is not None
+    path = folder / name
+    path.write_bytes(shot.jpeg.read_bytes())
+    return path
+
+
+def truth(shot: Photograph, folder: Path, style: str, balance: str) -> NDArray[np.float32]:
+    settings = CameraSettings(style, balance, nikon_d5100().nominal_exposure_s * 0.6)
+    return read_image(develop_again(nikon_d5100(), shot, settings, folder / f"{style}-{balance}.jpg")).pixels
+
+
+def error(before: NDArray[np.float32], after: NDArray[np.float32], wanted: NDArray[np.float32]) -> float:
+    """RMSE of the means of 8 × 8 pixels of which none is clipped, before or after."""
+
+    def tiles(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+        height, width = (length // 8 * 8 for length in picture.shape[:2])
+        return picture[:height, :width].reshape(height // 8, 8, width // 8, 8, 3)
+
+    usable = (
+        (tiles(before) > 0.002) & (tiles(before) < 0.998) & (tiles(wanted) > 0.002) & (tiles(wanted) < 0.998)
+    ).all(axis=(1, 3, 4))
+    assert usable.mean() > 0.3
+    return float(np.sqrt(np.mean((tiles(after) - tiles(wanted)).mean(axis=(1, 3))[usable] ** 2)))
+
+
+def test_every_pair_of_settings_on_a_scene_that_was_held_out(
+    profile: CameraProfile, shot: Photograph, folder: Path
+) -> None:
+    settings = [(style, balance) for style in STYLES for balance in BALANCES]
+    pictures = {setting: truth(shot, folder, *setting) for setting in settings}
+    errors = {}
+    for source in settings:
+        for target in settings:
+            if source != target:
+                recipe = ProfileRecipe((folder / "camera.npz",), "/".join(source), "/".join(target))
+                chain, processor = recipe.chain(
+                    profile, profile.selector("/".join(source)), profile, profile.selector("/".join(target))
+                )
+                assert len(chain.luts) == 2
+                after = evaluate(processor, pictures[source])
+                errors[source, target] = error(pictures[source], after, pictures[target])
+    assert max(errors.values()) <= 0.012, max(errors, key=lambda pair: errors[pair])
+
+
+def test_a_picture_tells_its_own_settings(
+    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
+) -> None:
+    picture = alone(shot, tmp_path)
+    recipe = ProfileRecipe((folder / "camera.npz",), target="vivid/daylight")
+    recipe.check()
+    result = apply_batch(recipe, [picture], tmp_path / "out")
+    assert not result.failed
+    after = read_image(tmp_path / "out" / "picture.jpg")
+    assert error(read_image(picture).pixels, after.pixels, truth(shot, tmp_path, "vivid", "daylight")) < 0.012
+    history = after.spec.get_string_attribute("Exif:ImageHistory")
+    assert history.endswith("standard/tungsten -> LutForge Simulated D5100: vivid/daylight")
+    assert after.spec.get_int_attribute("Exif:LightSource") == 1
+    assert after.spec.getattribute("Exif:Saturation") is None
+    # The result tells what it is now, whatever its description still says.
+    now = read_picture_settings(tmp_path / "out" / "picture.jpg")
+    assert (now.camera, now.style, now.white_balance) == (nikon_d5100().name, "vivid", "daylight")
+    back = apply_batch(
+        ProfileRecipe((folder / "camera.npz",), target="standard/tungsten"), [result.done[0].target], tmp_path / "back"
+    )
+    assert error(after.pixels, read_image(back.done[0].target).pixels, read_image(picture).pixels) < 0.012
+
+
+def test_as_shot_keeps_either(profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path) -> None:
+    picture = alone(shot, tmp_path)
+    for target, told in (
+        ("vivid/as-shot", "vivid/tungsten"),
+        ("as-shot/shade", "standard/shade"),
+        (None, "standard/tungsten"),
+        ("standard/5200K+10", "standard/5200K+10"),
+    ):
+        grade = ProfileRecipe((folder / "camera.npz",), target=target).grade(picture)
+        assert grade.history.endswith(f"-> {nikon_d5100().name}: {told}")
+
+
+def test_what_a_picture_does_not_tell_is_refused_with_what_is_known(
+    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
+) -> None:
+    pixels = np.full((8, 8, 3), 0.4, dtype=np.float32)
+    spec = oiio.ImageSpec(8, 8, 3, "uint8")
+    write_image(tmp_path / "bare.png", pixels, Image(pixels, spec))
+    spec.attribute("Make", "LutForge")
+    spec.attribute("Model", "Simulated D5100")
+    write_image(tmp_path / "named.jpg", pixels, Image(pixels, spec))
+    spec.attribute("Model", "Other")
+    spec.attribute("ImageDescription", "PictureStyle=vivid; WhiteBalance=shade")
+    write_image(tmp_path / "other.jpg", pixels, Image(pixels, spec))
+    recipe = ProfileRecipe((folder / "camera.npz",), target="vivid/daylight")
+    with pytest.raises(SettingsError, match="does not name its camera"):
+        recipe.grade(tmp_path / "bare.png")
+    with pytest.raises(SettingsError, match=r"does not tell its picture style.*standard, vivid.*--from"):
+        recipe.grade(tmp_path / "named.jpg")
+    with pytest.raises(SettingsError, match=r"is of LutForge Other.*--from"):
+        recipe.grade(tmp_path / "other.jpg")
+    with pytest.raises(SettingsError, match=r"white balance.*tungsten.*--candidates"):
+        ProfileRecipe((folder / "camera.npz",), "standard/as-shot", "vivid/daylight").grade(tmp_path / "named.jpg")
+    asked = ProfileRecipe((folder / "camera.npz",), "standard/shade", "vivid/daylight")
+    assert "is of LutForge Other" in asked.grade(tmp_path / "other.jpg").notes[0]
+    with pytest.raises(SettingsError, match="sepia"):
+        ProfileRecipe((folder / "camera.npz",), target="sepia/daylight").check()
+    with pytest.raises(ProfileError, match="second profile"):
+        ProfileRecipe((folder / "camera.npz", folder / "camera.npz")).check()
+
+
+def test_clipped_whites_and_blacks_stay_neutral_and_are_counted(
+    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
+) -> None:
+    for ev in (-1.0, 0.0, 1.0):
+        recipe = ProfileRecipe((folder / "camera.npz",), "standard/tungsten", "vivid/shade", ev)
+        chain, processor = recipe.chain(
+            profile, profile.selector("standard/tungsten"), profile, profile.selector("vivid/shade")
+        )
+        ends = evaluate(processor, np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]))
+        assert np.ptp(ends, axis=1).max() < 0.005
+        below = np.random.default_rng(0).integers(1, 255, (500, 3)) / 255  # not clipped: the model as it is
+        plain = profile.refinish("standard/tungsten", "vivid/shade", ev)(below)
+        np.testing.assert_allclose(chain(below), plain, atol=1e-9)
+    pixels = read_image(alone(shot, tmp_path)).pixels.copy()
+    pixels[:20], pixels[20:30, :, 0] = 1.0, 0.0
+    write_image(tmp_path / "clipped.tif", pixels, Image(pixels, read_image(alone(shot, tmp_path)).spec))
+    recipe = ProfileRecipe((folder / "camera.npz",), "standard/tungsten", "vivid/shade")
+    result = apply_batch(recipe, [tmp_path / "clipped.tif"], tmp_path / "out", masks=tmp_path / "masks")
+    assert any("clipped" in note for note in result.done[0].notes)
+    mask = read_image(tmp_path / "masks" / "clipped.tif").pixels[..., 0]
+    assert np.all(mask[:30] == 0)
+    assert mask[40:].mean() > 0.5
+
+
+def test_a_raw_file_is_rendered_as_the_camera_renders_it(
+    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
+) -> None:
+    recipe = ProfileRecipe((folder / "camera.npz",), target="vivid/daylight")
+    result = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif")
+    assert not result.failed
+    rendered = read_image(tmp_path / "out" / "IMG_1.tif").pixels
+    wanted = truth(shot, tmp_path, "vivid", "daylight")
+    top, left = ((a - b) // 2 for a, b in zip(rendered.shape[:2], wanted.shape[:2], strict=True))
+    cut = rendered[top : top + wanted.shape[0], left : left + wanted.shape[1]]
+    assert error(wanted, cut, wanted) < 0.012
+    as_shot = ProfileRecipe((folder / "camera.npz",)).grade(shot.dng)
+    assert as_shot.history.endswith("standard/tungsten")
+    darker = ProfileRecipe((folder / "camera.npz",), ev=-2.0).grade(shot.dng)
+    white = evaluate(darker.processor, np.ones((1, 3)))
+    assert np.ptp(white) < 0.02
+    assert white.max() < 0.8
+
+
+def test_a_sheet_shows_the_presumed_temperatures(
+    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
+) -> None:
+    picture = alone(shot, tmp_path)
+    recipe = ProfileRecipe((folder / "camera.npz",), target="standard/daylight")
+    names = candidate_sheet(recipe, picture, tmp_path / "sheet.png")
+    assert len(names) == 13
+    assert all(name.startswith("standard/") for name in names)
+    sheet = read_image(tmp_path / "sheet.png").pixels
+    assert sheet.shape[0] > sheet.shape[1] * 0.5
+    assert sheet.max() > 0.9  # labels
+    with pytest.raises(SettingsError, match="--to"):
+        candidate_sheet(ProfileRecipe((folder / "camera.npz",)), picture, tmp_path / "no.png")
+
+
+def test_photographs_of_two_cameras_come_to_one_look(
+    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
+) -> None:
+    other = sigma_sd_merrill()
+    theirs_only = samples_of(other, 2, ("vivid",), ("tungsten", "daylight", "shade"))
+    calibrate(theirs_only, CalibrationOptions(size=17)).save(tmp_path / "other.npz")
+    settings = CameraSettings("vivid", "daylight", other.nominal_exposure_s * 0.6)
+    scene = SCENES["still-life"](232, 344, 7)
+    theirs = photograph(other, scene, settings, tmp_path, "theirs", jpeg_beside=True)
+    assert theirs.jpeg is not None
+    theirs.dng.unlink()
+    surfaces = palette(200, np.random.default_rng(5))
+    x, y = (camera.expose(surfaces, "daylight") for camera in (other, nikon_d5100()))
+    fit_raw_transfer(other.name, nikon_d5100().name, x, y, 1 / other.multipliers("daylight")).save(tmp_path / "t.json")
+    errors = []
+    for transfers in ((), (tmp_path / "t.json",)):
+        recipe = ProfileRecipe(
+            (folder / "camera.npz", tmp_path / "other.npz"),
+            target="standard/as-shot",
+            look=folder / "camera.npz",
+            transfers=transfers,
+        )
+        recipe.check()
+        again: ProfileRecipe = pickle.loads(pickle.dumps(recipe))
+        assert again.key == recipe.key
+        grade = recipe.grade(theirs.jpeg)
+        assert grade.history.endswith(f"{other.name}: vivid/daylight -> {nikon_d5100().name}: standard/daylight")
+        before = read_image(theirs.jpeg).pixels
+        mine = photograph(
+            nikon_d5100(), scene, CameraSettings("standard", "daylight", settings.exposure_s), tmp_path, "mine"
+        )
+        assert mine.jpeg is not None
+        errors.append(error(before, evaluate(grade.processor, before), read_image(mine.jpeg).pixels))
+        own = recipe.grade(alone(shot, tmp_path))
+        assert own.history.endswith(f"-> {nikon_d5100().name}: standard/tungsten")
+    assert max(errors) <= 0.02
+    with pytest.raises(SettingsError, match="--as"):
+        ProfileRecipe((folder / "camera.npz",), transfers=(tmp_path / "t.json",)).check()

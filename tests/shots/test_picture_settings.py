@@ -1,0 +1,115 @@
+"""Settings of finished pictures: gold values of real files, each maker's multipliers, pictures written before."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import pytest
+
+from lutforge.errors import ImageError
+from lutforge.images.read import Image
+from lutforge.images.write import write_image
+from lutforge.shots.exif import Tags
+from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
+from lutforge.shots.picture_settings import history_line, read_picture_settings
+
+
+@pytest.mark.parametrize(
+    ("file", "camera", "style", "white_balance", "multipliers"),
+    [
+        # multipliers: the tags' levels, over 256 (Nikon 0x000c) and 8192 (Pentax 0x0201)
+        ("Nikon_D90_DSC_0003.JPG", "Nikon D90", "portrait", "daylight", (461 / 256, 1, 335 / 256)),
+        ("Pentax_ist_DL_IMGP6667.JPG", "Pentax *ist DL", "bright", "auto", (12736 / 8192, 1, 8000 / 8192)),
+        ("Sony_A6400_DSC00007.JPG", "Sony ILCE-6400", "standard", "auto", None),
+        ("Canon_PowerShot_G6_IMG_0003.JPG", "Canon PowerShot G6", "standard", "auto", None),
+        ("Kodak_DC280_DCP_4394.JPG", "Kodak DC280 ZOOM DIGITAL CAMERA", "unknown", "unknown", None),
+    ],
+)
+def test_real_pictures(
+    shared_data: Path, file: str, camera: str, style: str, white_balance: str, multipliers: tuple[float, ...] | None
+) -> None:
+    found = read_picture_settings(shared_data / "chart_jpegs" / file)
+    assert (found.camera, found.style, found.white_balance) == (camera, style, white_balance)
+    if multipliers is None:
+        assert found.multipliers is None
+    else:
+        assert found.multipliers is not None
+        np.testing.assert_allclose(found.multipliers, multipliers)
+
+
+def test_a_raw_file_tells_its_own(shared_data: Path) -> None:
+    found = read_picture_settings(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
+    assert (found.camera, found.style, found.white_balance) == ("Canon PowerShot S40", "standard", "auto")
+    assert found.multipliers is not None
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [
+        {("Nikon", 0x000C): (512, 256, 384, 256, 256, 256, 256, 256)},
+        {("Canon", 0x4001): (0,) * 63 + (2048, 1024, 1024, 1536) + (0,) * (1338 - 67)},
+        {("Canon", 0x4001): (0,) * 25 + (2048, 1024, 1024, 1536) + (0,) * (582 - 29)},
+        {("Pentax", 0x0201): (16384, 8192, 8192, 12288)},
+        {("Olympus", 0x1017): (512, 64), ("Olympus", 0x1018): (384, 64)},
+        {("OlympusIp", 0x0100): (512, 384)},
+        {("Panasonic", 0x0024): (524,), ("Panasonic", 0x0025): (262,), ("Panasonic", 0x0026): (393,)},
+        {("Image", 0xC628): (1, 2, 1, 1, 2, 3)},
+    ],
+)
+def test_each_maker_s_multipliers(tags: Tags) -> None:
+    found = multipliers_of(tags)
+    assert found is not None
+    np.testing.assert_allclose(found, [2.0, 1.0, 1.5])
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [
+        {},
+        {("Canon", 0x4001): (0,) * 77},
+        {("Canon", 0x4001): (0,) * 1338},
+        {("Canon", 0x4001): (0,) * 63 + (2048, 1024, 512, 1536) + (0,) * (1338 - 67)},
+        {("Nikon", 0x000C): (512, 0, 384, 0)},
+        {("Nikon", 0x000C): "text"},
+        {("Pentax", 0x0201): (1, 2)},
+        {("Panasonic", 0x0024): (0,), ("Panasonic", 0x0025): (262,), ("Panasonic", 0x0026): (393,)},
+        {("Image", 0xC628): (0, 1, 1, 1, 1, 1)},
+        {("Nikon", 0x000C): (256, 256, 256, 256, 256, 256, 256, 256)},
+    ],
+)
+def test_what_no_camera_sets_is_not_believed(tags: Tags) -> None:
+    assert multipliers_of(tags) is None
+
+
+def test_a_dialled_temperature() -> None:
+    assert kelvin_of({("CanonPr", 9): (5200,)}) == 5200
+    assert kelvin_of({("Sony", 0xB021): (0,), ("Pentax", 0x0050): (4100,)}) == 4100
+    assert kelvin_of({("Sony", 0xB021): (0xFFFFFFFF,)}) is None
+
+
+def test_a_picture_written_before_tells_its_last_settings(tmp_path: Path) -> None:
+    pixels = np.full((4, 4, 3), 0.5, dtype=np.float32)
+    for name in ("a.jpg", "a.tif", "a.png", "a.exr"):
+        spec = oiio.ImageSpec(4, 4, 3, "uint8")
+        spec.attribute("Make", "NIKON CORPORATION")
+        spec.attribute("Model", "NIKON D40")
+        spec.attribute("Exif:ImageHistory", history_line("Nikon D40", "standard/auto", "Nikon D40", "vivid/shade", 0))
+        line = history_line("Nikon D40", "vivid/shade", "Canon EOS R", "fine detail/2.1,1,1.5", -0.7)
+        write_image(tmp_path / name, pixels, Image(pixels, spec), line)
+        found = read_picture_settings(tmp_path / name)
+        assert (found.camera, found.style, found.white_balance) == ("Canon EOS R", "fine detail", "custom"), name
+        assert found.multipliers is not None
+        np.testing.assert_allclose(found.multipliers, (2.1, 1.0, 1.5))
+
+
+def test_an_editor_is_named_and_a_stranger_is_unknown(tmp_path: Path) -> None:
+    pixels = np.full((4, 4, 3), 0.5, dtype=np.float32)
+    spec = oiio.ImageSpec(4, 4, 3, "uint8")
+    spec.attribute("Software", "Adobe Photoshop Lightroom 6")
+    write_image(tmp_path / "a.jpg", pixels, Image(pixels, spec))
+    found = read_picture_settings(tmp_path / "a.jpg")
+    assert (found.camera, found.style, found.white_balance) == ("", "unknown", "unknown")
+    assert "Lightroom" in found.notes[0]
+    (tmp_path / "b.jpg").write_bytes(b"nothing")
+    with pytest.raises(ImageError):
+        read_picture_settings(tmp_path / "b.jpg")
