@@ -25,7 +25,7 @@ from lutforge.model.transform import Refinish, Transform
 from lutforge.model.white_balance import tinted
 from lutforge.settings import Multipliers, Selector, checked_tint, parse_selector
 from lutforge.shots.discover import RAW_SUFFIXES
-from lutforge.shots.picture_settings import PictureSettings, history_line, read_picture_settings
+from lutforge.shots.picture_settings import PictureSettings, read_picture_settings, software_tag
 
 Array = NDArray[np.float64]
 
@@ -94,8 +94,8 @@ class ProfileRecipe:
         chain, processor = self.chain(camera, given, look, wanted)
         return Grade(
             processor,
-            history_line(camera.camera, str(given), look.camera, str(wanted), self.ev),
-            attributes=_attributes(wanted),
+            _history(camera.camera, str(given), look.camera, str(wanted), self.ev),
+            attributes=_attributes(look, wanted),
             confidence=self._confidence(camera, given.style),
             notes=tuple(f"{source}: {text}" for text in (*settings.notes, *notes, *doubts)),
             lut=chain,
@@ -150,8 +150,8 @@ class ProfileRecipe:
         chain = LutChain((first, replace(self._baked(transform.render), gain=np.ones(3))))
         return Grade(
             chain.processor(),
-            history_line(camera.camera, "RAW", look.camera, str(wanted), self.ev),
-            attributes=_attributes(wanted),
+            _history(camera.camera, "RAW", look.camera, str(wanted), self.ev),
+            attributes=_attributes(look, wanted),
             raw=True,
             notes=tuple(f"{source}: {text}" for text in notes),
         )
@@ -271,7 +271,14 @@ def _multipliers(values: Array) -> Multipliers:
     return Multipliers((r / g, 1.0, b / g))
 
 
-def _attributes(wanted: Selector) -> dict[str, object]:
+def _history(camera: str, source: str, look: str, target: str, ev: float) -> str:
+    """What was done, in one line for the image's history."""
+    exposure = f", {ev:+g} EV" if ev else ""
+    return f"{camera}: {source} -> {look}: {target}{exposure}"
+
+
+def _attributes(look: CameraProfile, wanted: Selector) -> dict[str, object]:
     """EXIF tags of the new rendering, and the stale ones of the old as None."""
     light = LIGHT_SOURCES.get(wanted.white_balance, 0) if isinstance(wanted.white_balance, str) else OTHER_LIGHT
-    return {**dict.fromkeys(STALE), "Exif:WhiteBalance": 1, "Exif:LightSource": light}
+    software = software_tag(look.camera, str(wanted))
+    return {**dict.fromkeys(STALE), "Software": software, "Exif:WhiteBalance": 1, "Exif:LightSource": light}

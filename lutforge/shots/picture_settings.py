@@ -1,5 +1,6 @@
 """What a finished picture says about the settings that it was made with: camera, picture style, white balance."""
 
+import contextlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from lutforge.errors import ImageError, SettingsError
 from lutforge.images.raw import read_multipliers
 from lutforge.images.read import ImageReader
-from lutforge.settings import Multipliers, Selector, parse_selector, setting_name
+from lutforge.settings import Multipliers, parse_selector, setting_name
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
 from lutforge.shots.exif import Tags
 from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
@@ -44,13 +45,13 @@ class PictureSettings:
 def read_picture_settings(path: Path) -> PictureSettings:
     """Settings of a JPEG, another finished picture or a RAW file, from its EXIF and maker notes.
 
-    A picture that LutForge wrote has the settings that its history names last, whatever its maker notes still say. The
+    A picture that LutForge wrote has the settings that its Software tag names, whatever its maker notes still say. The
     RAW file of the same camera beside a JPEG (same stem) completes what the JPEG does not tell. Raises ImageError for
     what is no image.
     """
     is_raw = path.suffix.lower() in RAW_SUFFIXES
     tags = file_tags(path) if is_raw else {**_header_tags(path), **file_tags(path)}
-    made = _made_by_lutforge(tags)
+    made = None if is_raw else _made_by_lutforge(tags)
     if made is not None:
         return made
     camera = camera_of(tags)
@@ -83,10 +84,9 @@ def camera_of(tags: Tags) -> str:
     return tidy_camera(make, model) if make or model else ""
 
 
-def history_line(camera: str, source: str, target_camera: str, target: str, ev: float) -> str:
-    """What was done, as the image's history names it and `read_picture_settings` reads it back."""
-    exposure = f", {ev:+g} EV" if ev else ""
-    return f"{SOFTWARE}: {camera}: {source} -> {target_camera}: {target}{exposure}"
+def software_tag(camera: str, selector: str) -> str:
+    """What the Software tag says of a picture: its settings now, as `read_picture_settings` reads them back."""
+    return f"{SOFTWARE} ({camera}: {selector})"
 
 
 def _edited(tags: Tags) -> tuple[str, ...]:
@@ -97,21 +97,19 @@ def _edited(tags: Tags) -> tuple[str, ...]:
 
 
 def _made_by_lutforge(tags: Tags) -> PictureSettings | None:
-    """Settings of a refinished picture, by the last line of its history."""
-    if not str(tags.get(("Image", 0x0131), "")).startswith(SOFTWARE):
+    """Settings of a picture that LutForge wrote: unknown ones, where it was not a profile that made it."""
+    software = str(tags.get(("Image", 0x0131), ""))
+    if software != SOFTWARE and not software.startswith(f"{SOFTWARE} ("):
         return None
-    lines = [line for line in str(tags.get(("Photo", 0x9213), "")).splitlines() if " -> " in line]
-    found = re.fullmatch(rf"{SOFTWARE}: .* -> (.+): ([^:]+?)(?:, [+-][\d.e+-]+ EV)?", lines[-1]) if lines else None
-    if found is None:
-        return None
-    try:
-        selector: Selector = parse_selector(found[2])
-    except SettingsError:
-        return None
-    balance = selector.white_balance
-    multipliers = np.array(balance.rgb) if isinstance(balance, Multipliers) else None
-    name = "custom" if isinstance(balance, Multipliers) else str(selector).partition("/")[2].lower()
-    return PictureSettings(found[1], selector.style, name, multipliers)
+    found = re.fullmatch(rf"{SOFTWARE} \((.+): ([^:]+)\)", software)
+    with contextlib.suppress(SettingsError):
+        if found is not None:
+            selector = parse_selector(found[2])
+            balance = selector.white_balance
+            multipliers = np.array(balance.rgb) if isinstance(balance, Multipliers) else None
+            name = "custom" if isinstance(balance, Multipliers) else str(selector).partition("/")[2].lower()
+            return PictureSettings(found[1], selector.style, name, multipliers)
+    return PictureSettings(camera_of(tags), UNKNOWN, UNKNOWN, None)
 
 
 def _header_tags(path: Path) -> Tags:
@@ -123,7 +121,6 @@ def _header_tags(path: Path) -> Tags:
         ("Image", 0x010F): "Make",
         ("Image", 0x0110): "Model",
         ("Image", 0x0131): "Software",
-        ("Photo", 0x9213): "Exif:ImageHistory",
     }
     tags: Tags = {}
     for key, name in names.items():

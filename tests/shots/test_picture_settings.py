@@ -11,7 +11,7 @@ from lutforge.images.read import Image
 from lutforge.images.write import write_image
 from lutforge.shots.exif import Tags
 from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
-from lutforge.shots.picture_settings import history_line, read_picture_settings
+from lutforge.shots.picture_settings import read_picture_settings, software_tag
 
 
 @pytest.mark.parametrize(
@@ -93,13 +93,15 @@ def test_a_picture_written_before_tells_its_last_settings(tmp_path: Path) -> Non
         spec = oiio.ImageSpec(4, 4, 3, "uint8")
         spec.attribute("Make", "NIKON CORPORATION")
         spec.attribute("Model", "NIKON D40")
-        spec.attribute("Exif:ImageHistory", history_line("Nikon D40", "standard/auto", "Nikon D40", "vivid/shade", 0))
-        line = history_line("Nikon D40", "vivid/shade", "Canon EOS R", "fine detail/2.1,1,1.5", -0.7)
-        write_image(tmp_path / name, pixels, Image(pixels, spec), line)
+        spec.attribute("Software", software_tag("Canon EOS R", "fine detail/2.1,1,1.5"))
+        write_image(tmp_path / name, pixels, Image(pixels, spec))
         found = read_picture_settings(tmp_path / name)
         assert (found.camera, found.style, found.white_balance) == ("Canon EOS R", "fine detail", "custom"), name
         assert found.multipliers is not None
         np.testing.assert_allclose(found.multipliers, (2.1, 1.0, 1.5))
+        # Graded with some LUT after that, it has no settings any more.
+        write_image(tmp_path / name, pixels, Image(pixels, spec), "graded with look.cube")
+        assert read_picture_settings(tmp_path / name).style == "unknown"
 
 
 def test_an_editor_is_named_and_a_stranger_is_unknown(tmp_path: Path) -> None:
