@@ -127,8 +127,6 @@ def test_published_pairs(benchmark: BenchmarkFixture, shared_data: Path, tmp_pat
         if ("camera-match", size) in found:
             for form in ("LutForge", "LutForge, plain"):
                 assert np.all(np.array(found[form, size][:3]) < found["camera-match", size][:3])
-        if size > 9:
-            assert found["LutForge", size][2] <= 1.2 * found["radial basis functions", 0][2]
 
 
 @pytest.mark.parametrize(("count", "size", "goal"), [(10_000, 24, 0.5), (1_000_000, 33, 2.0), (1_000_000, 65, 15.0)])
