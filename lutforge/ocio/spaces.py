@@ -96,7 +96,8 @@ def add_jpegs(config: OCIO.Config, rendering: Rendering, default: str, groups: d
             categories=["file-io"],
             description=(
                 f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}. "
-                f"Held-out error: {held_out or 'not measured'}" + (f". {error[:1].upper()}{error[1:]}" if error else "")
+                f"Held-out error of the profile: {held_out or 'not measured'}"
+                + (f". {error[:1].upper()}{error[1:]}" if error else "")
             ),
             bitDepth=OCIO.BIT_DEPTH_F32,
         )
