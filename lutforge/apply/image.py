@@ -75,18 +75,23 @@ class _InMemory:
 
 
 def apply_to_pixels(
-    processor: OCIO.CPUProcessor, pixels: Pixels, premultiplied: bool = False, workers: int | None = None
+    processor: OCIO.CPUProcessor,
+    pixels: Pixels,
+    premultiplied: bool = False,
+    workers: int | None = None,
+    out: Pixels | None = None,
 ) -> Pixels:
     """Grade pixels (h, w, c ≥ 3), float32: the first three channels; the others are passed through.
 
     premultiplied: the colours are multiplied by the fourth channel; they are divided by it for the LUT and
-    multiplied again. workers: threads, by default one per core (OpenColorIO works outside Python's lock).
+    multiplied again. workers: threads, by default one per core (OpenColorIO works outside Python's lock). out: where
+    the result goes, C-contiguous, which may be `pixels` itself; new memory costs more than the LUT.
     Raises ImageError on fewer than three channels.
     """
     if pixels.ndim != 3 or pixels.shape[2] < 3:
         raise ImageError(f"a LUT needs red, green and blue; this image has {pixels.shape[-1]} channel(s)")
     source = np.ascontiguousarray(pixels, dtype=np.float32)
-    result = np.empty_like(source)
+    result = np.empty_like(source) if out is None else out
     with _threads(workers or cpu_count() or 1) as threads:
         _grade(processor, source, result, premultiplied, threads)
     return result
