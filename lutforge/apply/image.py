@@ -23,13 +23,15 @@ from lutforge.images.write import image_writer, keeps_orientation, upright, with
 
 Pixels = NDArray[np.float32]
 
-BLOCK = 7 * 1024
-"""Pixels per call of OpenColorIO. It packs them into RGBA floats: below 128 kB malloc hands out the same memory, which
-is in the core's cache, again and again; above it each call may fetch new pages from the system, at a fifth of the
-speed."""
+BLOCK = 32 * 1024
+"""Pixels per call of OpenColorIO, which packs them into 512 kB of RGBA floats: what a core's cache holds."""
 
-SPAN = 16 * BLOCK
+SPAN = 4 * BLOCK
 """Pixels that a thread takes at a time."""
+
+# OpenColorIO allocates those 512 kB in each call. The C library fetches them from the system and gives them back, which
+# takes longer than the LUT, until a larger piece was freed once: from then on it keeps pieces of up to that size.
+np.empty(30_000_000, np.uint8)
 
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""

@@ -3,8 +3,9 @@
     python -m pytest tests/benchmarks/test_apply_benchmark.py --benchmark-only -s
 
 Every round runs all sides one after the other, so that whatever else the machine does meets all of them. In memory,
-on all sides into memory that is there: a 24-Mpixel float image, which has noise in it, so that neighbouring pixels look at different nodes of the cube. Folders:
-20 camera-like JPEG files of 12 Mpixel, with the quality and the chroma of the output the same on both sides.
+on all sides into memory that is there: a 24-Mpixel float image with noise in it, so that neighbouring pixels look at
+different nodes of the cube. Folders: 20 camera-like JPEG files of 12 Mpixel, with the quality and the chroma of the
+output the same on both sides.
 """
 
 import os
