@@ -1,10 +1,11 @@
 """Read a LUT file back and measure how far it is from what it should be.
 
 Through OpenColorIO; Hald images, which it does not read, through OpenImageIO and the interpolation that is asked for.
+colour-science reads the same file where it can: two readers that disagree are an error.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from lutforge.luts.lut import Lut
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.read import read_lut
 from lutforge.luts.sample_points import sample_points
+from lutforge.luts.second_reader import disagreement
 from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.lattice import uniform_levels
 from lutforge.model.transform import Transform
@@ -31,7 +33,7 @@ class FileError:
 
     mean, p99, max: Euclidean norm of the RGB difference (1 = full scale). worst_input: where the largest is.
     mean_de00, max_de00: CIEDE2000 with both taken for encoded sRGB; None for outputs that are not for a
-    display.
+    display. second: the largest difference of a channel between two readers of the file; None where there is one only.
     """
 
     mean: float
@@ -41,11 +43,14 @@ class FileError:
     mean_de00: float | None
     max_de00: float | None
     samples: int
+    second: float | None = None
 
     def __str__(self) -> str:
         text = f"mean {self.mean:.2g}, 99 % {self.p99:.2g}, max {self.max:.2g}"
         if self.mean_de00 is not None and self.max_de00 is not None:
             text += f"; dE00 mean {self.mean_de00:.2g}, max {self.max_de00:.2g}"
+        if self.second is not None:
+            text += f"; colour-science agrees within {self.second:.1g}"
         return text
 
 
@@ -72,17 +77,30 @@ def verify(
         x = np.concatenate([x, 2 * x[::8]])  # and what the camera clips
     # Rounded to float32 first: both sides get the very same input.
     x = x.astype(np.float32).astype(np.float64)
-    return compare(_read_back(Path(path), method)(x), reference(x), x, display_referred)
+    path = Path(path)
+    got = _read_back(path, method)(x)
+    second = disagreement(_files(path), x, got.astype(np.float64), method)
+    return replace(compare(got, reference(x), x, display_referred), second=second)
+
+
+def _files(path: Path) -> list[Path]:
+    """The file, or the pair that it belongs to, in the order in which they are used."""
+    pair = [path.with_suffix(end) for end in SPI_SUFFIXES]
+    return pair if path.suffix.lower() in SPI_SUFFIXES and all(file.is_file() for file in pair) else [path]
 
 
 def _read_back(path: Path, method: Interpolation) -> Callable[[NDArray[np.float64]], NDArray[np.float32]]:
     """What a reader of the file makes of colours (n, 3)."""
-    if path.suffix.lower() in SPI_SUFFIXES and all(path.with_suffix(end).is_file() for end in SPI_SUFFIXES):
-        shaper, table = (file_processor(path.with_suffix(end), method) for end in SPI_SUFFIXES)
-        return lambda x: evaluate(table, evaluate(shaper, x))
     if path.suffix.lower() not in HALD_SUFFIXES:
-        processor = file_processor(path, method)
-        return lambda x: evaluate(processor, x)
+        processors = [file_processor(file, method) for file in _files(path)]
+
+        def through(x: NDArray[np.float64]) -> NDArray[np.float32]:
+            y = x.astype(np.float32)
+            for processor in processors:
+                y = evaluate(processor, y)
+            return y
+
+        return through
     cube = read_lut(path).cube
     if cube is None:
         raise LutError(f"{path}: holds no cube")
