@@ -1,0 +1,43 @@
+"""LUT files made by libFuzzer, guided by the coverage of the readers, through `check_lut`.
+
+    pip install '.[fuzz]'
+    python tests/luts/fuzz_atheris.py 30000        # the number of files; further words go to libFuzzer
+
+The first byte picks the kind of file. A traceback, more than 2 s for a file, or more than 1 GB ends the run, and keeps
+the file.
+"""
+
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import atheris
+
+with atheris.instrument_imports(include=["lutforge.luts"]):
+    from fuzz_luts import seeds, try_file
+
+SUFFIXES = (".cube", ".clf", ".ctf", ".csp", ".3dl", ".cub", ".lut", ".spi1d", ".spi3d", ".png", ".tif")
+LONGEST = 30_000
+
+
+def main() -> None:
+    count = sys.argv[1] if len(sys.argv) > 1 else "30000"
+    with TemporaryDirectory() as name:
+        folder, corpus = Path(name), Path(name) / "corpus"
+        corpus.mkdir()
+        (folder / "seeds").mkdir()
+        for file, data in seeds(folder / "seeds").items():
+            (corpus / file).write_bytes(bytes([SUFFIXES.index(Path(file).suffix)]) + data)
+
+        def one_file(data: bytes) -> None:
+            path = folder / f"x{SUFFIXES[data[0] % len(SUFFIXES) if data else 0]}"
+            path.write_bytes(data[1:])
+            try_file(path)
+
+        flags = [f"-runs={count}", "-timeout=2", "-rss_limit_mb=1024", f"-max_len={LONGEST}", "-seed=1"]
+        atheris.Setup([sys.argv[0], str(corpus), *flags, *sys.argv[2:]], one_file)
+        atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()

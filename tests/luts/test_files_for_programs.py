@@ -1,0 +1,85 @@
+"""What `lutforge bake` makes for a program, and which files it writes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.luts.write import DIALECTS, files_for
+from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.lattice import Lattice, uniform_levels
+from lutforge.model.profile_file import save_profile
+from lutforge.model.white_balance import WhiteBalance
+
+NAMED = (
+    *("resolve", "premiere", "photoshop", "aftereffects", "finalcut", "nuke", "baselight"),
+    *("flame", "ffmpeg", "obs", "darktable", "rawtherapee", "gimp", "blender"),
+)
+
+
+@pytest.fixture(scope="module")
+def profile(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    rng = np.random.default_rng(0)
+    render, linearize = (
+        Lattice(uniform_levels(5), np.sort(rng.random((5, 5, 5, 3)), axis=0), "tetrahedral") for _ in range(2)
+    )
+    camera = CameraProfile(
+        "A Camera: №1/x",
+        np.eye(3),
+        {"daylight": WhiteBalance((2.0, 1.0, 1.5), 5200.0)},
+        {"standard": PictureStyle(render, linearize)},
+    )
+    path = tmp_path_factory.mktemp("profile") / "camera.npz"
+    save_profile(camera, path)
+    return path
+
+
+def bake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lutforge", "bake", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.mark.parametrize("program", NAMED)
+def test_every_program_has_its_files(program: str) -> None:
+    files = files_for(program, "../A Camera: №1 RAW to standard/daylight")
+    first, *fallback = files
+    assert first.suffix in DIALECTS[program].reads
+    assert files[first] == program
+    assert len(first.parts) == 1
+    assert first.name == first.name.encode("ascii", "ignore").decode()
+    if DIALECTS[program].shaper:
+        assert [path.name.endswith(".plain.cube") for path in fallback] == [True]
+
+
+def test_a_program_without_a_name_and_one_file_named_twice(tmp_path: Path, profile: Path) -> None:
+    wanted = ("refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--size", "5")
+    run = bake(tmp_path, str(profile), *wanted, "--for", "resolve")
+    assert run.returncode == 0, run.stderr
+    assert len(list(tmp_path.glob("*.cube"))) == 2
+    run = bake(tmp_path, str(profile), *wanted, "-o", "a.clf", "-o", "./a.clf")
+    assert run.returncode == 0, run.stderr
+    assert "named twice, written once" in run.stderr
+    assert run.stdout.count("a.clf:") == 1
+
+
+def test_stages_of_lattices_are_the_model_and_files_say_what_goes_in(tmp_path: Path, profile: Path) -> None:
+    run = bake(
+        tmp_path, str(profile), "refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--ev", "-1",
+        "--stages", "-o", "a.clf",
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert "in stages, 5³ → 5³" in run.stdout
+    assert float(run.stdout.split("max ")[1].split(";")[0]) < 1e-5
+    refused = bake(tmp_path, str(profile), "render", "--to", "standard/daylight", "--stages", "-o", "a.cube")
+    assert refused.returncode == 2
+    assert "--stages writes .clf and .ctf" in refused.stderr
+    linear = bake(tmp_path, str(profile), "linearize", "--from", "standard/daylight", "-o", "b.png", "--size", "9")
+    assert linear.returncode == 0, linear.stderr
+    assert "whole numbers hold linear light badly" in linear.stderr
+    assert "8 bits would show bands" in linear.stderr
+    scene = ("render", "--space", "acescg", "--ev", "-1", "--to", "standard/daylight", "-o", "c.clf")
+    assert bake(tmp_path, str(profile), *scene).returncode == 0
+    assert "not for JPEGs" in (tmp_path / "c.clf").read_text()
+    assert "input: scene-linear acescg" in (tmp_path / "c.clf").read_text()
