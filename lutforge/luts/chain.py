@@ -16,7 +16,7 @@ from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.bake import bake
 from lutforge.luts.formats import clf
-from lutforge.luts.lut import Lut
+from lutforge.luts.lut import MAX_SIZE, Lut
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.highlights import CLIPPED, neutral_where_clipped
 from lutforge.model.lattice import grid
@@ -87,7 +87,7 @@ def grading_chain(transform: Refinish, linearize: Lut, render: Lut) -> LutChain:
     255, so that unclipped colours are the model's.
     """
     balance = np.asarray(getattr(transform.render, "gain", np.ones(3)))
-    wider = _with_level_below_clipping(replace(linearize, matrix=np.eye(3), response=None, source=None))
+    wider = _with_level_below_clipping(replace(linearize, matrix=np.eye(3)))
     nodes = grid(wider.levels)
     raw = wider.cube @ np.asarray(getattr(transform.linearize, "matrix", np.eye(3))).T
     cube = neutral_where_clipped(nodes, transform.exposed(raw) * balance)
@@ -108,7 +108,8 @@ def _with_level_below_clipping(lut: Lut) -> Lut:
         shaper = (size - 1) * ((SHAPER_SIZE - 1) // (size - 1)) + 1  # the evenly spaced levels lie on its points
     top = np.floor((1.0 - CLIPPED) * (shaper - 1)) / (shaper - 1)  # not itself clipped
     r, g, b = (axis if np.any(axis == top) else np.sort(np.append(axis, top)) for axis in lut.levels)
-    if not len(r) == len(g) == len(b):
-        return lut
-    wider = replace(lut, levels=(r, g, b), shaper_size=shaper, cube=np.zeros((len(r), len(r), len(r), 3)))
-    return replace(wider, cube=lut(grid(wider.levels)))
+    if not len(r) == len(g) == len(b) <= MAX_SIZE:
+        r, g, b = lut.levels
+        shaper = lut.shaper_size
+    cube = lut(grid((r, g, b)))
+    return replace(lut, levels=(r, g, b), shaper_size=shaper, cube=cube, response=None, source=None)

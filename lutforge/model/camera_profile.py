@@ -49,6 +49,16 @@ class PictureStyle:
     errors: Mapping[str, float] = field(default_factory=dict)
     coverage: Mapping[str, Array] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Raise ProfileError where a coverage is not that of its lattice."""
+        for direction, weights in self.coverage.items():
+            lattice: Lattice | None = {"render": self.render, "linearize": self.linearize}.get(direction)
+            if lattice is None or weights.shape != lattice.size:
+                shape = "no lattice" if lattice is None else f"a lattice of {lattice.size} nodes"
+                raise ProfileError(f"coverage of shape {weights.shape} for {shape} ({direction})")
+            if not np.all(np.isfinite(weights)) or weights.min() < 0:
+                raise ProfileError(f"the coverage ({direction}) holds a weight that is negative or not finite")
+
 
 @dataclass(frozen=True, eq=False)
 class CameraProfile:

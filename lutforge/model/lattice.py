@@ -11,6 +11,9 @@ from lutforge.interpolation import Interpolation, Levels, interpolate, through
 MOST_ENTRIES = 1 << 16
 """Of a response: as many as the 1D tables of process lists."""
 
+LARGEST_VALUE = 1e4
+"""Node values are colours on [0, 1] and what a fit makes of unsampled corners; no sound one is near this."""
+
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
@@ -20,7 +23,7 @@ class Lattice:
     output at m even steps of [0, 1] of the interpolated values, clamped; none for none. plain: the same function fitted
     without a response, for files that can hold none.
     Raises ProfileError where the shapes disagree, a level does not increase, a response falls, or a number is not
-    finite.
+    finite or absurd.
     """
 
     levels: Levels
@@ -38,6 +41,8 @@ class Lattice:
                 raise ProfileError(f"lattice: the {name} node levels are not strictly increasing numbers")
         if not np.all(np.isfinite(self.values)):
             raise ProfileError("lattice: a node value is not a finite number")
+        if np.abs(self.values).max() > LARGEST_VALUE:
+            raise ProfileError(f"lattice: a node value of {np.abs(self.values).max():.3g} is no colour")
         if self.response is not None:
             table = self.response
             if table.ndim != 2 or table.shape[1] != 3 or not 2 <= len(table) <= MOST_ENTRIES:

@@ -73,3 +73,10 @@ def test_bad_lattices_are_refused() -> None:
         Lattice((levels[0], np.array([0.0, 0.5, 0.5]), levels[2]), np.zeros((3, 3, 3, 3)))
     with pytest.raises(ProfileError, match="B node levels"):
         Lattice((levels[0], levels[1], np.array([0.0, np.inf, 1.0])), np.zeros((3, 3, 3, 3)))
+
+
+def test_absurd_node_values_are_refused() -> None:
+    values = np.zeros((2, 2, 2, 3))
+    values[1, 0, 1, 2] = 1e30
+    with pytest.raises(ProfileError, match="no colour"):
+        Lattice(uniform_levels(2), values)

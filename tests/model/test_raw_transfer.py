@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from lutforge.errors import ProfileError
 from lutforge.model.raw_transfer import OPPONENT, HueWedges, RawTransfer, chained, load_transfer
@@ -13,7 +14,7 @@ NEUTRAL = np.array([0.5, 1.0, 0.7])
 HUES = np.array([0.1, 1.5, 3.0, 4.4, 5.5])
 
 
-def wedges_of(matrix: np.ndarray) -> HueWedges:  # type: ignore[type-arg]  # a helper of this file
+def wedges_of(matrix: NDArray[np.float64]) -> HueWedges:
     edges = np.stack([np.cos(HUES), np.sin(HUES)], axis=1) @ np.linalg.pinv(OPPONENT).T
     return HueWedges(NEUTRAL, HUES, np.vstack([NEUTRAL, edges * NEUTRAL]) @ matrix.T)
 

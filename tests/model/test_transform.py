@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from profiles_synthetic import GAMMA, MATRIX, gamma_response, identity_map, small_profile
 
-from lutforge.errors import ProfileError, SettingsError
+from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle, match
 from lutforge.model.transform import LatticeTransform, RenderChain
 from lutforge.model.white_balance import WhiteBalance
@@ -120,3 +120,22 @@ def test_bad_profiles_are_refused() -> None:
         CameraProfile("X", np.full((3, 3), np.nan), balances, styles)
     with pytest.raises(ProfileError, match="inverted"):
         CameraProfile("X", np.ones((3, 3)), balances, styles)
+
+
+def test_what_is_not_colours_on_0_to_1_is_refused() -> None:
+    transform = small_profile().render("standard/daylight")
+    with pytest.raises(ImageError, match="uint8"):
+        transform(np.zeros((4, 4, 3), dtype=np.uint8))
+    with pytest.raises(ImageError, match=r"pixels\[\.\.\., :3\]"):
+        transform(np.zeros((4, 4, 4)))
+    broken = transform(np.array([[0.2, np.nan, 0.3], [0.2, 0.2, 0.3]]))
+    np.testing.assert_array_equal(np.isnan(broken).any(axis=1), [True, False])
+    np.testing.assert_allclose(transform([0, 0, 0]), transform(np.zeros(3)))
+
+
+def test_a_coverage_belongs_to_its_lattice() -> None:
+    style = small_profile().styles["standard"]
+    with pytest.raises(ProfileError, match="coverage of shape"):
+        PictureStyle(style.render, style.linearize, coverage={"render": np.ones((3, 3, 3))})
+    with pytest.raises(ProfileError, match="negative"):
+        PictureStyle(style.render, style.linearize, coverage={"render": np.full((5, 5, 5), -1.0)})
