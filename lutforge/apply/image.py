@@ -23,13 +23,13 @@ from lutforge.images.write import image_writer, keeps_orientation, upright, with
 
 Pixels = NDArray[np.float32]
 
-BLOCK = 32 * 1024
-"""Pixels per call of OpenColorIO, which packs them into 512 kB of RGBA floats: what a core's cache holds."""
+BLOCK = 64 * 1024
+"""Pixels per call of OpenColorIO, which packs them into 1 MB of RGBA floats: what a core's cache holds."""
 
-SPAN = 4 * BLOCK
+SPAN = 2 * BLOCK
 """Pixels that a thread takes at a time."""
 
-# OpenColorIO allocates those 512 kB in each call. The C library fetches them from the system and gives them back, which
+# OpenColorIO allocates that megabyte in each call. The C library fetches them from the system and gives them back, which
 # takes longer than the LUT, until a larger piece was freed once: from then on it keeps pieces of up to that size.
 np.empty(30_000_000, np.uint8)
 
