@@ -29,7 +29,7 @@ BLOCK = 64 * 1024
 SPAN = 2 * BLOCK
 """Pixels that a thread takes at a time."""
 
-# OpenColorIO allocates that megabyte in each call. The C library fetches them from the system and gives them back, which
+# OpenColorIO allocates that megabyte in each call. The C library fetches it from the system and gives it back, which
 # takes longer than the LUT, until a larger piece was freed once: from then on it keeps pieces of up to that size.
 np.empty(30_000_000, np.uint8)
 
