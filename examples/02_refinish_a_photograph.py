@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import lutforge as lf
+from lutforge.apply.grade import LutRecipe
 from lutforge.apply.image import apply_image
 from lutforge.images.read import read_image
 from lutforge.simulate.demo import demo_shots
@@ -28,7 +29,7 @@ lut.write(folder / "refinish.clf")
 
 spoilt = shots.held_out.jpeg
 assert spoilt is not None
-apply_image(folder / "refinish.clf", spoilt, folder / "refinished.jpg")
+apply_image(LutRecipe(folder / "refinish.clf").grade(spoilt), spoilt, folder / "refinished.jpg")
 
 wanted = read_image(shots.wanted).pixels
 for name, path in (("as shot", spoilt), ("refinished", folder / "refinished.jpg")):
