@@ -61,16 +61,20 @@ def test_the_matrix_is_the_cameras(demo: tuple[Path, str]) -> None:
         np.testing.assert_allclose(balance.multipliers, truth.white_balances[name].multipliers, rtol=5e-3)
 
 
-def test_grading_makes_the_photograph_like_the_one_wanted(demo: tuple[Path, str]) -> None:
+def test_grading_comes_near_what_the_cameras_own_functions_would_make(demo: tuple[Path, str]) -> None:
     folder = demo[0]
     before = read_image(folder / "shots/held-out/held-out.JPG").pixels
+    camera = nikon_d5100()
+    perfect = camera.render(camera.linearize(before, "standard", "tungsten"), "vivid", "daylight", 0.7)
     wanted = read_image(folder / "shots/held-out/wanted.JPG").pixels
     after = read_image(folder / "graded/held-out.JPG").pixels
 
-    def rmse(image: NDArray[np.float32]) -> float:
+    def rmse(image: NDArray[np.floating]) -> float:
         return float(np.sqrt(np.mean((image - wanted) ** 2)))
 
-    assert rmse(after) < 0.1 * rmse(before)
+    # Noise and compression of the JPEG leave the camera's own functions an error, too.
+    assert rmse(perfect) < 0.09 * rmse(before)
+    assert rmse(after) < 1.3 * rmse(perfect)
 
 
 def test_the_config_passes_ociocheck_and_converts_as_the_luts_do(demo: tuple[Path, str]) -> None:
