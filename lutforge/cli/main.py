@@ -18,6 +18,7 @@ from lutforge.cli.import_nus import import_nus
 from lutforge.cli.inspect import inspect
 from lutforge.cli.report import report
 from lutforge.cli.sample import sample
+from lutforge.cli.studio import studio
 from lutforge.cli.transfer import transfer
 from lutforge.errors import LutForgeError
 
@@ -30,7 +31,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for command in (demo, inspect, sample, calibrate, evaluate, bake, config, apply, transfer, check, report):
+for command in (demo, inspect, sample, calibrate, evaluate, bake, config, apply, transfer, check, report, studio):
     app.command()(command)
 app.command("import-nus")(import_nus)
 

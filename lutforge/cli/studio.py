@@ -1,0 +1,39 @@
+"""`lutforge studio`: the calibration interface in the browser."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lutforge.cli.console import say
+from lutforge.errors import LutForgeError
+
+
+def studio(
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(help="A sample table, shots or folders of them, a profile, a workspace.", show_default=False),
+    ] = None,
+    port: Annotated[int, typer.Option(help="The port of the page; 0 for any that is free.", min=0, max=65535)] = 5006,
+    address: Annotated[
+        str, typer.Option(help="Where to listen; other than 127.0.0.1 others may connect.")
+    ] = "127.0.0.1",
+    folder: Annotated[
+        list[Path] | None,
+        typer.Option(help="A folder that may be read and written; may repeat. By default the inputs' and this one."),
+    ] = None,
+    show: Annotated[bool, typer.Option("--show/--no-browser", help="Open the page in a browser.")] = True,
+) -> None:
+    """Look at samples, mark outliers, fit models and preview refinishing in the browser; stop it with Ctrl+C."""
+    if find_spec("panel") is None:
+        raise LutForgeError("the studio needs Panel: pip install 'lutforge[studio]'")
+    from lutforge.studio.folders import Folders
+    from lutforge.studio.server import serve
+
+    given = tuple(path.resolve() for path in sources or [])
+    for path in given:
+        if not path.exists():
+            raise LutForgeError(f"{path}: no such file or folder")
+    named = folder or [Path.cwd(), *(path if path.is_dir() else path.parent for path in given)]
+    serve(Folders.of(named), given, address, port, show, lambda url: say(f"LutForge studio: {url}"))

@@ -1,0 +1,362 @@
+"""Data and outliers: linked plots of the samples, filters, marks by hand, named groups (thesis A.3, A.3.1)."""
+
+import re
+from dataclasses import replace
+from html import escape
+from typing import Any
+
+import numpy as np
+import panel as pn
+from bokeh.events import SelectionGeometry, Tap
+from bokeh.models import ColumnDataSource, LassoSelectTool
+from numpy.typing import NDArray
+
+from lutforge.samples.sample_set import SampleSet
+from lutforge.studio.elements import NARROW, Slider, button, extent, frame, plot, text
+from lutforge.studio.loading import OPENED_SUFFIXES
+from lutforge.studio.plots import (
+    COLOURS,
+    PLOTS,
+    Points,
+    chromaticities,
+    chromaticity_outlines,
+    colours,
+    cube_edges,
+    drawn,
+    hex_colours,
+    inside_polygon,
+    nearest,
+    points,
+    projected,
+    rows_at,
+    tristimulus,
+)
+from lutforge.studio.session import Session
+from lutforge.studio.thumbnails import shot_picture
+from lutforge.studio.workspace import Filters, Workspace, WorkspaceError
+
+Mask = NDArray[np.bool_]
+
+LARGEST_RESIDUAL = 0.25
+SHOWN_ROWS = 5
+SELECT = "lasso_select,box_select,pan,wheel_zoom,reset"
+
+
+class BrushedPlot:
+    """A scatter plot of samples whose points can be selected; the session hears of it, and tells all others."""
+
+    def __init__(self, session: Session, title: str, width: int, height: int, **options: Any) -> None:
+        self.session = session
+        self.points: Points | None = None
+        self.framed: object = ""
+        self.chosen = np.zeros(0, dtype=np.intp)
+        self.source = ColumnDataSource({name: [] for name in ("x", "y", "colour", "marker", "size")})
+        self.line = ColumnDataSource({"x": [], "y": []})
+        self.figure = plot(title, width, height, SELECT, **options)
+        self.figure.line("x", "y", source=self.line, color="#1c2024", width=1.4)
+        marks = self.figure.scatter(
+            "x", "y", source=self.source, marker="marker", size="size", color="colour", line_width=0.8, fill_alpha=0.7
+        )
+        marks.selection_glyph = marks.glyph.clone(line_color="#000000", line_width=1.4, fill_alpha=1.0, size=8)
+        marks.nonselection_glyph = marks.glyph.clone(fill_alpha=0.18, line_alpha=0.25)
+        self.figure.toolbar.active_drag = self.figure.select_one(LassoSelectTool)
+        self.figure.on_event(SelectionGeometry, session.guarded(self._geometry))
+        self.figure.on_event(Tap, session.guarded(self._tap))
+
+    def show(self, workspace: Workspace, all_points: Points, by: str, size: float = 5.0, key: object = None) -> None:
+        """Other points, decimated. key: what is drawn; where it is another than before, the ranges follow."""
+        self.points = all_points
+        selected = self.session.selected
+        always = np.flatnonzero(selected[all_points.row]) if len(all_points) else None
+        self.chosen = drawn(len(all_points), always)
+        row, partner = all_points.row[self.chosen], all_points.partner[self.chosen]
+        out = workspace.outliers[row] | workspace.outliers[partner]
+        self.source.selected.indices = []
+        self.source.data = {
+            "x": all_points.x[self.chosen],
+            "y": all_points.y[self.chosen],
+            "colour": colours(workspace, all_points, self.chosen, by),
+            "marker": np.where(out, "x", "circle").tolist(),
+            "size": np.full(len(row), size),
+        }
+        curve = np.zeros((2, 0)) if all_points.curve is None else all_points.curve
+        self.line.data = {"x": curve[0], "y": curve[1]}
+        if self.framed is not None and self.framed != key:
+            frame(self.figure, extent(all_points.x), extent(all_points.y))
+            self.framed = key
+        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = all_points.x_label, all_points.y_label
+        self.mark()
+
+    def mark(self) -> None:
+        """The selection of the session in this plot."""
+        if self.points is None:
+            return
+        selected = self.session.selected
+        row, partner = self.points.row[self.chosen], self.points.partner[self.chosen]
+        self.source.selected.indices = np.flatnonzero(selected[row] | selected[partner]).tolist() if len(row) else []
+
+    def _geometry(self, event: SelectionGeometry) -> None:
+        if not event.final or self.points is None:
+            return
+        shape, data = event.geometry, self.points
+        if shape["type"] == "poly":
+            where = inside_polygon(data.x, data.y, shape["x"], shape["y"])
+        elif shape["type"] == "rect":
+            low_x, high_x = sorted((shape["x0"], shape["x1"]))
+            low_y, high_y = sorted((shape["y0"], shape["y1"]))
+            where = (data.x >= low_x) & (data.x <= high_x) & (data.y >= low_y) & (data.y <= high_y)
+        else:
+            return
+        self.session.select(rows_at(data, where, len(self.session.selected)))
+
+    def _tap(self, event: Tap) -> None:
+        if self.points is None or event.x is None or event.y is None or len(self.points) == 0:
+            return
+        reach = 0.03 * max(float(np.ptp(self.points.x)), float(np.ptp(self.points.y)), 1e-6)
+        where = nearest(self.points, float(event.x), float(event.y), reach)
+        self.session.select(rows_at(self.points, where, len(self.session.selected)))
+
+
+def find_rows(samples: SampleSet, words: str) -> Mask:
+    """(n,) rows by number ("12, 40-60"), else by the name of their shot or patch. Raises WorkspaceError: none."""
+    words, count = words.strip(), len(samples)
+    rows = np.zeros(count, dtype=np.bool_)
+    if re.fullmatch(r"[\d\s,-]{1,2000}", words):
+        for first, last in re.findall(r"(\d{1,12})(?:\s*-\s*(\d{1,12}))?", words):
+            rows[int(first) : int(last or first) + 1] = True
+    elif words:
+        rows = (samples.shot == words) | (samples.patch == words)
+    if not rows.any():
+        raise WorkspaceError(f"{words[:60] or 'nothing'}: no such row, shot or patch; rows count from 0 to {count - 1}")
+    return rows
+
+
+class DataView:
+    """The page's first view."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        guard = session.guarded
+        self._quiet = False
+        self.listed = pn.widgets.Select(name="File in the folders", options=[""], width=236, **NARROW)
+        self.path = pn.widgets.TextInput(name="or its path", width=236, **NARROW)
+        opening = button("Open", button_type="primary", on_click=guard(lambda event: self._open()))
+        again = button("List again", on_click=guard(lambda event: self.list_files()))
+        self.saturation = Slider(label="Saturation limit", value=1.0, start=0.02, greatest="off", width=236, **NARROW)
+        self.darkest = Slider(label="Darkest JPEG code", value=1, end=60, step=1, digits=0, width=236, **NARROW)
+        self.brightest = Slider(
+            label="Brightest JPEG code", value=254, start=180, end=255, step=1, digits=0, width=236, **NARROW
+        )
+        self.raw_white = Slider(label="RAW saturated from", value=0.98, start=0.5, width=236, **NARROW)
+        self.residual = Slider(
+            label="Residual distance", value=LARGEST_RESIDUAL, start=0.005, end=LARGEST_RESIDUAL, step=0.005,
+            digits=3, greatest="off", width=236, **NARROW,
+        )  # fmt: skip
+        for slider in (self.saturation, self.darkest, self.brightest, self.raw_white, self.residual):
+            slider.on_move(guard, self._filter)
+        mark = button("Mark outliers", on_click=guard(lambda event: self._mark(True)))
+        keep = button("Keep", on_click=guard(lambda event: self._mark(False)))
+        clear = button("Unmark", on_click=guard(lambda event: self._unmark()))
+        self.group = pn.widgets.TextInput(name="Outlier group", placeholder="name", width=130, **NARROW)
+        saving = button("Save group", margin=(21, 3, 3, 3), on_click=guard(lambda event: self._save_group()))
+        self.groups = pn.widgets.CheckBoxGroup(name="Groups in effect", options=[], width=236, **NARROW)
+        self.groups.param.watch(guard(lambda event: self._groups()), "value")
+        self.delete = button("Delete group", on_click=guard(lambda event: self._delete()))
+        self.counts = text(width=236)
+        options = {"width": 240, **NARROW}
+        plots = {title: key for key, title in PLOTS.items()}
+        self.first = pn.widgets.Select(name="Left plot", options=plots, value="srgb_btf", **options)
+        self.second = pn.widgets.Select(name="Right plot", options=plots, value="srgb_raw", **options)
+        self.channel = pn.widgets.Select(
+            name="Channel", options={"Red": 0, "Green": 1, "Blue": 2}, value=1, width=100, **NARROW
+        )
+        self.by = pn.widgets.Select(name="Colour by", options=list(COLOURS), width=130, **NARROW)
+        self.words = pn.widgets.TextInput(name="Select row, shot or patch", width=200, **NARROW)
+        self.words.param.watch(guard(lambda event: self._find()), "value")
+        for widget in (self.first, self.second, self.channel, self.by):
+            widget.param.watch(guard(lambda event: self.refresh()), "value")
+        self.left = BrushedPlot(session, "", 500, 290)
+        self.right = BrushedPlot(session, "", 500, 290)
+        self.chromaticity = BrushedPlot(session, "CIE xy: inliers ●, outliers ×", 320, 262)
+        frame(self.chromaticity.figure, (-0.08, 0.92), (-0.03, 0.87))
+        self.space = BrushedPlot(session, "CIE XYZ", 300, 218)
+        frame(self.space.figure, (-1.1, 1.1), (-0.85, 0.85))
+        self.chromaticity.framed = self.space.framed = None
+        self._outlines()
+        self.azimuth = Slider(
+            label="Turn", value=-35, start=-180, end=180, step=5, digits=0, unit="°", width=136, **NARROW
+        )
+        self.elevation = Slider(
+            label="Tilt", value=20, start=-90, end=90, step=5, digits=0, unit="°", width=136, **NARROW
+        )
+        for slider in (self.azimuth, self.elevation):
+            slider.on_move(guard, self._turn)
+        self.selection = text(width=360, height=258, styles={"overflow": "auto"})
+        self.layout = pn.Row(
+            pn.Column(
+                self.listed, self.path, pn.Row(opening, again),
+                self.saturation, self.darkest, self.brightest, self.raw_white, self.residual,
+                pn.Row(mark, keep, clear), pn.Row(self.group, saving), self.groups, self.delete, self.counts,
+                width=250, height=628, scroll=True,
+            ),
+            pn.Column(
+                pn.Row(self.first, self.second, self.channel, self.by, self.words),
+                pn.Row(self.left.figure, self.right.figure),
+                pn.Row(
+                    self.chromaticity.figure,
+                    pn.Column(pn.Row(self.azimuth, self.elevation), self.space.figure),
+                    self.selection,
+                ),
+            ),
+        )  # fmt: skip
+        self.list_files()
+
+    # --- what is shown ---------------------------------------------------------------------------------------------
+
+    def list_files(self) -> None:
+        """The files that can be opened, as they are now."""
+        self.listed.options = ["", *self.session.folders.files(OPENED_SUFFIXES)]
+
+    def refresh(self) -> None:
+        """Everything, from the session's workspace."""
+        if self.session.history is None:
+            return
+        workspace = self.session.workspace
+        self._set_controls(workspace)
+        for drawing, choice in ((self.left, self.first), (self.right, self.second)):
+            all_points = points(workspace, choice.value, self.channel.value)
+            drawing.show(
+                workspace, all_points, self.by.value, key=(choice.value, self.channel.value, workspace.samples)
+            )
+            drawing.figure.title.text = all_points.missing or PLOTS[choice.value]
+        row = np.arange(len(workspace.samples))
+        xy = chromaticities(workspace.samples.srgb)
+        by = "residual" if self.by.value == "residual" else "own colour"
+        self.chromaticity.show(workspace, _space_points(xy, row), by, 4.0)
+        self._turn()
+        self.mark()
+
+    def _turn(self) -> None:
+        if self.session.history is None:
+            return
+        workspace = self.session.workspace
+        angles = (self.azimuth.value, self.elevation.value)
+        view = projected(tristimulus(workspace.samples.srgb), *angles)
+        self.space.show(workspace, _space_points(view, np.arange(len(view))), "own colour", 4.0)
+        first, second = (projected(tristimulus(ends), *angles) for ends in cube_edges())
+        self.cube.data = {
+            "xs": [[a[0], b[0]] for a, b in zip(first, second, strict=True)],
+            "ys": [[a[1], b[1]] for a, b in zip(first, second, strict=True)],
+        }
+
+    def mark(self) -> None:
+        """The selection, in all plots and in words."""
+        for drawing in (self.left, self.right, self.chromaticity, self.space):
+            drawing.mark()
+        self.selection.object = self._describe()
+
+    def _outlines(self) -> None:
+        locus, triangle = chromaticity_outlines()
+        self.chromaticity.figure.line(*locus.T, color="#7a7f85", width=0.8)
+        self.chromaticity.figure.line(*triangle.T, color="#1c2024", width=0.8)
+        self.cube = ColumnDataSource({"xs": [], "ys": []})
+        self.space.figure.multi_line("xs", "ys", source=self.cube, color="#7a7f85", width=0.8)
+        self.space.figure.axis.visible = False
+        self.space.figure.grid.visible = False
+
+    def _describe(self) -> str:
+        rows = np.flatnonzero(self.session.selected)
+        if len(rows) == 0:
+            return "<h2>No sample selected</h2><p>Draw a lasso or a box in any plot, click a point, or name a row.</p>"
+        samples, workspace = self.session.workspace.samples, self.session.workspace
+        out = int(workspace.outliers[rows].sum())
+        lines = [f"<h2>{len(rows):,} selected, {out:,} of them outliers</h2>"]
+        for row in rows[:SHOWN_ROWS]:
+            colour = hex_colours(samples.srgb[row : row + 1])[0]
+            codes = ", ".join(f"{255 * value:.0f}" for value in samples.srgb[row])
+            raw = ", ".join(f"{value:.3f}" for value in samples.raw[row])
+            where = f"row {row}, shot {samples.shot[row]}, patch {samples.patch[row]}"
+            setting = f"{samples.style[row]}/{samples.white_balance[row]}"
+            swatch = f"<span style='float:left;width:26px;height:26px;margin:2px 6px 0 0;background:{colour}'>"
+            lines.append(
+                f"<p>{swatch}</span>{escape(str(where))}<br>{escape(str(setting))}: JPEG {codes}; RAW {raw}</p>"
+            )
+        if len(rows) > SHOWN_ROWS:
+            lines.append(f"<p>and {len(rows) - SHOWN_ROWS:,} more</p>")
+        lines.append(shot_picture(samples, self.session.selected, str(samples.shot[rows[0]]), self.session.files))
+        return "".join(lines)
+
+    def _set_controls(self, workspace: Workspace) -> None:
+        self._quiet = True
+        limits = workspace.filters
+        self.saturation.value, self.raw_white.value = limits.saturation, limits.raw_saturated
+        self.darkest.value, self.brightest.value = round(255 * limits.darkest), round(255 * limits.brightest)
+        self.residual.value = LARGEST_RESIDUAL if limits.residual is None else limits.residual
+        self.groups.options = list(workspace.groups)
+        self.groups.value = [name for name, group in workspace.groups.items() if group.active]
+        found = ", ".join(f"{name} {int(rows.sum()):,}" for name, rows in workspace.filtered.items())
+        kept = int((~workspace.outliers).sum())
+        self.counts.object = (
+            f"<p>{kept:,} of {len(workspace.samples):,} samples are inliers. "
+            f"Found by {found}; by hand and groups {int(workspace.removed.sum()):,}.</p>"
+        )
+        self._quiet = False
+
+    # --- what is done ----------------------------------------------------------------------------------------------
+
+    def _open(self) -> None:
+        named = self.path.value_input or self.path.value or self.listed.value
+        self.session.open((self.session.folders.inside(named),))
+
+    def _filter(self) -> None:
+        if self._quiet or self.session.history is None:
+            return
+        far = self.residual.value
+        filters = Filters(
+            saturation=self.saturation.value,
+            darkest=self.darkest.value / 255,
+            brightest=self.brightest.value / 255,
+            raw_saturated=self.raw_white.value,
+            residual=None if far >= LARGEST_RESIDUAL else far,
+        )
+        if filters != self.session.workspace.filters:
+            self.session.change(replace(self.session.workspace, filters=filters))
+
+    def _picked(self) -> Mask:
+        workspace = self.session.workspace
+        if not self.session.selected.any():
+            raise WorkspaceError("no samples selected: draw a lasso in a plot, or name rows")
+        assert len(self.session.selected) == len(workspace.samples)
+        return self.session.selected
+
+    def _mark(self, outlier: bool) -> None:
+        rows = self._picked()
+        self.session.change(self.session.workspace.mark(rows, outlier))
+        self.session.say(f"{int(rows.sum()):,} samples {'marked as outliers' if outlier else 'kept by hand'}")
+
+    def _unmark(self) -> None:
+        self.session.change(self.session.workspace.unmark(self._picked()))
+
+    def _save_group(self) -> None:
+        workspace = self.session.workspace
+        rows = self.session.selected if self.session.selected.any() else workspace.outliers
+        name = self.group.value_input or self.group.value
+        self.session.change(workspace.with_group(name, rows))
+        self.session.say(f"outlier group {name}: {int(rows.sum()):,} samples, in effect")
+
+    def _groups(self) -> None:
+        if not self._quiet and self.session.history is not None:
+            self.session.change(self.session.workspace.with_active_groups(self.groups.value))
+
+    def _delete(self) -> None:
+        name = self.group.value_input or self.group.value
+        self.session.change(self.session.workspace.without_group(name))
+        self.session.say(f"outlier group {name} deleted")
+
+    def _find(self) -> None:
+        if self.words.value:
+            self.session.select(find_rows(self.session.workspace.samples, self.words.value))
+
+
+def _space_points(at: NDArray[np.float64], row: NDArray[np.intp]) -> Points:
+    return Points(at[:, 0], at[:, 1], row, row, np.full(len(row), -1, dtype=np.intp))

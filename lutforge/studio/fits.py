@@ -1,0 +1,175 @@
+"""The four fits of the studio, by the functions that the command line calls; each gives a camera profile."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.calibrate import fit_direction, style_data, unclipped
+from lutforge.calibration.exposure_pairs import pairs_of_samples
+from lutforge.calibration.gamut_map import identity_gamut_map
+from lutforge.calibration.lattice import MEASURING_TOLERANCE
+from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical import fit_stages
+from lutforge.calibration.response import fit_response_to_exposures, fit_response_to_raw
+from lutforge.calibration.white_balance import complete_multipliers, named_white_balances
+from lutforge.errors import CalibrationError, LutForgeError
+from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
+from lutforge.model.response import Response
+from lutforge.model.white_balance import WhiteBalance
+from lutforge.pipeline import calibrate
+from lutforge.regression.node_levels import error_histogram
+from lutforge.samples.sample_set import SampleSet, with_setting_names
+from lutforge.studio.workspace import FittedModel
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+LEAST = 10
+
+
+def fit_model(
+    kind: str, samples: SampleSet, rows: NDArray[np.bool_], options: CalibrationOptions, progress: Progress
+) -> FittedModel:
+    """Fit a model to some rows, and evaluate it on all. kind: a key of `workspace.MODELS`.
+
+    Raises CalibrationError where the rows do not determine it.
+    """
+    if rows.sum() < LEAST:
+        raise CalibrationError(f"{int(rows.sum())} samples are left to fit; at least {LEAST} are needed: filter less")
+    if kind in ("rbf", "lattice"):
+        profile = calibrate(samples.select(rows), replace(options, model=kind), progress)  # type: ignore[arg-type]  # the two names of models
+    else:
+        progress("fitting", 0.0)
+        profile = _stages(kind, with_setting_names(samples.select(rows)), options)
+    progress("evaluating on all samples", 0.9)
+    fitted = replace(evaluate_on(profile, kind, samples), rows=rows)
+    if kind == "lattice":
+        progress("error of a uniform lattice", 0.95)
+        fitted = replace(fitted, uniform_error=_uniform_errors(with_setting_names(samples.select(rows)), options))
+    return fitted
+
+
+def _uniform_errors(
+    samples: SampleSet, options: CalibrationOptions
+) -> dict[tuple[str, str], tuple[Array, Array, Array]]:
+    """By style and direction the histogram that node levels follow (5.6, Fig. 5.4)."""
+    multipliers, _ = complete_multipliers(samples)
+    data, _ = style_data(samples, multipliers)
+    uniform = replace(options, nonuniform=False)
+    errors = {}
+    for name, style in data.items():
+        base = fit_matrix_and_response(style.balanced, style.encoded)
+        for direction, inverse in (("render", False), ("linearize", True)):
+            fit = fit_direction(style, uniform, base, inverse=inverse, tolerance=MEASURING_TOLERANCE)
+            x, y = (style.encoded, style.balanced) if inverse else (style.balanced, style.encoded)
+            errors[name, direction] = error_histogram(x, np.sum((fit.lattice(x) - y) ** 2, axis=1))
+    return errors
+
+
+def _stages(kind: str, samples: SampleSet, options: CalibrationOptions) -> CameraProfile:
+    multipliers, notes = complete_multipliers(samples)
+    usable = unclipped(samples, multipliers)
+    inside, known = samples.select(usable), np.all(np.isfinite(samples.wb), axis=1)
+    matrix = np.eye(3)
+    responses: dict[str, Response] = {}
+    if kind == "response":
+        for name in np.unique(inside.style):
+            part = inside.style == name
+            try:
+                responses[str(name)] = _response(inside.select(part), multipliers[usable][part], options)
+            except CalibrationError as error:
+                raise CalibrationError(f'style "{name}": {error}') from None
+    else:
+        stages = fit_stages(inside, multipliers[usable], known[usable], options.preset)
+        matrix, multipliers = stages.matrix, multipliers.copy()
+        multipliers[usable] = stages.multipliers
+        responses = {name: style.response for name, style in stages.styles.items()}
+    balances = named_white_balances(samples, multipliers, matrix)
+    styles = {name: PictureStyle(physical=(_conventional(f, matrix, balances),)) for name, f in responses.items()}
+    shots = tuple(name for name, _ in samples.by_shot())
+    return CameraProfile(str(samples.camera[0]), matrix, balances, styles, shots, options.as_json(), notes)
+
+
+def _response(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -> Response:
+    if options.preset == "thesis":
+        return fit_response_to_exposures(pairs_of_samples(samples), options.preset).response
+    return fit_response_to_raw(samples.raw * multipliers, samples.srgb, options.preset).response
+
+
+def _conventional(response: Response, matrix: Array, balances: dict[str, WhiteBalance]) -> PhysicalModel:
+    return PhysicalModel(tuple(balances), matrix, response, identity_gamut_map(), identity_gamut_map())
+
+
+def evaluate_on(profile: CameraProfile, kind: str, samples: SampleSet) -> FittedModel:
+    """What a profile makes of samples; NaN where it does not know their style or white balance."""
+    samples = with_setting_names(samples)
+    balanced = samples.raw * _multipliers(profile, samples)
+    scene = balanced @ profile.matrix.T
+    transformed, predicted, linearized = (np.full_like(scene, np.nan) for _ in range(3))
+    for name, style in profile.styles.items():
+        rows = (samples.style == name) & np.all(np.isfinite(balanced), axis=1)
+        inside, encoded = np.clip(balanced[rows], 0.0, 1.0), samples.srgb[rows]
+        if kind == "lattice" and style.render is not None and style.linearize is not None:
+            transformed[rows] = predicted[rows] = np.clip(style.render(inside), 0.0, 1.0)
+            linearized[rows] = style.linearize(encoded) @ profile.matrix.T
+        elif style.physical:
+            model = style.physical[0]
+            transformed[rows] = model.gamut_map(inside @ model.matrix.T)
+            predicted[rows] = model.response.encode(transformed[rows])
+            linearized[rows] = model.inverse_gamut_map(model.response.linearize(encoded))
+    return FittedModel(profile, scene, transformed, predicted, linearized)
+
+
+def _multipliers(profile: CameraProfile, samples: SampleSet) -> Array:
+    """(n, 3): the files' own where they say, else the profile's of that name."""
+    multipliers = samples.wb.copy()
+    unknown = ~np.all(np.isfinite(multipliers), axis=1)
+    for name in np.unique(samples.white_balance[unknown]):
+        rows = unknown & (samples.white_balance == name)
+        known = profile.white_balances.get(str(name))
+        if known is not None:
+            multipliers[rows] = known.multipliers
+    return multipliers
+
+
+@dataclass(frozen=True)
+class ResidualRow:
+    """RGB distance of a model from the JPEG on the samples that it was fitted to; held_out: on shots left out."""
+
+    model: str
+    mean: float
+    median: float
+    p95: float
+    maximum: float
+    held_out: float | None
+
+
+def residuals(fitted: FittedModel, name: str, samples: SampleSet, rows: NDArray[np.bool_]) -> ResidualRow | None:
+    """The figures on some rows; None where the model says nothing of any of them."""
+    distance = np.linalg.norm(fitted.predicted[rows] - samples.srgb[rows], axis=1)
+    distance = distance[np.isfinite(distance)]
+    if len(distance) == 0:
+        return None
+    middle, high = np.percentile(distance, [50, 95])
+    known = [style.errors["render_mean"] for style in fitted.profile.styles.values() if "render_mean" in style.errors]
+    held_out = float(np.mean(known)) if known else None
+    return ResidualRow(name, float(distance.mean()), float(middle), float(high), float(distance.max()), held_out)
+
+
+def before(samples: SampleSet) -> FittedModel | None:
+    """What there is before any fit: white-balanced RAW through sRGB's own curve; None where a setting is unknown."""
+    try:
+        multipliers, _ = complete_multipliers(with_setting_names(samples))
+    except LutForgeError:
+        return None
+    codes = np.linspace(0.0, 1.0, 1024)
+    curve = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    response = Response(np.repeat(curve[:, None], 3, axis=1))
+    balances = {"any": WhiteBalance((1.0, 1.0, 1.0))}
+    model = _conventional(response, np.eye(3), balances)
+    profile = CameraProfile(str(samples.camera[0]), np.eye(3), balances, {"any": PictureStyle(physical=(model,))})
+    scene = np.clip(samples.raw * multipliers, 0.0, 1.0)
+    return FittedModel(profile, scene, scene, response.encode(scene), response.linearize(samples.srgb))

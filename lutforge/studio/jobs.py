@@ -1,0 +1,122 @@
+"""Long work in a process of its own: the page stays quick, and cancelling really ends the work.
+
+Processes, not threads: a fit holds Python's lock and numba's threads, and a thread cannot be stopped.
+"""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any, Literal
+
+from lutforge.errors import LutForgeError
+
+State = Literal["running", "done", "failed", "cancelled"]
+Progress = Callable[[str, float], None]
+
+_CONTEXT = multiprocessing.get_context("forkserver")
+_PRELOADED = ["lutforge.studio.fits", "lutforge.studio.loading"]
+
+
+@dataclass(frozen=True)
+class Report:
+    """Where a job stands. share: 0 … 1; message: the step, or one line of what went wrong."""
+
+    state: State
+    message: str = ""
+    share: float = 0.0
+    result: Any = None
+
+
+class Job:
+    """`function(*arguments, progress)` in a child process; `report` may be asked for at any time.
+
+    The function, its arguments and its result are pickled, between processes of this program only.
+    """
+
+    def __init__(self, title: str, function: Callable[..., Any], *arguments: Any) -> None:
+        self.title = title
+        self._report = Report("running", "starting")
+        self._lock = threading.Lock()
+        self._process: Any = None
+        self._thread = threading.Thread(target=self._watch, args=(function, arguments), daemon=True)
+        self._thread.start()
+
+    @property
+    def report(self) -> Report:
+        """The latest."""
+        return self._report
+
+    def cancel(self) -> None:
+        """End the process; its result, if there is one on the way, is dropped."""
+        with self._lock:
+            if self._report.state == "running":
+                self._report = Report("cancelled", "cancelled")
+            if self._process is not None:
+                _end(self._process)
+
+    def wait(self, seconds: float | None = None) -> Report:
+        """The report once the job has ended, or after so many seconds."""
+        self._thread.join(seconds)
+        return self._report
+
+    def _watch(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+        _CONTEXT.set_forkserver_preload(_PRELOADED)
+        receive, send = _CONTEXT.Pipe(duplex=False)
+        process = _CONTEXT.Process(target=_work, args=(send, function, arguments), daemon=True)
+        with self._lock:
+            if self._report.state != "running":
+                return
+            process.start()
+            self._process = process
+        send.close()
+        try:
+            while self._report.state == "running":
+                self._tell(receive.recv())
+        except (EOFError, OSError):
+            self._tell(Report("failed", f"{self.title}: the calculation ended without a result, perhaps out of memory"))
+        finally:
+            receive.close()
+            process.join()
+
+    def _tell(self, report: Report) -> None:
+        with self._lock:
+            if self._report.state == "running":
+                self._report = report
+
+
+def _work(send: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    os.setsid()
+
+    def progress(what: str, share: float) -> None:
+        send.send(Report("running", what, share))
+
+    try:
+        report = Report("done", "done", 1.0, function(*arguments, progress))
+    except LutForgeError as error:
+        report = Report("failed", " ".join(str(error).split()))
+    except MemoryError:
+        report = Report("failed", "not enough memory: give fewer samples, or a smaller lattice")
+    except Exception as error:  # whatever fails is told in the page, and the server goes on
+        report = Report("failed", f"{type(error).__name__}: {' '.join(str(error).split())[:300]}")
+    send.send(report)
+
+
+def _end(process: Any) -> None:
+    """End a process with whatever it has started."""
+    try:
+        os.killpg(process.pid, signal.SIGTERM)
+    except (ProcessLookupError, PermissionError):  # it has not made its own group yet, or is gone
+        process.terminate()
+
+
+def warm_up() -> None:
+    """Start the server of processes ahead of the first job."""
+    Job("warm-up", _nothing)
+
+
+def _nothing(progress: Progress) -> None:
+    progress("ready", 1.0)

@@ -1,0 +1,198 @@
+"""Maps: slices of the gamut map, where a plane of the lattice goes, its node levels, what the samples cover."""
+
+from typing import Any
+
+import numpy as np
+import panel as pn
+from bokeh.models import ColorBar, ColumnDataSource, LinearColorMapper, Range1d
+from numpy.typing import NDArray
+
+from lutforge.calibration.next_shots import colour_gaps
+from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.lattice import Lattice
+from lutforge.report.drawing import CHANNELS
+from lutforge.report.gamut_slices import gamut_slice
+from lutforge.studio.elements import NARROW, Slider, extent, frame, plot, text
+from lutforge.studio.session import Session
+
+Array = NDArray[np.float64]
+
+SIDE_BY_SIDE = 3
+PALETTE = "Cividis256"
+DIRECTIONS = {"RAW → JPEG": "render", "JPEG → RAW": "linearize"}
+
+
+class _Slice:
+    """One style's gamut map at one luminance."""
+
+    def __init__(self) -> None:
+        self.mapper = LinearColorMapper(palette=PALETTE, low=0.0, high=0.1)
+        self.figure = plot("", 405, 300)
+        frame(self.figure, (-0.8, 0.9), (-0.8, 0.95))
+        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = "R − Y", "B − Y"
+        self.arrows = ColumnDataSource({name: [] for name in ("x0", "y0", "x1", "y1", "change")})
+        self.controls = ColumnDataSource({"x": [], "y": []})
+        colour = {"field": "change", "transform": self.mapper}
+        self.figure.segment("x0", "y0", "x1", "y1", source=self.arrows, color=colour, line_width=1.8)
+        self.figure.scatter("x1", "y1", source=self.arrows, color=colour, size=3)
+        self.figure.scatter("x", "y", source=self.controls, color="#c23b22", size=3, legend_label="control points")
+        self.figure.legend.update(location="bottom_left", label_text_font_size="10px", padding=2, margin=4)
+        self.figure.legend.background_fill_alpha = 0.7
+        self.figure.add_layout(ColorBar(color_mapper=self.mapper, width=8), "right")
+
+    def show(self, title: str, one: Any) -> None:
+        self.figure.title.text = title
+        if one is None:
+            self.arrows.data = {name: [] for name in ("x0", "y0", "x1", "y1", "change")}
+            self.controls.data = {"x": [], "y": []}
+            return
+        self.mapper.high = max(0.02, float(one.change.max(initial=0.0)))
+        self.arrows.data = {
+            "x0": one.before[:, 0], "y0": one.before[:, 1], "x1": one.after[:, 0], "y1": one.after[:, 1],
+            "change": one.change,
+        }  # fmt: skip
+        self.controls.data = {"x": one.control_points[:, 0], "y": one.control_points[:, 1]}
+
+
+class MapsView:
+    """The page's third view."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        guard = session.guarded
+        options = {"width": 190, **NARROW}
+        self.direction = pn.widgets.Select(name="Direction", options=DIRECTIONS, **options)
+        self.luminance = Slider(label="Luminance Y of the slices", value=0.25, start=0.02, end=0.9, **options)
+        self.style = pn.widgets.Select(name="Style of the lattice", options=[""], **options)
+        self.channel = pn.widgets.Select(name="Plane of", options={"Red": 0, "Green": 1, "Blue": 2}, value=2, **options)
+        self.level = Slider(label="at its level", value=0.4, **options)
+        for slider in (self.luminance, self.level):
+            slider.on_move(guard, self._draw)
+        for control in (self.direction, self.style, self.channel):
+            control.param.watch(guard(lambda event: self._draw()), "value")
+        self._quiet = False
+        self.slices = [_Slice() for _ in range(SIDE_BY_SIDE)]
+        self.plane = plot("", 405, 275)
+        self.net = [ColumnDataSource({"xs": [], "ys": []}) for _ in range(2)]
+        self.net_lines = [self.plane.multi_line("xs", "ys", source=net, line_width=0.9, alpha=0.8) for net in self.net]
+        self.levels = plot("", 405, 275, y_range=Range1d(-0.25, 1.05))
+        self.levels.xaxis.axis_label = "input value"
+        self.levels.yaxis.visible = False
+        self.error = ColumnDataSource({"x": [], "y": []})
+        self.levels.varea("x", 0, "y", source=self.error, fill_color="#0072b2", fill_alpha=0.35)
+        self.ticks = ColumnDataSource({"x": []})
+        self.levels.segment("x", -0.2, "x", -0.03, source=self.ticks, color="#1c2024")
+        self.coverage = plot("", 405, 275)
+        self.coverage.xaxis.axis_label, self.coverage.yaxis.axis_label = "red node, share", "green node, share"
+        self.seen = ColumnDataSource({"image": []})
+        self.seen_mapper = LinearColorMapper(palette=PALETTE, low=0.0, high=1.0)
+        self.coverage.image(image="image", x=0, y=0, dw=1, dh=1, source=self.seen, color_mapper=self.seen_mapper)
+        self.gaps = text(width=250, height=52, styles={"overflow": "auto"})
+        self.layout = pn.Column(
+            pn.Row(self.direction, self.luminance, self.style, self.channel, self.level, self.gaps),
+            pn.Row(*(one.figure for one in self.slices)),
+            pn.Row(self.plane, self.levels, self.coverage),
+        )
+
+    def refresh(self) -> None:
+        """Everything, from the session's profile."""
+        if not self.session.has_profile:
+            for one in self.slices:
+                one.show("compute a gamut map, or open a profile", None)
+            return
+        profile = self.session.profile
+        self._quiet = True
+        self.style.options = list(profile.styles)
+        if self.style.value not in profile.styles:
+            self.style.value = next(iter(profile.styles))
+        self._quiet = False
+        if self.session.history is not None:
+            workspace = self.session.workspace
+            gaps = colour_gaps(workspace.samples.srgb[workspace.fitting_rows("lattice")])
+            names = "; ".join(f"{gap.colour} ({gap.unknown:.0%} unseen)" for gap in gaps)
+            self.gaps.object = (
+                f"<p>Colours to shoot next: {names or 'none, the samples come near most real colours'}.</p>"
+            )
+        self._draw()
+
+    def _draw(self) -> None:
+        if self._quiet or not self.session.has_profile:
+            return
+        profile = self._mapped_profile()
+        shown = [
+            (name, style) for name, style in profile.styles.items() if _map_of(style, self.direction.value) is not None
+        ]
+        for place, drawing in enumerate(self.slices):
+            drawing.figure.visible = place < max(1, len(shown))
+            if place >= len(shown):
+                drawing.show("" if shown else "this model has no gamut map: compute it under Models", None)
+                continue
+            name, style = shown[place]
+            drawing.show(
+                f"{name}, Y = {self.luminance.value:.2f}",
+                gamut_slice(_map_of(style, self.direction.value), self.luminance.value),
+            )
+        style = self.session.profile.styles[self.style.value]
+        self._draw_lattice(style, getattr(style, self.direction.value))
+
+    def _mapped_profile(self) -> CameraProfile:
+        """The profile in use, or the last one with a gamut map."""
+        if self.session.history is not None and "rbf" in self.session.workspace.models:
+            return self.session.workspace.models["rbf"].profile
+        return self.session.profile
+
+    def _draw_lattice(self, style: PictureStyle, lattice: Lattice | None) -> None:
+        if lattice is None:
+            self.plane.title.text = "this model has no lattice: compute one under Models"
+            self.levels.title.text = self.coverage.title.text = ""
+            for net in self.net:
+                net.data = {"xs": [], "ys": []}
+            self.ticks.data, self.error.data, self.seen.data = {"x": []}, {"x": [], "y": []}, {"image": []}
+            return
+        channel = int(self.channel.value)
+        self._draw_plane(lattice, channel)
+        self.ticks.data = {"x": lattice.levels[channel]}
+        name = CHANNELS[channel][0]
+        fitted = None if self.session.history is None else self.session.workspace.fitted
+        histogram = None
+        if fitted is not None:
+            histogram = fitted.uniform_error.get((self.style.value, self.direction.value))
+        if histogram is None:
+            self.levels.title.text = f"Node levels, {name} (the error is known after a lattice fit)"
+            self.error.data = {"x": [], "y": []}
+        else:
+            self.levels.title.text = f"Node levels, {name}, on the error of a uniform lattice"
+            density = histogram[channel].reshape(200, -1).sum(axis=1)
+            self.error.data = {"x": (np.arange(200) + 0.5) / 200, "y": density / max(float(density.max()), 1e-12)}
+        covered = style.coverage.get(self.direction.value)
+        if covered is None:
+            self.coverage.title.text, self.seen.data = "no coverage in this profile", {"image": []}
+            return
+        seen = np.log10(1 + covered.sum(axis=2)).T
+        self.coverage.title.text = f"Nodes with samples, {float((covered > 0).mean()):.0%} of all"
+        self.seen_mapper.high = max(float(seen.max()), 1e-6)
+        self.seen.data = {"image": [seen]}
+
+    def _draw_plane(self, lattice: Lattice, channel: int) -> None:
+        held = int(np.argmin(np.abs(lattice.levels[channel] - self.level.value)))
+        first, second = (index for index in range(3) if index != channel)
+        plane = np.take(lattice.values, held, axis=channel)[..., [first, second]]
+        for net, line, lines, other in zip(
+            self.net, self.net_lines, (plane, plane.transpose(1, 0, 2)), (second, first), strict=True
+        ):
+            net.data = {"xs": [one[:, 0] for one in lines], "ys": [one[:, 1] for one in lines]}
+            line.glyph.line_color = CHANNELS[other][1]
+        frame(self.plane, extent(plane[..., 0].ravel()), extent(plane[..., 1].ravel()))
+        name = CHANNELS[channel][0]
+        self.plane.title.text = f"Where the nodes at {name} = {lattice.levels[channel][held]:.3f} go"
+        self.plane.xaxis.axis_label = f"{CHANNELS[first][0]} of the output"
+        self.plane.yaxis.axis_label = f"{CHANNELS[second][0]} of the output"
+
+
+def _map_of(style: PictureStyle, direction: str) -> Any:
+    """h or h⁻¹ where it maps anything."""
+    if not style.physical:
+        return None
+    model = style.physical[0]
+    gamut_map = model.gamut_map if direction == "render" else model.inverse_gamut_map
+    return gamut_map if len(gamut_map.centres) else None

@@ -1,0 +1,286 @@
+"""What each plot of the samples shows (thesis A.3): points, which samples they are, and the curve through them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.model.emor import inverse_emor
+from lutforge.model.response import Response
+from lutforge.studio.workspace import FittedModel, Workspace
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+PLOTS = {
+    "srgb_btf": "sRGB BTF",
+    "raw_btf": "RAW BTF",
+    "srgb_raw": "sRGB against RAW",
+    "transformed": "Transformed RAW against sRGB",
+    "both_linear": "Transformed RAW against linearised sRGB",
+    "linearisation": "Linearisation",
+}
+COLOURS = ("exposure pair", "own colour", "shot", "residual")
+MOST_DRAWN = 4000
+"""Points that a plot draws; every sample is fitted, filtered and selected all the same."""
+PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#5b5b5b", "#8c6d31")
+"""Okabe and Ito's colours, told apart by colour-blind eyes, and three more."""
+LARGEST_RESIDUAL = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """x, y: (n,); row, partner: (n,) the samples that a point stands for, equal where it is one; pair: (n,) the number
+    of the exposure pair, −1 for none; curve: (2, m) or None; missing: why there are no points."""
+
+    x: Array
+    y: Array
+    row: Rows
+    partner: Rows
+    pair: Rows
+    x_label: str = ""
+    y_label: str = ""
+    curve: Array | None = None
+    missing: str = ""
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+
+def points(workspace: Workspace, plot: str, channel: int) -> Points:
+    """The points of one plot and channel, all of them."""
+    if plot in ("srgb_btf", "raw_btf", "linearisation"):
+        return _of_pairs(workspace, plot, channel)
+    return _of_samples(workspace, plot, channel)
+
+
+def _of_samples(workspace: Workspace, plot: str, channel: int) -> Points:
+    samples, fitted = workspace.samples, workspace.fitted
+    row = np.arange(len(samples))
+    pair = pair_of_rows(workspace)
+    if plot == "srgb_raw":
+        return Points(
+            samples.raw[:, channel], samples.srgb[:, channel], row, row, pair, "RAW, before white balance", "sRGB"
+        )
+    if fitted is None:
+        return _nothing("fit a model first: this plot shows what it makes of the RAW values")
+    if plot == "transformed":
+        curve, label = None, "RAW as the lattice renders it"
+        if workspace.model != "lattice":
+            curve, label = _response_curve(fitted, channel), "transformed RAW, before the response"
+        return _finite(
+            Points(fitted.transformed[:, channel], samples.srgb[:, channel], row, row, pair, label, "sRGB", curve)
+        )
+    line = np.array([[0.0, 1.0], [0.0, 1.0]])
+    x, y = fitted.scene[:, channel], fitted.linearized[:, channel]
+    return _finite(Points(x, y, row, row, pair, "transformed RAW, Ts Tw E", "linearised sRGB", line))
+
+
+def _of_pairs(workspace: Workspace, plot: str, channel: int) -> Points:
+    pairs, fitted = workspace.pairs, workspace.fitted
+    if pairs is None:
+        return _nothing("no two shots show the same patches at different exposures")
+    first, second = pairs.first_row, pairs.second_row
+    number = pairs.first_shot * len(pairs.shots) + pairs.second_shot
+    if plot == "srgb_btf":
+        curve = None
+        if fitted is not None and workspace.model != "lattice":
+            curve = _brightness_transfer(fitted, channel, float(np.median(pairs.log_ratio)))
+        x, y = pairs.first[:, channel], pairs.second[:, channel]
+        return Points(x, y, first, second, number, "sRGB, shorter exposure", "sRGB, longer exposure", curve)
+    if plot == "raw_btf":
+        x, y = pairs.raw_first[:, channel], pairs.raw_second[:, channel]
+        return _finite(Points(x, y, first, second, number, "RAW, shorter exposure", "RAW, longer exposure"))
+    if fitted is None:
+        return _nothing("fit a model first: this plot shows what it linearises")
+    ratio = np.exp(pairs.log_ratio)
+    x, y = ratio * fitted.linearized[first, channel], fitted.linearized[second, channel]
+    line = np.array([[0.0, 1.0], [0.0, 1.0]])
+    labels = ("k · linearised, shorter exposure", "linearised, longer exposure")
+    return _finite(Points(x, y, first, second, number, *labels, line))
+
+
+def _nothing(missing: str) -> Points:
+    none, rows = np.zeros(0), np.zeros(0, dtype=np.intp)
+    return Points(none, none, rows, rows, rows, missing=missing)
+
+
+def _finite(all_points: Points) -> Points:
+    keep = np.isfinite(all_points.x) & np.isfinite(all_points.y)
+    if keep.all():
+        return all_points
+    parts = {name: getattr(all_points, name)[keep] for name in ("x", "y", "row", "partner", "pair")}
+    return replace(all_points, **parts)
+
+
+def response_of(fitted: FittedModel) -> Response | None:
+    """f of the first style; None where the model has none."""
+    for style in fitted.profile.styles.values():
+        if style.physical:
+            return style.physical[0].response
+    return None
+
+
+def _response_curve(fitted: FittedModel, channel: int) -> Array | None:
+    response = response_of(fitted)
+    if response is None:
+        return None
+    return np.stack([response.inverse[:, channel], np.linspace(0.0, 1.0, len(response.inverse))])
+
+
+def _brightness_transfer(fitted: FittedModel, channel: int, log_ratio: float) -> Array | None:
+    """f(k f⁻¹(I)), the brightness transfer function of the pairs' middle exposure ratio."""
+    response = response_of(fitted)
+    if response is None:
+        return None
+    encoded = np.linspace(0.0, 1.0, 256)
+    grey = np.repeat(encoded[:, None], 3, axis=1)
+    return np.stack([encoded, response.encode(np.exp(log_ratio) * response.linearize(grey))[:, channel]])
+
+
+def pair_of_rows(workspace: Workspace) -> Rows:
+    """(n,) the number of a pair that each sample takes part in, −1 where none."""
+    number = np.full(len(workspace.samples), -1, dtype=np.intp)
+    pairs = workspace.pairs
+    if pairs is not None:
+        pair = pairs.first_shot * len(pairs.shots) + pairs.second_shot
+        number[pairs.second_row] = pair
+        number[pairs.first_row] = pair
+    return number
+
+
+def drawn(count: int, always: Rows | None = None, most: int = MOST_DRAWN) -> Rows:
+    """Which of `count` points are drawn: at most `most`, the same ones each time, and up to as many that must be."""
+    if count <= most:
+        return np.arange(count)
+    chosen = np.random.default_rng(0).permutation(count)[:most]
+    if always is not None and len(always):
+        chosen = np.concatenate([chosen, always[np.random.default_rng(1).permutation(len(always))[:most]]])
+    return np.unique(chosen)
+
+
+def colours(workspace: Workspace, all_points: Points, chosen: Rows, by: str) -> list[str]:
+    """A colour "#rrggbb" of each chosen point. by: one of COLOURS."""
+    row = all_points.row[chosen]
+    if by == "own colour":
+        return hex_colours(workspace.samples.srgb[row])
+    if by == "residual":
+        scale = np.clip(workspace.residual[row] / LARGEST_RESIDUAL, 0.0, 1.0)
+        return hex_colours(_cividis(np.nan_to_num(scale)))
+    if by == "shot":
+        _, number = np.unique(workspace.samples.shot, return_inverse=True)
+        return [PALETTE[index % len(PALETTE)] for index in number[row]]
+    present = np.unique(all_points.pair)
+    place = np.searchsorted(present[present >= 0], all_points.pair[chosen])
+    paired = all_points.pair[chosen] >= 0
+    return [PALETTE[at % len(PALETTE)] if known else "#9a9a9a" for at, known in zip(place, paired, strict=True)]
+
+
+def _cividis(share: Array) -> Array:
+    import matplotlib as mpl
+
+    return np.asarray(mpl.colormaps["cividis"](share))[..., :3]
+
+
+def hex_colours(rgb: Array) -> list[str]:
+    """Encoded colours (n, 3) in [0, 1] as "#rrggbb"."""
+    codes = np.rint(np.clip(rgb, 0.0, 1.0) * 255).astype(np.int64)
+    return [f"#{value:06x}" for value in (codes[:, 0] << 16) | (codes[:, 1] << 8) | codes[:, 2]]
+
+
+def inside_polygon(x: Array, y: Array, corners_x: Sequence[float], corners_y: Sequence[float]) -> Mask:
+    """(n,) of points (n,): inside a polygon, even-odd rule."""
+    from matplotlib.path import Path
+
+    corners = np.column_stack([corners_x, corners_y])
+    if len(corners) < 3:
+        return np.zeros(len(x), dtype=np.bool_)
+    return np.asarray(Path(corners).contains_points(np.column_stack([x, y])), dtype=np.bool_)
+
+
+def rows_at(all_points: Points, where: Mask, count: int) -> Mask:
+    """(count,) the samples that the points of a mask stand for."""
+    rows = np.zeros(count, dtype=np.bool_)
+    rows[all_points.row[where]] = True
+    rows[all_points.partner[where]] = True
+    return rows
+
+
+def nearest(all_points: Points, x: float, y: float, reach: float) -> Mask:
+    """(n,) the one point nearest to (x, y), where it is within reach."""
+    where = np.zeros(len(all_points), dtype=np.bool_)
+    if len(where):
+        distance = np.hypot(all_points.x - x, all_points.y - y)
+        closest = int(np.argmin(distance))
+        where[closest] = distance[closest] <= reach
+    return where
+
+
+# --- colours in space -----------------------------------------------------------------------------------------------
+
+
+def chromaticities(encoded: Array) -> Array:
+    """CIE 1931 xy (n, 2) of encoded sRGB (n, 3); black lies at the white point."""
+    import colour
+
+    space = colour.RGB_COLOURSPACES["sRGB"]
+    xyz = colour.models.eotf_sRGB(np.clip(encoded, 0.0, 1.0)) @ space.matrix_RGB_to_XYZ.T
+    total = xyz.sum(axis=1, keepdims=True)
+    dark = total[:, 0] < 1e-6
+    xy = xyz[:, :2] / np.where(dark[:, None], 1.0, total)
+    xy[dark] = space.whitepoint
+    return np.asarray(xy)
+
+
+def chromaticity_outlines() -> tuple[Array, Array]:
+    """The spectrum locus and sRGB's triangle, both closed, (m, 2)."""
+    import colour
+
+    spectrum = colour.XYZ_to_xy(colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].values)
+    primaries = colour.RGB_COLOURSPACES["sRGB"].primaries
+    return np.vstack([spectrum, spectrum[:1]]), np.vstack([primaries, primaries[:1]])
+
+
+def tristimulus(encoded: Array) -> Array:
+    """CIE XYZ (n, 3) of encoded sRGB, Y of white 1."""
+    import colour
+
+    space = colour.RGB_COLOURSPACES["sRGB"]
+    return np.asarray(colour.models.eotf_sRGB(np.clip(encoded, 0.0, 1.0)) @ space.matrix_RGB_to_XYZ.T)
+
+
+def projected(xyz: Array, azimuth: float, elevation: float) -> Array:
+    """An orthographic view (n, 2) of points (n, 3), angles in degrees; Y is up."""
+    a, e = np.radians([azimuth, elevation])
+    centred = xyz - np.array([0.475, 0.5, 0.545])
+    right = np.array([np.cos(a), 0.0, -np.sin(a)])
+    up = np.array([-np.sin(e) * np.sin(a), np.cos(e), -np.sin(e) * np.cos(a)])
+    return np.stack([centred @ right, centred @ up], axis=1)
+
+
+def cube_edges() -> tuple[Array, Array]:
+    """The twelve edges of sRGB's cube: encoded ends (12, 3) and (12, 3)."""
+    corners = np.array([[r, g, b] for r in (0.0, 1.0) for g in (0.0, 1.0) for b in (0.0, 1.0)])
+    ends = [(i, j) for i in range(8) for j in range(i) if np.abs(corners[i] - corners[j]).sum() == 1]
+    first, second = np.array(ends).T
+    return corners[first], corners[second]
+
+
+# --- the fitted curves ----------------------------------------------------------------------------------------------
+
+
+def curves(fitted: FittedModel) -> tuple[Array, Array, Array]:
+    """Linear values (m,), f of the first style at them per channel (m, 3), EMoR's mean (m,); a lattice shows its grey
+    axis."""
+    linear = np.linspace(0.0, 1.0, 257)
+    grey = np.repeat(linear[:, None], 3, axis=1)
+    response = response_of(fitted)
+    style = next(iter(fitted.profile.styles.values()))
+    values = np.full_like(grey, np.nan)
+    if response is not None:
+        values = response.encode(grey)
+    elif style.render is not None:
+        values = style.render(grey)
+    return linear, values, np.interp(linear, inverse_emor().mean, np.linspace(0.0, 1.0, 1024))

@@ -1,0 +1,124 @@
+"""Refinish preview: a photograph with other settings while the sliders move; wipe, histogram, clipping."""
+
+import panel as pn
+from bokeh.models import ColumnDataSource
+
+from lutforge.errors import SettingsError
+from lutforge.report.drawing import CHANNELS
+from lutforge.studio.elements import NARROW, Slider, Wipe, button, frame, plot, text
+from lutforge.studio.preview import BINS, Preview, data_url, read_preview
+from lutforge.studio.session import Session
+from lutforge.studio.workspace import WorkspaceError
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
+BY_TEMPERATURE = "by temperature"
+
+
+class PreviewView:
+    """The page's fourth view."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.preview: Preview | None = None
+        self._quiet = False
+        guard = session.guarded
+        options = {"width": 236, **NARROW}
+        self.listed = pn.widgets.Select(name="Photograph in the folders", options=[""], **options)
+        self.path = pn.widgets.TextInput(name="or its path", **options)
+        opening = button("Show", button_type="primary", on_click=guard(lambda event: self._open()))
+        self.source = pn.widgets.Select(name="Taken as", options=[""], **options)
+        self.style = pn.widgets.Select(name="Wanted style", options=[""], **options)
+        self.balance = pn.widgets.Select(name="Wanted white balance", options=[""], **options)
+        self.kelvin = Slider(
+            label="Temperature", value=5200, start=2000, end=10000, step=50, digits=0, unit=" K", **options
+        )
+        self.tint = Slider(label="Tint", value=0, start=-50, end=50, step=1, digits=0, **options)
+        self.ev = Slider(label="Exposure", value=0, start=-3, end=3, step=0.05, unit=" EV", **options)
+        self.wipe = Slider(label="Wipe: before | after", value=0.5, **options)
+        self.overlay = pn.widgets.Select(
+            name="Clipping", options={"as it is": False, "marked orange and violet": True}, **options
+        )
+        for slider in (self.kelvin, self.tint, self.ev):
+            slider.on_move(guard, self.show)
+        for control in (self.source, self.style, self.balance, self.overlay):
+            control.param.watch(guard(lambda event: self.show()), "value")
+        self.picture = Wipe(width_px=1000, height_px=604)
+        self.wipe.jslink(self.picture, value="wipe")
+        self.bins = ColumnDataSource({"x": [], "r": [], "g": [], "b": []})
+        self.histogram = plot("", 246, 78, tools="")
+        self.histogram.toolbar_location = None
+        self.histogram.axis.visible = False
+        for key, (_, colour, _) in zip("rgb", CHANNELS, strict=True):
+            self.histogram.line("x", key, source=self.bins, color=colour, line_width=1.4)
+        self.told = text(width=246)
+        self.layout = pn.Row(
+            pn.Column(
+                self.listed, self.path, opening, self.source, self.style, self.balance, self.kelvin, self.tint,
+                self.ev, self.wipe, self.overlay, self.histogram, self.told, width=256, height=628, scroll=True,
+            ),
+            self.picture,
+        )  # fmt: skip
+
+    def refresh(self) -> None:
+        """The settings of the session's profile."""
+        names = self.session.folders.files(IMAGE_SUFFIXES)
+        self.listed.options = ["", *names]
+        if not self.session.has_profile:
+            return
+        profile = self.session.profile
+        self._quiet = True
+        settings = [f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances]
+        for widget, values in ((self.source, settings), (self.style, list(profile.styles))):
+            widget.options = values
+            if widget.value not in values:
+                widget.value = values[0]
+        if self.preview is not None and self.preview.profile is not profile:
+            self.preview = Preview(profile, self.preview.pixels)
+        kelvins = Preview.kelvins(profile)
+        balances = [*profile.white_balances, *([BY_TEMPERATURE] if kelvins else [])]
+        self.balance.options = balances
+        if self.balance.value not in balances:
+            self.balance.value = balances[0]
+        if kelvins is not None:
+            self.kelvin.param.update(start=round(kelvins[0] + 50, -2), end=round(kelvins[1] - 50, -2))
+            self.kelvin.value = min(max(self.kelvin.value, self.kelvin.start), self.kelvin.end)
+        self._quiet = False
+        self.show()
+
+    def target(self) -> str:
+        """The selector that the controls ask for."""
+        tint = f"{self.tint.value:+g}" if self.tint.value else ""
+        if self.balance.value == BY_TEMPERATURE:
+            return f"{self.style.value}/{self.kelvin.value:g}K{tint}"
+        return f"{self.style.value}/{self.balance.value}{tint}"
+
+    def _open(self) -> None:
+        path = self.session.folders.inside(self.path.value_input or self.path.value or self.listed.value)
+        self.preview = Preview(self.session.profile, read_preview(path))
+        self.picture.before = data_url(self.preview.original())
+        height, width = self.preview.pixels.shape[:2]
+        self.session.say(f"{path.name}: {width} × {height} pixels in the preview")
+        self.show()
+
+    def show(self) -> None:
+        """The photograph as the controls say."""
+        by_temperature = self.balance.value == BY_TEMPERATURE
+        self.kelvin.disabled = not by_temperature
+        if self._quiet or self.preview is None:
+            return
+        try:
+            shown = self.preview.show(self.source.value, self.target(), self.ev.value, self.overlay.value)
+        except SettingsError as error:
+            raise WorkspaceError(str(error)) from error
+        self.picture.number += 1
+        self.picture.after = data_url(shown.pixels)
+        axis = [index / BINS for index in range(BINS)]
+        shares = shown.histogram**0.5
+        self.bins.data = {"x": axis, "r": shares[:, 0], "g": shares[:, 1], "b": shares[:, 2]}
+        frame(self.histogram, (0.0, 1.0), (0.0, max(float(shares[1:-1].max()), 1e-3)))
+        white, black = shown.clipped
+        megapixels = shown.pixels.shape[0] * shown.pixels.shape[1] / 1e6
+        self.told.object = (
+            f"<p>{white:.1%} clipped to white, {black:.1%} to black. Graded {megapixels:.1f} Mpixel in "
+            f"{1000 * shown.seconds:.0f} ms.</p>"
+        )

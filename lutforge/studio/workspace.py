@@ -1,0 +1,224 @@
+"""The state of one calibration at work, as values: samples, what counts as an outlier, fitted models; undo and redo."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.exposure_pairs import ExposurePairs
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.response import saturation
+from lutforge.errors import LutForgeError
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.samples.sample_set import SampleSet
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+MODELS = {
+    "response": "Response only",
+    "matrix": "Matrix and white balance",
+    "rbf": "Gamut map",
+    "lattice": "Lattice",
+}
+"""In the order of the calibration; each is kept as a camera profile."""
+MOST_STATES = 200
+MOST_GROUPS = 100
+CODE = 1 / 255
+
+
+class WorkspaceError(LutForgeError):
+    """A step that the workspace cannot take, or a workspace file that cannot be read."""
+
+
+@dataclass(frozen=True)
+class Filters:
+    """What counts as an outlier of the response. saturation: colours above it (1: none); darkest, brightest: JPEG
+    values in any channel beyond these; raw_saturated: RAW values from it on; residual: RGB distance between the JPEG
+    and what the model renders (None: any)."""
+
+    saturation: float = 1.0
+    darkest: float = 1 * CODE
+    brightest: float = 254 * CODE
+    raw_saturated: float = 0.98
+    residual: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.darkest < self.brightest <= 1:
+            raise WorkspaceError("the clipping limits must rise from dark to bright, between 0 and 1")
+        if not 0 < self.saturation <= 1 or not 0 < self.raw_saturated <= 1:
+            raise WorkspaceError("saturation limits lie above 0, up to 1")
+        if self.residual is not None and not self.residual > 0:
+            raise WorkspaceError("the residual distance is positive")
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """A named outlier group. active: its samples take part in no fit."""
+
+    rows: Mask
+    active: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class FittedModel:
+    """A model, and what it makes of every sample, all (n, 3).
+
+    scene: Ts Tw E; transformed: what stands before the response f, h(Ts Tw E) (a lattice has no f: its JPEG value);
+    predicted: the JPEG value; linearized: the JPEG value backward, to be compared with `scene`. uniform_error: by style
+    and direction, per axis the histogram of the squared error of a uniform lattice, where one was fitted. rows: (n,)
+    the samples that it was fitted to; None where it comes from a file.
+    """
+
+    profile: CameraProfile
+    scene: Array
+    transformed: Array
+    predicted: Array
+    linearized: Array
+    uniform_error: Mapping[tuple[str, str], tuple[Array, Array, Array]] = field(default_factory=dict)
+    rows: Mask | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """One state. samples: as loaded; pairs: their exposure pairs, None where there are none.
+
+    hand: (n,) 1 for rows marked as outliers by hand, −1 for rows kept by hand whatever the filters say, else 0.
+    model: the name of the fitted model that plots and residuals use, "" before the first fit.
+    """
+
+    samples: SampleSet
+    pairs: ExposurePairs | None = None
+    filters: Filters = field(default_factory=Filters)
+    hand: NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
+    groups: Mapping[str, Group] = field(default_factory=dict)
+    models: Mapping[str, FittedModel] = field(default_factory=dict)
+    model: str = ""
+    options: CalibrationOptions = field(default_factory=CalibrationOptions)
+
+    def __post_init__(self) -> None:
+        if len(self.hand) == 0:
+            object.__setattr__(self, "hand", np.zeros(len(self.samples), dtype=np.int8))
+        count = len(self.samples)
+        if self.hand.shape != (count,) or any(group.rows.shape != (count,) for group in self.groups.values()):
+            raise WorkspaceError(f"workspace: its marks are not of its {count} samples")
+        if self.model and self.model not in self.models:
+            raise WorkspaceError(f'workspace: it holds no model "{self.model}"')
+
+    @cached_property
+    def chroma(self) -> Array:
+        """(n,) saturation of the JPEG colours, as the response fit counts it."""
+        return saturation(self.samples.srgb)
+
+    @property
+    def fitted(self) -> FittedModel | None:
+        """The model in use."""
+        return self.models[self.model] if self.model else None
+
+    @cached_property
+    def residual(self) -> Array:
+        """(n,) RGB distance between the JPEG and what the model in use renders; 0 before the first fit."""
+        if self.fitted is None:
+            return np.zeros(len(self.samples))
+        return np.asarray(np.linalg.norm(self.fitted.predicted - self.samples.srgb, axis=1))
+
+    @cached_property
+    def filtered(self) -> dict[str, Mask]:
+        """(n,) by filter: the rows that it finds."""
+        limits, srgb, raw = self.filters, self.samples.srgb, self.samples.raw
+        clipped = np.any((srgb < limits.darkest) | (srgb > limits.brightest), axis=1)
+        far = np.zeros(len(srgb), dtype=np.bool_) if limits.residual is None else self.residual > limits.residual
+        return {
+            "saturation": self.chroma > limits.saturation,
+            "clipping": clipped | np.any(raw >= limits.raw_saturated, axis=1),
+            "residual": far,
+        }
+
+    @cached_property
+    def removed(self) -> Mask:
+        """(n,): rows that take part in no fit: marked by hand, or in an active group."""
+        rows = self.hand > 0
+        for group in self.groups.values():
+            rows = rows | (group.rows & group.active)
+        return np.asarray(rows & (self.hand >= 0))
+
+    @cached_property
+    def outliers(self) -> Mask:
+        """(n,): rows that take no part in the fits of response, matrix and white balance: removed, or filtered."""
+        rows = self.removed.copy()
+        for mask in self.filtered.values():
+            rows |= mask
+        return np.asarray(rows & (self.hand >= 0))
+
+    def fitting_rows(self, model: str) -> Mask:
+        """(n,): the samples that a fit of this model takes. The gamut map and the lattice need the saturated colours
+        that the filters keep from the response (thesis A.3.3)."""
+        return ~(self.outliers if model in ("response", "matrix") else self.removed)
+
+    @property
+    def fitted_rows(self) -> Mask:
+        """(n,): the samples that the model in use was fitted to; before a fit, those that a lattice would take."""
+        if self.fitted is None or self.fitted.rows is None:
+            return self.fitting_rows(self.model or "lattice")
+        return self.fitted.rows
+
+    def mark(self, rows: Mask, outlier: bool) -> "Workspace":
+        """The rows marked by hand as outliers, or kept by hand."""
+        return replace(self, hand=np.where(rows, np.int8(1 if outlier else -1), self.hand))
+
+    def unmark(self, rows: Mask) -> "Workspace":
+        """The rows without a mark of the hand."""
+        return replace(self, hand=np.where(rows, np.int8(0), self.hand))
+
+    def with_group(self, name: str, rows: Mask) -> "Workspace":
+        """With these rows as a named, active outlier group. Raises WorkspaceError: no name, no rows."""
+        name = " ".join(name.split())[:60]
+        if not name:
+            raise WorkspaceError("an outlier group needs a name")
+        if not rows.any():
+            raise WorkspaceError(f"{name}: no samples to put into the group; select some first")
+        if len(self.groups) >= MOST_GROUPS and name not in self.groups:
+            raise WorkspaceError(f"{MOST_GROUPS} outlier groups are enough; delete one first")
+        return replace(self, groups={**self.groups, name: Group(rows.copy())})
+
+    def with_active_groups(self, names: list[str]) -> "Workspace":
+        """With just these groups active."""
+        groups = {name: replace(group, active=name in names) for name, group in self.groups.items()}
+        return replace(self, groups=groups)
+
+    def without_group(self, name: str) -> "Workspace":
+        """Without the group of this name. Raises WorkspaceError where there is none."""
+        if name not in self.groups:
+            raise WorkspaceError(f"{name or 'no name'}: there is no such outlier group")
+        return replace(self, groups={key: group for key, group in self.groups.items() if key != name})
+
+    def with_model(self, name: str, fitted: FittedModel) -> "Workspace":
+        """With a fitted model, in use from now on."""
+        return replace(self, models={**self.models, name: fitted}, model=name)
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Workspaces in the order that they were made; arrays that do not change are shared between them."""
+
+    present: Workspace
+    past: tuple[Workspace, ...] = ()
+    future: tuple[Workspace, ...] = ()
+
+    def do(self, workspace: Workspace) -> "History":
+        """The next state; what was undone is gone."""
+        return History(workspace, (*self.past, self.present)[-MOST_STATES:])
+
+    def undo(self) -> "History":
+        """One state back, if there is one."""
+        if not self.past:
+            return self
+        return History(self.past[-1], self.past[:-1], (self.present, *self.future))
+
+    def redo(self) -> "History":
+        """One state on, if there is one."""
+        if not self.future:
+            return self
+        return History(self.future[0], (*self.past, self.present), self.future[1:])

@@ -1,0 +1,130 @@
+"""What the plots show is what the samples and the models say; what is drawn is thinned, what is picked is not."""
+
+import numpy as np
+import pytest
+from shots_for_the_studio import chart_samples
+
+pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.samples.sample_set import SampleSet
+from lutforge.studio.data_view import find_rows
+from lutforge.studio.fits import fit_model
+from lutforge.studio.loading import find_pairs
+from lutforge.studio.plots import (
+    COLOURS,
+    MOST_DRAWN,
+    PLOTS,
+    chromaticities,
+    colours,
+    drawn,
+    inside_polygon,
+    nearest,
+    points,
+    projected,
+    rows_at,
+    tristimulus,
+)
+from lutforge.studio.thumbnails import shot_picture
+from lutforge.studio.workspace import Workspace, WorkspaceError
+
+HOSTILE = "<script>alert(1)</script>"
+
+
+def silent(what: str, share: float) -> None:
+    pass
+
+
+@pytest.fixture(scope="module")
+def workspace() -> Workspace:
+    samples = chart_samples(patches=45)
+    fresh = Workspace(samples, find_pairs(samples))
+    rows = fresh.fitting_rows("matrix")
+    return fresh.with_model("matrix", fit_model("matrix", samples, rows, CalibrationOptions(), silent))
+
+
+def test_pairs_show_one_patch_at_two_exposures(workspace: Workspace) -> None:
+    for channel in range(3):
+        shown = points(workspace, "srgb_btf", channel)
+        srgb, patch = workspace.samples.srgb, workspace.samples.patch
+        assert np.array_equal(shown.x, srgb[shown.row, channel]) and np.array_equal(
+            shown.y, srgb[shown.partner, channel]
+        )
+        assert np.array_equal(patch[shown.row], patch[shown.partner])
+        assert np.all(workspace.samples.exposure_s[shown.row] < workspace.samples.exposure_s[shown.partner])
+    raw = points(workspace, "raw_btf", 1)
+    ratio = workspace.samples.exposure_s[raw.partner] / workspace.samples.exposure_s[raw.row]
+    assert np.allclose(raw.y / raw.x, ratio, rtol=0.02)
+
+
+def test_the_model_puts_neutral_colours_on_its_curve(workspace: Workspace) -> None:
+    shown = points(workspace, "transformed", 1)
+    assert shown.curve is not None
+    neutral = workspace.chroma[shown.row] < 0.1
+    assert neutral.sum() > 50
+    on_curve = np.interp(shown.x[neutral], *shown.curve)
+    assert np.median(np.abs(on_curve - shown.y[neutral])) < 0.01
+    linear = points(workspace, "linearisation", 1)
+    near = workspace.chroma[linear.row] < 0.1
+    assert np.median(np.abs(linear.y[near] - linear.x[near])) < 0.01
+
+
+@pytest.mark.parametrize("plot", PLOTS)
+@pytest.mark.parametrize("by", COLOURS)
+def test_every_plot_has_a_colour_for_each_point(workspace: Workspace, plot: str, by: str) -> None:
+    shown = points(workspace, plot, 2)
+    assert len(shown) > 0 and np.all(np.isfinite(shown.x)) and np.all(np.isfinite(shown.y))
+    named = colours(workspace, shown, drawn(len(shown)), by)
+    assert len(named) == len(shown) and all(len(name) == 7 and name[0] == "#" for name in named)
+
+
+def test_plots_say_why_they_are_empty() -> None:
+    one = chart_samples(patches=9)
+    alone = Workspace(one.select(one.shot == one.shot[0]))
+    assert "exposures" in points(alone, "srgb_btf", 0).missing
+    assert "fit a model" in points(alone, "transformed", 0).missing
+    assert len(points(alone, "srgb_raw", 0)) == 9
+
+
+def test_drawing_is_thinned_and_picking_is_not() -> None:
+    chosen = drawn(100_000, always=np.arange(17))
+    assert len(chosen) <= MOST_DRAWN + 17 and set(range(17)) <= set(chosen.tolist())
+    assert np.array_equal(chosen, drawn(100_000, always=np.arange(17)))
+    rng = np.random.default_rng(0)
+    x, y = rng.random((2, 100_000))
+    inside = inside_polygon(x, y, [0.2, 0.8, 0.2], [0.2, 0.2, 0.8])
+    assert np.array_equal(inside, (x > 0.2) & (y > 0.2) & (x + y < 1.0))
+
+
+def test_a_point_of_a_pair_selects_both_samples(workspace: Workspace) -> None:
+    shown = points(workspace, "srgb_btf", 1)
+    where = nearest(shown, shown.x[10] + 1e-6, shown.y[10], reach=0.01)
+    assert where.sum() == 1
+    rows = rows_at(shown, where, len(workspace.samples))
+    assert rows.sum() == 2 and rows[shown.row[where]].all() and rows[shown.partner[where]].all()
+    assert not nearest(shown, 5.0, 5.0, reach=0.01).any()
+
+
+def test_colours_lie_where_cie_says() -> None:
+    encoded = np.array([[1.0, 1, 1], [1, 0, 0], [0, 0, 0]])
+    xy = chromaticities(encoded)
+    assert np.allclose(xy, [[0.3127, 0.3290], [0.64, 0.33], [0.3127, 0.3290]], atol=2e-4)
+    assert np.allclose(tristimulus(encoded)[0], [0.9505, 1.0, 1.089], atol=2e-3)
+    turned = projected(tristimulus(encoded), 0.0, 0.0)
+    assert np.allclose(turned[0], [0.9505 - 0.475, 0.5], atol=2e-3)
+
+
+def test_rows_are_found_by_number_and_name(workspace: Workspace) -> None:
+    samples = workspace.samples
+    assert np.flatnonzero(find_rows(samples, "3, 7-9")).tolist() == [3, 7, 8, 9]
+    assert np.array_equal(find_rows(samples, str(samples.shot[0])), samples.shot == samples.shot[0])
+    for words in ("", "999999999999", "no such shot"):
+        with pytest.raises(WorkspaceError):
+            find_rows(samples, words)
+
+
+def test_names_in_a_picture_of_a_shot_are_text(workspace: Workspace) -> None:
+    samples: SampleSet = chart_samples(patches=9, names=(HOSTILE, HOSTILE))
+    shot = str(samples.shot[0])
+    html = shot_picture(samples, samples.shot == shot, shot, {})
+    assert "<script" not in html and "&lt;script&gt;" in html
+    assert html.count("stroke-width='2'") == 9
