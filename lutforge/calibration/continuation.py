@@ -7,11 +7,13 @@ min Σ w ‖Σ λ_i φ(‖X − X_i‖) + a·[1, X] − X'‖² − μ λ'Φλ, 
 conditionally negative definite. Weights make the error count in encoded values, and less where it is large (Cauchy).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg.lapack import dgeqrf, dormqr
 from scipy.spatial.distance import cdist
 
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
@@ -55,19 +57,46 @@ class Continuation:
 
     def refit(self, x: Array, y: Array) -> "Continuation":
         """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response."""
-        rows = np.random.default_rng(0).permutation(len(x))[:MOST_SAMPLES]
+        rows = _rows(len(x))
         x, y = x[rows], y[rows]
         source = self._enter(x)
-        spread = np.linalg.svd(source - source.mean(axis=0), compute_uv=False)[-1] if len(source) else 0.0
-        distinct = len(np.unique(np.round(source, 3), axis=0))
-        if distinct < FEWEST_COLOURS or spread < LEAST_SPREAD * len(source) ** 0.5:
+        if not _fills_space(source):
             return replace(self, gamut_map=None)
-        target = y @ self.base.matrix.T if self.inverse else self.base.response.linearize(y)
-        slope = np.ones(len(source)) if self.inverse else _encoding_slope(self.base, y)
+        target, slope = self._wanted(y)
         try:
             return replace(self, gamut_map=_fit(source, target, slope))
         except (LinAlgError, ProfileError):  # colours that coincide
             return replace(self, gamut_map=None)
+
+    def leave_out(self, x: Array, y: Array, held: Sequence[NDArray[np.bool_]]) -> "list[Continuation]":
+        """The guesses of the samples x → y (n, 3) less those of each mask (n,), where this is the guess of them all.
+
+        The same centres serve them all, so that the data term is summed once, mask by mask.
+        """
+        rows = _rows(len(x))
+        x, y = x[rows], y[rows]
+        if self.gamut_map is None:
+            return [self] * len(held)
+        source = self._enter(x)
+        target, slope = self._wanted(y)
+        system = _System(source, self.gamut_map.centres)
+        weight = _sample_weight(slope) * _robust(np.linalg.norm(self.gamut_map(source) - target, axis=1) * slope)
+        total = system.equations(target, weight)
+        guesses = []
+        for mask in held:
+            mine = system.equations(target[mask[rows]], weight[mask[rows]], mask[rows])
+            try:
+                guess = replace(self, gamut_map=system.solve(total[0] - mine[0], total[1] - mine[1])[0])
+            except (LinAlgError, ProfileError):
+                guess = replace(self, gamut_map=None)
+            guesses.append(guess)
+        return guesses
+
+    def _wanted(self, y: Array) -> tuple[Array, Array]:
+        """Linear light that the gamut map should give (n, 3), and what turns its errors into encoded ones (n,)."""
+        if self.inverse:
+            return y @ self.base.matrix.T, np.ones(len(y))
+        return self.base.response.linearize(y), _encoding_slope(self.base, y)
 
     def _enter(self, x: Array) -> Array:
         return self.base.response.linearize(x) if self.inverse else x @ self.base.matrix.T
@@ -87,24 +116,80 @@ def _encoding_slope(base: MatrixAndResponse, encoded: Array) -> Array:
     return slope
 
 
+def _rows(count: int) -> NDArray[np.intp]:
+    """At most MOST_SAMPLES of the samples, the same ones every time."""
+    if count <= MOST_SAMPLES:
+        return np.arange(count)
+    return np.random.default_rng(0).permutation(count)[:MOST_SAMPLES]
+
+
+def _fills_space(source: Array) -> bool:
+    """Whether colours (n, 3) are enough, and not in a plane."""
+    if len(source) == 0:
+        return False
+    spread = np.linalg.svd(source - source.mean(axis=0), compute_uv=False)[-1]
+    key = np.rint(source * 1e3).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40])
+    return len(np.unique(key)) >= FEWEST_COLOURS and bool(spread >= LEAST_SPREAD * len(source) ** 0.5)
+
+
+class _System:
+    """The least-squares problem of h at samples source (n, 3), with its centres (m, 3).
+
+    Unknowns are the four of the polynomial, then λ in the space that it leaves: orthogonal to 1 and the coordinates of
+    the centres, whose basis is kept as the Householder reflectors that span it. Time O(n m²).
+    """
+
+    def __init__(self, source: Array, centres: Array) -> None:
+        self.centres = centres
+        reflectors, self._tau, _, _ = dgeqrf(np.column_stack([np.ones(len(centres)), centres]))
+        self._reflectors = reflectors
+        self.design = self._project("R", "N", cdist(centres, source).T)
+        self.design[:, 0], self.design[:, 1:4] = 1.0, source
+        inner = self._project("L", "T", self._project("R", "N", cdist(centres, centres)))
+        self.bending = np.zeros_like(inner)
+        self.bending[4:, 4:] = -inner[4:, 4:]
+
+    def _project(self, side: str, transposed: str, matrix: Array) -> Array:
+        result, _, _ = dormqr(side, transposed, self._reflectors, self._tau, matrix, 64 * max(matrix.shape))
+        return np.asarray(result)
+
+    def equations(self, target: Array, weight: Array, rows: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
+        """The normal matrix and right side of some rows, without the bending term."""
+        root = np.sqrt(weight)[:, None]
+        weighted = (self.design if rows is None else self.design[rows]) * root
+        return weighted.T @ weighted, weighted.T @ (target * root)
+
+    def solve(self, normal: Array, right: Array) -> tuple[GamutMap, Array]:
+        """h, and the unknowns (4 + …, 3). Raises LinAlgError where the equations are singular."""
+        factor = cho_factor(normal + SMOOTHNESS * self.bending, overwrite_a=True, check_finite=False)
+        unknowns = cho_solve(factor, right, check_finite=False)
+        polynomial = unknowns[:4].copy()
+        padded = unknowns.copy()
+        padded[:4] = 0.0
+        return GamutMap(self.centres, self._project("L", "N", padded), polynomial), unknowns
+
+
+def _sample_weight(slope: Array) -> Array:
+    weight: Array = (slope / np.median(slope)) ** 2
+    return weight
+
+
+def _robust(error: Array) -> Array:
+    """Cauchy weights in [0, 1] of samples with these encoded errors (n,)."""
+    scale = max(4.0 * float(np.median(error)), LEAST_SCALE)
+    weight: Array = 1.0 / (1.0 + (error / scale) ** 2)
+    return weight
+
+
 def _fit(source: Array, target: Array, slope: Array) -> GamutMap:
     """h: source → target (n, 3), both linear; slope (n,) turns a residual into the units it is judged in."""
-    centres = source[_spread(source, min(CENTRES, len(source) // 2))]
-    # The space of λ that the polynomial leaves: orthogonal to 1 and the coordinates of the centres.
-    free = np.linalg.qr(np.column_stack([np.ones(len(centres)), centres]), mode="complete")[0][:, 4:]
-    polynomial = np.column_stack([np.ones(len(source)), source])
-    design = np.column_stack([cdist(source, centres) @ free, polynomial])
-    bending = np.zeros((design.shape[1], design.shape[1]))
-    bending[: free.shape[1], : free.shape[1]] = -free.T @ cdist(centres, centres) @ free
-    weight = (slope / np.median(slope)) ** 2
+    system = _System(source, source[_spread(source, min(CENTRES, len(source) // 2))])
+    weight = _sample_weight(slope)
     robust = np.ones(len(source))
     for _ in range(ROUNDS):
-        weighted = design * (weight * robust)[:, None]
-        unknowns = solve(design.T @ weighted + SMOOTHNESS * bending, weighted.T @ target, assume_a="pos")
-        residual = np.linalg.norm(design @ unknowns - target, axis=1) * slope
-        scale = max(4.0 * float(np.median(residual)), LEAST_SCALE)
-        robust = 1.0 / (1.0 + (residual / scale) ** 2)
-    return GamutMap(centres, free @ unknowns[: free.shape[1]], unknowns[free.shape[1] :])
+        gamut_map, unknowns = system.solve(*system.equations(target, weight * robust))
+        robust = _robust(np.linalg.norm(system.design @ unknowns - target, axis=1) * slope)
+    return gamut_map
 
 
 def _spread(points: Array, count: int) -> NDArray[np.intp]:

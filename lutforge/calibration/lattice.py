@@ -108,12 +108,16 @@ class _Problem:
     smoothness: float
     curve: OutputCurve | None
 
-    def select(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> "_Problem":
-        """The problem of some of the samples, whose guess has not seen the others."""
-        x, y = self.x[rows], self.y[rows]
-        return replace(
-            self, x=x, y=y, guess=self.guess.refit(x, y) if isinstance(self.guess, Continuation) else self.guess
-        )
+    def leave_out(self, held: list[NDArray[np.bool_]]) -> "list[_Problem]":
+        """The problems of the samples that are not of each mask, with guesses that have not seen those."""
+        if isinstance(self.guess, Continuation):
+            guesses: list[Guess] = [*self.guess.leave_out(self.x, self.y, held)]
+        else:
+            guesses = [self.guess] * len(held)
+        return [
+            replace(self, x=self.x[~mask], y=self.y[~mask], guess=guess)
+            for mask, guess in zip(held, guesses, strict=True)
+        ]
 
     @cached_property
     def target(self) -> Array:
@@ -261,7 +265,7 @@ def _choose_smoothness(problem: _Problem, groups: NDArray[np.str_], levels: Leve
     if len(masks) < 2:
         return DEFAULT_SMOOTHNESS
     tests = [replace(problem, x=problem.x[mask], y=problem.y[mask]) for mask in masks]
-    trains = [problem.select(~mask) for mask in masks]
+    trains = problem.leave_out(masks)
     priors = [train.prior(levels) for train in trains]
     equations = [
         train.equations(levels, prior, train.first_robust) for train, prior in zip(trains, priors, strict=True)

@@ -9,7 +9,9 @@ error counts in JPEG values, and by the residual (Cauchy, four times its median)
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import lsq_linear
 
 from lutforge.errors import CalibrationError
@@ -27,6 +29,8 @@ SMOOTHNESS = 1e-3
 """Weight of the squared second difference of f⁻¹ less that of sRGB's own curve, relative to the number of samples."""
 RIDGE = 1e-5
 """Weight of the squared entries of Ts off its diagonal: what colours cannot tell stays the identity."""
+RANK_TOLERANCE = 1e-14
+"""Eigenvalues below this share of the largest are rounding errors."""
 LEAST_SCALE = 2.0 / 255.0
 """The Cauchy scale is never below this: two JPEG codes."""
 
@@ -93,6 +97,28 @@ def _srgb_decoded(encoded: Array) -> Array:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
+@njit(cache=True, nogil=True)
+def _equations(position: Array, own: Array, one: Array, two: Array, weight: Array) -> Array:
+    """The symmetric (KNOTS + 3, KNOTS + 3) products, over all samples, of weighted rows of
+    [f⁻¹'s interpolation between its knots, −differences to the two other channels, what they should sum to].
+
+    position: of the encoded values in knots, (n,); own, one, two: x of this channel and of the others, (n,).
+    """
+    total = np.zeros((KNOTS + 3, KNOTS + 3))
+    index, value = np.empty(5, dtype=np.int64), np.empty(5)
+    for n in range(len(position)):
+        cell = min(int(position[n]), KNOTS - 2)
+        fraction = position[n] - cell
+        index[0], index[1], index[2], index[3], index[4] = cell, cell + 1, KNOTS, KNOTS + 1, KNOTS + 2
+        value[0], value[1] = 1.0 - fraction, fraction
+        value[2], value[3], value[4] = own[n] - one[n], own[n] - two[n], own[n]
+        for p in range(5):
+            scaled = weight[n] * value[p]
+            for q in range(5):
+                total[index[p], index[q]] += scaled * value[q]
+    return total
+
+
 def _fit_channel(x: Array, encoded: Array, channel: int, weight: Array, shape: Array) -> tuple[Array, Array]:
     """f⁻¹ (KNOTS,) and the matrix row (3,) of one channel: minimise Σ w (f⁻¹(I) − m·x)², Σ m = 1.
 
@@ -100,27 +126,40 @@ def _fit_channel(x: Array, encoded: Array, channel: int, weight: Array, shape: A
     """
     others = [c for c in range(3) if c != channel]
     position = np.clip(encoded, 0.0, 1.0) * (KNOTS - 1)
-    # f⁻¹(I) = start + Σ steps up to I: how much of each step lies below a sample.
-    steps = np.clip(position[:, None] - np.arange(KNOTS - 1)[None, :], 0.0, 1.0)
-    differences = x[:, others] - x[:, [channel]]
-    design = np.column_stack([np.ones(len(x)), steps, -differences])
-    root = np.sqrt(weight)[:, None]
-    bend = np.zeros((KNOTS - 2, design.shape[1]))
-    index = np.arange(KNOTS - 2)
-    bend[index, index + 1], bend[index, index + 2] = -1.0, 1.0
-    bend *= np.sqrt(SMOOTHNESS * weight.sum()) * (KNOTS - 1)
-    ridge = np.zeros((2, design.shape[1]))
-    ridge[:, KNOTS:] = np.sqrt(RIDGE * weight.sum()) * np.eye(2)
-    system = np.vstack([design * root, bend, ridge])
-    wanted = bend[:, 1:KNOTS] @ np.diff(shape)
-    target = np.concatenate([x[:, channel] * root[:, 0], wanted, np.zeros(2)])
-    # The QR factor holds the same problem in as many rows as unknowns.
-    factor = np.asarray(np.linalg.qr(np.column_stack([system, target]), mode="r"))
-    lower = np.concatenate([[0.0], LEAST_STEP * np.diff(_srgb_decoded(np.linspace(0.0, 1.0, KNOTS))), [-3.0, -3.0]])
-    upper = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])
-    solution = lsq_linear(factor[:-1, :-1], factor[:-1, -1], bounds=(lower, upper)).x
+    products = _equations(position, x[:, channel], x[:, others[0]], x[:, others[1]], weight)
+    # From the values of f⁻¹ at its knots to its start and its steps.
+    steps = np.eye(KNOTS + 3)
+    steps[:KNOTS, :KNOTS] = np.tri(KNOTS)
+    products = steps.T @ products @ steps
+    normal, right = products[:-1, :-1], products[:-1, -1]
+    bend = np.zeros((KNOTS - 2, KNOTS + 2))
+    bend[:, 1:KNOTS] = np.diff(np.eye(KNOTS - 1), axis=0) * (np.sqrt(SMOOTHNESS * weight.sum()) * (KNOTS - 1))
+    normal += bend.T @ bend
+    right += bend.T @ (bend[:, 1:KNOTS] @ np.diff(shape))
+    normal[KNOTS:, KNOTS:] += RIDGE * weight.sum() * np.eye(2)
+    solution = _bounded(normal, right)
     table = solution[0] + np.concatenate([[0.0], np.cumsum(solution[1:KNOTS])])
     row = np.zeros(3)
     row[others] = solution[KNOTS:]
     row[channel] = 1.0 - row.sum()
     return table, row
+
+
+LOWER = np.concatenate([[0.0], LEAST_STEP * np.diff(_srgb_decoded(np.linspace(0.0, 1.0, KNOTS))), [-3.0, -3.0]])
+UPPER = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])
+
+
+def _bounded(normal: Array, right: Array) -> Array:
+    """min u'Nu − 2 r'u with LOWER ≤ u ≤ UPPER, for N positive semidefinite."""
+    try:
+        free = cho_solve(cho_factor(normal, check_finite=False), right, check_finite=False)
+        if np.all((free >= LOWER) & (free <= UPPER)):
+            return np.asarray(free)
+    except LinAlgError:  # the samples do not tell every unknown
+        pass
+    values, vectors = np.linalg.eigh(normal)
+    told = values > RANK_TOLERANCE * values[-1]
+    root = np.sqrt(values[told])[:, None]
+    return np.asarray(
+        lsq_linear(root * vectors[:, told].T, (vectors[:, told].T @ right) / root[:, 0], (LOWER, UPPER)).x
+    )
