@@ -24,6 +24,9 @@ Axes = tuple[Array, Array, Array]
 NODES_PER_THREAD = 15_000
 """Below this the threads would wait for each other longer than they work."""
 
+FASTMATH = {"contract", "reassoc"}
+"""Sums of one row in any order: else each addition waits for the one before it."""
+
 COARSEST = 3
 """Axes of this many nodes or fewer are not coarsened; the coarsest lattice is solved densely."""
 
@@ -50,7 +53,7 @@ class Transfer:
     fractions: Axes
 
 
-@njit(cache=True)
+@njit(inline="always")
 def _row(
     stencil: Array,
     pr: Array,
@@ -64,40 +67,47 @@ def _row(
     j: int,
     k: int,
 ) -> tuple[float, float, float, float]:
-    """Row (i, j, k) of A without its anchor: the off-diagonal part of A b for each output, and the diagonal."""
+    """Row (i, j, k) of A without its anchor: A b for each output, and the diagonal."""
     nr, ng, nb = b.shape[0], b.shape[1], b.shape[2]
     a0, a1, a2 = 0.0, 0.0, 0.0
-    for di in range(max(-1, -i), min(2, nr - i)):
-        for dj in range(max(-1, -j), min(2, ng - j)):
-            for dk in range(max(-1, -k), min(2, nb - k)):
-                w = stencil[i, j, k, 9 * di + 3 * dj + dk + 13]
-                if w != 0.0 and (di != 0 or dj != 0 or dk != 0):
+    weights = stencil[i, j, k]
+    if 0 < i < nr - 1 and 0 < j < ng - 1 and 0 < k < nb - 1:  # loops of fixed length, which the compiler unrolls
+        for di in range(3):
+            for dj in range(3):
+                line = b[i + di - 1, j + dj - 1]
+                for dk in range(3):
+                    w = weights[9 * di + 3 * dj + dk]
+                    a0 += w * line[k + dk - 1, 0]
+                    a1 += w * line[k + dk - 1, 1]
+                    a2 += w * line[k + dk - 1, 2]
+    else:
+        for di in range(max(-1, -i), min(2, nr - i)):
+            for dj in range(max(-1, -j), min(2, ng - j)):
+                for dk in range(max(-1, -k), min(2, nb - k)):
+                    w = weights[9 * di + 3 * dj + dk + 13]
                     a0 += w * b[i + di, j + dj, k + dk, 0]
                     a1 += w * b[i + di, j + dj, k + dk, 1]
                     a2 += w * b[i + di, j + dj, k + dk, 2]
     wr, wg, wb = mg[j] * mb[k], mr[i] * mb[k], mr[i] * mg[j]
-    for d in range(-2, 3):
-        if d == 0:
-            continue
-        if 0 <= i + d < nr:
-            w = wr * pr[i, d + 2]
-            a0 += w * b[i + d, j, k, 0]
-            a1 += w * b[i + d, j, k, 1]
-            a2 += w * b[i + d, j, k, 2]
-        if 0 <= j + d < ng:
-            w = wg * pg[j, d + 2]
-            a0 += w * b[i, j + d, k, 0]
-            a1 += w * b[i, j + d, k, 1]
-            a2 += w * b[i, j + d, k, 2]
-        if 0 <= k + d < nb:
-            w = wb * pb[k, d + 2]
-            a0 += w * b[i, j, k + d, 0]
-            a1 += w * b[i, j, k + d, 1]
-            a2 += w * b[i, j, k + d, 2]
-    return a0, a1, a2, stencil[i, j, k, 13] + wr * pr[i, 2] + wg * pg[j, 2] + wb * pb[k, 2]
+    for d in range(max(-2, -i), min(3, nr - i)):
+        w = wr * pr[i, d + 2]
+        a0 += w * b[i + d, j, k, 0]
+        a1 += w * b[i + d, j, k, 1]
+        a2 += w * b[i + d, j, k, 2]
+    for d in range(max(-2, -j), min(3, ng - j)):
+        w = wg * pg[j, d + 2]
+        a0 += w * b[i, j + d, k, 0]
+        a1 += w * b[i, j + d, k, 1]
+        a2 += w * b[i, j + d, k, 2]
+    for d in range(max(-2, -k), min(3, nb - k)):
+        w = wb * pb[k, d + 2]
+        a0 += w * b[i, j, k + d, 0]
+        a1 += w * b[i, j, k + d, 1]
+        a2 += w * b[i, j, k + d, 2]
+    return a0, a1, a2, weights[13] + wr * pr[i, 2] + wg * pg[j, 2] + wb * pb[k, 2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=FASTMATH)
 def _apply(
     stencil: Array,
     pr: Array,
@@ -116,13 +126,13 @@ def _apply(
     for i in range(first, last):
         for j in range(b.shape[1]):
             for k in range(b.shape[2]):
-                a0, a1, a2, diagonal = _row(stencil, pr, pg, pb, mr, mg, mb, b, i, j, k)
-                out[i, j, k, 0] = a0 + (diagonal + anchor[i, j, k, 0]) * b[i, j, k, 0]
-                out[i, j, k, 1] = a1 + (diagonal + anchor[i, j, k, 1]) * b[i, j, k, 1]
-                out[i, j, k, 2] = a2 + (diagonal + anchor[i, j, k, 2]) * b[i, j, k, 2]
+                a0, a1, a2, _ = _row(stencil, pr, pg, pb, mr, mg, mb, b, i, j, k)
+                out[i, j, k, 0] = a0 + anchor[i, j, k, 0] * b[i, j, k, 0]
+                out[i, j, k, 1] = a1 + anchor[i, j, k, 1] * b[i, j, k, 1]
+                out[i, j, k, 2] = a2 + anchor[i, j, k, 2] * b[i, j, k, 2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=FASTMATH)
 def _gauss_seidel(
     stencil: Array,
     pr: Array,
@@ -146,9 +156,27 @@ def _gauss_seidel(
             for kk in range(nb):
                 k = nb - 1 - kk if backward else kk
                 a0, a1, a2, diagonal = _row(stencil, pr, pg, pb, mr, mg, mb, b, i, j, k)
-                b[i, j, k, 0] = (right[i, j, k, 0] - a0) / (diagonal + anchor[i, j, k, 0])
-                b[i, j, k, 1] = (right[i, j, k, 1] - a1) / (diagonal + anchor[i, j, k, 1])
-                b[i, j, k, 2] = (right[i, j, k, 2] - a2) / (diagonal + anchor[i, j, k, 2])
+                h = anchor[i, j, k, 0]
+                b[i, j, k, 0] += (right[i, j, k, 0] - a0 - h * b[i, j, k, 0]) / (diagonal + h)
+                h = anchor[i, j, k, 1]
+                b[i, j, k, 1] += (right[i, j, k, 1] - a1 - h * b[i, j, k, 1]) / (diagonal + h)
+                h = anchor[i, j, k, 2]
+                b[i, j, k, 2] += (right[i, j, k, 2] - a2 - h * b[i, j, k, 2]) / (diagonal + h)
+
+
+@njit(cache=True)
+def _dense(stencil: Array, pr: Array, pg: Array, pb: Array, mr: Array, mg: Array, mb: Array, anchor: Array) -> Array:
+    """A as (N_r, N_g, N_b, N_r, N_g, N_b, 3), column by column."""
+    nr, ng, nb, _ = anchor.shape
+    columns = np.empty((nr, ng, nb, nr, ng, nb, 3))
+    unit = np.zeros((nr, ng, nb, 3))
+    for i in range(nr):
+        for j in range(ng):
+            for k in range(nb):
+                unit[i, j, k] = 1.0
+                _apply(stencil, pr, pg, pb, mr, mg, mb, anchor, unit, columns[i, j, k], 0, nr)
+                unit[i, j, k] = 0.0
+    return columns
 
 
 @njit(cache=True)
@@ -284,12 +312,12 @@ class Multigrid:
 
     def _invert(self, depth: int) -> Array:
         """The dense inverse per output channel of the coarsest operator, (3, m, m); pseudo-inverse where singular."""
-        shape = self.levels[depth].anchor.shape
-        count = int(np.prod(shape[:3]))
-        units = np.eye(count).reshape(count, *shape[:3])
-        columns = [self.apply(np.repeat(unit[..., None], 3, axis=3), depth).reshape(count, 3) for unit in units]
-        matrices = np.stack(columns, axis=1).transpose(2, 0, 1)
-        return np.asarray(np.linalg.pinv(matrices, rcond=1e-13, hermitian=True), dtype=np.float64)
+        level = self.levels[depth]
+        count = level.anchor.size // 3
+        matrices = _dense(*self._arguments(level)).reshape(count, count, 3).transpose(2, 0, 1)
+        alike = bool(np.all(level.anchor == level.anchor[..., :1]))
+        inverses = np.linalg.pinv(matrices[:1] if alike else matrices, rcond=1e-13, hermitian=True)
+        return np.asarray(np.broadcast_to(inverses, (3, count, count)), dtype=np.float64)
 
     def cycle(self, right: Array, depth: int = 0) -> Array:
         """One symmetric V-cycle for A b = right, from b = 0."""
@@ -328,7 +356,7 @@ class Multigrid:
             return total
 
         b = start.copy()
-        residual = right - operator(b)
+        residual = right - operator(b) if np.any(b) else right.copy()
         goal = tolerance * np.sqrt(np.maximum(dot(right, right), 1e-300))
         direction = preconditioned = self.cycle(residual)
         rho = dot(residual, preconditioned)
