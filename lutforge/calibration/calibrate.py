@@ -241,7 +241,8 @@ def _render_with_plain(data: StyleData, fit: StyleFit, options: CalibrationOptio
     """The lattice that renders; where it has a response, with its form for files that can hold none."""
     if fit.render.lattice.response is None:
         return fit.render.lattice
-    plain = fit_direction(data, replace(options, response=False), fit.base, inverse=False)
+    smoothness = fit.render.smoothness  # of the same samples, whose noise it weighs
+    plain = fit_direction(data, replace(options, response=False), fit.base, inverse=False, smoothness=smoothness)
     return replace(fit.render.lattice, plain=plain.lattice)
 
 

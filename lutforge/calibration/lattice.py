@@ -32,7 +32,7 @@ SEARCH_SIZE = 13
 """Levels and λ_S are searched on a lattice of this size first: the best levels hardly depend on their number."""
 SEARCH_SAMPLES = 50_000
 SEARCH_TOLERANCE = 1e-2
-TOLERANCE = 1e-7
+TOLERANCE = 1e-6
 MEASURING_TOLERANCE = 1e-4
 """Of fits whose only use is to measure an error: within 1e-4 of the exact ones on every sample."""
 ROUNDS = 6
@@ -79,15 +79,19 @@ def fit_samples(
     """
     if options.preset == "thesis":
         return fit_thesis(x, y, options, clips=clips)
-    problem = _Problem(x, y, guess, options, clips, DEFAULT_SMOOTHNESS if smoothness is None else smoothness, curve)
+    target = y if curve is None else curve.enter(y)
+    weight = np.ones(len(x)) if curve is None else _weight(curve, y)
+    chosen = DEFAULT_SMOOTHNESS if smoothness is None else smoothness
+    problem = _Problem(x, y, target, weight, guess, options, clips, chosen, curve)
     rows = _subset(len(x))
-    search = replace(problem, x=x[rows], y=y[rows])
+    search = problem.select(rows, guess)
+    first = search.first_robust
     levels = search.levels(uniform_levels(min(SEARCH_SIZE, options.size)), ROUNDS)
     if smoothness is None:
         search = replace(search, smoothness=_choose_smoothness(search, groups[rows], levels))
         problem = replace(problem, smoothness=search.smoothness)
     levels = resized_levels(levels, options.size) if options.nonuniform else uniform_levels(options.size)
-    fit = search.fit(levels, search.first_robust, SEARCH_TOLERANCE)
+    fit = search.fit(levels, first, SEARCH_TOLERANCE)
     if options.nonuniform:
         levels = equidistributed_levels(search.x, search.squared_error(fit), levels)
     levels = snapped(levels, options)
@@ -98,10 +102,15 @@ def fit_samples(
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """What stays the same while levels and weights are searched."""
+    """What stays the same while levels and weights are searched, for n samples.
+
+    x, y: (n, 3); target: what the cube should give, (n, 3); weight: how much its error counts behind the curve, (n,).
+    """
 
     x: Array
     y: Array
+    target: Array
+    weight: Array
     guess: Guess
     options: CalibrationOptions
     clips: bool
@@ -114,23 +123,13 @@ class _Problem:
             guesses: list[Guess] = [*self.guess.leave_out(self.x, self.y, held)]
         else:
             guesses = [self.guess] * len(held)
-        return [
-            replace(self, x=self.x[~mask], y=self.y[~mask], guess=guess)
-            for mask, guess in zip(held, guesses, strict=True)
-        ]
+        return [self.select(~mask, guess) for mask, guess in zip(held, guesses, strict=True)]
 
-    @cached_property
-    def target(self) -> Array:
-        """What the cube should give, (n, 3)."""
-        return self.y if self.curve is None else self.curve.enter(self.y)
-
-    @cached_property
-    def weight(self) -> Array:
-        """(n,): how much an error of the cube counts behind the curve; 1 in the median."""
-        if self.curve is None:
-            return np.ones(len(self.x))
-        square = np.mean(self.curve.slope(self.y) ** 2, axis=1)
-        return np.asarray(square / np.median(square))
+    def select(self, rows: NDArray[np.intp] | NDArray[np.bool_], guess: Guess) -> "_Problem":
+        """The problem of some of the samples, with another guess."""
+        return replace(
+            self, x=self.x[rows], y=self.y[rows], target=self.target[rows], weight=self.weight[rows], guess=guess
+        )
 
     @cached_property
     def first_robust(self) -> Array:
@@ -178,9 +177,11 @@ class _Problem:
         regularisation = Regularisation(smoothness, twist=smoothness, anchor=0.0, thin_plate=0.0)
         return solve_lattice(equations, levels, regularisation, prior=prior, start=start, tolerance=tolerance)
 
-    def fit(self, levels: Levels, weight: Array, tolerance: float) -> LatticeFit:
+    def fit(self, levels: Levels, weight: Array, tolerance: float, like: LatticeFit | None = None) -> LatticeFit:
+        """The fit; like: one at other levels, to start from."""
         prior = self.prior(levels)
-        return self.solve(self.equations(levels, prior, weight), levels, prior, None, tolerance)
+        start = None if like is None else interpolate(grid(levels), like.levels, like.values)
+        return self.solve(self.equations(levels, prior, weight), levels, prior, start, tolerance)
 
     def rising_fit(self, levels: Levels, weight: Array, start: Array, tolerance: float) -> LatticeFit:
         """The fit, again with the isotonic regression of its own grey axis while that falls anywhere."""
@@ -201,8 +202,10 @@ class _Problem:
     def levels(self, start: Levels, rounds: int) -> Levels:
         """Better node levels by rounds of equidistribution, samples weighted by their error; the best round's."""
         levels, weight, best = start, self.first_robust, (np.inf, start)
+        fit: LatticeFit | None = None
         for _ in range(rounds + 1):
-            error = self.squared_error(self.fit(levels, weight, SEARCH_TOLERANCE))
+            fit = self.fit(levels, weight, SEARCH_TOLERANCE, fit)
+            error = self.squared_error(fit)
             weight = _robust(error)
             mean = float(np.mean(weight * error))
             stalled = mean > 0.97 * best[0]
@@ -231,6 +234,12 @@ class _Problem:
         # which the camera does after the smooth function that they describe.
         touched = normal_equations(self.x, np.ones_like(self.x), fit.levels, method).right > 0
         return Lattice(fit.levels, np.where(touched, values, np.clip(values, 0.0, 1.0)), method)
+
+
+def _weight(curve: OutputCurve, y: Array) -> Array:
+    """(n,): how much an error of the cube counts behind the curve at y (n, 3); 1 in the median."""
+    square = np.mean(curve.slope(y) ** 2, axis=1)
+    return np.asarray(square / np.median(square))
 
 
 def _robust(squared_error: Array) -> Array:
@@ -264,7 +273,7 @@ def _choose_smoothness(problem: _Problem, groups: NDArray[np.str_], levels: Leve
     masks = [mask for mask in folds(groups, SEARCH_FOLDS) if 0 < mask.sum() < len(mask)]
     if len(masks) < 2:
         return DEFAULT_SMOOTHNESS
-    tests = [replace(problem, x=problem.x[mask], y=problem.y[mask]) for mask in masks]
+    tests = [problem.select(mask, problem.guess) for mask in masks]
     trains = problem.leave_out(masks)
     priors = [train.prior(levels) for train in trains]
     equations = [
