@@ -61,7 +61,7 @@ def bake(
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
     from lutforge.luts.bake import bake as fit_lut
     from lutforge.luts.chain import bake_chain
-    from lutforge.luts.write import DIALECTS
+    from lutforge.luts.dialects import DIALECTS
     from lutforge.model.profile_file import load_profile
 
     if interpolation is not None and interpolation not in INTERPOLATIONS:
@@ -104,8 +104,8 @@ def bake(
 
 def _outputs(named: list[Path], reader: str | None, title: str, stages: bool) -> "dict[Path, str | None]":
     """Files to write, each once, and the dialect of each; without names, those that suit the program."""
+    from lutforge.luts.dialects import files_for
     from lutforge.luts.formats.clf import FORMATS as PROCESS_LISTS
-    from lutforge.luts.write import files_for
 
     if not named and reader is None:
         raise LutError(

@@ -5,7 +5,8 @@ it: the curve is the running sum of its root-mean-square slope, which leaves, of
 average (d/dx log u' = ⟨F_xx, F_x⟩ / ⟨F_x, F_x⟩). Node levels then even out what curvature is left: intervals of width h
 carry a mean error ∝ |κ| h² per unit length, and at a fixed number of them the total is least where 1/h ∝ |κ|^(1/3), the
 largest where 1/h ∝ |κ|^(1/2) (de Boor 1973). The first is wanted where the cube holds all, the second where a response
-behind it magnifies the errors of the darks.
+behind it magnifies the errors of the darks; few of the lines across an axis then carry the largest errors, and a power
+mean of their curvatures counts these for more.
 """
 
 from collections.abc import Callable
@@ -33,6 +34,8 @@ SLOPE_FLOOR = 0.5
 """Share of a straight line in the curve beside the slope, so that it rises where the function is flat."""
 SLOPE_SMOOTHING, LEVEL_SMOOTHING = 4.0, 1.0
 """Standard deviations, in steps, of the Gaussians over the densities."""
+POWER = 3.0
+"""Of the mean of curvatures over the lines, where a response follows: between the root mean square and the largest."""
 FLOOR = 0.2
 """Share of the nodes that stays evenly spread."""
 
@@ -125,7 +128,7 @@ def _mass(y: Array, t: Array, u: Array, weight: Function | None) -> Array:
         density = (_mean(np.sqrt(square), GREY_SHARE) * inputs) ** (1 / 3)
     else:
         square *= weight(y[:, 1:-1].reshape(-1, 3)).reshape(square.shape)
-        density = _mean(square, 0.5) ** (1 / 4)
+        density = _mean(square ** (POWER / 2), 0.5) ** (1 / (2 * POWER))
     density = gaussian_filter1d(np.pad(density, 1, mode="edge"), LEVEL_SMOOTHING, mode="nearest")
     mass = 0.5 * (density[1:] + density[:-1]) * wide
     total = mass.sum()

@@ -201,6 +201,17 @@ def test_a_chain_of_lattices_is_the_model(tmp_path: Path) -> None:
         chain.write(tmp_path / "chain.cube")
 
 
+def test_a_tolerance_that_no_size_can_reach_is_given_up_at_once() -> None:
+    tried: list[str] = []
+
+    def note(what: str, share: float) -> None:
+        tried.append(what.split()[0])
+
+    with pytest.raises(LutError, match=r"the smallest error found is .*, at 9; give a larger tolerance"):
+        bake(look, tolerance=1e-6, progress=note)
+    assert set(tried) == {"9³"}  # even 65³ could not be (65 / 9)³ times 1000 times better
+
+
 def test_a_tolerance_picks_the_size() -> None:
     assert bake(look, tolerance=1.0).size <= bake(look, tolerance=0.2).size
     with pytest.raises(LutError, match="tolerance"):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.luts.write import DIALECTS, files_for
+from lutforge.luts.dialects import DIALECTS, files_for
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.model.lattice import Lattice, uniform_levels
 from lutforge.model.profile_file import save_profile
