@@ -8,7 +8,7 @@ demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
 
 test: .venv/ready
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup --benchmark-disable
 
 check: .venv/ready
 	$(BIN)/ruff format --check .

@@ -91,11 +91,18 @@ def check_config(config: OCIO.Config) -> list[Finding]:
         findings += _try(where, make)
     if any(finding.severity == "error" for finding in findings):
         return findings
+    return [*findings, *_lossy_round_trips(config), *_equality_groups(config)]
+
+
+def _lossy_round_trips(config: OCIO.Config) -> Iterator[Finding]:
+    """One finding for all colour spaces that lose the same: white balances of a style share their files."""
+    spaces: dict[str, list[str]] = {}
     for trip in round_trips(config):
         if trip.mean > MEAN_GOAL or trip.maximum > MAX_GOAL:
-            found = f"mean {trip.mean:.2g}, max {trip.maximum:.2g}"
-            findings.append(Finding("warning", f"colour space {trip.space}", f"to the reference and back: {found}"))
-    return findings + _equality_groups(config)
+            spaces.setdefault(f"mean {trip.mean:.2g}, max {trip.maximum:.2g}", []).append(trip.space)
+    for found, names in spaces.items():
+        others = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        yield Finding("warning", f"colour space {names[0]}{others}", f"to the reference and back: {found}")
 
 
 def round_trips(config: OCIO.Config) -> Iterator[SpaceRoundTrip]:
