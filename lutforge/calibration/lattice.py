@@ -13,7 +13,7 @@ from lutforge.calibration.lattice_result import LatticeResult, result, snapped
 from lutforge.calibration.lattice_thesis import fit_thesis
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import OutputCurve
-from lutforge.interpolation import Levels, interpolate
+from lutforge.interpolation import Levels, interpolate, through
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.regression.blas import one_blas_thread
 from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, predict, solve_lattice
@@ -45,7 +45,7 @@ LEAST_HOLD = 1e-5
 FARTHEST = (-1.0, 2.0)
 """Bounds of the guess behind which a curve clamps to [0, 1]."""
 GREY = np.linspace(0.0, 1.0, 257)[:, None].repeat(3, axis=1)
-GREY_WEIGHT = 0.02
+GREY_WEIGHTS = np.full(len(GREY), 0.02)
 """What a point of the grey axis counts beside a sample: where there are samples nothing, else it keeps it neutral."""
 RISING_WEIGHT = 30.0
 """What it counts where the fit would fall along the axis."""
@@ -160,15 +160,20 @@ class _Problem:
             hold[-1, -1, -1] = HOLD
         return Prior(values, hold)
 
-    def equations(
-        self, levels: Levels, prior: Prior, weight: Array, grey: tuple[Array, Array] | None = None
+    def equations(self, levels: Levels, prior: Prior, weight: Array) -> NormalEquations:
+        """W'ΩW and W'Ω(y − W b₀) of the samples; weight: (n,) beside the curve's own."""
+        return self._summed(self.x, self.target, levels, prior, self.weight * weight)
+
+    def with_grey(
+        self, equations: NormalEquations, levels: Levels, prior: Prior, values: Array, weight: Array
     ) -> NormalEquations:
-        """W'ΩW and W'Ω(y − W b₀); weight: (n,) beside the curve's own; grey: values and weights on the grey axis."""
+        """The same with values on the grey axis, (257, 3), of weights (257,)."""
+        grey = self._summed(GREY, values, levels, prior, weight)
+        return NormalEquations(equations.stencil + grey.stencil, equations.right + grey.right)
+
+    def _summed(self, x: Array, y: Array, levels: Levels, prior: Prior, weight: Array) -> NormalEquations:
         method = self.options.interpolation
-        values, grey_weight = grey or (self.grey, np.full(len(GREY), GREY_WEIGHT))
-        x = np.concatenate([self.x, GREY])
-        y = np.concatenate([self.target, values]) - interpolate(x, levels, prior.values, method)
-        return normal_equations(x, y, levels, method, np.concatenate([self.weight * weight, grey_weight]))
+        return normal_equations(x, y - interpolate(x, levels, prior.values, method), levels, method, weight)
 
     def solve(
         self, equations: NormalEquations, levels: Levels, prior: Prior, start: Array | None, tolerance: float
@@ -181,14 +186,16 @@ class _Problem:
         """The fit; like: one at other levels, to start from."""
         prior = self.prior(levels)
         start = None if like is None else interpolate(grid(levels), like.levels, like.values)
-        return self.solve(self.equations(levels, prior, weight), levels, prior, start, tolerance)
+        equations = self.with_grey(self.equations(levels, prior, weight), levels, prior, self.grey, GREY_WEIGHTS)
+        return self.solve(equations, levels, prior, start, tolerance)
 
     def rising_fit(self, levels: Levels, weight: Array, start: Array, tolerance: float) -> LatticeFit:
         """The fit, again with the isotonic regression of its own grey axis while that falls anywhere."""
         prior = self.prior(levels)
-        values, grey_weight = self.grey.copy(), np.full(len(GREY), GREY_WEIGHT)
+        values, grey_weight = self.grey.copy(), GREY_WEIGHTS.copy()
+        samples = self.equations(levels, prior, weight)
         for _ in range(RISING_ROUNDS):
-            equations = self.equations(levels, prior, weight, (values, grey_weight))
+            equations = self.with_grey(samples, levels, prior, values, grey_weight)
             fit = self.solve(equations, levels, prior, start, tolerance)
             axis = np.clip(predict(fit, GREY, self.options.interpolation), 0.0, 1.0)
             if np.diff(axis, axis=0).min() >= -LEAST_FALL:
@@ -238,7 +245,8 @@ class _Problem:
 
 def _weight(curve: OutputCurve, y: Array) -> Array:
     """(n,): how much an error of the cube counts behind the curve at y (n, 3); 1 in the median."""
-    square = np.mean(curve.slope(y) ** 2, axis=1)
+    codes = np.linspace(0.0, 1.0, len(curve.table))[:, None].repeat(3, axis=1)
+    square = np.mean(through(curve.slope(codes), y) ** 2, axis=1)  # tabulated: y may hold millions
     return np.asarray(square / np.median(square))
 
 
@@ -277,7 +285,8 @@ def _choose_smoothness(problem: _Problem, groups: NDArray[np.str_], levels: Leve
     trains = problem.leave_out(masks)
     priors = [train.prior(levels) for train in trains]
     equations = [
-        train.equations(levels, prior, train.first_robust) for train, prior in zip(trains, priors, strict=True)
+        train.with_grey(train.equations(levels, prior, train.first_robust), levels, prior, train.grey, GREY_WEIGHTS)
+        for train, prior in zip(trains, priors, strict=True)
     ]
     starts = [prior.values for prior in priors]
 
