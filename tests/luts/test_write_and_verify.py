@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake
+from lutforge.luts.dialects import DIALECTS
 from lutforge.luts.lut import Lut
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.luts.verify import verify
-from lutforge.luts.write import DIALECTS, SUFFIXES, write_lut
+from lutforge.luts.write import SUFFIXES, write_lut
 from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.regression.node_levels import snap_levels
