@@ -17,11 +17,6 @@ SIZES = tuple(level * level for level in range(2, 12))
 """Nodes per axis that a Hald image can have."""
 
 
-def nearest_size(size: int) -> int:
-    """The size of a Hald cube that has at least as many nodes; 121 at the most."""
-    return next((square for square in SIZES if square >= size), SIZES[-1])
-
-
 def write(lut: Lut, path: Path) -> None:
     """Write a uniform LUT, outputs clamped to [0, 1]. Raises LutError where the size is no square."""
     if not lut.is_uniform or lut.has_gain or lut.has_matrix or lut.response is not None or lut.size not in SIZES:
