@@ -4,8 +4,17 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Protocol
 
 import pytest
+
+from lutforge.cli.main import main
+
+
+class CommandLine(Protocol):
+    """What the fixture `lutforge` gives."""
+
+    def __call__(self, *words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]: ...
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -33,3 +42,22 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     run = subprocess.run(command, capture_output=True, text=True, timeout=540, check=False)
     assert run.returncode == 0, run.stderr
     return folder, run.stdout
+
+
+@pytest.fixture
+def lutforge(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> CommandLine:
+    """The command line in this process, which saves the second that a new one takes to start: `lutforge(words…)`."""
+
+    def run(*words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+        if cwd is not None:
+            monkeypatch.chdir(cwd)
+        arguments = ["lutforge", *map(str, words)]
+        monkeypatch.setattr(sys, "argv", arguments)
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            main()
+        printed = capfd.readouterr()
+        assert isinstance(ended.value.code, int)
+        return subprocess.CompletedProcess(arguments, ended.value.code, printed.out, printed.err)
+
+    return run

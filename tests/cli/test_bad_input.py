@@ -1,13 +1,13 @@
 """Bad input gives one clear line on stderr and exit status 2, and leaves nothing half-written."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import OpenImageIO
 import pytest
+from conftest import CommandLine
 
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
@@ -17,25 +17,30 @@ HEADER = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srg
 ROW = "Test Cam,standard,daylight,a,p{n},0.01,{r},0.2,0.3,0.4,0.5,0.6\n"
 
 
-def run(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "lutforge", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=cwd)
+class Refused(Protocol):
+    """What the fixture `refused` gives."""
+
+    def __call__(self, folder: Path, *words: object) -> str: ...
 
 
-def refused(folder: Path, *words: object) -> str:
-    """Run; expect status 2, one line, no traceback, and no new file in the folder. Returns the line."""
-    before = sorted(folder.rglob("*"))
-    result = run(*words, cwd=folder)
-    assert result.returncode == 2, (result.returncode, result.stdout, result.stderr)
-    assert "Traceback" not in result.stderr
-    lines = result.stderr.strip().splitlines()
-    assert len(lines) == 1, result.stderr
-    assert lines[0].startswith("lutforge: ")
-    assert sorted(folder.rglob("*")) == before
-    return lines[0]
+@pytest.fixture
+def refused(lutforge: CommandLine) -> Refused:
+    """Runs a command; expects status 2, one line, no traceback, and no new file in the folder. Returns the line."""
+
+    def run(folder: Path, *words: object) -> str:
+        before = sorted(folder.rglob("*"))
+        result = lutforge(*words, cwd=folder)
+        assert result.returncode == 2, (result.returncode, result.stdout, result.stderr)
+        lines = result.stderr.strip().splitlines()
+        assert len(lines) == 1, result.stderr
+        assert lines[0].startswith("lutforge: ")
+        assert sorted(folder.rglob("*")) == before
+        return lines[0]
+
+    return run
 
 
-def test_raw_files_that_are_none(tmp_path: Path) -> None:
+def test_raw_files_that_are_none(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "empty.CR2").touch()
     (tmp_path / "text.CR2").write_text("this is not a photograph\n" * 100)
     assert "empty" in refused(tmp_path, "calibrate", "empty.CR2", "-o", "x.npz")
@@ -43,7 +48,7 @@ def test_raw_files_that_are_none(tmp_path: Path) -> None:
     assert "no such file" in refused(tmp_path, "sample", "missing.NEF", "-o", "x.csv")
 
 
-def test_a_raw_without_preview_and_one_whose_jpeg_is_of_something_else(tmp_path: Path) -> None:
+def test_a_raw_without_preview_and_one_whose_jpeg_is_of_something_else(refused: Refused, tmp_path: Path) -> None:
     mosaic = np.random.default_rng(0).integers(600, 12000, (400, 600)).astype(np.uint16)
     write_dng(tmp_path / "alone.dng", mosaic)
     assert "no embedded preview" in refused(tmp_path, "calibrate", "alone.dng", "-o", "x.npz")
@@ -56,7 +61,7 @@ def test_a_raw_without_preview_and_one_whose_jpeg_is_of_something_else(tmp_path:
 
 
 @pytest.mark.parametrize("name", ["Canon_G1_bayer4.crw", "Nikon_D1_RAW_NIKON_D1.NEF", "DC0008L.KDC"])
-def test_unusual_raw_files(shared_data: Path, tmp_path: Path, name: str) -> None:
+def test_unusual_raw_files(refused: Refused, shared_data: Path, tmp_path: Path, name: str) -> None:
     assert name in refused(tmp_path, "calibrate", shared_data / "unusual_raw" / name, "-o", "x.npz")
 
 
@@ -72,7 +77,7 @@ def test_unusual_raw_files(shared_data: Path, tmp_path: Path, name: str) -> None
         ("", "empty"),
     ],
 )
-def test_sample_tables(tmp_path: Path, text: str, says: str) -> None:
+def test_sample_tables(refused: Refused, tmp_path: Path, text: str, says: str) -> None:
     (tmp_path / "samples.csv").write_text(text)
     assert says in refused(tmp_path, "calibrate", "samples.csv", "-o", "x.npz")
 
@@ -94,9 +99,9 @@ def small_table(path: Path) -> None:
     write_samples(path, table)
 
 
-def test_settings_outputs_and_profiles(tmp_path: Path) -> None:
+def test_settings_outputs_and_profiles(lutforge: CommandLine, refused: Refused, tmp_path: Path) -> None:
     small_table(tmp_path / "samples.csv")
-    made = run("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", cwd=tmp_path)
+    made = lutforge("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", cwd=tmp_path)
     assert made.returncode == 0, made.stderr
     for words, says in (
         (("bake", "camera.npz", "render", "--to", "sepia/daylight", "-o", "x.cube"), "standard"),
@@ -119,19 +124,19 @@ def test_settings_outputs_and_profiles(tmp_path: Path) -> None:
         assert says in refused(tmp_path, *words), words
 
 
-def test_an_output_that_cannot_be_written_leaves_the_old_file(tmp_path: Path) -> None:
+def test_an_output_that_cannot_be_written_leaves_the_old_file(refused: Refused, tmp_path: Path) -> None:
     small_table(tmp_path / "samples.csv")
     (tmp_path / "file").write_text("in the way")
     line = refused(tmp_path, "calibrate", "samples.csv", "-o", "file/camera.npz", "--size", "5")
     assert "file/camera.npz" in line
 
 
-def test_what_would_be_applied_by_half_is_refused(tmp_path: Path) -> None:
+def test_what_would_be_applied_by_half_is_refused(lutforge: CommandLine, refused: Refused, tmp_path: Path) -> None:
     small_table(tmp_path / "samples.csv")
     thesis = ("--size", "5", "--preset", "thesis")  # without a response, which this format cannot hold
-    assert run("calibrate", "samples.csv", "-o", "camera.npz", *thesis, cwd=tmp_path).returncode == 0
+    assert lutforge("calibrate", "samples.csv", "-o", "camera.npz", *thesis, cwd=tmp_path).returncode == 0
     render = ("bake", "camera.npz", "render", "--to", "standard/daylight")
-    made = run(*render, "-o", "look.spi3d", cwd=tmp_path)
+    made = lutforge(*render, "-o", "look.spi3d", cwd=tmp_path)
     assert made.returncode == 0, made.stderr
     error = float(re.findall(r"read back, against the model: mean ([0-9.e-]+)", made.stdout)[0])
     assert error < 1e-3  # of the shaper and the cube together
