@@ -1,12 +1,11 @@
 """The README is true: it names every command and option that it uses, and its Python runs."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import CommandLine
 
 import lutforge as lf
 from lutforge.samples.sample_set import SampleSet
@@ -15,20 +14,24 @@ from lutforge.simulate.camera import nikon_d5100
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
 
-def help_of(*words: str) -> str:
-    command = [sys.executable, "-m", "lutforge", *words, "--help"]
-    run = subprocess.run(command, capture_output=True, text=True, check=True, env={"COLUMNS": "200", "TERM": "dumb"})
-    return run.stdout
+@pytest.fixture
+def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("TERM", "dumb")
 
 
-def test_every_command_is_documented() -> None:
-    commands = re.findall(r"^\W*([a-z][a-z-]+)  ", help_of().split("Commands", 1)[1], flags=re.MULTILINE)
+@pytest.mark.usefixtures("wide")
+def test_every_command_is_documented(lutforge: CommandLine) -> None:
+    commands = re.findall(
+        r"^\W*([a-z][a-z-]+)  ", lutforge("--help").stdout.split("Commands", 1)[1], flags=re.MULTILINE
+    )
     assert len(commands) >= 9
     table = README.split("## Commands", 1)[1].split("##", 1)[0]
     assert set(commands) == set(re.findall(r"^\| `lutforge ([a-z-]+)", table, flags=re.MULTILINE))
 
 
-def test_every_option_that_it_uses_exists() -> None:
+@pytest.mark.usefixtures("wide")
+def test_every_option_that_it_uses_exists(lutforge: CommandLine) -> None:
     used: dict[str, set[str]] = {}
     for line in re.findall(r"lutforge [a-z-]+[^\n]*", README):
         command = line.split()[1].strip("`.,")
@@ -37,7 +40,7 @@ def test_every_option_that_it_uses_exists() -> None:
         used.setdefault(command, set()).update(re.findall(r"(?<!\S)--[a-z-]+", line))
     for command, options in used.items():
         if options:
-            text = help_of(command)
+            text = lutforge(command, "--help").stdout
             assert all(option in text for option in options), (command, options)
 
 
