@@ -34,6 +34,9 @@ _CANON_ARRAYS = {
     0x4025: ("CanonHdr", "I"),
 }
 
+_NIKON_PICTURE_CONTROLS = {b"01": (4, 1, 51, 52, 53), b"02": (4, 4, 55, 57, 59), b"03": (8, 4, 63, 65, 67)}
+"""By version: where the name stands, numbers a step, and where contrast, brightness and saturation stand."""
+
 
 def read_exif(data: Buffer) -> Tags:
     """All tags of a file's bytes (a memory map will do), empty where it holds none."""
@@ -56,19 +59,21 @@ def read_exif(data: Buffer) -> Tags:
 
 
 def read_tiff(data: Buffer) -> Tags:
-    """Tags of a TIFF structure: first directory, EXIF directory, maker note."""
+    """Tags of a TIFF structure: first directory, EXIF directory, maker note (in a DNG file also its private data)."""
     order = {b"II": "<", b"MM": ">"}.get(bytes(data[:2]))
     if order is None or len(data) < 8 or struct.unpack_from(order + "H", data, 2)[0] not in _TIFF_MAGIC:
         return {}
     reader = _Reader(data, {}, [MAX_DIRECTORIES])
     (first,) = struct.unpack_from(order + "I", data, 4)
     entries = reader.directory("Image", order, 0, first)
-    pointer = entries.get(0x8769)
+    pointer, private = entries.get(0x8769), entries.get(0xC634)
     if pointer is not None:
         (exif,) = struct.unpack_from(order + "I", data, pointer.position)
         note = reader.directory("Photo", order, 0, exif).get(0x927C)
         if note is not None:
-            reader.maker_note(order, note.position, note.size)
+            reader.maker_note(order, note.position)
+    if private is not None:
+        reader.private_data(order, private.position)
     return reader.tags
 
 
@@ -116,15 +121,17 @@ class _Reader:
         count = len(raw) // struct.calcsize(code)
         return tuple(struct.unpack_from(f"{order}{count}{code}", raw))
 
-    def maker_note(self, order: str, start: int, size: int) -> None:
-        """Recognise the maker by the note's own signature, else by the Make."""
+    def maker_note(self, order: str, start: int, base: int = 0) -> None:
+        """Recognise the maker by the note's own signature, else by the Make. Offsets count from `base`, where the note
+        does not say otherwise."""
         head = bytes(self.data[start : start + 20])
+        here = start - base
         if head[:6] == b"Nikon\0" and head[10:12] in (b"II", b"MM"):
             inner = "<" if head[10:12] == b"II" else ">"
             (offset,) = struct.unpack_from(inner + "I", self.data, start + 14)
             self._nikon(self.directory("Nikon", inner, start + 10, offset))
         elif head[:6] == b"Nikon\0":
-            self.directory("Nikon1", order, 0, start + 8)
+            self.directory("Nikon1", order, base, here + 8)
         elif head[:8] == b"OLYMPUS\0":
             inner = "<" if head[8:10] == b"II" else ">"
             self._olympus(self.directory("Olympus", inner, start, 12), inner, start)
@@ -132,22 +139,41 @@ class _Reader:
             inner = "<" if head[12:14] == b"II" else ">"
             self._olympus(self.directory("Olympus", inner, start, 16), inner, start)
         elif head[:5] == b"OLYMP":
-            self._olympus(self.directory("Olympus", order, 0, start + 8), order, 0)
+            self._olympus(self.directory("Olympus", order, base, here + 8), order, base)
         elif head[:8] == b"FUJIFILM":
             (offset,) = struct.unpack_from("<I", self.data, start + 8)
             self.directory("Fujifilm", "<", start, offset)
         elif head[:9] == b"Panasonic":
-            self.directory("Panasonic", order, 0, start + 12)
+            self.directory("Panasonic", order, base, here + 12)
         elif head[:8] == b"PENTAX \0":
-            self.directory("Pentax", "<" if head[8:10] == b"II" else ">", start, 10)
+            self.directory("Pentax", self._likely_order(start + 10, head[8:10], order), start, 10)
         elif head[:4] == b"AOC\0":
-            self.directory("Pentax", {b"II": "<", b"MM": ">"}.get(head[4:6], order), 0, start + 6)
+            self.directory("Pentax", self._likely_order(start + 6, head[4:6], order), base, here + 6)
+        elif head[:8] in (b"SIGMA\0\0\0", b"FOVEON\0\0"):
+            self.directory("Sigma", order, base, here + 10)
         elif head[:4] == b"SONY":
-            self.directory("Sony", order, 0, start + 12)
+            self.directory("Sony", order, base, here + 12)
         else:
-            self._unsigned_note(order, start)
+            self._unsigned_note(order, start, base)
 
-    def _unsigned_note(self, order: str, start: int) -> None:
+    def private_data(self, order: str, start: int) -> None:
+        """DNGPrivateData: a maker note as a camera writes it into its own DNG, or as Adobe's converter moved it there:
+        "Adobe", block "MakN", its length, byte order, the note's offset in the old file, the note."""
+        head = bytes(self.data[start : start + 20])
+        if head[:10] == b"Adobe\0MakN" and head[14:16] in (b"II", b"MM"):
+            (offset,) = struct.unpack_from(">I", head, 16)
+            self.maker_note("<" if head[14:16] == b"II" else ">", start + 20, start + 20 - offset)
+        elif head[:4] == b"AOC\0" or head[:8] == b"PENTAX \0":
+            self.maker_note(order, start)
+
+    def _likely_order(self, start: int, said: bytes, order: str) -> str:
+        """The byte order that a note states, unless no directory has that many entries: programs that rewrite a file
+        in the other order leave the note as it was, or change only what states it."""
+        order = {b"II": "<", b"MM": ">"}.get(said, order)
+        (count,) = struct.unpack_from(order + "H", self.data, start)
+        return order if count < 256 else {"<": ">", ">": "<"}[order]
+
+    def _unsigned_note(self, order: str, start: int, base: int) -> None:
         make = str(self.tags.get(("Image", 0x010F), "")).lower()
         for brand, group in (
             ("canon", "Canon"),
@@ -156,7 +182,7 @@ class _Reader:
             ("samsung", "Samsung"),
         ):
             if make.startswith(brand):
-                self._canon_arrays(self.directory(group, order, 0, start), order)
+                self._canon_arrays(self.directory(group, order, base, start - base), order)
 
     def canon_note(self, order: str, offset: int) -> None:
         """A Canon maker note that is a TIFF structure of its own (CR3)."""
@@ -174,11 +200,12 @@ class _Reader:
             if tag in entries:
                 entry = entries[tag]
                 raw = bytes(self.data[entry.position : entry.position + min(entry.size, MAX_VALUE_BYTES)])
-                name = 8 if raw[:2] == b"03" else 4
+                name, steps, *places = _NIKON_PICTURE_CONTROLS.get(raw[:2], (4, 1))
                 self.tags.setdefault(("NikonPc", 4), _text(raw[name : name + 20]))
-                if raw[:2] == b"01":
-                    for index in range(51, min(55, len(raw))):
-                        self.tags.setdefault(("NikonPc", index), (raw[index],))
+                self.tags.setdefault(("NikonPc", 0), (steps,))
+                for index, place in enumerate(places, 51):
+                    if place < len(raw):
+                        self.tags.setdefault(("NikonPc", index), (raw[place],))
 
     def _olympus(self, entries: dict[int, _Entry], order: str, base: int) -> None:
         for tag, group in ((0x2020, "OlympusCs"), (0x2040, "OlympusIp")):

@@ -94,5 +94,8 @@ def _olympus(tags: Tags) -> tuple[float, float, float] | None:
 
 
 def _panasonic(tags: Tags) -> tuple[float, float, float] | None:
-    red, green, blue = (_numbers(tags.get(("Panasonic", tag))) for tag in (0x0024, 0x0025, 0x0026))
-    return (red[0], green[0], blue[0]) if red and green and blue else None
+    for key in (("Panasonic", 0x8004), ("Image", 0x0024)):  # maker note; RW2's own directory
+        red, green, blue = (_numbers(tags.get((key[0], key[1] + step))) for step in range(3))
+        if red and green and blue:
+            return red[0], green[0], blue[0]
+    return None

@@ -8,6 +8,8 @@ import re
 from collections.abc import Iterator
 
 from lutforge.shots.exif import Tags, Value
+from lutforge.shots.maker_multipliers import kelvin_of
+from lutforge.shots.style_adjustments import adjustments
 
 Key = tuple[str, int]
 
@@ -39,6 +41,10 @@ _STYLES: dict[Key, dict[int, str]] = {
         17: "v-log", 18: "cinelike d2", 19: "cinelike v2",
     },
     ("Panasonic", 0x0032): {0: "standard", 1: "natural", 2: "vivid"},
+    ("Sigma", 0x002C): {
+        1: "sepia", 2: "b&w", 3: "standard", 4: "vivid", 5: "neutral", 6: "portrait", 7: "landscape",
+        8: "fov classic blue",
+    },
     ("Pentax", 0x004F): {
         0: "natural", 1: "bright", 2: "portrait", 3: "landscape", 4: "vibrant", 5: "monochrome", 6: "muted",
         7: "reversal film", 8: "bleach bypass", 9: "radiant", 10: "cross processing", 11: "flat", 256: "auto",
@@ -54,7 +60,11 @@ _STYLE_TEXTS: tuple[Key, ...] = (
 
 _EXTRAS: dict[Key, dict[int, str]] = {
     ("CanonCs", 40): {1: "vivid", 2: "neutral", 3: "smooth", 4: "sepia", 5: "black and white", 6: "custom",
-    100: "my colors"}, ("Fujifilm", 0x1003): {0x300: "monochrome", 0x310: "sepia", 0x500: "acros"},
+    100: "my colors"}, ("Fujifilm", 0x1003): {
+        0x300: "monochrome", 0x301: "monochrome red filter", 0x302: "monochrome yellow filter",
+        0x303: "monochrome green filter", 0x310: "sepia", 0x500: "acros", 0x501: "acros red filter",
+        0x502: "acros yellow filter", 0x503: "acros green filter",
+    },
 }  # fmt: skip
 """Effects of the older compact cameras, and Fujifilm's monochrome films: they stand in for a style."""
 
@@ -105,7 +115,7 @@ _WHITE_BALANCES: dict[Key, dict[int, str]] = {
 
 _WB_WORDS = (
     ("auto", "auto"), ("day white", "fluorescent"), ("daylight fluor", "daylight fluorescent"),
-    ("sunny", "daylight"), ("direct sun", "daylight"), ("fine", "daylight"), ("daylight", "daylight"),
+    ("sun", "daylight"), ("fine", "daylight"), ("daylight", "daylight"),
     ("cloud", "cloudy"), ("shad", "shade"), ("incandescent", "tungsten"), ("tungsten", "tungsten"),
     ("fluor", "fluorescent"), ("flash", "flash"), ("speedlight", "flash"), ("preset", "custom"),
     ("manual", "custom"), ("custom", "custom"), ("kelvin", "kelvin"), ("color temp", "kelvin"),
@@ -117,11 +127,14 @@ _SCENE_DEPENDENT: dict[Key, tuple[str, frozenset[int], int]] = {
     ("CanonContrastInfo", 4): ("i-Contrast", frozenset({0, 0xFFFF}), 0),
     ("CanonHdr", 1): ("HDR", frozenset({0}), 0),
     ("Nikon", 0x0022): ("Active D-Lighting", frozenset({0}), 0),
+    ("NikonPc", 51): ("automatic contrast", frozenset(range(1, 256)), 0),
+    ("NikonPc", 53): ("automatic saturation", frozenset(range(1, 256)), 0),
     ("Nikon", 0x0035): ("HDR", frozenset({0, 48}), 4),
     ("Sony", 0xB025): ("D-Range Optimizer", frozenset({0}), 0),
     ("Sony", 0x200A): ("HDR", frozenset({0}), 0),
     ("Fujifilm", 0x1403): ("dynamic range expansion", frozenset({0, 100}), 0),
     ("Fujifilm", 0x140B): ("automatic dynamic range", frozenset({0, 100}), 0),
+    ("OlympusCs", 0x050F): ("automatic gradation", frozenset({0}), 3),
     ("Panasonic", 0x0079): ("intelligent D-Range", frozenset({0}), 0),
     ("Panasonic", 0x009E): ("HDR", frozenset({0}), 0),
     ("Pentax", 0x0085): ("HDR", frozenset({0}), 0),
@@ -131,30 +144,29 @@ _SCENE_DEPENDENT: dict[Key, tuple[str, frozenset[int], int]] = {
 """Processing that depends on the scene: its name, the codes that mean off, and which element of the value to
 look at."""
 
-_LEVELS: dict[Key, tuple[str, dict[int, int]]] = {
-    ("Fujifilm", 0x1003): ("saturation", {0x080: 1, 0x100: 2, 0x180: -1, 0x400: -2, 0x0C0: 3, 0x0E0: 4}),
-    ("Photo", 0xA409): ("saturation", {1: -1, 2: 1}),
-    ("Photo", 0xA408): ("contrast", {1: -1, 2: 1}),
-}
-"""Deviations from a style's normal settings that are coded otherwise than as signed numbers."""
-
 
 def style_of(tags: Tags) -> str | None:
-    """Picture style with its deviations ("standard", "vivid contrast+1"); None where no tag speaks of it."""
+    """Picture style with its adjustments ("standard", "vivid contrast+1"); None where no tag speaks of it."""
     name = _named_style(tags)
-    deviations = dict(_deviations(tags, name is not None))
+    adjusted = dict(adjustments(tags, name is not None))
     if name is None:
         if not any(
             key in tags for key in (("CanonCs", 14), ("Photo", 0xA409), ("Nikon", 0x0081), ("Fujifilm", 0x1003))
         ):
             return None
         name = "standard"
-    return " ".join([name, *(f"{what}{value:+d}" for what, value in deviations.items() if value)])
+    return " ".join([name, *(f"{what}{steps:+g}" for what, steps in adjusted.items())])
 
 
 def white_balance_of(tags: Tags) -> str | None:
-    """White-balance setting as a word; None where no tag speaks of it."""
-    text = tags.get(("Nikon", 0x0005))
+    """White-balance setting as a word, or the temperature that was set ("5200k"); None where no tag speaks of it."""
+    name = _white_balance_word(tags)
+    kelvin = kelvin_of(tags) if name == "kelvin" else None
+    return name if kelvin is None else f"{kelvin:g}k"
+
+
+def _white_balance_word(tags: Tags) -> str | None:
+    text = tags.get(("Nikon", 0x0005), tags.get(("Sigma", 0x0007)))
     if isinstance(text, str) and text.strip():
         words = text.lower()
         return next((name for part, name in _WB_WORDS if part in words), re.sub(r"[^a-z0-9]+", " ", words).strip())
@@ -198,30 +210,6 @@ def _described(tags: Tags, what: str) -> str | None:
     text = tags.get(("Image", 0x010E))
     found = re.search(rf"\b{what}=([^;=]+)", text) if isinstance(text, str) else None
     return found[1].strip().lower() if found else None
-
-
-def _deviations(tags: Tags, named: bool) -> Iterator[tuple[str, int]]:
-    """Contrast, saturation, colour tone and so on where they are not normal. Sharpness changes no flat
-    colour."""
-    for index, what in ((13, "contrast"), (14, "saturation"), (42, "color tone")):
-        code = _element(tags.get(("CanonCs", index)), 0)
-        signed = None if code is None else (code - 65536 if code > 32767 else code)
-        if signed and abs(signed) <= 9:
-            yield what, signed
-    for index, what in ((51, "contrast"), (52, "brightness"), (53, "saturation")):
-        code = _element(tags.get(("NikonPc", index)), 0)
-        if code is not None and 0x80 - 9 <= code <= 0x80 + 9 and code != 0x80:
-            yield what, code - 0x80
-    for tag, what in ((0x2004, "contrast"), (0x2005, "saturation")):
-        code = _element(tags.get(("Sony", tag)), 0)
-        if code is not None and code and abs(code) <= 9:
-            yield what, code
-    for key, (what, levels) in _LEVELS.items():
-        if key[0] == "Photo" and (named or ("CanonCs", 14) in tags):
-            continue  # the general tag only repeats what the maker's own says more precisely
-        code = _element(tags.get(key), 0)
-        if code is not None and code in levels:
-            yield what, levels[code]
 
 
 def _element(value: Value | None, index: int) -> int | None:

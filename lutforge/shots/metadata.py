@@ -51,8 +51,7 @@ class ShotMetadata:
 def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     """Settings from the RAW file's own tags, completed by those of its preview and of the JPEG beside it.
 
-    exiv2 is asked first where that optional package is installed. Exposure, ISO and multipliers are LibRaw's.
-    Never
+    The optional package exiv2 completes them where it is installed. Exposure, ISO and multipliers are LibRaw's. Never
     raises: what is not to be found is unknown, and said so in the notes.
     """
     tags = file_tags(path)
@@ -85,14 +84,13 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
 
 
 def file_tags(path: Path) -> Tags:
-    """Tags of a file: exiv2's where it is installed and can read the file, completed by LutForge's own
-    reader."""
+    """Tags of a file by LutForge's own reader, completed by exiv2's where it is installed and can read the file."""
     tags: Tags = {}
     with contextlib.suppress(OSError, ValueError), path.open("rb") as file:
         data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         with data:
             tags = read_exif(data)
-    return {**tags, **_exiv2_tags(path)}
+    return {**_exiv2_tags(path), **tags}
 
 
 def tidy_camera(make: str, model: str) -> str:

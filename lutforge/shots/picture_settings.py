@@ -13,19 +13,13 @@ from lutforge.images.raw import read_multipliers
 from lutforge.images.read import ImageReader
 from lutforge.settings import Multipliers, parse_selector, setting_name
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
+from lutforge.shots.editors import edited_notes
 from lutforge.shots.exif import Tags
-from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
+from lutforge.shots.maker_multipliers import multipliers_of
 from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
 from lutforge.shots.metadata import UNKNOWN, file_tags, tidy_camera
 
 SOFTWARE = "LutForge"
-
-_EDITORS = re.compile(
-    "photoshop|lightroom|camera raw|gimp|darktable|rawtherapee|^art |capture one|affinity|dxo|luminar|on1|acdsee|"
-    "snapseed|picasa|imagemagick|paint|digikam|krita|silkypix",
-    re.IGNORECASE,
-)
-"""Programs that change colours; cameras name their firmware in the same tag."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,14 +61,12 @@ def read_picture_settings(path: Path) -> PictureSettings:
             multipliers = read_multipliers(raw)
         except ImageError:
             multipliers = None  # then the RAW file is of no help; the picture itself may be fine
-    balance = white_balance_of(tags) or UNKNOWN
-    kelvin = kelvin_of(tags) if balance == "kelvin" else None
     return PictureSettings(
         camera=camera,
         style=setting_name(style_of(tags) or UNKNOWN),
-        white_balance=f"{kelvin:g}k" if kelvin is not None else setting_name(balance),
+        white_balance=setting_name(white_balance_of(tags) or UNKNOWN),
         multipliers=multipliers,
-        notes=(*notes_of(tags), *_edited(tags)),
+        notes=(*notes_of(tags), *edited_notes(tags)),
     )
 
 
@@ -87,13 +79,6 @@ def camera_of(tags: Tags) -> str:
 def software_tag(camera: str, selector: str) -> str:
     """What the Software tag says of a picture: its settings now, as `read_picture_settings` reads them back."""
     return f"{SOFTWARE} ({camera}: {selector})"
-
-
-def _edited(tags: Tags) -> tuple[str, ...]:
-    software = str(tags.get(("Image", 0x0131), "")).strip()
-    if not _EDITORS.search(software):
-        return ()
-    return (f"{software} wrote this file: its colours may not be those that the camera made",)
 
 
 def _made_by_lutforge(tags: Tags) -> PictureSettings | None:

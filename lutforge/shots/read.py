@@ -12,8 +12,9 @@ from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import read_image
 from lutforge.shots.align import register_rotated
 from lutforge.shots.discover import JPEG_SUFFIXES, jpeg_beside
+from lutforge.shots.editors import edited_notes
 from lutforge.shots.jpeg_header import read_jpeg_header
-from lutforge.shots.metadata import read_metadata
+from lutforge.shots.metadata import file_tags, read_metadata
 from lutforge.shots.shot import Registration, Shot
 
 EMBEDDED = "embedded preview"
@@ -26,27 +27,35 @@ orientation."""
 def read_shot(path: Path | str) -> Shot:
     """RAW at half size, the registered camera JPEG, and the metadata of one RAW file.
 
-    The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; metadata.notes
-    says which was passed over and why. Raises ImageError where the RAW cannot be decoded, ShotError where no
-    JPEG matches it.
+    The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; one that another program
+    wrote (a converter's DNG holds that converter's rendering) comes last. metadata.notes says so, and which was passed
+    over and why. Raises ImageError where the RAW cannot be decoded, ShotError where no JPEG matches it.
     """
     path = Path(path)
     if path.suffix.lower() in JPEG_SUFFIXES:
         raise ShotError(f"{path}: a JPEG by itself is not a shot; name the RAW file that it was made from")
     raw = read_raw(path, half_size=True)
-    beside = jpeg_beside(path)
     reasons: list[str] = []
-    for source in ([str(beside)] if beside else []) + [EMBEDDED]:
+    candidates = sorted(_candidates(path), key=lambda candidate: len(candidate[1]))
+    for index, (source, edited) in enumerate(candidates):
         try:
             jpeg, registration = _registered(raw, path, source)
         except (ImageError, ShotError) as error:
             reasons.append(str(error))
             continue
         metadata = read_metadata(path, raw, Path(source) if source != EMBEDDED else None)
-        notes = tuple(f"passed over: {reason}" for reason in reasons)
+        reasons += [f"{other}: {note}" for other, notes in candidates[index + 1 :] for note in notes]
+        notes = (*edited, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
         return Shot(path.stem, path, raw, jpeg, source, metadata, registration)
     raise ShotError(f"{path}: no camera JPEG to pair it with: " + "; ".join(reasons))
+
+
+def _candidates(path: Path) -> list[tuple[str, tuple[str, ...]]]:
+    """Where the JPEG may be, best first, with what is to be said of each."""
+    beside = jpeg_beside(path)
+    embedded = (EMBEDDED, edited_notes(file_tags(path)))
+    return [(str(beside), edited_notes(file_tags(beside))), embedded] if beside else [embedded]
 
 
 def _registered(raw: RawImage, path: Path, source: str) -> tuple[NDArray[np.uint8], Registration]:

@@ -72,7 +72,18 @@ def test_camera_names(make: str, model: str, camera: str) -> None:
         ({("CanonCs", 13): (0xFFFF,), ("CanonCs", 14): (0,)}, "standard contrast-1"),
         ({("CanonCs", 14): (0,), ("CanonPr", 10): (0x83,)}, "landscape"),
         ({("NikonPc", 4): "VIVID", ("NikonPc", 53): (0x82,)}, "vivid saturation+2"),
+        ({("NikonPc", 4): "FLAT", ("NikonPc", 0): (4,), ("NikonPc", 51): (0x7E,)}, "flat contrast-0.5"),
+        ({("Nikon", 0x00A9): "CUSTOM", ("Nikon", 0x00AA): "ENHANCED"}, "custom saturation+1"),
         ({("Sony", 0xB020): "Landscape"}, "landscape"),
+        ({("Sony", 0xB020): "ST", ("Sony", 0x2033): (-3,)}, "st highlights-3"),
+        (
+            {("Fujifilm", 0x1401): (0,), ("Fujifilm", 0x1040): (32,), ("Fujifilm", 0x1041): (-64,)},
+            "provia highlights+4 shadows-2",
+        ),
+        ({("Pentax", 0x004F): (1,), ("Pentax", 0x001F): (4, 0), ("Pentax", 0x0020): (1,)}, "bright saturation+1"),
+        ({("Panasonic", 0x0089): (2,), ("Panasonic", 0x0039): (0xFFFE,)}, "vivid contrast-2"),
+        ({("OlympusCs", 0x0520): (1,), ("OlympusCs", 0x0523): (1, -2, 2)}, "vivid contrast+1"),
+        ({("Sigma", 0x002C): (4,)}, "vivid"),
         ({("Fujifilm", 0x1401): (0x600,)}, "classic chrome"),
         ({("OlympusCs", 0x0520): (3, 1)}, "muted"),
         ({("Photo", 0xA409): (2,)}, "standard saturation+1"),
@@ -81,6 +92,55 @@ def test_camera_names(make: str, model: str, camera: str) -> None:
 )
 def test_styles(tags: Tags, style: str | None) -> None:
     assert style_of(tags) == style
+
+
+def tiff_with_note(note: bytes, make: bytes = b"NIKON CORPORATION\0", order: str = ">") -> bytes:
+    """First directory: Make, and the EXIF directory with nothing but a maker note."""
+    start = 8 + 2 + 24 + 4
+    first = struct.pack(order + "HHHIIHHII", 2, 0x010F, 2, len(make), start, 0x8769, 4, 1, start + len(make))
+    exif = struct.pack(order + "HHHIII", 1, 0x927C, 7, len(note), start + len(make) + 18, 0)
+    head = {">": b"MM", "<": b"II"}[order] + struct.pack(order + "HI", 42, 8)
+    return head + first + bytes(4) + make + exif + note
+
+
+@pytest.mark.parametrize(
+    ("version", "name", "contrast", "style"),
+    [
+        (b"0100", 4, 51, "vivid contrast+2"),
+        (b"0200", 4, 55, "vivid contrast+0.5"),
+        (b"0310", 8, 63, "vivid contrast+0.5"),
+    ],
+)
+def test_each_version_of_nikons_picture_controls(version: bytes, name: int, contrast: int, style: str) -> None:
+    control = bytearray([0x80]) * 74
+    control[:4], control[name : name + 20], control[contrast] = version, b"VIVID".ljust(20, b"\0"), 0x82
+    note = b"Nikon\0\2\x10\0\0MM\0*\0\0\0\x08" + struct.pack(">HHHIII", 1, 0x0023, 7, len(control), 26, 0)
+    tags = read_exif(tiff_with_note(note + bytes(control)))
+    assert style_of(tags) == style
+    assert list(notes_of(tags)) == []
+    control[contrast] = 0
+    assert "automatic contrast" in next(notes_of(read_exif(tiff_with_note(note + bytes(control)))))
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_note_in_the_other_byte_order_than_it_states(order: str) -> None:
+    """As of a Pentax *ist DL, after a program that rewrote the file."""
+    note = b"AOC\0MM" + struct.pack(order + "HHHIHHI", 1, 0x004F, 3, 1, 1, 0, 0)
+    assert style_of(read_exif(tiff_with_note(note, b"PENTAX\0", ">"))) == "bright"
+
+
+PENTAX_DNG = b"PENTAX \0MM" + struct.pack("<HHHII", 1, 0x004F, 3, 1, 3)
+"""As a K-3 writes it: little-endian, whatever it says."""
+
+NOTE = b"SONY DSC \0\0\0" + struct.pack("<HHHII", 1, 0xB020, 2, 8, 1000 + 26) + b"Vivid\0\0\0"
+MOVED_NOTE = b"Adobe\0MakN" + struct.pack(">I", 6 + len(NOTE)) + b"II" + struct.pack(">I", 1000) + NOTE
+"""As Adobe's converter keeps the note of another file, where it stood at byte 1000."""
+
+
+@pytest.mark.parametrize(("private", "style"), [(PENTAX_DNG, "landscape"), (MOVED_NOTE, "vivid")])
+def test_the_maker_note_in_a_dngs_private_data(private: bytes, style: str) -> None:
+    first = struct.pack("<HHHII", 1, 0xC634, 1, len(private), 8 + 2 + 12)
+    assert style_of(read_exif(b"II" + struct.pack("<HI", 42, 8) + first + private)) == style
 
 
 def ciff(entries: list[tuple[int, bytes]]) -> bytes:

@@ -11,6 +11,7 @@ from lutforge.images.read import Image
 from lutforge.images.write import write_image
 from lutforge.shots.exif import Tags
 from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
+from lutforge.shots.maker_settings import white_balance_of
 from lutforge.shots.picture_settings import read_picture_settings, software_tag
 
 
@@ -52,7 +53,8 @@ def test_a_raw_file_tells_its_own(shared_data: Path) -> None:
         {("Pentax", 0x0201): (16384, 8192, 8192, 12288)},
         {("Olympus", 0x1017): (512, 64), ("Olympus", 0x1018): (384, 64)},
         {("OlympusIp", 0x0100): (512, 384)},
-        {("Panasonic", 0x0024): (524,), ("Panasonic", 0x0025): (262,), ("Panasonic", 0x0026): (393,)},
+        {("Panasonic", 0x8004): (2096,), ("Panasonic", 0x8005): (1048,), ("Panasonic", 0x8006): (1572,)},
+        {("Image", 0x0024): (524,), ("Image", 0x0025): (262,), ("Image", 0x0026): (393,)},
         {("Image", 0xC628): (1, 2, 1, 1, 2, 3)},
     ],
 )
@@ -72,7 +74,7 @@ def test_each_maker_s_multipliers(tags: Tags) -> None:
         {("Nikon", 0x000C): (512, 0, 384, 0)},
         {("Nikon", 0x000C): "text"},
         {("Pentax", 0x0201): (1, 2)},
-        {("Panasonic", 0x0024): (0,), ("Panasonic", 0x0025): (262,), ("Panasonic", 0x0026): (393,)},
+        {("Panasonic", 0x8004): (0,), ("Panasonic", 0x8005): (262,), ("Panasonic", 0x8006): (393,)},
         {("Image", 0xC628): (0, 1, 1, 1, 1, 1)},
         {("Nikon", 0x000C): (256, 256, 256, 256, 256, 256, 256, 256)},
     ],
@@ -85,6 +87,9 @@ def test_a_dialled_temperature() -> None:
     assert kelvin_of({("CanonPr", 9): (5200,)}) == 5200
     assert kelvin_of({("Sony", 0xB021): (0,), ("Pentax", 0x0050): (4100,)}) == 4100
     assert kelvin_of({("Sony", 0xB021): (0xFFFFFFFF,)}) is None
+    assert white_balance_of({("CanonSi", 7): (9,), ("CanonPr", 9): (3000,)}) == "3000k"
+    assert white_balance_of({("CanonSi", 7): (1,), ("CanonPr", 9): (5200,)}) == "daylight"
+    assert white_balance_of({("Nikon", 0x0005): "5000K"}) == "5000k"
 
 
 def test_a_picture_written_before_tells_its_last_settings(tmp_path: Path) -> None:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from lutforge.errors import ImageError, LutForgeError, ShotError
+from lutforge.images.read import read_image
+from lutforge.images.write import write_image
 from lutforge.shots.discover import discover
 from lutforge.shots.read import EMBEDDED, read_shot
 from lutforge.simulate.camera import nikon_d5100
@@ -56,6 +58,27 @@ def test_passes_over_a_jpeg_of_another_scene(folder: Path) -> None:
     shot = read_shot(folder / "wrong.dng")
     assert shot.jpeg_source == EMBEDDED
     assert any("wrong.jpeg" in note and "does not match" in note for note in shot.metadata.notes)
+
+
+def test_prefers_the_jpeg_that_no_program_has_touched(folder: Path, tmp_path: Path) -> None:
+    for name in ("pair.dng", "pair.JPG"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    jpeg = read_image(tmp_path / "pair.JPG")
+    jpeg.spec.attribute("Software", "Adobe Photoshop 21.0")
+    write_image(tmp_path / "pair.JPG", jpeg.pixels, jpeg)
+    shot = read_shot(tmp_path / "pair.dng")
+    assert shot.jpeg_source == EMBEDDED
+    assert any("pair.JPG: Adobe Photoshop 21.0 wrote this file" in note for note in shot.metadata.notes)
+
+
+def test_says_that_a_converters_dng_holds_the_converters_rendering(folder: Path, tmp_path: Path) -> None:
+    data = (folder / "alone.dng").read_bytes()
+    firmware = b"LutForge simulated camera"
+    assert firmware in data
+    data = data.replace(firmware, b"Adobe DNG Converter 9.0".ljust(len(firmware), b"\0"))
+    (tmp_path / "a.dng").write_bytes(data)
+    assert any("Adobe DNG Converter" in note for note in read_shot(tmp_path / "a.dng").metadata.notes)
+    assert not any("wrote this file" in note for note in read_shot(folder / "alone.dng").metadata.notes)
 
 
 def test_discover(folder: Path) -> None:
