@@ -1,9 +1,12 @@
 """What a sample table holds: its columns, their ranges, and what is wrong with a row, in words."""
 
 import math
+from pathlib import Path
 
 import numpy as np
+import polars as pl
 
+from lutforge.errors import SampleError
 from lutforge.samples.sample_set import Numbers
 
 TEXT_COLUMNS = ("camera", "style", "white_balance", "shot", "patch")
@@ -20,8 +23,32 @@ RAW_RANGE = (-0.05, 1.0)
 """RAW after black subtraction: noise of dark surfaces falls a little below 0 and is kept."""
 MULTIPLIER_RANGE = (1e-3, 1e3)
 """White-balance multipliers relative to green that any camera could have."""
+MAX_ROWS = 50_000_000
+MAX_COLUMNS = 1000
 MAX_TEXT = 200
 """Characters in a cell."""
+
+
+def column_type(name: str) -> pl.DataType:
+    return pl.Float64() if name in NUMBER_COLUMNS else pl.String()
+
+
+def wanted_columns(path: Path, names: list[str]) -> list[str]:
+    """The known columns among these. Raises SampleError on missing, doubled or too many columns."""
+    if len(names) > MAX_COLUMNS:
+        raise SampleError(f"{path}: {len(names)} columns; a sample table has at most {MAX_COLUMNS}")
+    doubled = sorted({name for name in names if name and names.count(name) > 1})
+    if doubled:
+        raise SampleError(f"{path}: column {doubled[0]!r} occurs twice; keep one of them")
+    missing = [name for name in REQUIRED_COLUMNS if name not in names]
+    if any(name in names for name in WB_COLUMNS):
+        missing += [name for name in WB_COLUMNS if name not in names]
+    if missing:
+        raise SampleError(
+            f"{path}: missing column{'s' * (len(missing) > 1)} {', '.join(missing)};"
+            " the first line of a sample table names its columns"
+        )
+    return [name for name in names if name in REQUIRED_COLUMNS or name in OPTIONAL_COLUMNS]
 
 
 def is_valid(numbers: dict[str, Numbers]) -> bool:
