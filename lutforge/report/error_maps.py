@@ -11,7 +11,7 @@ from lutforge.calibration.held_out import Predictions
 from lutforge.report.drawing import ERROR_SCALE, MAP
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
 from lutforge.samples.tiles import jpeg_cells
-from lutforge.shots.align import raw_on_jpeg_cells
+from lutforge.shots.cells import raw_on_jpeg_cells
 from lutforge.shots.read import TURNS
 from lutforge.shots.shot import Shot
 

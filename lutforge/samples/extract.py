@@ -11,7 +11,7 @@ from lutforge.samples.chart import detector_note, find_chart, sample_chart
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.tiles import LEVELS, agreement, cell_size, flatness, jpeg_cells
-from lutforge.shots.align import raw_on_jpeg_cells
+from lutforge.shots.cells import raw_on_jpeg_cells
 from lutforge.shots.shot import Shot
 
 FEW_TILES = 100

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lutforge.samples.clipping import Extremes
-from lutforge.shots.align import CellStatistics
+from lutforge.shots.cells import CellStatistics
 from lutforge.shots.shot import Registration
 
 Array = NDArray[np.float64]

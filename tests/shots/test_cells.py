@@ -1,0 +1,34 @@
+"""RAW statistics over JPEG cells, counted on a finer grid, and at the borders."""
+
+import numpy as np
+import pytest
+from test_align import raw_image
+
+from lutforge.shots.cells import raw_on_grid
+from lutforge.shots.shot import Registration
+
+
+@pytest.mark.parametrize("pixel_size", [1.0, 2.0])
+def test_cell_statistics_weigh_fractional_borders(pixel_size: float) -> None:
+    rng = np.random.default_rng(0)
+    pixels = rng.uniform(0, 1, (40, 50, 3))
+    found = Registration(1.3, 2.6, 1.1, 1.0)
+    cells = raw_on_grid(raw_image(pixels, pixel_size), found, 4, 5, 3)
+    # by counting on a grid so fine that every border lies on it: 1/20 of a full-resolution pixel
+    fine = np.repeat(np.repeat(pixels, round(20 * pixel_size), axis=0), round(20 * pixel_size), axis=1)
+    for row in range(4):
+        for column in range(5):
+            top, left = (1.3 * 3 * row + 1.1) * 20, (1.3 * 3 * column + 2.6) * 20
+            block = fine[round(top) : round(top + 78), round(left) : round(left + 78)]
+            np.testing.assert_allclose(cells.mean[row, column], block.mean(axis=(0, 1)), atol=1e-6)
+            np.testing.assert_allclose(cells.std[row, column], block.std(axis=(0, 1)), atol=1e-5)
+            np.testing.assert_allclose(cells.minimum[row, column], block.min(axis=(0, 1)), atol=1e-6)
+            np.testing.assert_allclose(cells.maximum[row, column], block.max(axis=(0, 1)), atol=1e-6)
+
+
+def test_cells_outside_the_raw_are_nan() -> None:
+    cells = raw_on_grid(raw_image(np.ones((10, 10, 3))), Registration(1.0, -1.0, 0.0, 1.0), 6, 6, 2)
+    assert np.isnan(cells.mean[:, 0]).all()
+    assert np.isnan(cells.mean[5]).all()
+    np.testing.assert_allclose(cells.mean[:5, 1:5], 1)
+    np.testing.assert_allclose(cells.std[:5, 1:5], 0, atol=1e-9)
