@@ -69,9 +69,13 @@ def read_tiff(data: Buffer) -> Tags:
     pointer, private = entries.get(0x8769), entries.get(0xC634)
     if pointer is not None:
         (exif,) = struct.unpack_from(order + "I", data, pointer.position)
-        note = reader.directory("Photo", order, 0, exif).get(0x927C)
+        photo = reader.directory("Photo", order, 0, exif)
+        note, interoperability = photo.get(0x927C), photo.get(0xA005)
         if note is not None:
             reader.maker_note(order, note.position)
+        if interoperability is not None:
+            (offset,) = struct.unpack_from(order + "I", data, interoperability.position)
+            reader.directory("Iop", order, 0, offset)
     if private is not None:
         reader.private_data(order, private.position)
     return reader.tags

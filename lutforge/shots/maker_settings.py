@@ -145,8 +145,22 @@ _SCENE_DEPENDENT: dict[Key, tuple[str, frozenset[int], int]] = {
 look at."""
 
 
+_ADOBE_RGB: dict[Key, int | str] = {
+    ("Iop", 0x0001): "R03",
+    ("Photo", 0xA001): 2,
+    ("Canon", 0x00B4): 2,
+    ("Nikon", 0x001E): 2,
+    ("Pentax", 0x0037): 1,
+    ("OlympusCs", 0x0507): 1,
+}
+"""Tags that say so where the JPEG is not sRGB (DCF 2.0, "option file", and the makers' own)."""
+
+
 def style_of(tags: Tags) -> str | None:
-    """Picture style with its adjustments ("standard", "vivid contrast+1"); None where no tag speaks of it."""
+    """Picture style with its adjustments, and a colour space that is not sRGB ("standard", "vivid contrast+1 adobe rgb").
+
+    None where no tag speaks of it.
+    """
     name = _named_style(tags)
     adjusted = dict(adjustments(tags, name is not None))
     if name is None:
@@ -155,7 +169,7 @@ def style_of(tags: Tags) -> str | None:
         ):
             return None
         name = "standard"
-    return " ".join([name, *(f"{what}{steps:+g}" for what, steps in adjusted.items())])
+    return " ".join([name, *(f"{what}{steps:+g}" for what, steps in adjusted.items()), *_colour_space(tags)])
 
 
 def white_balance_of(tags: Tags) -> str | None:
@@ -178,13 +192,23 @@ def _white_balance_word(tags: Tags) -> str | None:
 
 
 def notes_of(tags: Tags) -> Iterator[str]:
-    """What in the settings makes the rendering depend on the scene."""
+    """What in the settings makes the rendering depend on the scene, or a JPEG other than sRGB."""
+    if _colour_space(tags):
+        yield "the JPEG is Adobe RGB, not sRGB: a style of its own, whose linear light is off; set the camera to sRGB"
     for key, (name, off, index) in _SCENE_DEPENDENT.items():
         code = _element(tags.get(key), index)
         if code is not None and code not in off:
             yield f"{name} was on: the rendering depends on the scene, which the calibration does not model"
     if _named_style(tags) in ("auto", "i-enhance"):
         yield "the picture style was automatic: the rendering depends on the scene"
+
+
+def _colour_space(tags: Tags) -> tuple[str, ...]:
+    for key, adobe in _ADOBE_RGB.items():
+        value = tags.get(key)
+        if (value if isinstance(value, str) else _element(value, 0)) == adobe:
+            return ("adobe rgb",)
+    return ()
 
 
 def _named_style(tags: Tags) -> str | None:

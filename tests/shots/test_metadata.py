@@ -84,6 +84,8 @@ def test_camera_names(make: str, model: str, camera: str) -> None:
         ({("Panasonic", 0x0089): (2,), ("Panasonic", 0x0039): (0xFFFE,)}, "vivid contrast-2"),
         ({("OlympusCs", 0x0520): (1,), ("OlympusCs", 0x0523): (1, -2, 2)}, "vivid contrast+1"),
         ({("Sigma", 0x002C): (4,)}, "vivid"),
+        ({("NikonPc", 4): "STANDARD", ("Iop", 1): "R03"}, "standard adobe rgb"),
+        ({("CanonPr", 10): (0x81,), ("Canon", 0x00B4): (1,), ("Photo", 0xA001): (1,)}, "standard"),
         ({("Fujifilm", 0x1401): (0x600,)}, "classic chrome"),
         ({("OlympusCs", 0x0520): (3, 1)}, "muted"),
         ({("Photo", 0xA409): (2,)}, "standard saturation+1"),
