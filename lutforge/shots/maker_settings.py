@@ -157,7 +157,7 @@ _ADOBE_RGB: dict[Key, int | str] = {
 
 
 def style_of(tags: Tags) -> str | None:
-    """Picture style with its adjustments, and a colour space other than sRGB ("standard", "vivid contrast+1 adobe rgb").
+    """Picture style with its adjustments, and a colour space but sRGB: "standard", "vivid contrast+1 adobe rgb".
 
     None where no tag speaks of it.
     """
