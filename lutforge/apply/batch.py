@@ -142,9 +142,13 @@ def plan_jobs(inputs: Sequence[Input], folder: Path, suffix: str | None = None, 
 
 
 def _without_repetitions(inputs: Sequence[Input]) -> tuple[list[Input], list[Path]]:
-    """The inputs, each file once, and the paths of those that were given again."""
-    first: dict[Path, Input] = {}
-    repeated = [image.path for image in inputs if first.setdefault(image.path.resolve(), image) is not image]
+    """The inputs, each once, and the paths of those that were given again: the same file, to become the same output.
+    Links with names of their own are images of their own.
+    """
+    first: dict[tuple[Path, Path], Input] = {}
+    repeated = [
+        image.path for image in inputs if first.setdefault((image.path.resolve(), image.place), image) is not image
+    ]
     return list(first.values()), repeated
 
 

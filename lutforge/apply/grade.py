@@ -2,10 +2,10 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
@@ -13,6 +13,7 @@ from lutforge import __version__
 from lutforge.errors import ConfigError, LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.chain import LutChain
+from lutforge.luts.ends import read_ends
 from lutforge.luts.processor import OCIO_ERRORS, file_processor
 from lutforge.ocio.check import load_config
 
@@ -25,8 +26,9 @@ class Grade:
     attributes: further metadata to set in the output, by OpenImageIO's names; with None those that match the name, a
     regular expression, are erased. confidence: colours → (confidence, unclipped, covered), each in [0, 1]: the first
     for masks, the others to count pixels below 0.5. raw: the source is a RAW file, and its linear camera RGB is graded.
-    notes: what the user should know about this image. oiiotool: the words with which oiiotool does the same, where it
-    can; lut: what `processor` evaluates, where that is in no file.
+    notes: what the user should know about this image. takes_linear, gives_linear: what goes in, or comes out, is
+    scene-linear light and not an encoded picture, where that is known. oiiotool: the words with which oiiotool does the
+    same, where it can; lut: what `processor` evaluates, where that is in no file.
     """
 
     processor: OCIO.CPUProcessor
@@ -35,6 +37,8 @@ class Grade:
     confidence: OCIO.CPUProcessor | None = None
     raw: bool = False
     notes: tuple[str, ...] = ()
+    takes_linear: bool = False
+    gives_linear: bool = False
     oiiotool: tuple[str, ...] = ()
     lut: LutChain | None = None
 
@@ -67,16 +71,16 @@ def fingerprint(*parts: object) -> str:
     return total.hexdigest()
 
 
-@dataclass(frozen=True)
-class LutRecipe:
-    """One LUT file for all images. interpolation: for files that name none."""
+class Rebuilt:
+    """Pickles as the fields that a dataclass was made of, not as what it has derived from them since."""
 
-    path: Path
-    interpolation: Interpolation = "tetrahedral"
+    def __reduce__(self) -> tuple[object, ...]:
+        mine: Any = self
+        return type(self), tuple(getattr(self, field.name) for field in fields(mine))
 
-    @cached_property
-    def key(self) -> str:
-        return fingerprint("LUT", self.path, self.interpolation)
+
+class _OneForAll(Rebuilt):
+    """A recipe whose grade is the same for all images."""
 
     def check(self) -> None:
         _ = self._grade
@@ -86,23 +90,41 @@ class LutRecipe:
 
     @cached_property
     def _grade(self) -> Grade:
+        raise NotImplementedError  # each recipe below has its own
+
+
+@dataclass(frozen=True)
+class LutRecipe(_OneForAll):
+    """One LUT file for all images. interpolation: for files that name none."""
+
+    path: Path
+    interpolation: Interpolation = "tetrahedral"
+
+    @cached_property
+    def key(self) -> str:
+        return fingerprint("LUT", self.path, self.interpolation)
+
+    @cached_property
+    def _grade(self) -> Grade:
         pair = {".spi1d": ".spi3d", ".spi3d": ".spi1d"}.get(self.path.suffix.lower())
         if pair is not None and self.path.with_suffix(pair).is_file():
             raise LutError(
                 f"{self.path}: half of a LUT, {self.path.with_suffix(pair).name} is the other; bake a .clf or .cube to "
                 "apply, or use the two in an OpenColorIO config"
             )
-        # oiiotool interpolates its own way: tetrahedral for cubes.
-        words = ("--ociofiletransform", str(self.path)) if self.interpolation == "tetrahedral" else ()
-        processor = file_processor(self.path, self.interpolation)
-        return Grade(processor, f"graded with {self.path.name}", oiiotool=words)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return LutRecipe, (self.path, self.interpolation)
+        ends = read_ends(self.path)
+        return Grade(
+            file_processor(self.path, self.interpolation),
+            f"graded with {self.path.name}",
+            takes_linear=ends is not None and ends.takes_linear,
+            gives_linear=ends is not None and ends.gives_linear,
+            # oiiotool interpolates its own way: tetrahedral for cubes.
+            oiiotool=("--ociofiletransform", str(self.path)) if self.interpolation == "tetrahedral" else (),
+        )
 
 
 @dataclass(frozen=True)
-class ConfigRecipe:
+class ConfigRecipe(_OneForAll):
     """From one colour space of an OpenColorIO config to another."""
 
     path: Path
@@ -113,12 +135,6 @@ class ConfigRecipe:
     def key(self) -> str:
         # The processor's identity holds the contents of the LUT files that the config refers to.
         return fingerprint("config", self._grade.processor.getCacheID())
-
-    def check(self) -> None:
-        _ = self._grade
-
-    def grade(self, source: Path) -> Grade:
-        return self._grade
 
     @cached_property
     def _grade(self) -> Grade:
@@ -131,10 +147,15 @@ class ConfigRecipe:
                 raise ConfigError(f'{self.path}: no colour space "{name}"; it has {known}')
         try:
             processor = config.getProcessor(self.source, self.target).getDefaultCPUProcessor()
+            linear = [
+                config.isColorSpaceLinear(name, OCIO.REFERENCE_SPACE_SCENE) for name in (self.source, self.target)
+            ]
         except OCIO_ERRORS as error:
             raise ConfigError(f"{self.path}: {' '.join(str(error).split())}") from error
-        words = ("--colorconfig", str(self.path), "--colorconvert", self.source, self.target)
-        return Grade(processor, f"{self.source} to {self.target}", oiiotool=words)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return ConfigRecipe, (self.path, self.source, self.target)
+        return Grade(
+            processor,
+            f"{self.source} to {self.target}",
+            takes_linear=linear[0],
+            gives_linear=linear[1],
+            oiiotool=("--colorconfig", str(self.path), "--colorconvert", self.source, self.target),
+        )

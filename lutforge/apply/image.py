@@ -20,6 +20,7 @@ from lutforge.errors import ImageError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import ImageReader, Region, is_premultiplied
 from lutforge.images.write import image_writer, keeps_orientation, upright, with_shape
+from lutforge.shots.discover import RAW_SUFFIXES
 
 Pixels = NDArray[np.float32]
 
@@ -41,6 +42,18 @@ _IN_MEMORY = Semaphore(max(1, sysconf("SC_PAGE_SIZE") * sysconf("SC_PHYS_PAGES")
 
 _ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}
 """LibRaw's flip → EXIF orientation."""
+
+
+_RGB = (("r", "g", "b"), ("red", "green", "blue"))
+
+_NOT_RGB = {
+    "CMYK": "CMYK", "YCbCrK": "CMYK", "color separated": "CMYK",
+    "CIELAB": "CIELAB", "ICCLAB": "CIELAB", "ITULAB": "CIELAB",
+}  # fmt: skip
+"""What OpenImageIO says of files whose colours it gives as RGB all the same, and what they are."""
+
+_MAY_BREAK = frozenset({"half", "float", "double"})
+"""Pixel types that can hold what is no finite number."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +134,7 @@ def apply_image(
     with ExitStack() as stack:
         image = stack.enter_context(_open(source, target, grade.raw))
         spec = image.spec
-        check_channels(source, spec)
+        check_colours(source, spec)
         attributes = dict(grade.attributes)
         if not spec.get_string_attribute("DateTime"):
             # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
@@ -133,15 +146,17 @@ def apply_image(
             masking = stack.enter_context(image_writer(mask, _mask_spec(writer.spec), ""))
         threads = stack.enter_context(_threads(count))
         premultiplied = is_premultiplied(spec)
-
-        doubtful = np.zeros(3, dtype=np.int64)
+        doubtful = np.zeros(2, dtype=np.int64)
+        broken = 0
 
         def work(pixels: Pixels) -> Pixels | None:
+            nonlocal broken
             confidence = None
+            broken += _count_broken(pixels) if str(spec.format) in _MAY_BREAK else 0
             if grade.confidence is not None:
                 confidence = np.empty_like(pixels)
                 _grade(grade.confidence, pixels, confidence, premultiplied, threads)
-                doubtful[:] += _count_doubtful(confidence, pixels)
+                doubtful[:] += _count_doubtful(confidence)
                 confidence = np.ascontiguousarray(confidence[..., :1]) if masking is not None else None
             _grade(grade.processor, pixels, pixels, premultiplied, threads)
             return confidence
@@ -157,31 +172,55 @@ def apply_image(
         _overlapped(regions, image.read, work, write, overlap=count > 1)
         parts = image.count_parts()
         width, height = spec.width, spec.height
-    notes = (*grade.notes, *_doubts(source, doubtful, width * height))
+        notes = [*grade.notes, *_wrong_light(grade, spec, writer.spec), *_layers(spec)]
+    notes += _doubts(doubtful, broken, width * height)
     if parts != 1:
-        notes = (*notes, f"{source}: the first of {parts} images in the file was used")
-    return Applied(source, target, width, height, notes, mask if masking is not None else None)
+        notes.append(f"the first of {parts} images in the file was used")
+    return Applied(source, target, width, height, tuple(notes), mask if masking is not None else None)
 
 
-def _count_doubtful(confidence: Pixels, pixels: Pixels) -> NDArray[np.int64]:
-    """How many pixels are clipped, else unlike every colour of the calibration, and how many are not numbers."""
+def _wrong_light(grade: Grade, source: oiio.ImageSpec, output: oiio.ImageSpec) -> Iterator[str]:
+    """What to tell of scene-linear light in files that hardly ever hold it."""
+    if grade.takes_linear and not grade.raw and str(source.format) == "uint8":
+        yield "scene-linear light is what this grade takes, and 8-bit pictures are encoded: linearize them first"
+    if grade.gives_linear and str(output.format) == "uint8":
+        yield "scene-linear light in 8 bits shows bands: keep it in half or float, with --suffix .exr"
+
+
+def _layers(spec: oiio.ImageSpec) -> Iterator[str]:
+    """What to tell of a file with more colours than those that are graded."""
+    graded, others = spec.channelnames[:3], spec.channelnames[3:]
+    if tuple(_last_words(graded)) not in _RGB:
+        yield f"the channels {', '.join(graded)} were graded as red, green and blue"
+    layers = dict.fromkeys(name.rpartition(".")[0] for name in others if name.lower().endswith((".r", ".red")))
+    if layers:
+        yield f"{', '.join(graded)} were graded; the layers {', '.join(layers)} are as they were"
+
+
+def _count_broken(pixels: Pixels) -> int:
+    """How many pixels are not finite numbers."""
+    if np.isfinite(np.sum(pixels)):  # NaN and infinity stay what they are
+        return 0
+    return int(np.count_nonzero(~np.isfinite(pixels[..., :3]).all(axis=-1)))
+
+
+def _count_doubtful(confidence: Pixels) -> NDArray[np.int64]:
+    """How many pixels are clipped, and how many of the others are unlike every colour of the calibration."""
     clipped = confidence[..., 1] < 0.5
     unlike = (confidence[..., 2] < 0.5) & ~clipped
-    sums = pixels[..., 0] + pixels[..., 1] + pixels[..., 2]  # NaN and infinity stay what they are
-    return np.array([np.count_nonzero(part) for part in (clipped, unlike, ~np.isfinite(sums))])
+    return np.array([np.count_nonzero(clipped), np.count_nonzero(unlike)])
 
 
-def _doubts(source: Path, doubtful: NDArray[np.int64], count: int) -> tuple[str, ...]:
+def _doubts(doubtful: NDArray[np.int64], broken: int, count: int) -> Iterator[str]:
     """What to tell of the pixels whose grade is a guess; less than one in a thousand is not worth a line."""
-    clipped, unlike, broken = (int(number) for number in doubtful)
-    notes = []
+    clipped, unlike = (int(number) for number in doubtful)
     if clipped > 0.001 * count:
-        notes.append(f"{source}: {clipped / count:.1%} of the pixels are clipped; what they lost stays neutral")
+        yield f"{clipped / count:.1%} of the pixels are clipped; what they lost stays neutral"
     if unlike > 0.001 * count:
-        notes.append(f"{source}: {unlike / count:.1%} of the pixels are unlike all colours of the calibration")
+        yield f"{unlike / count:.1%} of the pixels are unlike all colours of the calibration"
     if broken:
-        notes.append(f"{source}: {broken} pixels are not finite numbers and became black")
-    return tuple(notes)
+        are = "pixels are not finite numbers" if broken > 1 else "pixel is not a finite number"
+        yield f"{broken} {are}; what became of them means nothing"
 
 
 def _overlapped(
@@ -259,6 +298,8 @@ def _open(source: Path, target: Path, raw: bool) -> Iterator[ImageReader | _InMe
             pixels = upright(image.pixels, _ORIENTATION_OF_FLIP.get(image.flip, 1))
             yield _InMemory(pixels, oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16"))
         return
+    if source.suffix.lower() in RAW_SUFFIXES:
+        raise ImageError(f"{source}: a RAW file; what renders it is a camera's profile (.npz)")
     with ImageReader(source) as reader:
         orientation = reader.spec.get_int_attribute("Orientation", 1)
         if orientation == 1 or keeps_orientation(target):
@@ -288,11 +329,21 @@ def _mask_spec(output: oiio.ImageSpec) -> oiio.ImageSpec:
     return spec
 
 
-def check_channels(path: Path, spec: oiio.ImageSpec) -> None:
-    """Raise ImageError where the first three channels are not colours, or their alpha is not the fourth."""
+def check_colours(path: Path, spec: oiio.ImageSpec) -> None:
+    """Raise ImageError where the first three channels are not RGB colours, or their alpha is not the fourth."""
     if spec.nchannels < 3:
         grey = " (greyscale); convert it to RGB first" if spec.nchannels <= 2 else ""
         raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s){grey}")
+    for name in ("jpeg:ColorSpace", "tiff:ColorSpace"):
+        if (stored := spec.get_string_attribute(name)) in _NOT_RGB:
+            raise ImageError(f"{path}: its colours are {_NOT_RGB[stored]}, not RGB; convert it to RGB first")
+    if set(_last_words(spec.channelnames[:3])) == {"y", "ry", "by"}:
+        raise ImageError(f"{path}: its colours are luminance and chroma, not RGB; convert it to RGB first")
     alpha = spec.alpha_channel
     if 0 <= alpha < 3 or (alpha > 3 and is_premultiplied(spec)):
         raise ImageError(f"{path}: channels are {', '.join(spec.channelnames)}; put R, G, B, A first")
+
+
+def _last_words(names: Sequence[str]) -> Iterator[str]:
+    """Channel names in lower case, without their layer."""
+    return (name.rpartition(".")[2].lower() for name in names)

@@ -1,7 +1,8 @@
 """Which images a batch grades, and where each goes: files, folders and frame sequences."""
 
+import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -9,7 +10,9 @@ from pathlib import Path
 
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
+from lutforge.apply import journal
 from lutforge.errors import ImageError, SettingsError
+from lutforge.shots.discover import RAW_SUFFIXES
 
 MAX_FRAMES = 10_000_000
 
@@ -31,7 +34,7 @@ class Input:
 @dataclass(frozen=True)
 class Inputs:
     """What the words of a command name. missing: frames that were asked for by number and are not there; notes: gaps
-    in sequences whose frames were not named.
+    in sequences whose frames were not named, and what was left out of folders.
     """
 
     images: tuple[Input, ...]
@@ -40,14 +43,19 @@ class Inputs:
 
 
 def find_inputs(
-    words: Sequence[str | Path], frames: str | None = None, recursive: bool = False, leave_out: Path | None = None
+    words: Sequence[str | Path],
+    frames: str | None = None,
+    recursive: bool = False,
+    leave_out: Sequence[Path] = (),
+    raw: bool = False,
 ) -> Inputs:
     """The images that files, folders and sequences name, in order.
 
     A folder gives the images in it, by name; recursive: those of its subfolders too, which are kept in `place`, but
-    not of `leave_out`. A sequence is a name with #### (one # per digit; a single # is four), @@@@, %04d or %d in it,
-    with the frames in front of that (shot.1001-1100####.exr, 1-9x2 for every second) or in `frames`; else
-    those on the disk. A file of exactly that name comes first. Raises ImageError, SettingsError.
+    not of `leave_out`, nor of folders that an earlier batch filled. raw: RAW files are images, save those beside a
+    picture of the same name, which is the same photograph. A sequence is a name with #### (one # per digit; a single #
+    is four), @@@@, %04d or %d in it, with the frames in front of that (shot.1001-1100####.exr, 1-9x2 for every second)
+    or in `frames`; else those on the disk. A file of exactly that name comes first. Raises ImageError, SettingsError.
     """
     images: list[Input] = []
     missing: list[Path] = []
@@ -55,7 +63,8 @@ def find_inputs(
     for word in map(Path, words):
         pattern = _PATTERN.fullmatch(word.name)
         if word.is_dir():
-            found = list(_in_folder(word, recursive, leave_out))
+            found, left_out = _in_folder(word, recursive, leave_out, raw)
+            notes += left_out
             if not found:
                 raise ImageError(
                     f"{word}: no image in this folder" + ("" if recursive else "; --recursive looks deeper")
@@ -130,15 +139,45 @@ def _gaps(numbers: Sequence[int]) -> str:
     return ", ".join(gaps)
 
 
-def _in_folder(folder: Path, recursive: bool, leave_out: Path | None) -> Iterator[Input]:
-    files = folder.rglob("*") if recursive else folder.iterdir()
-    excluded = leave_out.resolve() if leave_out is not None else None
-    for path in sorted(files):
-        place = path.relative_to(folder)
-        if any(part.startswith(".") for part in place.parts) or path.suffix.lower() not in _suffixes():
-            continue
-        if path.is_file() and (excluded is None or excluded not in path.resolve().parents):
-            yield Input(path, place)
+def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bool) -> tuple[list[Input], list[str]]:
+    """The images of a folder by name, and notes on what was left out. Links to files are images, those to folders are
+    not followed.
+    """
+    suffixes = _suffixes() | (RAW_SUFFIXES if raw else frozenset())
+    excluded = {path.resolve() for path in leave_out}
+    found: list[Input] = []
+    notes: list[str] = []
+    negatives = 0
+    if excluded & {folder.resolve(), *folder.resolve().parents}:
+        return [], []
+    for place, subfolders, names in os.walk(folder):
+        at = Path(place)
+        kept = sorted(name for name in names if not name.startswith(".") and Path(name).suffix.lower() in suffixes)
+        pictures = {Path(name).stem.lower() for name in kept if not _is_raw(name)}
+        positives = [name for name in kept if not _is_raw(name) or Path(name).stem.lower() not in pictures]
+        negatives += len(kept) - len(positives)
+        found += [Input(at / name, (at / name).relative_to(folder)) for name in positives]
+        followed = [name for name in subfolders if recursive and not name.startswith(".")]
+        subfolders[:] = [name for name in followed if not _is_output(at / name, excluded)]
+        notes += [
+            f"{at / name}: left out, it was graded into; name it to grade what is in it"
+            for name in sorted(set(followed) - set(subfolders))
+            if (at / name).resolve() not in excluded
+        ]
+    if negatives:
+        notes.append(
+            f"{folder}: {negatives} RAW file{'s' if negatives > 1 else ''} left out beside pictures of the same name; "
+            "to render them, name them"
+        )
+    return sorted(found, key=lambda image: image.path), notes
+
+
+def _is_output(folder: Path, excluded: Container[Path]) -> bool:
+    return folder.resolve() in excluded or (folder / journal.NAME).exists()
+
+
+def _is_raw(name: str) -> bool:
+    return Path(name).suffix.lower() in RAW_SUFFIXES
 
 
 @cache

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lutforge.apply.batch import Failure
 from lutforge.apply.grade import Grade, Recipe
-from lutforge.apply.image import check_channels
+from lutforge.apply.image import check_colours
 from lutforge.apply.job import Job
 from lutforge.errors import ImageError, LutForgeError
 from lutforge.images.read import ImageReader, is_premultiplied
@@ -45,7 +45,7 @@ def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
     if any(sign in word for word in words for sign in "$%"):
         raise ImageError(f'{job.source}: OpenColorIO takes "$" and "%" in the path of a LUT for variables; rename it')
     with ImageReader(job.source) as reader:
-        check_channels(job.source, reader.spec)
+        check_colours(job.source, reader.spec)
         described = describe_output(job.target, reader.spec, reader.format)
         premultiplied = is_premultiplied(reader.spec)
         turned = reader.spec.get_int_attribute("Orientation", 1) != 1 and not keeps_orientation(job.target)

@@ -10,7 +10,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
-from lutforge.apply.grade import Grade, fingerprint
+from lutforge.apply.grade import Grade, Rebuilt, fingerprint
 from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.luts.bake import bake
@@ -46,7 +46,7 @@ MOST_CHAINS = 16
 
 
 @dataclass(frozen=True)
-class ProfileRecipe:
+class ProfileRecipe(Rebuilt):
     """From the settings that each picture was made with to others.
 
     profiles: of one camera or of several; the camera that a picture names decides which applies. source: STYLE/WB of
@@ -97,7 +97,7 @@ class ProfileRecipe:
             _history(camera.camera, str(given), look.camera, str(wanted), self.ev),
             attributes=_attributes(look, wanted),
             confidence=self._confidence(camera, given.style),
-            notes=tuple(f"{source}: {text}" for text in (*settings.notes, *notes, *doubts)),
+            notes=(*settings.notes, *notes, *doubts),
             lut=chain,
         )
 
@@ -153,7 +153,7 @@ class ProfileRecipe:
             _history(camera.camera, "RAW", look.camera, str(wanted), self.ev),
             attributes=_attributes(look, wanted),
             raw=True,
-            notes=tuple(f"{source}: {text}" for text in notes),
+            notes=notes,
         )
 
     @cached_property
@@ -255,9 +255,6 @@ class ProfileRecipe:
                 style, _multipliers(tinted(look.multipliers(wanted), tint, look.white_balances, look.matrix))
             )
         return wanted
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return ProfileRecipe, (self.profiles, self.source, self.target, self.ev, self.look, self.transfers)
 
 
 def _own_balance(target: Selector) -> float | None:

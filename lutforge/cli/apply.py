@@ -1,9 +1,10 @@
 """`lutforge apply`: grade images with a LUT, a profile or an OpenColorIO config."""
 
 import json
+import re
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,13 +12,16 @@ import typer
 
 from lutforge.cli.console import err, note, progress_bar, quiet_codecs, say
 from lutforge.errors import ImageError, SettingsError
-from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.interpolation import INTERPOLATIONS
 
 PROFILE = ".npz"
+MOST_NOTES = 3
+"""Images that have the same to be told of them, each in a line of its own."""
 
 if TYPE_CHECKING:
     from lutforge.apply.batch import BatchResult, Failure
     from lutforge.apply.grade import Recipe
+    from lutforge.apply.image import Applied
     from lutforge.apply.inputs import Inputs
 
 
@@ -65,33 +69,26 @@ def apply(
 
     IMAGES are files, folders, and sequences: shot.####.exr, shot.1001-1100####.exr, shot.%04d.exr.
     """
-    from lutforge.apply.batch import Failure, apply_batch
+    from lutforge.apply.batch import apply_batch
     from lutforge.apply.inputs import find_inputs
-    from lutforge.apply.profile_recipe import ProfileRecipe
 
-    if interpolation not in INTERPOLATIONS:
-        raise SettingsError(f'unknown interpolation "{interpolation}"; choose {" or ".join(INTERPOLATIONS)}')
+    profiles = (grade, *(path for path in images if path.suffix.lower() == PROFILE))
+    pictures = [path for path in images if path.suffix.lower() != PROFILE]
+    if not pictures:
+        raise SettingsError("no image named: give the images after the profiles")
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers {workers}: at least one thread is needed")
-    profiles = (grade, *(path for path in images if path.suffix.lower() == PROFILE))
-    images = [path for path in images if path.suffix.lower() != PROFILE]
-    if not images:
-        raise SettingsError("no image named: give the images after the profiles")
-    if grade.suffix.lower() == PROFILE:
-        recipe: Recipe = ProfileRecipe(profiles, source, target, ev, look, tuple(transfer or ()))
-    elif look is not None or transfer or len(profiles) > 1:
-        raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
-    else:
-        recipe = _recipe(grade, source, target, ev, interpolation)
+    recipe = _recipe(profiles, source, target, ev, look, tuple(transfer or ()), interpolation)
     recipe.check()
     if candidates is not None:
-        _candidates(recipe, images, candidates)
+        _candidates(recipe, pictures, candidates)
         return
     if output is None:
         raise SettingsError("no output: name a folder for the graded images with -o")
     if output.exists() and not output.is_dir():
         raise ImageError(f"{output}: is not a folder; name a folder for the graded images")
-    inputs = find_inputs(images, frames, recursive, leave_out=output)
+    leave_out = [output] if mask is None else [output, mask]
+    inputs = find_inputs(pictures, frames, recursive, leave_out, raw=grade.suffix.lower() == PROFILE)
     if print_commands:
         _print_commands(recipe, inputs, output, suffix)
         return
@@ -108,9 +105,42 @@ def apply(
             resume=resume,
             scheduler=scheduler,
         )
-    seconds = time.monotonic() - began
+    _tell(inputs, result, time.monotonic() - began, as_json)
+
+
+def _recipe(
+    paths: tuple[Path, ...],
+    source: str | None,
+    target: str | None,
+    ev: float,
+    look: Path | None,
+    transfers: tuple[Path, ...],
+    interpolation: str,
+) -> "Recipe":
+    """The recipe of profiles, or of one LUT or config. Raises SettingsError where an option does not go with it."""
+    from lutforge.apply.grade import ConfigRecipe, LutRecipe
+    from lutforge.apply.profile_recipe import ProfileRecipe
+
+    if interpolation not in INTERPOLATIONS:
+        raise SettingsError(f'unknown interpolation "{interpolation}"; choose {" or ".join(INTERPOLATIONS)}')
+    path, *others = paths
+    if path.suffix.lower() == PROFILE:
+        return ProfileRecipe(paths, source, target, ev, look, transfers)
+    if look is not None or transfers or others:
+        raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
+    if path.suffix.lower() in (".ocio", ".ocioz"):
+        return ConfigRecipe(path, source, target)
+    if source is not None or target is not None or ev:
+        raise SettingsError("--from, --to and --ev go with a profile or a config; a LUT is applied as it is")
+    return LutRecipe(path, interpolation)
+
+
+def _tell(inputs: "Inputs", result: "BatchResult", seconds: float, as_json: bool) -> None:
+    """Say what became of the images. Raises typer.Exit where one failed: 2 where it was the only one, else 1."""
+    from lutforge.apply.batch import Failure
+
     failed = (*result.failed, *(Failure(path, f"{path}: this frame is missing") for path in inputs.missing))
-    for text in (*inputs.notes, *result.notes, *(text for done in result.done for text in done.notes)):
+    for text in (*inputs.notes, *result.notes, *_notes(result.done)):
         note(text)
     for failure in failed:
         err.print(f"lutforge: {failure.reason}", markup=False)
@@ -126,6 +156,20 @@ def apply(
         note(f"{counts} in {seconds:.1f} s: {_rate(len(result.done), pixels, seconds)}")
     if failed:
         raise typer.Exit(1 if asked > 1 else 2)
+
+
+def _notes(graded: "Sequence[Applied]") -> Iterator[str]:
+    """What there is to know of the images; what many have in common, but for its numbers, in one line."""
+    alike: dict[str, list[tuple[Path, str]]] = {}
+    for done in graded:
+        for text in done.notes:
+            alike.setdefault(re.sub(r"[\d.]+", "", text), []).append((done.source, text))
+    for images in alike.values():
+        if len(images) > MOST_NOTES:
+            source, text = images[0]
+            yield f"{len(images)} images, such as {source}: {text}"
+        else:
+            yield from (f"{source}: {text}" for source, text in images)
 
 
 def _candidates(recipe: "Recipe", images: Sequence[Path], sheet: Path) -> None:
@@ -174,13 +218,3 @@ def _print_json(result: "BatchResult", failed: "Sequence[Failure]", seconds: flo
     }
     json.dump(document, sys.stdout, indent=1)
     print()
-
-
-def _recipe(path: Path, source: str | None, target: str | None, ev: float, interpolation: Interpolation) -> "Recipe":
-    from lutforge.apply.grade import ConfigRecipe, LutRecipe
-
-    if path.suffix.lower() in (".ocio", ".ocioz"):
-        return ConfigRecipe(path, source, target)
-    if source is not None or target is not None or ev:
-        raise SettingsError("--from, --to and --ev go with a profile or a config; a LUT is applied as it is")
-    return LutRecipe(path, interpolation)

@@ -62,6 +62,7 @@ def bake(
     from lutforge.luts.bake import bake as fit_lut
     from lutforge.luts.chain import bake_chain
     from lutforge.luts.dialects import DIALECTS
+    from lutforge.luts.ends import ends_of
     from lutforge.model.profile_file import load_profile
 
     if interpolation is not None and interpolation not in INTERPOLATIONS:
@@ -77,8 +78,8 @@ def bake(
     camera = load_profile(profile)
     partner = load_profile(other) if other is not None else None
     transform, title = choose_transform(camera, kind, partner, source, target, ev, space, model, transfer or ())
-    outputs = _outputs(output or [], reader, title, stages)
-    comments = (f"LutForge {__version__}", *_ends(kind, space), *_held_out(camera, kind, source, target))
+    outputs, ends = _outputs(output or [], reader, title, stages), ends_of(kind, space)
+    comments = (f"LutForge {__version__}", *ends.comments, *_held_out(camera, kind, source, target))
     if stages:
         with progress_bar("baking"):
             chain = bake_chain(transform, size, interpolation=interpolation, title=title, comments=comments)
@@ -99,7 +100,7 @@ def bake(
     for path, dialect in outputs.items():
         _write(path, dialect, size, lut, transform, kind)
     if kind in ("render", "linearize"):
-        note(f"{_ends(kind, space)[0]}; {_ends(kind, space)[1]}")
+        note("; ".join(ends.comments))
 
 
 def _outputs(named: list[Path], reader: str | None, title: str, stages: bool) -> "dict[Path, str | None]":
@@ -146,19 +147,6 @@ def _say_stages(path: Path, chain: "LutChain", transform: "Transform", kind: str
     cubes = " → ".join(f"{lut.size}³" for lut in chain.luts)
     say(f"{path}: {path.suffix[1:].upper()} in stages, {cubes} nodes")
     say(f"  read back, against the model: {error}")
-
-
-def _ends(kind: str, space: str) -> tuple[str, str]:
-    """What goes in and what comes out, for the comments of the file: a LUT on the wrong pixels is the usual mistake."""
-    scene = (
-        "linear camera RAW, black 0, saturation 1, before white balance" if space == "raw" else f"scene-linear {space}"
-    )
-    jpeg = "the camera's JPEG, encoded, 0 to 1"
-    if kind == "render":
-        return f"input: {scene}; not for JPEGs", f"output: {jpeg}"
-    if kind == "linearize":
-        return f"input: {jpeg}", f"output: {scene}; keep it in half or float files, 8 bits would show bands"
-    return f"input: {jpeg}", f"output: {jpeg}"
 
 
 def choose_transform(

@@ -72,6 +72,8 @@ class ImageReader:
             raise ImageError(f"{path}: {_reason(oiio.geterror())}")
         self._path, self._source = path, source
         self.spec: oiio.ImageSpec = source.spec()
+        if self.spec.alpha_channel >= self.spec.nchannels:  # of a GIF, in OpenImageIO 3.2
+            self.spec.alpha_channel = self.spec.nchannels - 1
         self.format: str = source.format_name()
         try:
             _check_spec(path, self.spec)
@@ -160,6 +162,8 @@ def _check_file(path: Path) -> None:
     try:
         if path.is_dir():
             raise ImageError(f"{path}: a folder, not an image")
+        if path.exists() and not path.is_file():  # reading a pipe might never end
+            raise ImageError(f"{path}: not a file")
         size = path.stat().st_size
         with path.open("rb") as file:
             file.read(1)

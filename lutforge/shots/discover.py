@@ -1,6 +1,8 @@
 """Which of the given files and folders are shots."""
 
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from pathlib import Path
 
 from lutforge.errors import ShotError
@@ -52,17 +54,26 @@ def jpeg_beside(raw: Path) -> Path | None:
 
 
 def raw_beside(jpeg: Path) -> Path | None:
-    """The RAW file of the same stem in a JPEG's folder, whatever the case of its name; None where there is none."""
-    stem = jpeg.stem.lower()
+    """The RAW file of the same stem in a JPEG's folder, whatever the case of its name; None where there is none.
+
+    A folder is listed once for all of its pictures, until it changes.
+    """
     try:
-        names = sorted(
-            entry
-            for entry in jpeg.parent.iterdir()
-            if entry.stem.lower() == stem and entry.suffix.lower() in RAW_SUFFIXES
-        )
+        changed = jpeg.parent.stat().st_mtime_ns
+        # A change within the last tick of the file system's clock may not show in that time yet.
+        settled = time.time_ns() - changed > 10**9
+        names = (_raw_names if settled else _raw_names.__wrapped__)(str(jpeg.parent), changed)
     except OSError:
         return None
-    return next(iter(names), None)
+    name = names.get(jpeg.stem.lower())
+    return None if name is None else jpeg.with_name(name)
+
+
+@lru_cache(maxsize=16)
+def _raw_names(folder: str, changed: int) -> Mapping[str, str]:
+    """The RAW files of a folder by their stems in lower case, the first of each by name."""
+    files = sorted((path for path in Path(folder).iterdir() if path.suffix.lower() in RAW_SUFFIXES), reverse=True)
+    return {path.stem.lower(): path.name for path in files}
 
 
 def _in_folder(folder: Path) -> list[Path]:

@@ -3,15 +3,29 @@
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from graded_images import write_cube, write_picture
 
+from lutforge.cli.main import main
 
-def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "lutforge", "apply", *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=100)
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def run(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
+    """`lutforge apply` in the folder, with what it and the libraries under it print."""
+
+    def apply(*words: str) -> subprocess.CompletedProcess[str]:
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr(sys, "argv", ["lutforge", "apply", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return subprocess.CompletedProcess(words, int(ended.value.code or 0), *capfd.readouterr())
+
+    return apply
 
 
 @pytest.fixture
@@ -22,7 +36,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_each_failure_is_named_and_nothing_is_lost(folder: Path) -> None:
+def test_each_failure_is_named_and_nothing_is_lost(folder: Path, run: Run) -> None:
     data = (folder / "good.png").read_bytes()
     (folder / "cut.png").write_bytes(data[:-3000])
     broken = bytearray(data)
@@ -34,7 +48,7 @@ def test_each_failure_is_named_and_nothing_is_lost(folder: Path) -> None:
     write_picture(folder / "folder.tif" / "inside.jpg")
     write_picture(folder / "grey.tif", channels=1)
     bad = ("cut.png", "broken.png", "zero.jpg", "text.exr", "none.exr", "grey.tif")
-    done = run(folder, "look.cube", "good.png", *bad, "good.tif", "folder.tif", "./good.png", "-o", "out", "--json")
+    done = run("look.cube", "good.png", *bad, "good.tif", "folder.tif", "./good.png", "-o", "out", "--json")
     assert done.returncode == 1
     summary = json.loads(done.stdout)
     assert [entry["output"] for entry in summary["graded"]] == ["out/good.png", "out/good.tif", "out/inside.jpg"]
@@ -75,8 +89,8 @@ def test_a_full_disk(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("place", ["/dev/full", "good.png", "/proc/none"])
-def test_places_that_are_no_folder(folder: Path, place: str) -> None:
-    done = run(folder, "look.cube", "good.png", "-o", place)
+def test_places_that_are_no_folder(run: Run, place: str) -> None:
+    done = run("look.cube", "good.png", "-o", place)
     assert done.returncode == 2
     assert done.stderr.startswith("lutforge: ")
     assert place in done.stderr
@@ -84,26 +98,26 @@ def test_places_that_are_no_folder(folder: Path, place: str) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_workers_frames_and_clusters_that_make_no_sense(folder: Path) -> None:
+def test_workers_frames_and_clusters_that_make_no_sense(folder: Path, run: Run) -> None:
     for words, says in (
         (("--workers", "-3"), "at least one thread"),
         (("--frames", "9-1"), "frames are written as"),
         (("--scheduler", "nonsense"), "not the address of a Dask scheduler"),
     ):
-        done = run(folder, "look.cube", "good.####.png" if "--frames" in words else "good.png", "-o", "out", *words)
+        done = run("look.cube", "good.####.png" if "--frames" in words else "good.png", "-o", "out", *words)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
         assert says in done.stderr
     assert not (folder / "out").exists()
 
 
-def test_missing_frames_are_failures_where_they_were_asked_for(folder: Path) -> None:
+def test_missing_frames_are_failures_where_they_were_asked_for(folder: Path, run: Run) -> None:
     for number in (1001, 1002, 1004):
         write_picture(folder / f"shot.{number}.exr", (20, 30), "half")
-    done = run(folder, "look.cube", "shot.1001-1004####.exr", "-o", "out")
+    done = run("look.cube", "shot.1001-1004####.exr", "-o", "out")
     assert done.returncode == 1
     assert "lutforge: shot.1003.exr: this frame is missing" in done.stderr
     assert done.stdout.split() == [f"out/shot.{number}.exr" for number in (1001, 1002, 1004)]
-    again = run(folder, "look.cube", "shot.####.exr", "-o", "out", "--resume")
+    again = run("look.cube", "shot.####.exr", "-o", "out", "--resume")
     assert again.returncode == 0
     assert "not there: frame 1003" in again.stderr
     assert "0 graded, 3 skipped" in again.stderr

@@ -44,10 +44,10 @@ def test_folders_keep_their_tree_without_the_output(tmp_path: Path) -> None:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
     assert [str(image.place) for image in find_inputs([tmp_path]).images] == ["a.JPG"]
-    found = find_inputs([tmp_path], recursive=True, leave_out=tmp_path / "out")
+    found = find_inputs([tmp_path], recursive=True, leave_out=[tmp_path / "out"])
     assert [str(image.place) for image in found.images] == ["a.JPG", "sub/c.tif"]
     with pytest.raises(ImageError, match="no image in this folder"):
-        find_inputs([tmp_path / "sub" / ".d" / ".."], leave_out=tmp_path / "sub")
+        find_inputs([tmp_path / "sub" / ".d" / ".."], leave_out=[tmp_path / "sub"])
 
 
 @pytest.mark.parametrize("text", ["", "5-1", "a-b", "1-9x0", "1-999999999", "1,,2", "-3"])

@@ -1,0 +1,60 @@
+"""What goes into a LUT and what comes out: a LUT on the wrong pixels is the usual mistake, and no format has a word
+for it. The files that LutForge writes say it in their comments.
+"""
+
+import re
+from dataclasses import dataclass
+from html import unescape
+from pathlib import Path
+
+ENCODED = "the camera's JPEG, encoded, 0 to 1"
+RAW = "linear camera RAW, black 0, saturation 1, before white balance"
+
+_HEAD = 16 * 1024
+"""Comments stand within so many bytes of the beginning of a file."""
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Input and output of a LUT, in words; ENCODED, RAW, or "scene-linear" and the name of the space."""
+
+    input: str
+    output: str
+
+    @property
+    def takes_linear(self) -> bool:
+        return self.input != ENCODED
+
+    @property
+    def gives_linear(self) -> bool:
+        return self.output != ENCODED
+
+    @property
+    def comments(self) -> tuple[str, str]:
+        """For people, and for `read_ends`."""
+        taken = f"{self.input}; not for JPEGs" if self.takes_linear else self.input
+        given = (
+            f"{self.output}; keep it in half or float files, 8 bits would show bands"
+            if self.gives_linear
+            else self.output
+        )
+        return f"input: {taken}", f"output: {given}"
+
+
+def ends_of(kind: str, space: str) -> Ends:
+    """Of a transform: render, linearize, refinish or match; space: the scene-linear side, "raw" or a name."""
+    scene = RAW if space == "raw" else f"scene-linear {space}"
+    return Ends(scene if kind == "render" else ENCODED, scene if kind == "linearize" else ENCODED)
+
+
+def read_ends(path: Path) -> Ends | None:
+    """What a LUT file says of itself; None where it does not, or is not there."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD).decode("utf-8", "replace")
+    except OSError:
+        return None
+    found = [re.search(rf"\b{end}: ([^;\n<]+)", unescape(head)) for end in ("input", "output")]
+    if "LutForge" not in head or found[0] is None or found[1] is None:
+        return None
+    return Ends(*(match[1].strip() for match in found if match is not None))

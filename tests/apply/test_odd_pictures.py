@@ -1,0 +1,183 @@
+"""Batches as they come: pictures that are no plain RGB, layers, links, names, and what earlier runs left behind."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import pytest
+from graded_images import Pixels, write_cube, write_picture
+from PIL import Image as Picture
+
+from lutforge.apply.batch import BatchResult, apply_batch
+from lutforge.apply.grade import ConfigRecipe, LutRecipe
+from lutforge.apply.image import apply_to_pixels
+from lutforge.apply.inputs import find_inputs
+from lutforge.images.read import read_image
+from lutforge.luts.ends import ends_of, read_ends
+from lutforge.luts.formats import clf, csp, cube_3d
+from lutforge.luts.lut import Lut
+from lutforge.model.lattice import grid, uniform_levels
+
+
+@pytest.fixture
+def cube(tmp_path: Path) -> LutRecipe:
+    return LutRecipe(write_cube(tmp_path / "look.cube"))
+
+
+def write_channels(path: Path, pixels: Pixels, names: tuple[str, ...], kind: str = "float") -> Path:
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
+    spec.channelnames = names
+    target = oiio.ImageOutput.create(str(path))
+    assert target is not None
+    assert target.open(str(path), spec), target.geterror()
+    assert target.write_image(pixels), target.geterror()
+    assert target.close(), target.geterror()
+    return path
+
+
+def noise(*shape: int) -> Pixels:
+    return np.random.default_rng(0).random(shape, dtype=np.float32)
+
+
+def test_colours_that_are_not_rgb_are_refused(tmp_path: Path, cube: LutRecipe) -> None:
+    codes = np.random.default_rng(0).integers(0, 256, (20, 30, 4), dtype=np.uint8)
+    Picture.fromarray(codes, "CMYK").save(tmp_path / "cmyk.jpg")
+    Picture.fromarray(codes, "CMYK").save(tmp_path / "cmyk.tif")
+    Picture.fromarray(codes[..., :3].copy(), "LAB").save(tmp_path / "lab.tif")
+    Picture.fromarray(codes[..., 0].copy(), "L").save(tmp_path / "grey.jpg")
+    write_channels(tmp_path / "chroma.exr", noise(20, 30, 3), ("Y", "RY", "BY"))
+    (tmp_path / "raw.NEF").touch()
+    says = {"cmyk.jpg": "CMYK", "cmyk.tif": "CMYK", "lab.tif": "CIELAB", "grey.jpg": "greyscale"}
+    says |= {"chroma.exr": "luminance and chroma", "raw.NEF": "a camera's profile"}
+    result = apply_batch(cube, [tmp_path / name for name in says], tmp_path / "out")
+    assert not result.done
+    for failure, (name, word) in zip(result.failed, says.items(), strict=True):
+        assert failure.reason.startswith(f"{tmp_path / name}: ")
+        assert word in failure.reason
+
+
+def test_layers_and_other_names_are_told(tmp_path: Path, cube: LutRecipe) -> None:
+    names = ("R", "G", "B", "A", "diffuse.R", "diffuse.G", "diffuse.B")
+    whole = write_channels(tmp_path / "layers.exr", noise(20, 30, 7), names)
+    only = write_channels(tmp_path / "only.exr", noise(20, 30, 6), tuple(f"{a}.{b}" for a in "de" for b in "RGB"))
+    xyz = write_channels(tmp_path / "xyz.exr", noise(20, 30, 3), ("X", "Y", "Z"))
+    told = {done.source: done.notes for done in apply_batch(cube, [whole, only, xyz], tmp_path / "out").done}
+    assert told[whole] == ("R, G, B were graded; the layers diffuse are as they were",)
+    assert told[only] == ("d.R, d.G, d.B were graded; the layers e are as they were",)
+    assert told[xyz] == ("the channels X, Y, Z were graded as red, green and blue",)
+    before, after = read_image(whole), read_image(tmp_path / "out" / "layers.exr")
+    assert after.spec.channelnames == before.spec.channelnames
+    np.testing.assert_array_equal(after.pixels[..., 3:], before.pixels[..., 3:])
+
+
+def test_pixels_that_are_no_numbers_are_counted(tmp_path: Path, cube: LutRecipe) -> None:
+    pixels = noise(20, 30, 3)
+    pixels[3, :5, 1], pixels[4, :2] = np.nan, np.inf
+    source = write_channels(tmp_path / "a.exr", pixels, ("R", "G", "B"))
+    (done,) = apply_batch(cube, [source], tmp_path / "out").done
+    assert done.notes == ("7 pixels are not finite numbers; what became of them means nothing",)
+    assert np.isfinite(read_image(done.target).pixels).all()
+
+
+@pytest.mark.parametrize(("name", "size", "kind", "channels"), [
+    ("one.png", (1, 1), "uint8", 3), ("one.jpg", (1, 1), "uint8", 3), ("one.exr", (1, 1), "half", 4),
+    ("alpha.png", (20, 30), "uint16", 4), ("ünïcødé 写真 #1.png", (9, 9), "uint16", 3), ("-o.png", (9, 9), "uint16", 3),
+])  # fmt: skip
+def test_small_odd_and_transparent_pictures(
+    tmp_path: Path, cube: LutRecipe, name: str, size: tuple[int, int], kind: str, channels: int
+) -> None:
+    write_picture(tmp_path / name, size, kind, channels=channels)
+    (done,) = apply_batch(cube, [tmp_path / name], tmp_path / "out").done
+    before, after = read_image(tmp_path / name), read_image(tmp_path / "out" / name)
+    wanted = apply_to_pixels(cube.grade(done.source).processor, before.pixels, before.alpha_is_premultiplied)
+    wanted = np.clip(wanted, 0, 1) if kind.startswith("uint") else wanted
+    np.testing.assert_allclose(after.pixels, wanted, atol=0.02 if name.endswith("jpg") else 0.003)
+    assert after.spec.format == kind
+
+
+def test_a_gif_has_its_alpha_last(tmp_path: Path, cube: LutRecipe) -> None:
+    Picture.fromarray(np.random.default_rng(0).integers(0, 256, (9, 9), dtype=np.uint8), "L").save(tmp_path / "a.gif")
+    (done,) = apply_batch(cube, [tmp_path / "a.gif"], tmp_path / "out", ".png").done
+    assert read_image(done.target).pixels.shape == (9, 9, 4)
+
+
+def test_links_are_images_of_their_own(tmp_path: Path, cube: LutRecipe) -> None:
+    (tmp_path / "in").mkdir()
+    write_picture(tmp_path / "in" / "a.png")
+    (tmp_path / "in" / "b.png").symlink_to("a.png")
+    (tmp_path / "in" / "gone.png").symlink_to("nowhere.png")
+    (tmp_path / "in" / "loop").symlink_to(tmp_path / "in")
+    inputs = find_inputs([tmp_path / "in"], recursive=True)
+    result = apply_batch(cube, inputs.images, tmp_path / "out")
+    assert [done.target.name for done in result.done] == ["a.png", "b.png"]
+    assert [failure.reason for failure in result.failed] == [f"{tmp_path / 'in' / 'gone.png'}: no such file"]
+    assert not (tmp_path / "out" / "b.png").is_symlink()
+
+
+def test_what_an_earlier_batch_made_is_not_graded_again(tmp_path: Path, cube: LutRecipe) -> None:
+    (tmp_path / "in").mkdir()
+    write_picture(tmp_path / "in" / "a.png")
+
+    def graded(out: str, masks: str) -> tuple[BatchResult, tuple[str, ...]]:
+        folders = [tmp_path / "in" / out, tmp_path / "in" / masks]
+        inputs = find_inputs([tmp_path / "in"], recursive=True, leave_out=folders)
+        return apply_batch(cube, inputs.images, folders[0], masks=folders[1]), inputs.notes
+
+    (tmp_path / "in" / "masks").mkdir()
+    write_picture(tmp_path / "in" / "masks" / "a.tif")
+    assert len(graded("first", "masks")[0].done) == 1
+    result, notes = graded("second", "masks")
+    assert len(result.done) == 1
+    assert notes == (f"{tmp_path / 'in' / 'first'}: left out, it was graded into; name it to grade what is in it",)
+    assert len(find_inputs([tmp_path / "in" / "first"]).images) == 1
+
+
+def test_raw_files_of_a_folder_are_rendered_unless_their_picture_is_there(tmp_path: Path) -> None:
+    for name in ("a.NEF", "a.JPG", "b.CR2", "c.jpg"):
+        (tmp_path / name).touch()
+    found = find_inputs([tmp_path], raw=True)
+    assert [image.path.name for image in found.images] == ["a.JPG", "b.CR2", "c.jpg"]
+    assert found.notes == (
+        f"{tmp_path}: 1 RAW file left out beside pictures of the same name; to render them, name them",
+    )
+    assert [image.path.name for image in find_inputs([tmp_path]).images] == ["a.JPG", "c.jpg"]
+
+
+@pytest.mark.parametrize("suffix", [".clf", ".ctf", ".cube", ".csp"])
+@pytest.mark.parametrize(("kind", "space"), [("render", "raw"), ("linearize", "acescg"), ("refinish", "raw")])
+def test_a_lut_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, suffix: str, kind: str, space: str) -> None:
+    ends, levels = ends_of(kind, space), uniform_levels(2)
+    lut = Lut(np.ones(3), levels, grid(levels), np.eye(3), title="x", comments=("LutForge 1", *ends.comments))
+    write = {".cube": cube_3d.write, ".csp": csp.write}.get(suffix, clf.write)
+    write(lut, tmp_path / f"a{suffix}")
+    assert read_ends(tmp_path / f"a{suffix}") == ends
+    assert read_ends(tmp_path / "none") is None
+    assert read_ends(write_cube(tmp_path / "other.cube")) is None
+
+
+def test_scene_linear_light_in_eight_bits_is_told(tmp_path: Path) -> None:
+    levels = uniform_levels(2)
+    for kind in ("render", "linearize", "refinish"):
+        comments = ("LutForge 1", *ends_of(kind, "raw").comments)
+        clf.write(Lut(np.ones(3), levels, grid(levels), np.eye(3), comments=comments), tmp_path / f"{kind}.clf")
+    write_picture(tmp_path / "a.jpg")
+    write_picture(tmp_path / "a.tif", kind="uint16")
+    sources = [tmp_path / "a.jpg", tmp_path / "a.tif"]
+
+    def told(kind: str, suffix: str | None = None) -> list[bool]:
+        result = apply_batch(
+            LutRecipe(tmp_path / f"{kind}.clf"), sources[: 1 if suffix else 2], tmp_path / kind, suffix
+        )
+        assert not result.failed
+        return [any("scene-linear" in note for note in done.notes) for done in result.done]
+
+    assert told("render") == [True, False]
+    assert told("linearize") == [True, False]
+    assert told("linearize", ".exr") == [False]
+    assert told("refinish") == [False, False]
+
+
+def test_a_config_knows_which_of_its_spaces_are_linear() -> None:
+    config = Path(__file__).parents[2] / "ocio_configs" / "nikon_d40" / "config.ocio"
+    grade = ConfigRecipe(config, "Nikon D40 standard daylight", "ACEScg").grade(Path())
+    assert (grade.takes_linear, grade.gives_linear) == (False, True)
