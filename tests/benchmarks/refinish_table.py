@@ -1,11 +1,12 @@
 """How near a refinish comes to what the camera would have made, for every pair of settings of a simulated camera.
 
-    python tests/benchmarks/refinish_table.py FOLDER [--sensor sd-merrill]
+    python tests/benchmarks/refinish_table.py FOLDER [--sensor sd-merrill] [--repeat 2]
 
-Two styles, six white balances, twelve calibration shots of each setting, 8-bit JPEGs of quality 95. Scenes that were
-held out are compared on the means of 8 × 8 pixels of which none is clipped, and on single pixels, where noise and JPEG
-compression remain. The floor beside each figure is what the camera's own functions make of the same JPEG. Shots and
-samples are kept in FOLDER and used again: about four minutes the first time on two cores, one after that.
+Two styles, six white balances, twelve calibration shots of each setting (with --repeat more, of other scenes), 8-bit
+JPEGs of quality 95. Scenes that were held out are compared on the means of 8 × 8 pixels of which none is clipped, and
+on single pixels, where noise and JPEG compression remain. The floor beside each figure is what the camera's own
+functions make of the same JPEG. Shots and samples are kept in FOLDER and used again: about four minutes the first time
+on two cores, one after that.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 import lutforge as lf
 from lutforge.images.read import read_image
 from lutforge.model.transform import Refinish
+from lutforge.samples.sample_set import concatenate
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
@@ -55,19 +57,25 @@ class Scene:
     true_raw: Pixels
 
 
-def calibrated(camera: SimulatedCamera, folder: Path) -> lf.CameraProfile:
+def calibrated(camera: SimulatedCamera, folder: Path, repeat: int = 1) -> lf.CameraProfile:
     """A profile from shots of all settings; samples of an earlier run are used again."""
-    table = folder / "samples.csv"
-    if not table.exists():
-        for style in STYLES:
-            for number, balance in enumerate(camera.white_balances):
-                for index, (exposure, light, scene) in enumerate(PLAN):
-                    seed = 200 + 80 * STYLES.index(style) + len(PLAN) * number + index
-                    settings = CameraSettings(style, balance, camera.nominal_exposure_s * exposure)
-                    name = f"{style}-{balance}-{index}"
-                    photograph(camera, SCENES[scene](616, 920, seed), settings, folder / "shots", name, light=light)
-        write_samples(table, lf.sample([folder / "shots"]))
-    return lf.calibrate(lf.read_samples(table))
+    tables = [folder / f"samples-{number}.csv" for number in range(repeat)]
+    for number, table in enumerate(tables):
+        if not table.exists():
+            shoot(camera, folder / f"shots-{number}", 1000 * number)
+            write_samples(table, lf.sample([folder / f"shots-{number}"]))
+    return lf.calibrate(concatenate([lf.read_samples(table) for table in tables]))
+
+
+def shoot(camera: SimulatedCamera, folder: Path, first_seed: int) -> None:
+    """The plan's shots of every setting."""
+    for style in STYLES:
+        for number, balance in enumerate(camera.white_balances):
+            for index, (exposure, light, scene) in enumerate(PLAN):
+                seed = first_seed + 200 + 80 * STYLES.index(style) + len(PLAN) * number + index
+                settings = CameraSettings(style, balance, camera.nominal_exposure_s * exposure)
+                name = f"{style}-{balance}-{first_seed + index}"
+                photograph(camera, SCENES[scene](616, 920, seed), settings, folder, name, light=light)
 
 
 def held_out(camera: SimulatedCamera, profile: lf.CameraProfile, folder: Path) -> dict[Setting, Scene]:
@@ -97,7 +105,7 @@ def tiles(picture: NDArray[np.float32]) -> Pixels:
 
 
 def linearized(camera: SimulatedCamera, profile: lf.CameraProfile, setting: Setting, encoded: Pixels) -> Scene:
-    usable = ((encoded > CLIPPED) & (encoded < 1 - CLIPPED)).all(axis=(1, 2))
+    usable: NDArray[np.bool_] = np.all((encoded > CLIPPED) & (encoded < 1 - CLIPPED), axis=(1, 2))
     true_raw = np.zeros_like(encoded)
     # Most colours of a JPEG occur more than once, and the true inverse is found by bisection.
     colours, place = np.unique(encoded[usable].reshape(-1, 3), axis=0, return_inverse=True)
@@ -135,9 +143,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("folder", type=Path, help="where shots and samples are kept between runs")
     parser.add_argument("--sensor", choices=SENSORS, default="d5100")
+    parser.add_argument("--repeat", type=int, default=1, help="how many times the plan is photographed")
     arguments = parser.parse_args()
     camera, folder = SENSORS[arguments.sensor](), arguments.folder / arguments.sensor
-    profile = calibrated(camera, folder)
+    profile = calibrated(camera, folder, arguments.repeat)
     found = errors(camera, profile, held_out(camera, profile, folder))
     print(f"{camera.name}: RMSE of refinishing, worst first; the floor is what the camera's own functions leave")
     print(f"{'':<48}{'tiles':>8}{'floor':>8}{'pixels':>9}{'floor':>8}")
