@@ -5,6 +5,10 @@ to all of them by least squares (not through the centres), so that noise and a s
 
 min Σ w ‖Σ λ_i φ(‖X − X_i‖) + a·[1, X] − X'‖² − μ λ'Φλ,  Σ λ_i [1, X_i] = 0.   −Φ is positive there, as φ(r) = r is
 conditionally negative definite. Weights make the error count in encoded values, and less where it is large (Cauchy).
+
+A camera clips what its output cannot hold, or presses it into its gamut; where few samples show that, a straight
+continuation would leave the gamut. So h may end in a soft floor, and h⁻¹ begin with its inverse: as soft as the samples
+show it, and not at all where the camera clips.
 """
 
 from collections.abc import Sequence
@@ -17,6 +21,7 @@ from scipy.linalg.lapack import dgeqrf, dormqr
 from scipy.spatial.distance import cdist
 
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.soft_floor import floor_width, lowered, raised
 from lutforge.errors import ProfileError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.regression.blas import one_blas_thread
@@ -31,17 +36,24 @@ SMOOTHNESS = 1e-2
 """μ, per sample of weight 1."""
 ROUNDS = 3
 LEAST_SCALE = 4.0 / 255.0
+SOFTNESSES = ((0.0, 0.05, 0.1, 0.2), (0.0, 0.05, 0.1))
+"""Softnesses of the floor that are tried, to render and to linearize. The way back is steep where the floor is flat:
+with a softer one it would run away beyond the samples."""
 LEAST_SPREAD = 1e-3
 """Samples whose smallest principal deviation is below this lie in a plane, and tell no gamut map."""
 
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """A guess of one direction: inverse is linearize, else render; gamut_map: h or h⁻¹, None where it is not known."""
+    """A guess of one direction: inverse is linearize, else render; gamut_map: h or h⁻¹, None where it is not known.
+
+    softness: of the floor behind h or before h⁻¹, 0 for none.
+    """
 
     base: MatrixAndResponse
     inverse: bool
     gamut_map: GamutMap | None = None
+    softness: float = 0.0
 
     def __call__(self, x: Array) -> Array:
         """The guess at x (…, 3)."""
@@ -52,21 +64,39 @@ class Continuation:
 
     def mapped(self, x: Array) -> Array:
         """Linear light of the guess at x (…, 3), after the gamut map; not clipped."""
-        linear = self._enter(x)
-        return linear if self.gamut_map is None else self.gamut_map(linear)
+        linear = self._linear(x)
+        if self.gamut_map is None:
+            return linear
+        mapped = self.gamut_map(self._entered(linear))
+        return mapped if self.inverse or not self.softness else raised(mapped, floor_width(linear, self.softness))
 
     def refit(self, x: Array, y: Array) -> "Continuation":
-        """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response."""
+        """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response.
+
+        Its softness is the one that leaves the least error on them, from none upwards.
+        """
         rows = _rows(len(x))
         x, y = x[rows], y[rows]
-        source = self._enter(x)
-        if not _fills_space(source):
-            return replace(self, gamut_map=None)
-        target, slope = self._wanted(y)
-        try:
-            return replace(self, gamut_map=_fit(source, target, slope))
-        except (LinAlgError, ProfileError):  # colours that coincide
-            return replace(self, gamut_map=None)
+        best, least, scale = Continuation(self.base, self.inverse), np.inf, 0.0
+        linear = self._linear(x)
+        if not _fills_space(linear):
+            return best
+        centres = _spread(linear, min(CENTRES, len(linear) // 2))
+        for softness in SOFTNESSES[self.inverse]:
+            candidate = replace(best, softness=softness)
+            source = candidate._entered(linear)
+            target, slope = candidate._wanted(linear, y)
+            try:
+                gamut_map, residual = _fit(_System(source, source[centres]), target, slope)
+            except (LinAlgError, ProfileError):  # colours that coincide
+                break
+            squares = np.sum((residual * slope) ** 2, axis=1)
+            scale = scale or (4.0 * float(np.sqrt(np.median(squares))) + LEAST_SCALE) ** 2
+            error = float(np.sum(squares / (1.0 + squares / scale)))
+            if error >= least:
+                break
+            best, least = replace(candidate, gamut_map=gamut_map), error
+        return best
 
     def leave_out(self, x: Array, y: Array, held: Sequence[NDArray[np.bool_]]) -> "list[Continuation]":
         """The guesses of the samples x → y (n, 3) less those of each mask (n,), where this is the guess of them all.
@@ -77,10 +107,11 @@ class Continuation:
         x, y = x[rows], y[rows]
         if self.gamut_map is None:
             return [self] * len(held)
-        source = self._enter(x)
-        target, slope = self._wanted(y)
+        linear = self._linear(x)
+        source = self._entered(linear)
+        target, slope = self._wanted(linear, y)
         system = _System(source, self.gamut_map.centres)
-        weight = _sample_weight(slope) * _robust(np.linalg.norm(self.gamut_map(source) - target, axis=1) * slope)
+        weight = _sample_weight(slope) * _robust(self.gamut_map(source) - target, slope)
         total = system.equations(target, weight)
         guesses = []
         for mask in held:
@@ -88,18 +119,29 @@ class Continuation:
             try:
                 guess = replace(self, gamut_map=system.solve(total[0] - mine[0], total[1] - mine[1])[0])
             except (LinAlgError, ProfileError):
-                guess = replace(self, gamut_map=None)
+                guess = replace(self, gamut_map=None, softness=0.0)
             guesses.append(guess)
         return guesses
 
-    def _wanted(self, y: Array) -> tuple[Array, Array]:
-        """Linear light that the gamut map should give (n, 3), and what turns its errors into encoded ones (n,)."""
-        if self.inverse:
-            return y @ self.base.matrix.T, np.ones(len(y))
-        return self.base.response.linearize(y), _encoding_slope(self.base, y)
-
-    def _enter(self, x: Array) -> Array:
+    def _linear(self, x: Array) -> Array:
         return self.base.response.linearize(x) if self.inverse else x @ self.base.matrix.T
+
+    def _entered(self, linear: Array) -> Array:
+        """What the centres are compared with (n, 3)."""
+        if not self.inverse or not self.softness:
+            return linear
+        return lowered(linear, floor_width(linear, self.softness))[0]
+
+    def _wanted(self, linear: Array, y: Array) -> tuple[Array, Array]:
+        """What the centres should make of linear light (n, 3), before the floor, and the slopes that turn errors of
+        that into encoded ones; both (n, 3)."""
+        if self.inverse:
+            return y @ self.base.matrix.T, np.ones_like(y)
+        target, slope = self.base.response.linearize(y), _encoding_slope(self.base, y)
+        if not self.softness:
+            return target, slope
+        below, rate = lowered(target, floor_width(linear, self.softness))
+        return below, slope / rate
 
 
 @one_blas_thread
@@ -109,10 +151,10 @@ def continuation(base: MatrixAndResponse, x: Array, y: Array, *, inverse: bool) 
 
 
 def _encoding_slope(base: MatrixAndResponse, encoded: Array) -> Array:
-    """df/d(linear) at encoded values (n, 3), the mean of the channels, bounded as in the fit of matrix and response."""
+    """df/d(linear) at encoded values (n, 3), bounded as in the fit of matrix and response."""
     step = 1.0 / 255.0
     low, high = base.response.linearize(encoded - step), base.response.linearize(encoded + step)
-    slope: Array = np.mean(1.0 / np.maximum((high - low) / (2 * step), 0.05), axis=1)
+    slope: Array = 1.0 / np.maximum((high - low) / (2 * step), 0.05)
     return slope
 
 
@@ -170,26 +212,28 @@ class _System:
 
 
 def _sample_weight(slope: Array) -> Array:
-    weight: Array = (slope / np.median(slope)) ** 2
+    mean = slope.mean(axis=1)
+    weight: Array = (mean / np.median(mean)) ** 2
     return weight
 
 
-def _robust(error: Array) -> Array:
-    """Cauchy weights in [0, 1] of samples with these encoded errors (n,)."""
+def _robust(residual: Array, slope: Array) -> Array:
+    """Cauchy weights in [0, 1] of samples with these residuals and slopes (n, 3)."""
+    error = np.linalg.norm(residual, axis=1) * slope.mean(axis=1)
     scale = max(4.0 * float(np.median(error)), LEAST_SCALE)
     weight: Array = 1.0 / (1.0 + (error / scale) ** 2)
     return weight
 
 
-def _fit(source: Array, target: Array, slope: Array) -> GamutMap:
-    """h: source → target (n, 3), both linear; slope (n,) turns a residual into the units it is judged in."""
-    system = _System(source, source[_spread(source, min(CENTRES, len(source) // 2))])
+def _fit(system: _System, target: Array, slope: Array) -> tuple[GamutMap, Array]:
+    """h to targets (n, 3), and its residuals; slope (n, 3) turns them into the units they are judged in."""
     weight = _sample_weight(slope)
-    robust = np.ones(len(source))
+    robust = np.ones(len(target))
     for _ in range(ROUNDS):
         gamut_map, unknowns = system.solve(*system.equations(target, weight * robust))
-        robust = _robust(np.linalg.norm(system.design @ unknowns - target, axis=1) * slope)
-    return gamut_map
+        residual = system.design @ unknowns - target
+        robust = _robust(residual, slope)
+    return gamut_map, residual
 
 
 def _spread(points: Array, count: int) -> NDArray[np.intp]:

@@ -74,9 +74,9 @@ def test_grading_comes_near_what_the_cameras_own_functions_would_make(demo: tupl
         return float(np.sqrt(np.mean((image - wanted) ** 2)))
 
     # Noise and compression of the JPEG leave the camera's own functions an error, too. What comes on top is saturated
-    # colours that no calibration shot shows; 1.2 to 1.5 of that error, by what a fit makes of the gaps.
+    # colours that no calibration shot shows.
     assert rmse(perfect) < 0.09 * rmse(before)
-    assert rmse(after) < 1.5 * rmse(perfect)
+    assert rmse(after) < 1.24 * rmse(perfect)
 
 
 def test_the_config_passes_ociocheck_and_converts_as_the_luts_do(demo: tuple[Path, str]) -> None:
