@@ -39,6 +39,8 @@ LEAST_SCALE = 4.0 / 255.0
 SOFTNESSES = ((0.0, 0.05, 0.1, 0.2), (0.0, 0.05, 0.1))
 """Softnesses of the floor that are tried, to render and to linearize. The way back is steep where the floor is flat:
 with a softer one it would run away beyond the samples."""
+SOFT_ENOUGH = 0.9
+"""A floor must leave at most this share of the squared error without one: what is gained by chance is not a floor."""
 LEAST_SPREAD = 1e-3
 """Samples whose smallest principal deviation is below this lie in a plane, and tell no gamut map."""
 
@@ -73,17 +75,19 @@ class Continuation:
     def refit(self, x: Array, y: Array) -> "Continuation":
         """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response.
 
-        Its softness is the one that leaves the least error on them, from none upwards.
+        Its softness is the one that leaves the least error on them.
         """
         rows = _rows(len(x))
         x, y = x[rows], y[rows]
-        best, least, scale = Continuation(self.base, self.inverse), np.inf, 0.0
+        straight = Continuation(self.base, self.inverse)
         linear = self._linear(x)
         if not _fills_space(linear):
-            return best
+            return straight
         centres = _spread(linear, min(CENTRES, len(linear) // 2))
+        tried: list[tuple[float, Continuation]] = []
+        scale = 0.0
         for softness in SOFTNESSES[self.inverse]:
-            candidate = replace(best, softness=softness)
+            candidate = replace(straight, softness=softness)
             source = candidate._entered(linear)
             target, slope = candidate._wanted(linear, y)
             try:
@@ -92,11 +96,14 @@ class Continuation:
                 break
             squares = np.sum((residual * slope) ** 2, axis=1)
             scale = scale or (4.0 * float(np.sqrt(np.median(squares))) + LEAST_SCALE) ** 2
-            error = float(np.sum(squares / (1.0 + squares / scale)))
-            if error >= least:
+            tried.append((float(np.sum(squares / (1.0 + squares / scale))), replace(candidate, gamut_map=gamut_map)))
+            if len(tried) > 1 and tried[-1][0] >= tried[-2][0]:
                 break
-            best, least = replace(candidate, gamut_map=gamut_map), error
-        return best
+        if not tried:
+            return straight
+        least, best = min(tried, key=lambda entry: entry[0])
+        none, without = tried[0]
+        return best if least < SOFT_ENOUGH * none else without
 
     def leave_out(self, x: Array, y: Array, held: Sequence[NDArray[np.bool_]]) -> "list[Continuation]":
         """The guesses of the samples x → y (n, 3) less those of each mask (n,), where this is the guess of them all.

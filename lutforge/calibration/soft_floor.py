@@ -15,7 +15,8 @@ DEEPEST = 4.0
 
 def floor_width(linear: Array, softness: float) -> Array:
     """w (…, 1) at linear light (…, 3): its mean times the softness."""
-    return softness * np.maximum(linear.mean(axis=-1, keepdims=True), LEAST_WIDTH)
+    width: Array = softness * np.maximum(linear.mean(axis=-1, keepdims=True), LEAST_WIDTH)
+    return width
 
 
 def raised(values: Array, width: Array) -> Array:
