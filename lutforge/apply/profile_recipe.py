@@ -144,7 +144,7 @@ class ProfileRecipe(Rebuilt):
         before = camera.multipliers(given if look is not camera else wanted)
         after = np.asarray(getattr(transform.render, "gain", np.ones(3)))
         k = 2.0**self.ev
-        levels = uniform_levels(2 if transfer is None or transfer.wedges is None else 49)
+        levels = uniform_levels(2 if transfer is None or transfer.is_linear else 49)
         balanced = transform.exposed(grid(levels) / before) * after
         first = Lut(before * max(k, 1.0), levels, balanced, min(k, 1.0) * np.eye(3), interpolation="trilinear")
         chain = LutChain((first, replace(self._baked(transform.render), gain=np.ones(3))))

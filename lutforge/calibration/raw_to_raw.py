@@ -1,21 +1,23 @@
-"""Fit one camera's RAW → another's from common scenes: linear (thesis 6.2) or piecewise linear (7.2)."""
+"""Fit one camera's RAW → another's from common scenes: linear (thesis 6.2), piecewise linear (7.2), root polynomial."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.errors import CalibrationError
-from lutforge.model.raw_transfer import OPPONENT, HueWedges, RawTransfer
+from lutforge.model.raw_transfer import OPPONENT, HueWedges, RawTransfer, root_terms
 from lutforge.samples.sample_set import SampleSet
 
 Array = NDArray[np.float64]
+Form = Literal["matrix", "piecewise", "root-polynomial"]
 
 LEAST_PAIRS = 12
 HUES = 12
 """Edges between wedges; narrower ones follow a finer change with hue than smooth sensitivities make."""
-STIFFNESS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
-"""Candidates for the weight that holds neighbouring wedges to one matrix; held-out pairs choose."""
+STIFFNESS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+"""Candidates for the weight that holds the other forms to one matrix; held-out pairs choose."""
 FLOOR = 0.05
 """Colours darker than this share of the brightest count by their absolute error, not by their relative one."""
 FOLDS = 5
@@ -55,12 +57,12 @@ def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Ar
 
 
 def fit_raw_transfer(
-    source: str, target: str, x: Array, y: Array, neutral: Array | None = None, piecewise: bool = False
+    source: str, target: str, x: Array, y: Array, neutral: Array | None = None, form: Form = "matrix"
 ) -> RawTransfer:
     """Tc between two cameras from aligned RAW, x (n, 3) → y (n, 3), both before white balance.
 
-    neutral: (3,) the source's RAW of a white, about which a piecewise fit turns; it lets the transfer serve under other
-    lights. Colours count by their relative error.
+    neutral: (3,) the source's RAW of a white, about which the forms other than one matrix are fitted; it lets the
+    transfer serve under other lights. Colours count by their relative error.
     The transfer's error is that of pairs left out of the fit, in five parts. Raises CalibrationError where the colours
     do not determine it.
     """
@@ -72,49 +74,63 @@ def fit_raw_transfer(
         raise CalibrationError("the common colours are all alike: photograph a colour chart with both cameras")
     level = np.linalg.norm(y, axis=1)
     weight = 1 / np.maximum(level, FLOOR * level.max())
-    part = np.arange(len(x)) % FOLDS
-    if not piecewise:
-        matrix = _least_squares(x, y, weight)
+    matrix = _least_squares(x, y, weight)
+    if form == "matrix":
         held = np.zeros_like(y)
-        for index in range(FOLDS):
-            rest = part != index
+        for rest in _folds(len(x)):
             held[~rest] = x[~rest] @ _least_squares(x[rest], y[rest], weight[rest]).T
         return RawTransfer(source, target, matrix, neutral, None, _relative(held - y, weight))
     if neutral is None:
-        raise CalibrationError("a piecewise transfer needs the source camera's RAW of a white")
-    return _fit_wedges(source, target, x, y, weight, neutral, part)
+        raise CalibrationError(f"a {form} transfer needs the source camera's RAW of a white")
+    if form == "piecewise":
+        hues: Array = np.arange(HUES, dtype=np.float64) * (2 * np.pi / HUES)
+        images, error = _fit_wedges(x, y, weight, neutral, matrix, hues)
+        return RawTransfer(source, target, matrix, neutral, HueWedges(neutral, hues, images), error)
+    # Without the roots it is the matrix.
+    start = np.vstack([neutral[:, None] * matrix.T, np.zeros((3, 3))])
+    bend = np.hstack([np.zeros((3, 3)), np.eye(3)])
+    roots, error = _fit_bent(root_terms(x / neutral), y, weight, start, bend)
+    return RawTransfer(source, target, matrix, neutral, None, error, roots)
 
 
-def _fit_wedges(
-    source: str, target: str, x: Array, y: Array, weight: Array, neutral: Array, part: NDArray[np.intp]
-) -> RawTransfer:
-    matrix = _least_squares(x, y, weight)
-    hues: Array = np.arange(HUES, dtype=np.float64) * (2 * np.pi / HUES)
+def _fit_wedges(x: Array, y: Array, weight: Array, neutral: Array, matrix: Array, hues: Array) -> tuple[Array, float]:
+    """Images of the neutral and of the edges (13, 3), and the held-out error."""
     # A unit step along an edge, in RAW: where one matrix would take it is where the fit starts from.
     edges = np.stack([np.cos(hues), np.sin(hues)], axis=1) @ np.linalg.pinv(OPPONENT).T
-    one_matrix = np.vstack([neutral, edges * neutral]) @ matrix.T
-    weights = HueWedges(neutral, hues, one_matrix).coordinates(x)
+    start = np.vstack([neutral, edges * neutral]) @ matrix.T
     ring = np.eye(HUES)
     # 0 where all wedges share one matrix: the images are then a cosine of the hue.
     bend = np.roll(ring, 1, axis=1) - 2 * np.cos(2 * np.pi / HUES) * ring + np.roll(ring, -1, axis=1)
-    bend = np.hstack([np.zeros((HUES, 1)), bend])
+    terms = HueWedges(neutral, hues, start).coordinates(x)
+    return _fit_bent(terms, y, weight, start, np.hstack([np.zeros((HUES, 1)), bend]))
+
+
+def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) -> tuple[Array, float]:
+    """Coefficients (k, 3) of terms (n, k), and the held-out error: as near to y (n, 3) as held-out pairs bear, else as
+    at the start, a single matrix. bend: (m, k), what is 0 of a single matrix.
+    """
+    size = float(np.median(weight * np.linalg.norm(terms, axis=1)))
 
     def fit(stiffness: float, rows: NDArray[np.bool_]) -> Array:
-        scale = stiffness * np.sqrt(rows.sum()) * np.median(weight * np.linalg.norm(x / neutral, axis=1))
-        left = np.vstack([weights[rows] * weight[rows, None], scale * bend, 1e-3 * scale * np.eye(HUES + 1)])
-        rest = (y[rows] - weights[rows] @ one_matrix) * weight[rows, None]
-        right = np.vstack([rest, np.zeros((2 * HUES + 1, 3))])
-        return np.asarray(one_matrix + np.linalg.lstsq(left, right)[0])
+        scale = stiffness * np.sqrt(rows.sum()) * size
+        left = np.vstack([terms[rows] * weight[rows, None], scale * bend, 1e-3 * scale * np.eye(len(start))])
+        rest = (y[rows] - terms[rows] @ start) * weight[rows, None]
+        right = np.vstack([rest, np.zeros((len(bend) + len(start), 3))])
+        return np.asarray(start + np.linalg.lstsq(left, right)[0])
 
     errors = []
     for stiffness in STIFFNESS:
         held = np.zeros_like(y)
-        for index in range(FOLDS):
-            held[part == index] = weights[part == index] @ fit(stiffness, part != index)
+        for rest in _folds(len(y)):
+            held[~rest] = terms[~rest] @ fit(stiffness, rest)
         errors.append(_relative(held - y, weight))
     best = int(np.argmin(errors))
-    images = fit(STIFFNESS[best], np.ones(len(x), dtype=np.bool_))
-    return RawTransfer(source, target, matrix, neutral, HueWedges(neutral, hues, images), errors[best])
+    return fit(STIFFNESS[best], np.ones(len(y), dtype=np.bool_)), errors[best]
+
+
+def _folds(count: int) -> list[NDArray[np.bool_]]:
+    """The pairs that each fit sees."""
+    return [np.arange(count) % FOLDS != index for index in range(FOLDS)]
 
 
 def _least_squares(x: Array, y: Array, weight: Array) -> Array:

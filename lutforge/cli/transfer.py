@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from lutforge.cli.console import note, progress_bar, say
-from lutforge.errors import SampleError
+from lutforge.errors import SampleError, SettingsError
 
 
 def transfer(
@@ -14,16 +14,21 @@ def transfer(
     target: Annotated[Path, typer.Argument(help="The other camera's, of the same charts.", show_default=False)],
     output: Annotated[Path, typer.Option("-o", "--output", help="The transfer to write (.json).")],
     piecewise: Annotated[
-        bool, typer.Option("--piecewise", help="Piecewise linear in hue: nearer, where there are many colours.")
+        bool, typer.Option("--piecewise", help="Piecewise linear in hue: nearer than one matrix.")
+    ] = False,
+    root_polynomial: Annotated[
+        bool, typer.Option("--root-polynomial", help="Six terms, with √rg, √gb, √rb: mostly nearer still.")
     ] = False,
 ) -> None:
     """Fit RAW → RAW between two cameras from charts that both photographed, for apply --as and bake match."""
     from lutforge.atomic_write import require_writable
-    from lutforge.calibration.raw_to_raw import fit_raw_transfer, pair_samples
+    from lutforge.calibration.raw_to_raw import Form, fit_raw_transfer, pair_samples
     from lutforge.pipeline import gather_samples
 
     if output.suffix.lower() != ".json":
         raise SampleError(f"{output}: a transfer is a .json file, such as a_to_b.json")
+    if piecewise and root_polynomial:
+        raise SettingsError("--piecewise and --root-polynomial are two forms; choose one")
     require_writable(output)
     sets = []
     for path in (source, target):
@@ -37,10 +42,14 @@ def transfer(
     first, second = sets
     names = (str(first.camera[0]), str(second.camera[0]))
     x, y, neutral = pair_samples(first, second)
-    linear = fit_raw_transfer(*names, x, y, neutral)
-    chosen = fit_raw_transfer(*names, x, y, neutral, piecewise=True) if piecewise else linear
-    chosen.save(output)
-    say(f"{output}: {names[0]} to {names[1]}, from {len(x)} common colours")
-    say(f"  held-out error, relative: one matrix {linear.error:.2%}")
-    if piecewise:
-        say(f"  piecewise linear in hue {chosen.error:.2%}")
+    forms: dict[Form, str] = {
+        "matrix": "one matrix",
+        "piecewise": "piecewise linear in hue",
+        "root-polynomial": "root polynomial",
+    }
+    fitted = {form: fit_raw_transfer(*names, x, y, neutral, form) for form in forms}
+    chosen: Form = "piecewise" if piecewise else "root-polynomial" if root_polynomial else "matrix"
+    fitted[chosen].save(output)
+    say(f"{output}: {names[0]} to {names[1]}, from {len(x)} common colours: {forms[chosen]}")
+    errors = ", ".join(f"{name} {fitted[form].error:.2%}" for form, name in forms.items())
+    say(f"  held-out error, relative: {errors}")

@@ -1,8 +1,9 @@
-"""One camera's RAW → another's: Tc (thesis 6.2), or its piecewise-linear form (7.2).
+"""One camera's RAW → another's: Tc (thesis 6.2), its piecewise-linear form (7.2), or a root polynomial.
 
 The piecewise-linear form cuts RAW space into wedges between the neutral axis and neighbouring hues, each with a matrix
 of its own, continuous where they meet (Andersen and Hardeberg, "Camera characterization of hue-planes", CIC 13, 2005).
-Both keep the scale: twice the light is twice the answer.
+The root polynomial adds √rg, √gb and √rb to r, g and b (Finlayson, Mackiewicz and Hurlbert, "Color correction using
+root-polynomial regression", IEEE TIP 24, 2015). All keep the scale: twice the light is twice the answer.
 """
 
 import json
@@ -15,12 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge import __version__
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ProfileError
-from lutforge.model.transform import Transform
+from lutforge.model.transform import Transform, checked_colours
 
 Array = NDArray[np.float64]
 
 FORMAT = "lutforge-raw-transfer"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""2 where there is a root polynomial, which older programs would leave out; else 1."""
 LARGEST_FILE = 1 << 20
 MOST_HUES = 64
 
@@ -69,9 +71,18 @@ class HueWedges:
         return weights
 
 
+def root_terms(balanced: Array) -> Array:
+    """(n, 6) of white-balanced RAW (n, 3): r, g, b, √rg, √gb, √rb; the roots of negative values, which noise makes, are
+    0.
+    """
+    r, g, b = np.sqrt(np.maximum(balanced, 0.0)).T
+    return np.column_stack([balanced, r * g, g * b, r * b])
+
+
 @dataclass(frozen=True, eq=False)
 class RawTransfer:
-    """RAW of `source` → RAW of `target`, both before white balance. matrix: Tc (3, 3); wedges: instead, where fitted.
+    """RAW of `source` → RAW of `target`, both before white balance. matrix: Tc (3, 3); wedges, or roots (6, 3) of
+    `root_terms`: instead, where fitted.
 
     neutral: (3,) the source's RAW of a white under the light of the fit, where known. error: root mean square of the
     pairs that the fit had not seen, relative to their norm.
@@ -83,6 +94,7 @@ class RawTransfer:
     neutral: Array | None = None
     wedges: HueWedges | None = None
     error: float | None = None
+    roots: Array | None = None
 
     def __post_init__(self) -> None:
         if self.matrix.shape != (3, 3) or not np.all(np.isfinite(self.matrix)) or np.linalg.cond(self.matrix) > 1e6:
@@ -90,14 +102,25 @@ class RawTransfer:
         neutral = self.neutral
         if neutral is not None and not (neutral.shape == (3,) and np.all(np.isfinite(neutral)) and np.all(neutral > 0)):
             raise ProfileError(f"RAW transfer {self.source} to {self.target}: its white is not three positive numbers")
+        if self.roots is not None and (
+            neutral is None or self.roots.shape != (6, 3) or not np.all(np.isfinite(self.roots))
+        ):
+            raise ProfileError(f"RAW transfer {self.source} to {self.target}: its root polynomial is not 6 × 3 numbers")
+
+    @property
+    def is_linear(self) -> bool:
+        """True where it is one matrix."""
+        return self.wedges is None and self.roots is None
 
     def __call__(self, raw: ArrayLike) -> Array:
-        """RAW (…, 3) → RAW (…, 3)."""
-        x = np.asarray(raw, dtype=np.float64)
-        if self.wedges is None:
-            return x @ self.matrix.T
+        """RAW (…, 3) → RAW (…, 3). Raises ImageError on another shape or on integers."""
+        x = checked_colours(raw)
         flat = x.reshape(-1, 3)
-        return (self.wedges.coordinates(flat) @ self.wedges.images).reshape(x.shape)
+        if self.wedges is not None:
+            return (self.wedges.coordinates(flat) @ self.wedges.images).reshape(x.shape)
+        if self.roots is not None and self.neutral is not None:
+            return (root_terms(flat / self.neutral) @ self.roots).reshape(x.shape)
+        return x @ self.matrix.T
 
     def under(self, source: Array, target: Array | None) -> Transform:
         """The transfer under another light than that of the fit, whose multipliers (3,) are known for both cameras.
@@ -115,7 +138,7 @@ class RawTransfer:
         wedges = self.wedges
         document = {
             "format": FORMAT,
-            "version": FORMAT_VERSION,
+            "version": 1 if self.roots is None else FORMAT_VERSION,
             "software": f"LutForge {__version__}",
             "source": self.source,
             "target": self.target,
@@ -124,6 +147,8 @@ class RawTransfer:
             "wedges": None if wedges is None else {"hues": wedges.hues.tolist(), "images": wedges.images.tolist()},
             "error": self.error,
         }
+        if self.roots is not None:
+            document["roots"] = self.roots.tolist()
         with atomic_path(path) as temporary:
             temporary.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
@@ -146,7 +171,8 @@ def load_transfer(path: str | Path) -> RawTransfer:
             wedges = HueWedges(neutral, *(np.array(stored[name], dtype=np.float64) for name in ("hues", "images")))
         error = None if document["error"] is None else float(document["error"])
         matrix = np.array(document["matrix"], dtype=np.float64)
-        return RawTransfer(str(document["source"]), str(document["target"]), matrix, neutral, wedges, error)
+        roots = None if document.get("roots") is None else np.array(document["roots"], dtype=np.float64)
+        return RawTransfer(str(document["source"]), str(document["target"]), matrix, neutral, wedges, error, roots)
     except OSError as error:
         raise ProfileError(f"{path}: cannot be read ({error.strerror or error})") from error
     except ProfileError as error:
@@ -156,7 +182,7 @@ def load_transfer(path: str | Path) -> RawTransfer:
 
 
 def chained(transfers: list[RawTransfer]) -> RawTransfer:
-    """One transfer through a reference camera: Tc(1→3) = Tc(2→3) Tc(1→2). Piecewise parts are kept by their matrices.
+    """One transfer through a reference camera: Tc(1→3) = Tc(2→3) Tc(1→2). Other forms are kept by their matrices.
 
     Raises ProfileError where one does not begin at the camera at which the one before ends.
     """

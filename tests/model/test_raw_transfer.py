@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.errors import ProfileError
+from lutforge.errors import ImageError, ProfileError
 from lutforge.model.raw_transfer import OPPONENT, HueWedges, RawTransfer, chained, load_transfer
 
 MATRIX = np.array([[1.1, -0.1, 0.05], [0.1, 0.9, 0.0], [0.0, 0.2, 0.7]])
@@ -59,14 +59,39 @@ def test_steps_go_through_a_reference_camera_in_order() -> None:
         chained([RawTransfer("R", "B", other), RawTransfer("A", "R", MATRIX)])
 
 
-@pytest.mark.parametrize("piecewise", [False, True])
-def test_a_file_reads_back(tmp_path: Path, piecewise: bool) -> None:
-    transfer = RawTransfer("Camera ü", "B", MATRIX, NEUTRAL, wedges_of(MATRIX) if piecewise else None, 0.012)
+ROOTS = np.vstack([MATRIX.T, [[0.1, 0.0, -0.1], [0.0, 0.2, 0.0], [0.05, 0.0, 0.0]]])
+
+
+def test_a_root_polynomial_without_roots_is_the_matrix_and_keeps_the_scale() -> None:
+    x = np.random.default_rng(4).uniform(0, 1, (50, 3))
+    plain = np.vstack([NEUTRAL[:, None] * MATRIX.T, np.zeros((3, 3))])
+    np.testing.assert_allclose(RawTransfer("A", "B", MATRIX, NEUTRAL, roots=plain)(x), x @ MATRIX.T, atol=1e-12)
+    bent = RawTransfer("A", "B", MATRIX, NEUTRAL, roots=ROOTS)
+    np.testing.assert_allclose(bent(7 * x), 7 * bent(x), rtol=1e-12)
+    assert np.all(np.isfinite(bent(x - 0.5)))  # noise around black
+    assert not bent.is_linear
+    with pytest.raises(ProfileError, match="6 × 3"):
+        RawTransfer("A", "B", MATRIX, NEUTRAL, roots=ROOTS[:5])
+
+
+def test_pixels_that_are_no_colours_are_refused() -> None:
+    with pytest.raises(ImageError, match="scale them"):
+        RawTransfer("A", "B", MATRIX)(np.zeros((4, 3), np.uint8))
+    with pytest.raises(ImageError, match="alpha"):
+        RawTransfer("A", "B", MATRIX)(np.zeros((4, 4)))
+
+
+@pytest.mark.parametrize("form", ["matrix", "piecewise", "root-polynomial"])
+def test_a_file_reads_back(tmp_path: Path, form: str) -> None:
+    wedges, roots = wedges_of(MATRIX) if form == "piecewise" else None, ROOTS if form == "root-polynomial" else None
+    transfer = RawTransfer("Camera ü", "B", MATRIX, NEUTRAL, wedges, 0.012, roots)
     transfer.save(tmp_path / "t.json")
     read = load_transfer(tmp_path / "t.json")
     x = np.random.default_rng(3).uniform(0, 1, (50, 3))
     np.testing.assert_array_equal(read(x), transfer(x))
     assert (read.source, read.target, read.error) == ("Camera ü", "B", 0.012)
+    # Programs that do not know root polynomials refuse the file; they would use the matrix.
+    assert f'"version": {2 if form == "root-polynomial" else 1}' in (tmp_path / "t.json").read_text()
 
 
 @pytest.mark.parametrize(
