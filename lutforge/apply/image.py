@@ -1,7 +1,7 @@
 """Grade one image: read, grade and write it region by region, so that memory does not grow with the image."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
@@ -17,10 +17,13 @@ from numpy.typing import NDArray
 
 from lutforge.apply.grade import Grade
 from lutforge.errors import ImageError
+from lutforge.images.adobe_rgb import adobe_rgb_profile
 from lutforge.images.raw import read_raw
 from lutforge.images.read import ImageReader, Region, is_premultiplied
-from lutforge.images.write import image_writer, keeps_orientation, upright, with_shape
+from lutforge.images.write import IN_ANOTHER_SPACE, image_writer, keeps_orientation, upright, with_shape
 from lutforge.shots.discover import RAW_SUFFIXES
+from lutforge.shots.maker_settings import in_adobe_rgb
+from lutforge.shots.metadata import file_tags
 
 Pixels = NDArray[np.float32]
 
@@ -54,6 +57,10 @@ _NOT_RGB = {
 
 _MAY_BREAK = frozenset({"half", "float", "double"})
 """Pixel types that can hold what is no finite number."""
+
+
+TELL_ADOBE_RGB: Mapping[str, object] = {"ICCProfile": adobe_rgb_profile(), "Exif:ColorSpace": IN_ANOTHER_SPACE}
+"""Metadata, by OpenImageIO's names, of a picture in Adobe RGB."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +142,7 @@ def apply_image(
         image = stack.enter_context(_open(source, target, grade.raw))
         spec = image.spec
         check_colours(source, spec)
-        attributes = dict(grade.attributes)
+        attributes = {**({} if grade.raw else _colour_space(source, image)), **grade.attributes}
         if not spec.get_string_attribute("DateTime"):
             # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
             changed = time.gmtime(source.stat().st_mtime)
@@ -177,6 +184,12 @@ def apply_image(
     if parts != 1:
         notes.append(f"the first of {parts} images in the file was used")
     return Applied(source, target, width, height, tuple(notes), mask if masking is not None else None)
+
+
+def _colour_space(source: Path, image: ImageReader | _InMemory) -> dict[str, object]:
+    """What tells that a picture is in Adobe RGB, where only a tag said it that OpenImageIO does not keep."""
+    known = image.format != "jpeg" or image.spec.getattribute("ICCProfile") is not None
+    return {} if known or not in_adobe_rgb(file_tags(source)) else dict(TELL_ADOBE_RGB)
 
 
 def _wrong_light(grade: Grade, source: oiio.ImageSpec, output: oiio.ImageSpec) -> Iterator[str]:

@@ -73,6 +73,8 @@ def _attributes(attributes: Mapping[str, object]) -> Iterator[str]:
     for name, value in attributes.items():
         if value is None:
             yield from ("--eraseattrib", name)
+        elif isinstance(value, bytes):
+            raise ImageError("oiiotool embeds no ICC profile: let `lutforge apply` grade pictures in Adobe RGB")
         elif isinstance(value, str):
             yield from ("--sattrib", name, value)
         elif isinstance(value, Sequence):

@@ -11,8 +11,10 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from numpy.typing import NDArray
 
 from lutforge.apply.grade import Grade, Rebuilt, fingerprint
+from lutforge.apply.image import TELL_ADOBE_RGB
 from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
 from lutforge.errors import ProfileError, SettingsError
+from lutforge.images.write import IN_SRGB
 from lutforge.luts.bake import bake
 from lutforge.luts.chain import LutChain, grading_chain
 from lutforge.luts.lut import Lut, lut_from_lattice
@@ -25,6 +27,7 @@ from lutforge.model.transform import Refinish, Transform
 from lutforge.model.white_balance import tinted
 from lutforge.settings import Multipliers, Selector, checked_tint, parse_selector
 from lutforge.shots.discover import RAW_SUFFIXES
+from lutforge.shots.maker_settings import ADOBE_RGB
 from lutforge.shots.picture_settings import PictureSettings, read_picture_settings, software_tag
 
 Array = NDArray[np.float64]
@@ -95,7 +98,7 @@ class ProfileRecipe(Rebuilt):
         return Grade(
             processor,
             _history(camera.camera, str(given), look.camera, str(wanted), self.ev),
-            attributes=_attributes(look, wanted),
+            attributes=_attributes(look, wanted, given),
             confidence=self._confidence(camera, given.style),
             notes=(*settings.notes, *notes, *doubts),
             lut=chain,
@@ -131,11 +134,12 @@ class ProfileRecipe(Rebuilt):
         Highlights are clipped where the white-balanced sensor saturates, before less exposure darkens them: they stay
         neutral.
         """
-        style = settings.style if settings.style in camera.styles else next(iter(camera.styles))
+        told = (settings.style, settings.style.removesuffix(f" {ADOBE_RGB}"))
+        style = next((name for name in told if name in camera.styles), next(iter(camera.styles)))
         asked = parse_selector(self.source) if self.source else Selector(AS_SHOT, AS_SHOT)
         text = str(Selector(style, asked.white_balance)) if self.source else None
         given, notes = source_selector(source, replace(settings, style=style), camera, text)
-        if self._target.style == AS_SHOT and settings.style not in camera.styles:
+        if self._target.style == AS_SHOT and style not in told:
             notes = (*notes, f'the file does not tell a style of this profile; "{style}" is used')
         wanted = self.wanted(camera, given, look)
         transfer = self._transfer(camera, look)
@@ -274,8 +278,13 @@ def _history(camera: str, source: str, look: str, target: str, ev: float) -> str
     return f"{camera}: {source} -> {look}: {target}{exposure}"
 
 
-def _attributes(look: CameraProfile, wanted: Selector) -> dict[str, object]:
-    """EXIF tags of the new rendering, and the stale ones of the old as None."""
+def _attributes(look: CameraProfile, wanted: Selector, given: Selector | None = None) -> dict[str, object]:
+    """EXIF tags of the new rendering, and the stale ones of the old as None. given: the settings of a picture."""
     light = LIGHT_SOURCES.get(wanted.white_balance, 0) if isinstance(wanted.white_balance, str) else OTHER_LIGHT
     software = software_tag(look.camera, str(wanted))
-    return {**dict.fromkeys(STALE), "Software": software, "Exif:WhiteBalance": 1, "Exif:LightSource": light}
+    space: Mapping[str, object] = {}
+    if wanted.style.endswith(ADOBE_RGB):
+        space = TELL_ADOBE_RGB
+    elif given is not None and given.style.endswith(ADOBE_RGB):
+        space = {"ICCProfile": None, "Exif:ColorSpace": IN_SRGB}
+    return {**dict.fromkeys(STALE), "Software": software, "Exif:WhiteBalance": 1, "Exif:LightSource": light, **space}

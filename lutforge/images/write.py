@@ -18,6 +18,8 @@ from lutforge.images.read import Image, ImageReader, Region
 
 JPEG_QUALITY = 97
 SOFTWARE = "LutForge"
+IN_SRGB, IN_ANOTHER_SPACE = 1, 0xFFFF
+"""Values of the Exif tag ColorSpace (Exif 2.32, 4.6.5)."""
 
 _WIDEST: dict[str, str] = {  # the deepest pixel type that a format takes, where it is not float
     "jpeg": "uint8",
@@ -178,8 +180,12 @@ def describe_output(
     for name, value in (attributes or {}).items():
         if value is None:
             result.erase_attribute(name)
+        elif isinstance(value, bytes):
+            result.attribute(name, oiio.TypeDesc(f"uint8[{len(value)}]"), value)
         else:
             result[name] = value
+    if result.get_int_attribute("Exif:ColorSpace", IN_SRGB) != IN_SRGB:
+        result.erase_attribute("oiio:ColorSpace")  # OpenImageIO else writes that it is in sRGB
     return result
 
 

@@ -145,6 +145,9 @@ _SCENE_DEPENDENT: dict[Key, tuple[str, frozenset[int], int]] = {
 look at."""
 
 
+ADOBE_RGB = "adobe rgb"
+"""What the name of a style ends in where the JPEG is in Adobe RGB."""
+
 _ADOBE_RGB: dict[Key, int | str] = {
     ("Iop", 0x0001): "R03",
     ("Photo", 0xA001): 2,
@@ -169,7 +172,8 @@ def style_of(tags: Tags) -> str | None:
         ):
             return None
         name = "standard"
-    return " ".join([name, *(f"{what}{steps:+g}" for what, steps in adjusted.items()), *_colour_space(tags)])
+    space = [ADOBE_RGB] if in_adobe_rgb(tags) else []
+    return " ".join([name, *(f"{what}{steps:+g}" for what, steps in adjusted.items()), *space])
 
 
 def white_balance_of(tags: Tags) -> str | None:
@@ -191,9 +195,15 @@ def _white_balance_word(tags: Tags) -> str | None:
     return _described(tags, "WhiteBalance")
 
 
+def in_adobe_rgb(tags: Tags) -> bool:
+    """True where the camera stored its picture in Adobe RGB."""
+    values = ((tags.get(key), adobe) for key, adobe in _ADOBE_RGB.items())
+    return any((value if isinstance(value, str) else _element(value, 0)) == adobe for value, adobe in values)
+
+
 def notes_of(tags: Tags) -> Iterator[str]:
     """What in the settings makes the rendering depend on the scene, or a JPEG other than sRGB."""
-    if _colour_space(tags):
+    if in_adobe_rgb(tags):
         yield "the JPEG is Adobe RGB, not sRGB: a style of its own, whose linear light is off; set the camera to sRGB"
     for key, (name, off, index) in _SCENE_DEPENDENT.items():
         code = _element(tags.get(key), index)
@@ -201,14 +211,6 @@ def notes_of(tags: Tags) -> Iterator[str]:
             yield f"{name} was on: the rendering depends on the scene, which the calibration does not model"
     if _named_style(tags) in ("auto", "i-enhance"):
         yield "the picture style was automatic: the rendering depends on the scene"
-
-
-def _colour_space(tags: Tags) -> tuple[str, ...]:
-    for key, adobe in _ADOBE_RGB.items():
-        value = tags.get(key)
-        if (value if isinstance(value, str) else _element(value, 0)) == adobe:
-            return ("adobe rgb",)
-    return ()
 
 
 def _named_style(tags: Tags) -> str | None:

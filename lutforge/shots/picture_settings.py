@@ -112,4 +112,6 @@ def _header_tags(path: Path) -> Tags:
         text = spec.get_string_attribute(name)
         if text:
             tags[key] = text
+    if "adobe rgb" in spec.get_string_attribute("ICCProfile:profile_description").lower():
+        tags["Iop", 0x0001] = "R03"
     return tags

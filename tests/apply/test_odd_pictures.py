@@ -1,17 +1,21 @@
 """Batches as they come: pictures that are no plain RGB, layers, links, names, and what earlier runs left behind."""
 
+from io import BytesIO
 from pathlib import Path
 
+import colour
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 from graded_images import Pixels, write_cube, write_picture
 from PIL import Image as Picture
+from PIL import ImageCms
 
 from lutforge.apply.batch import BatchResult, apply_batch
 from lutforge.apply.grade import ConfigRecipe, LutRecipe
 from lutforge.apply.image import apply_to_pixels
 from lutforge.apply.inputs import find_inputs
+from lutforge.images.adobe_rgb import NAME, adobe_rgb_profile
 from lutforge.images.read import read_image
 from lutforge.luts.ends import ends_of, read_ends
 from lutforge.luts.formats import clf, csp, cube_3d
@@ -181,3 +185,44 @@ def test_a_config_knows_which_of_its_spaces_are_linear() -> None:
     config = Path(__file__).parents[2] / "ocio_configs" / "nikon_d40" / "config.ocio"
     grade = ConfigRecipe(config, "Nikon D40 standard daylight", "ACEScg").grade(Path())
     assert (grade.takes_linear, grade.gives_linear) == (False, True)
+
+
+def in_adobe_rgb(path: Path, **tags: str) -> Path:
+    """A JPEG as cameras write it in Adobe RGB: EXIF says so, there is no ICC profile."""
+    exif = Picture.Exif()
+    exif._ifds[0x8769] = {0xA001: 65535, 0xA005: {1: "R03", 2: b"0100"}}  # Pillow has no other way to write it
+    for number, text in ((0x010E, "description"), (0x010F, "make"), (0x0110, "model")):
+        exif[number] = tags.get(text, "x")
+    Picture.fromarray(np.random.default_rng(0).integers(0, 256, (20, 30, 3), dtype=np.uint8)).save(path, exif=exif)
+    return path
+
+
+def told_space(path: Path) -> tuple[int, str]:
+    spec = read_image(path).spec
+    return spec.get_int_attribute("Exif:ColorSpace"), spec.get_string_attribute("ICCProfile:profile_description")
+
+
+def test_pictures_in_adobe_rgb_stay_so(tmp_path: Path, cube: LutRecipe) -> None:
+    source = in_adobe_rgb(tmp_path / "a.jpg")
+    (done,) = apply_batch(cube, [source], tmp_path / "out").done
+    assert told_space(done.target) == (0xFFFF, NAME)
+    (again,) = apply_batch(cube, [done.target], tmp_path / "again").done
+    assert told_space(again.target) == (0xFFFF, NAME)
+    write_picture(tmp_path / "plain.jpg", Exif_ColorSpace=1)
+    (plain,) = apply_batch(cube, [tmp_path / "plain.jpg"], tmp_path / "out").done
+    assert told_space(plain.target) == (1, "")
+
+
+def test_the_profile_of_adobe_rgb_is_adobe_rgb() -> None:
+    """Against colour-science, through LittleCMS, to half a code."""
+    codes = np.random.default_rng(0).integers(60, 200, (16, 16, 3), dtype=np.uint8)
+    adobe, srgb = ImageCms.ImageCmsProfile(BytesIO(adobe_rgb_profile())), ImageCms.createProfile("sRGB")
+    convert = ImageCms.buildTransform(adobe, srgb, "RGB", "RGB", renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC)
+    converted = ImageCms.applyTransform(Picture.fromarray(codes), convert)
+    assert converted is not None
+    wanted = 255 * colour.RGB_to_RGB(
+        codes / 255, "Adobe RGB (1998)", "sRGB", apply_cctf_decoding=True, apply_cctf_encoding=True
+    )
+    inside = np.all((wanted > 2) & (wanted < 253), axis=-1)
+    assert inside.sum() > 50
+    np.testing.assert_allclose(np.asarray(converted)[inside], wanted[inside], atol=0.6)
