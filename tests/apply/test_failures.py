@@ -4,28 +4,19 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 from graded_images import write_cube, write_picture
 
-from lutforge.cli.main import main
-
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture
-def run(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
-    """`lutforge apply` in the folder, with what it and the libraries under it print."""
-
-    def apply(*words: str) -> subprocess.CompletedProcess[str]:
-        monkeypatch.chdir(folder)
-        monkeypatch.setattr(sys, "argv", ["lutforge", "apply", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return subprocess.CompletedProcess(words, int(ended.value.code or 0), *capfd.readouterr())
-
-    return apply
+def run(folder: Path, lutforge: Run) -> Run:
+    """`lutforge apply` in the folder."""
+    return partial(lutforge, "apply", cwd=folder)
 
 
 @pytest.fixture

@@ -33,7 +33,9 @@ LEVELS = (0.12, 0.45, 1.0)
 def samples_of(
     camera: SimulatedCamera, seed: int, styles: tuple[str, ...] = STYLES, balances: tuple[str, ...] = BALANCES
 ) -> SampleSet:
-    """Colours of 60 surfaces at three levels under three lights, on every setting."""
+    """Colours of 60 surfaces at three levels under three lights, on every setting; every other surface is of another
+    "shot", so that leaving them out in turn, which costs most of a calibration, takes two fits.
+    """
     parts: list[tuple[str, str, str, NDArray[np.float64], NDArray[np.float64]]] = []
     rng = np.random.default_rng(seed)
     for style in styles:
@@ -55,7 +57,7 @@ def samples_of(
         name,
         column([part[0] for part in parts]),
         settings,
-        column([f"{part[0]} {part[1]} {part[2]}" for part in parts]),
+        np.array([f"{style} {row % 2}" for row, style in enumerate(column([part[0] for part in parts]).tolist())]),
         np.array([str(row) for row in range(sum(counts))]),
         np.full(sum(counts), 1 / 60),
         np.vstack([part[3] for part in parts]),
