@@ -3,14 +3,14 @@
 A cube interpolates linearly between its nodes, so each axis is first stretched until the function rises evenly along
 it: the curve is the running sum of its root-mean-square slope, which leaves, of all curves, the least curvature on
 average (d/dx log u' = ⟨F_xx, F_x⟩ / ⟨F_x, F_x⟩). Node levels then even out what curvature is left: intervals of width h
-carry a mean error ∝ |κ| h² per unit length, and at a fixed number of them the total is least where 1/h ∝ |κ|^(1/3), the
-largest where 1/h ∝ |κ|^(1/2) (de Boor 1973). The first is wanted where the cube holds all, the second where a response
-behind it magnifies the errors of the darks; few of the lines across an axis then carry the largest errors, and a power
-mean of their curvatures counts these for more.
+carry a mean error ∝ |κ| h² per unit length of the curve, and at a fixed number of them the total is least where 1/h ∝
+|κ|^(1/3), the largest where 1/h ∝ |κ|^(1/2) (de Boor 1973). The first is wanted where the cube holds all, the second
+where a response behind it magnifies the errors of the darks; few of the lines across an axis then carry the largest
+errors, and a power mean of their curvatures counts these for more.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import qmc
 
-from lutforge.interpolation import Levels
+from lutforge.interpolation import Levels, through
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.regression.node_levels import snap_levels
 
@@ -48,63 +48,77 @@ class Axes:
     levels: Levels
 
 
-def fit_axes(
-    function: Function,
-    size: int,
-    gain: Array | None = None,
-    weight: Function | None = None,
-    curve: Array | None = None,
-    shared: bool = False,
-    stops: float = 0.0,
-) -> Axes:
-    """Curve and `size` node levels per axis for a function (n, 3) in [0, 1] → (n, 3).
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """A function along lines: per axis its values (LINES + 1, STEPS + 1, 3) at inputs t; the first is the grey axis.
 
-    gain: (3,) in front of the function, which clamps at 1: inputs are taken to be even before it. weight: (n, 3) of
-    outputs → (n,), how much a squared error counts there. curve: one that is known. shared: one for all three axes.
-    stops: of light that the axes span beyond 1; the more, the finer the darks are looked at.
+    share: (LINES,), of all inputs that each of the others stands for; half of them lie in the darks.
+    """
+
+    t: Array
+    values: tuple[Array, Array, Array]
+    share: Array
+
+    def through(self, response: Array) -> "Lines":
+        """With a response behind the function."""
+        r, g, b = (through(response, y) for y in self.values)
+        return replace(self, values=(r, g, b))
+
+
+def measure_lines(function: Function, gain: Array, stops: float = 0.0) -> Lines:
+    """Lines of a function (n, 3) in [0, 1] → (n, 3). gain: (3,) in front of it, where it clamps at 1: inputs are taken
+    to be even before it. stops: of light that the axes span beyond 1; the more, the finer the darks are looked at.
     """
     t = np.linspace(0.0, 1.0, STEPS + 1) ** (1.5 + 0.25 * stops)  # finer in the darks, where responses are steep
-    before = np.ones(3) if gain is None else gain
-    lines = [_lines(function, t, axis, before, weight is not None) for axis in range(3)]
+    places = qmc.Sobol(2, scramble=False).random(LINES)
+    places[: LINES // 2] **= 2
+    density = 0.5 + 0.125 / np.sqrt(np.maximum(places.prod(axis=1), 1e-4))
+    r, g, b = (_lines(function, t, axis, places, gain) for axis in range(3))
+    return Lines(t, (r, g, b), 1 / (density * np.sum(1 / density)))
+
+
+def fit_axes(
+    lines: Lines, size: int, weight: Function | None = None, curve: Array | None = None, shared: bool = False
+) -> Axes:
+    """Curve and `size` node levels per axis for a function along lines.
+
+    weight: (n, 3) of outputs → (n,), how much a squared error counts there. curve: one that is known. shared: one for
+    all three axes.
+    """
+    t = lines.t
+    share = lines.share if weight is None else np.full(LINES, 1 / LINES)  # a weight looks for the largest errors
     if curve is None:
-        slopes = [_slope(y, t) for y in lines]
+        slopes = [_slope(y, t, share) for y in lines.values]
         if shared:
             slopes = [np.sqrt(np.mean(np.square(slopes), axis=0))] * 3
         curve = np.stack([_curve(slope, t) for slope in slopes], axis=1)
     even = np.linspace(0.0, 1.0, len(curve))
     places = [np.interp(t, even, curve[:, axis]) for axis in range(3)]
-    masses = [_mass(lines[axis], t, places[axis], weight) for axis in range(3)]
+    masses = [_mass(lines.values[axis], t, places[axis], share, weight) for axis in range(3)]
     if shared:
         masses = [np.mean(masses, axis=0)] * 3
     r, g, b = (snap_levels(_equal(mass, t, size), SHAPER_SIZE) for mass in masses)
     return Axes(curve, (r, g, b))
 
 
-def _lines(function: Function, t: Array, axis: int, gain: Array, dark: bool) -> Array:
-    """The function on lines along an axis, (LINES + 1, STEPS + 1, 3); the first is the grey axis.
-
-    dark: half of the others lie in the darks.
-    """
+def _lines(function: Function, t: Array, axis: int, places: Array, gain: Array) -> Array:
+    """The function on lines along an axis, (LINES + 1, STEPS + 1, 3); the first is the grey axis."""
     others = [c for c in range(3) if c != axis]
     x = np.empty((LINES + 1, len(t), 3))
     x[..., axis] = t
-    base = qmc.Sobol(2, scramble=False).random(LINES)
-    if dark:
-        base[: LINES // 2] **= 2
-    x[1:, :, others] = np.minimum(base * np.maximum(gain[others], 1.0), 1.0)[:, None, :]
+    x[1:, :, others] = np.minimum(places * np.maximum(gain[others], 1.0), 1.0)[:, None, :]
     x[0] = t[:, None]
     return function(x.reshape(-1, 3)).reshape(x.shape)
 
 
-def _mean(values: Array, grey: float) -> Array:
+def _mean(values: Array, share: Array, grey: float) -> Array:
     """Over the lines (LINES + 1, m)."""
-    mean: Array = (1 - grey) * values[1:].mean(axis=0) + grey * values[0]
-    return mean
+    return np.asarray((1 - grey) * (share @ values[1:]) + grey * values[0])
 
 
-def _slope(y: Array, t: Array) -> Array:
+def _slope(y: Array, t: Array, share: Array) -> Array:
     slope = np.diff(y, axis=1) / np.diff(t)[:, None]
-    return np.asarray(np.sqrt(_mean(np.sum(slope**2, axis=2), GREY_SHARE)))
+    return np.asarray(np.sqrt(_mean(np.sum(slope**2, axis=2), share, GREY_SHARE)))
 
 
 def _curve(slope: Array, t: Array) -> Array:
@@ -118,17 +132,17 @@ def _curve(slope: Array, t: Array) -> Array:
     return np.asarray(curve)
 
 
-def _mass(y: Array, t: Array, u: Array, weight: Function | None) -> Array:
+def _mass(y: Array, t: Array, u: Array, share: Array, weight: Function | None) -> Array:
     """Share of the nodes in each step, from the curvature that is left along u."""
     step, wide = np.diff(t), np.diff(u)
     bend = np.diff(np.diff(y, axis=1) / wide[:, None], axis=1) * (2 / (wide[1:] + wide[:-1]))[:, None]
     square = np.sum(bend**2, axis=2)
     if weight is None:
-        inputs = (step[1:] + step[:-1]) / (wide[1:] + wide[:-1])  # how many, per unit of u
-        density = (_mean(np.sqrt(square), GREY_SHARE) * inputs) ** (1 / 3)
+        inputs = (step[1:] + step[:-1]) / (wide[1:] + wide[:-1])  # how many, per unit of u; half way, as the fit has it
+        density = (_mean(np.sqrt(square), share, GREY_SHARE) * np.sqrt(inputs)) ** (1 / 3)
     else:
         square *= weight(y[:, 1:-1].reshape(-1, 3)).reshape(square.shape)
-        density = _mean(square ** (POWER / 2), 0.5) ** (1 / (2 * POWER))
+        density = _mean(square ** (POWER / 2), share, 0.5) ** (1 / (2 * POWER))
     density = gaussian_filter1d(np.pad(density, 1, mode="edge"), LEVEL_SMOOTHING, mode="nearest")
     mass = 0.5 * (density[1:] + density[:-1]) * wide
     total = mass.sum()

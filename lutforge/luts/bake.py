@@ -2,12 +2,9 @@
 
 A lattice of a profile is baked as it stands, without loss, in the form that the file can hold. Any other transform is
 evaluated densely and fitted by least squares under the reader's own interpolation, with node levels where the function
-bends; it is never merely sampled at the nodes. A physical model keeps its two responses as curves: the cube then holds
-the smooth colour mapping between them, on linear axes, and what the camera clips is clipped by the response, not
-rounded off by the cube.
+bends; it is never merely sampled at the nodes.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,20 +12,15 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lutforge.errors import LutError
-from lutforge.interpolation import Interpolation, through
-from lutforge.luts.axes import fit_axes
-from lutforge.luts.least_squares import Function, fit_cube, sample
+from lutforge.interpolation import Interpolation
+from lutforge.luts.fit import Evaluated, Progress, fit_lut, fit_without_response
 from lutforge.luts.lut import Lut, lut_from_lattice
-from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.luts.parts import Parts, as_one, parts_of
 from lutforge.model.colour_difference import delta_e_2000
-from lutforge.model.lattice import uniform_levels
-from lutforge.model.response import Response
 from lutforge.model.scene_render import SceneRender
-from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
+from lutforge.model.transform import LatticeTransform, Transform
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
-"""Called with what is being done and the share that is done, 0 … 1."""
 
 DEFAULT_SIZE = 33
 SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
@@ -36,10 +28,6 @@ SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
 BEST_ORDER = 3
 """No error falls faster than with this power of the size (piecewise linear: 2); sizes that cannot do are left out."""
 CHECK_POINTS = 1 << 15
-CURVE_SIZE = SHAPER_SIZE
-BLOCK = 1 << 15
-LEAST_SLOPE = 1e-3
-"""Share of a straight line in an input curve, so that it rises where a response is flat."""
 
 
 @dataclass(frozen=True)
@@ -49,21 +37,6 @@ class BakeError:
     mean: float
     maximum: float
     de00_p99: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class _Parts:
-    """A transform as matrix · response(inner(gain · x)); curve: axes on which `inner` is smooth.
-
-    The cube holds `inner`.
-    """
-
-    inner: Function
-    gain: Array
-    matrix: Array
-    curve: Array | None = None
-    response: Array | None = None
-    stops: float = 0.0
 
 
 def bake(
@@ -95,6 +68,8 @@ def bake(
         raise LutError("give a size or a tolerance, not both")
     if size is not None and not 2 <= size <= 129:
         raise LutError(f"{size} nodes per axis: choose 2 to 129 (17, 33 and 65 are usual)")
+    known = transform if isinstance(transform, Evaluated) else None
+    transform = transform if known is None else known.transform
     whole = shaper and response and not shared
     if isinstance(transform, SceneRender) and whole:
         lut = bake(
@@ -108,14 +83,16 @@ def bake(
     if exact is not None:
         return replace(exact, title=title, comments=comments, source=transform)
     method = interpolation or "tetrahedral"
+    if known is not None and shaper and not (response or shared) and size == known.lut.size:
+        return replace(fit_without_response(known, method), title=title, comments=comments)
     if isinstance(transform, SceneRender):
         highest = transform.highest
-    parts = _parts(transform, response) if shaper and not shared and highest == 1 else _as_one(transform, highest)
+    parts = parts_of(transform, response) if shaper and not shared and highest == 1 else as_one(transform, highest)
     if tolerance is None:
-        lut = _fit(parts, size or DEFAULT_SIZE, method, shaper, shared, progress)
+        lut = fit_lut(transform, parts, size or DEFAULT_SIZE, method, shaper, shared, progress)
     else:
         lut = _smallest(transform, parts, tolerance, method, shaper, shared, display_referred, progress)
-    return replace(lut, title=title, comments=comments, highest=highest, source=transform)
+    return replace(lut, title=title, comments=comments, highest=highest)
 
 
 def bake_error(lut: Lut, transform: Transform, display_referred: bool = True) -> BakeError:
@@ -147,31 +124,9 @@ def _as_it_stands(
     return lut_from_lattice(lattice, transform.gain, transform.matrix)
 
 
-def _fit(parts: _Parts, size: int, method: Interpolation, shaper: bool, shared: bool, progress: Progress) -> Lut:
-    progress(f"{size}³ nodes: where they lie", 0.0)
-    weight = None if parts.response is None else _slope_weight(parts.response)
-    curve, levels = None, uniform_levels(size)
-    if shaper:
-        axes = fit_axes(parts.inner, size, parts.gain, weight, parts.curve, shared, parts.stops)
-        levels = axes.levels
-        curve = axes.curve if len(axes.curve) > 2 else None  # a straight line stretches nothing
-    empty = Lut(
-        gain=parts.gain,
-        levels=levels,
-        cube=np.zeros((size, size, size, 3)),
-        matrix=parts.matrix,
-        interpolation=method,
-        curve=curve,
-        response=parts.response,
-    )
-    samples = sample(parts.inner, levels, parts.gain, lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share))
-    progress(f"{size}³ nodes: fitted", 0.8)
-    return replace(empty, cube=fit_cube(samples, empty.knots, method, empty.stretched, weight, parts.response is None))
-
-
 def _smallest(
     transform: Transform,
-    parts: _Parts,
+    parts: Parts,
     tolerance: float,
     method: Interpolation,
     shaper: bool,
@@ -186,7 +141,7 @@ def _smallest(
     best, at, sizes = float("inf"), 0, list(SIZES)
     while sizes:
         size = sizes[0]
-        lut = _fit(parts, size, method, shaper, shared, progress)
+        lut = fit_lut(transform, parts, size, method, shaper, shared, progress)
         error = bake_error(replace(lut, highest=2.0**parts.stops), transform).de00_p99 or 0.0
         if error < best:
             best, at = error, size
@@ -197,86 +152,3 @@ def _smallest(
         f"no size up to {SIZES[-1]} brings 99 % of colours within {tolerance:g} ΔE00: the smallest error found is "
         f"{best:.2g}, at {at}; give a larger tolerance, or --size {SIZES[-1]} for the best there is"
     )
-
-
-def _parts(transform: Transform, response: bool) -> _Parts:
-    """What of a transform can be a gain, a curve, a response and a matrix; the cube has to hold the rest."""
-    one = np.eye(3)
-    if isinstance(transform, LinearizeChain):
-        return _Parts(_checked(transform.core), transform.gain, transform.matrix, _input_curve(transform.response))
-    if isinstance(transform, RenderChain) and response:
-        ahead, back = _output_curve(transform.response)
-        to_linear, forward = transform.to_linear, transform.gamut_map
-        straight = np.repeat([[0.0], [1.0]], 3, axis=1)
-        return _Parts(_checked(lambda x: ahead(forward(x @ to_linear.T))), transform.gain, one, straight, back)
-    if isinstance(transform, LatticeTransform) and response and transform.lattice.response is not None:
-        lattice = transform.lattice
-        return _Parts(_checked(lattice.inner), transform.gain, transform.matrix, None, lattice.response)
-    if isinstance(transform, Refinish) and transform.transfer is None:
-        first = _parts(transform.linearize, response)
-        last = _parts(transform.render, response)
-        if np.all(first.gain == 1) and first.response is None:
-            between = transform.between @ first.matrix
-
-            def both(x: Array) -> Array:
-                return last.inner(np.clip(first.inner(x) @ between.T * last.gain, 0.0, 1.0))
-
-            curve = first.curve if last.response is not None else None
-            return _Parts(both, np.ones(3), last.matrix, curve, last.response)
-    gain: Array = getattr(transform, "gain", np.ones(3))
-    matrix: Array = getattr(transform, "matrix", one)
-    return _Parts(_checked(getattr(transform, "core", transform)), gain, matrix)
-
-
-def _as_one(transform: Transform, highest: float) -> _Parts:
-    """A transform with nothing taken out of it, its inputs from 0 to `highest`."""
-    inner = transform if highest == 1 else lambda x: transform(x * highest)
-    return _Parts(_checked(inner), np.ones(3), np.eye(3), stops=float(np.log2(max(highest, 1.0))))
-
-
-def _input_curve(response: Response) -> Array:
-    """f⁻¹ from 0 to 1, (m, 3), with a little of a straight line, so that it rises everywhere."""
-    low, span = response.inverse[0], response.inverse[-1] - response.inverse[0]
-    straight = np.linspace(0.0, 1.0, len(response.inverse))[:, None]
-    return np.asarray((1 - LEAST_SLOPE) * (response.inverse - low) / span + LEAST_SLOPE * straight)
-
-
-def _output_curve(response: Response) -> tuple[Function, Array]:
-    """Linear values scaled to [0, 1] where f begins and ends, and f from there, (CURVE_SIZE, 3)."""
-    low, span = response.inverse[0], response.inverse[-1] - response.inverse[0]
-    even = np.linspace(0.0, 1.0, CURVE_SIZE)[:, None]
-    return lambda y: (y - low) / span, response.encode(low + even * span)
-
-
-def _slope_weight(response: Array) -> Function:
-    """How much an error of the cube shows behind the response: the sum of its squared slopes; near clipping, too."""
-    reach, share, margin = 0.003, 0.05, 0.25
-    y = np.repeat(np.linspace(-margin, 1 + margin, 4096)[:, None], 3, axis=1)
-    inside = np.clip(y, 0.0, 1.0)
-    slope = (through(response, inside + reach) - through(response, inside - reach)) / (2 * reach)
-    table = slope**2 * np.exp(-0.5 * ((y - inside) / share) ** 2)
-
-    def weight(y: Array) -> Array:
-        return np.asarray(share + through(table, (y + margin) / (1 + 2 * margin)).sum(axis=-1))
-
-    return weight
-
-
-def _checked(function: Function) -> Function:
-    """The function in blocks that stay in cache; refused where it changes the shape or gives what is not finite."""
-
-    def checked(x: Array) -> Array:
-        flat = x.reshape(-1, 3)
-        y = np.empty_like(flat)
-        for start in range(0, len(flat), BLOCK):
-            part = flat[start : start + BLOCK]
-            result = np.asarray(function(part), dtype=np.float64)
-            if result.shape != part.shape:
-                raise LutError(f"the transform made shape {result.shape} of {part.shape}; it must keep the shape")
-            if not np.all(np.isfinite(result)):
-                worst = part[np.flatnonzero(~np.all(np.isfinite(result), axis=1))[0]]
-                raise LutError(f"the transform gives a number that is not finite at {np.round(worst, 4).tolist()}")
-            y[start : start + BLOCK] = result
-        return y.reshape(x.shape)
-
-    return checked

@@ -7,15 +7,15 @@ take a dozen steps, and no smoothness term is needed.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lutforge.errors import LutError
-from lutforge.interpolation import Interpolation, Levels, interpolate
+from lutforge.interpolation import Interpolation, Levels, interpolate, through
+from lutforge.luts.conjugate_gradients import solve
 from lutforge.model.lattice import grid
 from lutforge.regression.normal_equations import normal_equations
 
@@ -35,7 +35,8 @@ BLOCK = 1 << 16
 """Points between two words of progress."""
 HOLD = 1e-3
 """Pull of a node towards the function's own value there, as a share of the mean weight of the data at a node."""
-GOAL = 2e-4
+GOAL = 1e-2
+"""What is left of the difference between the best cube and a sampled one."""
 MOST_STEPS = 60
 POWER = 0.75
 """With which a second fit follows the errors of the first: an Lp norm of p = 2 + POWER."""
@@ -45,59 +46,98 @@ LEAST_FOLLOWED, MOST_FOLLOWED = 0.1, 20.0
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """A function on the points of a fit: x, y (n, 3), the last `grey` of them the grey axis, before it the nodes.
+    """A function at the points of a fit: x, y (n, 3): points even over the cells of each of `designs` in turn, and then
+    GREY_POINTS of the grey axis.
 
-    share: (n,), the share of all inputs that a point stands for; nodes: (N, N, N, 3), the values there.
+    on_face: (points, 3), which coordinates were beyond an end of their axis and clamped to it; counted: (points,), what
+    that is worth. nodes: per design (N, N, N, 3), the values at its nodes.
     """
 
     x: Array
     y: Array
-    grey: int
-    share: Array
-    nodes: Array
+    designs: tuple[Levels, ...]
+    on_face: NDArray[np.bool_]
+    counted: Array
+    nodes: tuple[Array, ...]
+
+    def through(self, response: Array) -> "Samples":
+        """With a response behind the function."""
+        return replace(self, y=through(response, self.y), nodes=tuple(through(response, y) for y in self.nodes))
+
+    def of_design(self, design: int) -> tuple[Array, Array, Array]:
+        """For a fit at one of the designs x, y (m, 3), its nodes before the grey axis, and what each counts, (m,).
+
+        The last is the geometric mean of every input and every cell counting alike, by the density of the points (the
+        balance heuristic of Veach and Guibas 1995).
+        """
+        levels = self.designs[design]
+        density = np.mean([1 / self._cells(known) for known in self.designs], axis=0)
+        share = self.counted / (np.sqrt(self._cells(levels)) * density)
+        widths = [np.gradient(axis) * (len(axis) - 1) for axis in levels]
+        at_nodes = np.sqrt(np.einsum("i,j,k->ijk", *widths)).ravel()
+        count = len(share)
+        return (
+            np.concatenate([self.x[:count], grid(levels).reshape(-1, 3), self.x[count:]]),
+            np.concatenate([self.y[:count], self.nodes[design].reshape(-1, 3), self.y[count:]]),
+            np.concatenate([share / share.mean(), NODE_SHARE * at_nodes / at_nodes.mean(), np.ones(GREY_POINTS)]),
+        )
+
+    def _cells(self, levels: Levels) -> Array:
+        """The size of the cell that each of the points is in, (points,), 1 where cells are even."""
+        size = np.ones(len(self.counted))
+        for c, axis in enumerate(levels):
+            widths = np.diff(axis) * (len(axis) - 1)
+            cell = np.searchsorted(axis[1:-1], self.x[: len(size), c], side="right")
+            size *= np.where(self.on_face[:, c], 1.0, widths[cell])
+        return size
 
 
 def sample(
-    function: Function, levels: Levels, gain: Array, progress: Callable[[float], None] = lambda share: None
+    function: Function,
+    designs: tuple[Levels, ...],
+    gain: Array,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Samples:
-    """Evaluate a function (n, 3) in [0, 1] → (n, 3) for a fit at `levels`; gain: in front of it, as `fit_axes` has it.
-
-    progress: called with the share of the points that is done.
+    """Evaluate a function (n, 3) in [0, 1] → (n, 3) for fits at each of `designs`, of the same size; gain: in front of
+    it, as `measure_lines` has it. progress: called with the share of the points that is done.
     """
-    size = len(levels[0])
-    at_nodes = grid(levels).reshape(-1, 3)
-    spread, share = _points(levels, gain)
+    spread, on_face, counted = _points(designs, gain)
     grey = np.repeat(np.linspace(0.0, 1.0, GREY_POINTS)[:, None], 3, axis=1)
-    x = np.concatenate([spread, at_nodes, grey])
+    nodes = [grid(levels) for levels in designs]
+    x = np.concatenate([spread, grey, *(at.reshape(-1, 3) for at in nodes)])
     y = np.empty_like(x)
     for start in range(0, len(x), BLOCK):
         progress(start / len(x))
         y[start : start + BLOCK] = function(x[start : start + BLOCK])
-    nodes = y[len(spread) : -GREY_POINTS].reshape(size, size, size, 3).copy()
-    shares = np.concatenate([share, NODE_SHARE * _node_share(levels), np.ones(GREY_POINTS)])
-    return Samples(x, y, GREY_POINTS, shares, nodes)
+    count = len(spread) + GREY_POINTS
+    values = tuple(part.reshape(nodes[0].shape) for part in np.split(y[count:], len(designs)))
+    return Samples(x[:count], y[:count], designs, on_face, counted, values)
 
 
 def fit_cube(
     samples: Samples,
+    design: int,
     knots: Levels,
     method: Interpolation,
     curve: Function | None = None,
     weight: Function | None = None,
     limit: bool = True,
 ) -> Array:
-    """Node values (N, N, N, 3) at `knots` that come nearest to the samples under the given interpolation.
+    """Node values (N, N, N, 3) at one of the designs that come nearest to the samples under the given interpolation.
 
-    Black and white are the function's own; the grey axis counts GREY_WEIGHT times. curve: inputs → the axes of the
-    knots. weight: (n, 3) of outputs → (n,), how much a squared error counts there, as a response behind the cube
-    magnifies it; then a second, reweighted fit (Lawson 1961) brings down the largest errors. limit: no node leaves the
-    function's own range, whatever would fit best, so that a file keeps within the legal range.
+    knots: the design's levels on the axes of the cube, to which `curve` takes inputs. Black and white are the
+    function's own; the grey axis counts GREY_WEIGHT times. weight: (n, 3) of outputs → (n,), how much a squared error
+    counts there, as a response behind the cube magnifies it; then a second, reweighted fit (Lawson 1961) brings down
+    the largest errors. limit: no node leaves the function's own range, whatever would fit best, so that a file keeps
+    within the legal range.
     """
-    y, nodes = samples.y, samples.nodes
+    x, y, omega = samples.of_design(design)
+    nodes = samples.nodes[design]
     counts = None if weight is None else weight(y)
-    omega = samples.share.copy() if counts is None else samples.share * counts
-    omega[-samples.grey :] *= GREY_WEIGHT
-    x = samples.x if curve is None else curve(samples.x)
+    if counts is not None:
+        omega *= counts
+    omega[-GREY_POINTS:] *= GREY_WEIGHT
+    x = x if curve is None else curve(x)
     values = _solve(x, y, knots, method, omega / omega.mean(), nodes, nodes)
     if counts is not None:
         error = np.sqrt(counts * np.sum((interpolate(x, knots, values, method) - y) ** 2, axis=1))
@@ -109,37 +149,30 @@ def fit_cube(
     return values
 
 
-def _points(levels: Levels, gain: Array) -> tuple[Array, Array]:
-    """Points (n, 3), even over the cells of the lattice, some of them on its faces; and the share of each (n,).
+def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, NDArray[np.bool_], Array]:
+    """Points (n, 3), even over the cells of each design, some of them on its faces: `on_face` and `counted` of Samples.
 
-    Where a gain clips its inputs, many of them fall on the upper face. A share is the square root of the share of
-    even inputs: half way between every input and every cell counting alike.
+    Where a gain clips its inputs, many of them fall on the upper face.
     """
-    size = len(levels[0])
+    size = len(designs[0][0])
     cells = (size - 1) ** 3
     count = max(FEWEST_POINTS, min(POINTS_PER_CELL * cells, max(MOST_POINTS, cells)))
     u = qmc.Sobol(3, scramble=False).random(1 << int(np.ceil(np.log2(count))))[:count]
     even = np.linspace(0.0, 1.0, size)
-    share = np.ones(count)
+    counted = np.ones(count)
+    on_face = np.empty(u.shape, dtype=np.bool_)
     x = np.empty_like(u)
     for c in range(3):
         beyond = max(1.0 - 1.0 / float(gain[c]), 0.0)
         above = max(OVERHANG, 0.25 * beyond**0.5)
         place = u[:, c] * (1 + OVERHANG + above) - OVERHANG
-        cell = np.clip((place * (size - 1)).astype(np.int64), 0, size - 2)
-        inside = np.diff(levels[c])[cell] * (size - 1)
         upper = max(beyond, OVERHANG) / above / (1.0 - beyond)
-        share *= np.where(place > 1, upper, np.where(place < 0, 1.0, inside))
-        x[:, c] = np.interp(np.clip(place, 0.0, 1.0), even, levels[c])
-    share = np.sqrt(share)
-    return x, share / share.mean()
-
-
-def _node_share(levels: Levels) -> Array:
-    """The same for the nodes, (N³,)."""
-    widths = [np.gradient(axis) * (len(axis) - 1) for axis in levels]
-    share = np.sqrt(np.einsum("i,j,k->ijk", *widths)).ravel()
-    return np.asarray(share / share.mean())
+        counted *= np.where(place > 1, np.sqrt(upper), 1.0)
+        on_face[:, c] = (place > 1) | (place < 0)
+        for number, design in enumerate(designs):  # in turn: any stretch of a Sobol sequence is even
+            part = slice(number * count // len(designs), (number + 1) * count // len(designs))
+            x[part, c] = np.interp(np.clip(place[part], 0.0, 1.0), even, design[c])
+    return x, on_face, counted
 
 
 def _solve(
@@ -151,50 +184,7 @@ def _solve(
     hold = HOLD * float(stencil[..., 13].mean())
     stencil[..., 13] += hold
     right += hold * sampled
-    inverse = 1 / stencil[..., 13:14]
-    b = start.copy()
-    residual = right - _apply(stencil, b)
-    direction = preconditioned = inverse * residual
-    rho = _dot(residual, preconditioned)
-    goal = GOAL**2 * rho
-    for _ in range(MOST_STEPS):
-        if np.all(rho <= goal):
-            break
-        image = _apply(stencil, direction)
-        step = rho / np.maximum(_dot(direction, image), 1e-300)
-        b += step * direction
-        residual -= step * image
-        preconditioned = inverse * residual
-        rho, previous = _dot(residual, preconditioned), rho
-        direction = preconditioned + rho / np.maximum(previous, 1e-300) * direction
+    b = solve(stencil, right, start, GOAL, MOST_STEPS)
     if not np.all(np.isfinite(b)):
         raise LutError("the transform cannot be fitted by a cube: its values span too wide a range")
     return b
-
-
-def _dot(a: Array, b: Array) -> Array:
-    total: Array = np.einsum("ijkc,ijkc->c", a, b)
-    return total
-
-
-@njit(cache=True, parallel=True)
-def _apply(stencil: Array, b: Array) -> Array:
-    """The 27-point stencil (N, N, N, 27) times node values (N, N, N, 3)."""
-    size_r, size_g, size_b = b.shape[0], b.shape[1], b.shape[2]
-    result = np.empty_like(b)
-    for plane in prange(size_r):
-        i = np.int64(plane)  # the loop variable of prange is unsigned
-        first = 1 if i == 0 else 0
-        last = 2 if i == size_r - 1 else 3
-        for j in range(size_g):
-            for k in range(size_b):
-                t0, t1, t2 = 0.0, 0.0, 0.0
-                for di in range(first, last):
-                    for dj in range(max(0, 1 - j), min(3, size_g + 1 - j)):
-                        for dk in range(max(0, 1 - k), min(3, size_b + 1 - k)):
-                            w = stencil[i, j, k, 9 * di + 3 * dj + dk]
-                            t0 += w * b[i + di - 1, j + dj - 1, k + dk - 1, 0]
-                            t1 += w * b[i + di - 1, j + dj - 1, k + dk - 1, 1]
-                            t2 += w * b[i + di - 1, j + dj - 1, k + dk - 1, 2]
-                result[i, j, k, 0], result[i, j, k, 1], result[i, j, k, 2] = t0, t1, t2
-    return result

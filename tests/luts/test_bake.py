@@ -171,6 +171,18 @@ def test_other_formats_are_fitted_anew(tmp_path: Path) -> None:
         assert error.max < (3e-4 if name == "a.3dl" else 2e-5)
 
 
+def test_another_form_is_fitted_to_what_was_evaluated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    transform = Refinish(linearize(), 0.8 * np.eye(3), render())
+    x, lut, anew = points(), bake(transform, 17), bake(transform, 17, response=False)
+    wanted = transform(x)
+    with monkeypatch.context() as without:
+        without.delattr(GamutMap, "__call__")
+        written = write_lut(lut, tmp_path / "a.resolve.cube")
+    assert written.lut is not None
+    shared, fresh = (np.linalg.norm(known(x) - wanted, axis=1).mean() for known in (written.lut, anew))
+    assert shared < 1.1 * fresh
+
+
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
 def test_a_hald_image_is_its_cube_to_16_bits(tmp_path: Path, name: str) -> None:
     written = write_lut(bake(look, 9), tmp_path / name, size=16)

@@ -1,0 +1,111 @@
+"""Solve S b = r for the nodes of a cube, S a symmetric 27-point stencil: conjugate gradients with a diagonal
+preconditioner.
+
+S is bound by memory: only the half of its diagonals that follows the middle one is kept, those that are all zero left
+out (tetrahedral weights join a node with 14 others, not 26), in float32, in which it stays symmetric. Sums are formed
+per plane and then over the planes, so that the same input gives the same bytes on any number of cores.
+"""
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Half = NDArray[np.float32]
+Offsets = NDArray[np.int64]
+
+MIDDLE = 13
+
+
+def solve(stencil: Array, right: Array, start: Array, goal: float, most_steps: int) -> Array:
+    """b (N, N, N, 3). stencil: (N, N, N, 27), offset index 9·(di + 1) + 3·(dj + 1) + (dk + 1); right, start: as b.
+
+    goal: what is to be left of the residual of the start. Time O(N³) per step, multi-threaded.
+    """
+    half, offsets = _half(stencil)
+    inverse = _padded(1 / stencil[..., MIDDLE])
+    b = _padded(np.moveaxis(start, 3, 0))
+    image, direction = np.zeros_like(b), np.zeros_like(b)
+    _image(half, offsets, b, image)
+    residual = _padded(np.moveaxis(right, 3, 0)) - image
+    rho = _precondition(inverse, residual, np.zeros(3), image, direction, b)
+    least, beta = goal**2 * rho, np.zeros(3)
+    for _ in range(most_steps):
+        if np.all(rho <= least):
+            break
+        _advance(inverse, residual, beta, direction)
+        step = rho / np.maximum(_image(half, offsets, direction, image), 1e-300)
+        rho, previous = _precondition(inverse, residual, step, image, direction, b), rho
+        beta = rho / np.maximum(previous, 1e-300)
+    return np.ascontiguousarray(np.moveaxis(b[:, 1:-1, 1:-1, 1:-1], 0, 3))
+
+
+def _half(stencil: Array) -> tuple[Half, Offsets]:
+    """The diagonals from the middle one on that are not zero, (K, N + 2, N + 2, N + 2), and where they lie, (K, 3)."""
+    kept = [index for index in range(MIDDLE, 27) if np.any(stencil[..., index])]
+    half = np.zeros((len(kept), *(n + 2 for n in stencil.shape[:3])), dtype=np.float32)
+    for place, index in enumerate(kept):
+        half[place, 1:-1, 1:-1, 1:-1] = stencil[..., index]
+    return half, np.array([(index // 9 - 1, index // 3 % 3 - 1, index % 3 - 1) for index in kept])
+
+
+def _padded(values: Array) -> Array:
+    """With a layer of zeros around the last three axes."""
+    width = [(0, 0)] * (values.ndim - 3) + [(1, 1)] * 3
+    return np.ascontiguousarray(np.pad(values, width))
+
+
+@njit(cache=True, parallel=True, fastmath=True)
+def _image(half: Half, offsets: Offsets, b: Array, image: Array) -> Array:
+    """image = S b; returns b·image per output."""
+    planes, length = b.shape[1], b.shape[3] - 2
+    sums = np.zeros((planes, 3))
+    for plane in prange(1, planes - 1):
+        i = np.int64(plane)  # the loop variable of prange is unsigned
+        for j in range(1, b.shape[2] - 1):
+            for c in range(3):
+                row, here, middle = image[c, i, j, 1:-1], b[c, i, j, 1:-1], half[0, i, j, 1:-1]
+                for k in range(length):
+                    row[k] = middle[k] * here[k]
+                for o in range(1, half.shape[0]):
+                    di, dj, dk = offsets[o, 0], offsets[o, 1], offsets[o, 2]
+                    ahead, after = half[o, i, j, 1:-1], b[c, i + di, j + dj, 1 + dk : 1 + dk + length]
+                    behind = half[o, i - di, j - dj, 1 - dk : 1 - dk + length]
+                    before = b[c, i - di, j - dj, 1 - dk : 1 - dk + length]
+                    for k in range(length):
+                        row[k] += ahead[k] * after[k] + behind[k] * before[k]
+                total = 0.0
+                for k in range(length):
+                    total += row[k] * here[k]
+                sums[plane, c] += total
+    summed: Array = sums.sum(axis=0)
+    return summed
+
+
+@njit(cache=True, parallel=True, fastmath=True)
+def _precondition(inverse: Array, residual: Array, step: Array, image: Array, direction: Array, b: Array) -> Array:
+    """b += step · direction, residual −= step · image; returns residual·D⁻¹ residual per output."""
+    planes = b.shape[1]
+    sums = np.zeros((planes, 3))
+    for i in prange(1, planes - 1):
+        for c in range(3):
+            total = 0.0
+            for j in range(1, b.shape[2] - 1):
+                for k in range(1, b.shape[3] - 1):
+                    b[c, i, j, k] += step[c] * direction[c, i, j, k]
+                    r = residual[c, i, j, k] - step[c] * image[c, i, j, k]
+                    residual[c, i, j, k] = r
+                    total += r * r * inverse[i, j, k]
+            sums[i, c] = total
+    summed: Array = sums.sum(axis=0)
+    return summed
+
+
+@njit(cache=True, parallel=True, fastmath=True)
+def _advance(inverse: Array, residual: Array, beta: Array, direction: Array) -> None:
+    """direction = D⁻¹ residual + beta · direction."""
+    for i in prange(1, direction.shape[1] - 1):
+        for c in range(3):
+            for j in range(1, direction.shape[2] - 1):
+                for k in range(1, direction.shape[3] - 1):
+                    direction[c, i, j, k] = inverse[i, j, k] * residual[c, i, j, k] + beta[c] * direction[c, i, j, k]

@@ -1,0 +1,29 @@
+"""The solver against a dense one."""
+
+import numpy as np
+import pytest
+
+from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.luts.conjugate_gradients import solve
+from lutforge.regression.normal_equations import normal_equations
+
+
+@pytest.mark.parametrize("method", INTERPOLATIONS)
+def test_nodes_are_those_of_a_dense_solver(method: Interpolation) -> None:
+    rng = np.random.default_rng(4)
+    levels = (np.linspace(0, 1, 5), np.linspace(0, 1, 5) ** 2, np.linspace(0, 1, 5) ** 0.5)
+    x, y = rng.random((3000, 3)), rng.normal(size=(3000, 3))
+    equations = normal_equations(x, y, levels, method, rng.uniform(0.1, 1.0, 3000))
+    stencil = equations.stencil.copy()
+    stencil[..., 13] += 0.1
+    dense = np.zeros((7, 7, 7, 7, 7, 7))
+    for index in np.ndindex(5, 5, 5):
+        i, j, k = (place + 1 for place in index)
+        dense[i, j, k, i - 1 : i + 2, j - 1 : j + 2, k - 1 : k + 2] = stencil[index].reshape(3, 3, 3)
+    inside = dense[1:-1, 1:-1, 1:-1, 1:-1, 1:-1, 1:-1].reshape(125, 125)
+    np.testing.assert_allclose(inside, inside.T, atol=1e-12)
+    wanted = np.linalg.solve(inside, equations.right.reshape(125, 3)).reshape(5, 5, 5, 3)
+    found = solve(stencil, equations.right, np.zeros((5, 5, 5, 3)), 1e-7, 500)
+    np.testing.assert_allclose(found, wanted, atol=1e-5 * np.abs(wanted).max())  # its stencil is float32
+    again = solve(stencil, equations.right, np.zeros((5, 5, 5, 3)), 1e-7, 500)
+    np.testing.assert_array_equal(found, again)
