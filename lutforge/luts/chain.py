@@ -33,8 +33,9 @@ class LutChain:
 
     def __call__(self, x: ArrayLike) -> Array:
         """(…, 3) → (…, 3), as a reader of the file computes it."""
-        y = np.asarray(x, dtype=np.float64)
-        for lut in self.luts:
+        first, *others = self.luts
+        y = first(x)
+        for lut in others:
             y = lut(y)
         return y
 

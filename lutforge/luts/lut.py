@@ -11,7 +11,7 @@ from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels, interpolate, through
 from lutforge.luts.shaper import SHAPER_SIZE, SHAPER_SIZES, on_grid, sampled_shaper, scaled_levels
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.model.transform import Transform
+from lutforge.model.transform import Transform, checked_colours
 
 if TYPE_CHECKING:
     from lutforge.luts.write import Written
@@ -95,8 +95,11 @@ class Lut:
             )
 
     def __call__(self, x: ArrayLike) -> Array:
-        """What a reader of the file computes, in float64: (…, 3) → (…, 3). NaN counts as 0."""
-        scene = np.asarray(x, dtype=np.float64)
+        """What a reader of the file computes, in float64: (…, 3) → (…, 3). NaN counts as 0.
+
+        Raises ImageError on another shape, and on integers.
+        """
+        scene = checked_colours(x)
         if self.before is not None:
             scene = scene @ self.before.T
         inside = np.clip(np.nan_to_num(scene * (self.gain / self.highest)), 0.0, 1.0)

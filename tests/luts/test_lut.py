@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lutforge.errors import LutError
+from lutforge.errors import ImageError, LutError
+from lutforge.luts.chain import LutChain
 from lutforge.luts.lut import Lut, lut_from_lattice
 from lutforge.luts.shaper import SHAPER_SIZE, on_grid, sampled_shaper, scaled_levels
 from lutforge.luts.write import largest_difference
@@ -131,3 +132,13 @@ def test_what_does_not_fit_is_refused(change: dict[str, object], words: str) -> 
 def test_too_many_nodes_for_a_file() -> None:
     with pytest.raises(LutError, match="129"):
         Lut(np.ones(3), uniform_levels(130), np.zeros((130, 130, 130, 3)), np.eye(3))
+
+
+def test_pixels_that_are_no_colours_are_refused() -> None:
+    levels = uniform_levels(2)
+    identity = Lut(np.ones(3), levels, grid(levels), np.eye(3))
+    for transform in (identity, LutChain((identity, identity))):
+        with pytest.raises(ImageError, match="scale them"):
+            transform(np.full((4, 4, 3), 200, dtype=np.uint8))
+        with pytest.raises(ImageError, match="alpha"):
+            transform(np.ones((4, 4, 4)))
