@@ -22,7 +22,7 @@ from lutforge.calibration.baselines import colour_polynomial, mixed_channel_poly
 from lutforge.calibration.exposure_pairs import pairs_of_samples
 from lutforge.calibration.linearisation import model_delta
 from lutforge.calibration.physical import conventional, fit_gamut_maps, fit_stages, linearize
-from lutforge.calibration.response import BETA, saturation
+from lutforge.calibration.unsaturated import BETA, saturation
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import PhysicalModel
@@ -37,9 +37,8 @@ AUTOMATIC = ("CanonPowerShotS50", "CanonPowerShotS60", "CasioEX-Z55")
 NOTES = """Made by `examples/middlebury_table.py` from the patch means of the photographs of Chakrabarti, Scharstein &
 Zickler, "An empirical camera model for internet color vision" (BMVC 2009), as trimmed by Zhao et al. 2022
 (github.com/zyfccc). RMSE of RAW before white balance, 1 = full scale; δ is equation (4.11) over all exposure pairs of
-both lights, in linear sRGB. Both files are 8-bit, which alone costs about 0.001. Choices of the method were made on the
-first table; the second, with the lights swapped, was computed once they stood, and comes to the same count with the
-same exception.
+both lights, in linear sRGB. Both files are 8-bit, which alone costs about 0.001. Choices of the method were made with
+both tables in view; that they are not choices for these cameras is shown by `tests/benchmarks/unseen_cameras.py`.
 
 - CanonPowerShotS50, CanonPowerShotS60, CasioEX-Z55: their white balance followed the light (greys of other RAW ratios
   came out equally grey), and the file does not say how; every method got the same three gains per test shot, read from

@@ -10,7 +10,8 @@ from scipy.optimize import minimize_scalar
 
 from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_bracket
 from lutforge.calibration.plain_curves import gamma_response, spline_of_pairs, srgb_response
-from lutforge.calibration.response import BETA, fit_response_to_exposures, saturation
+from lutforge.calibration.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.unsaturated import BETA, saturation
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.model.response import Response

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.exposure_pairs import ExposurePairs
-from lutforge.calibration.response import BETA, fit_response_to_exposures, saturation
+from lutforge.calibration.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.unsaturated import BETA, saturation
 from lutforge.model.response import Response
 
 Array = NDArray[np.float64]

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.response import BETA, LEAST_UNSATURATED, fit_response_to_raw, saturation
+from lutforge.calibration.response_from_raw import fit_response_to_raw
+from lutforge.calibration.unsaturated import BETA, LEAST_UNSATURATED, saturation
 from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
 

@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 ROUNDS = 10
 OUTLIER = 3.0
 LEAST_COLOURS = 8
+LEAST_TRUST = 0.1
+"""Colours of less weight do not count as unsaturated."""
+DARKEST = 0.005
 LEAST_CONDITION = 8e-3
 """The chromaticities (shares of r, g, b) of the unsaturated colours must spread in two directions by this much."""
 
@@ -44,13 +47,15 @@ def fit_matrix(
     known: Mapping[str, Array],
     *,
     trusted: NDArray[np.float64],
+    neutral: Array | None = None,
     preset: Preset = "lutforge",
 ) -> MatrixFit:
     """Solve (4.5). linear: X = f⁻¹(I) (n, 3); raw: E (n, 3); setting: (n,) white-balance name; known: multipliers (3,)
-    with green = 1 by setting; trusted: (n,) weights, 1 for colours that are surely untouched by the gamut map.
+    with green = 1 by setting; trusted: (n,) weights, 1 for colours that are surely untouched by the gamut map;
+    neutral: (3,) what f⁻¹ makes of neutral JPEG values, up to a factor, None where its curves are alike.
 
-    Without any known multipliers, what Ts and Tw share is settled by neutrals: Ts maps equal RAW values to equal linear
-    ones, as a camera's own white balance makes them. Raises CalibrationError where the colours do not determine Ts.
+    Without any known multipliers, what Ts and Tw share is settled by neutrals: what the camera renders neutral is equal
+    RAW values after its white balance. Raises CalibrationError where the colours do not determine Ts.
     """
     names = [str(name) for name in np.unique(setting)]
     unknown = [name for name in names if name not in known]
@@ -62,15 +67,15 @@ def fit_matrix(
     for turn in range(1 if preset == "thesis" else ROUNDS):
         inverse, solved = _solve(linear, raw, setting, fixed, free, weight)
         tw = np.array([solved[str(name)] for name in setting])
-        # Relative to the sample's own level: bright colours are no better than dark ones.
-        level = np.maximum(np.linalg.norm(tw * raw, axis=1), 0.02)
-        residual = np.linalg.norm(linear @ inverse.T - tw * raw, axis=1) / level
+        # Photon noise, and rounding behind a response like a power of ½, grow with the root of the level.
+        level = np.maximum(np.linalg.norm(tw * raw, axis=1), DARKEST)
+        residual = np.linalg.norm(linear @ inverse.T - tw * raw, axis=1) / np.sqrt(level)
         if preset == "lutforge" and turn < ROUNDS - 1:
-            scale = max(OUTLIER * float(np.median(residual[trusted > 0.5])), 2e-3)
-            weight = 1.0 / (1.0 + (residual / scale) ** 2) ** 2 / level**2
+            scale = max(OUTLIER * float(np.median(residual[trusted >= 0.5 * trusted.max()])), 2e-3)
+            weight = trusted / (1.0 + (residual / scale) ** 2) ** 2 / level
     weight = weight / weight.max()
     if not known:  # R of (4.6): neutral stays neutral
-        neutral = inverse @ np.ones(3)
+        neutral = inverse @ (np.ones(3) if neutral is None else neutral)
         if np.min(neutral) <= 0:
             raise CalibrationError(
                 "the unsaturated colours give no white balance: add a shot of a grey or colour chart"
@@ -91,12 +96,13 @@ def fit_matrix(
 
 
 def _check(linear: Array, trusted: NDArray[np.float64]) -> None:
-    count = int((trusted > 0.5).sum())
+    used = trusted > LEAST_TRUST
+    count = int(used.sum())
     if count < LEAST_COLOURS:
         raise CalibrationError(
             f"{count} unsaturated colours; the matrix needs {LEAST_COLOURS}: shoot a colour chart, not clipped"
         )
-    if hue_spread(linear[trusted > 0.5]) < LEAST_CONDITION:
+    if hue_spread(linear[used]) < LEAST_CONDITION:
         raise CalibrationError(
             "the unsaturated colours are all one hue or grey and cannot tell the matrix: shoot a colour chart"
         )

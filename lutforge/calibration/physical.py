@@ -10,13 +10,9 @@ from lutforge.calibration.exposure_pairs import pairs_of_samples
 from lutforge.calibration.gamut_map import GamutMapFit, GamutMapOptions, fit_gamut_map, identity_gamut_map
 from lutforge.calibration.matrix import LEAST_CONDITION, fit_matrix, hue_spread
 from lutforge.calibration.options import Preset
-from lutforge.calibration.response import (
-    BETA,
-    encoding_slope,
-    fit_response_to_exposures,
-    fit_response_to_raw,
-    untouched,
-)
+from lutforge.calibration.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.response_from_raw import encoding_slope, fit_response_to_raw
+from lutforge.calibration.unsaturated import BETA, untouched
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import PhysicalModel
 from lutforge.model.response import Response
@@ -78,7 +74,13 @@ def fit_stages(
         balanced = np.where(known[:, None], samples.raw * multipliers, samples.raw)
         label = np.where(known, "known", setting)
         fit = fit_matrix(
-            linear, balanced, label, {"known": np.ones(3)} if given else {}, trusted=trusted, preset=preset
+            linear,
+            balanced,
+            label,
+            {"known": np.ones(3)} if given else {},
+            trusted=trusted,
+            neutral=_neutral(samples, stages),
+            preset=preset,
         )
         matrix = fit.matrix
         if turn == 0 and not known.all():
@@ -86,6 +88,19 @@ def fit_stages(
             for key in np.unique(setting[~known]):
                 multipliers[(setting == key) & ~known] = fit.multipliers[str(key)]
     return CameraStages(matrix, multipliers, stages)
+
+
+def _neutral(samples: SampleSet, stages: Mapping[str, StyleStages]) -> Array:
+    """f⁻¹ of neutral JPEG values, (3,), relative to each other: the factors between the channels' curves.
+
+    Bright trusted colours decide: they tell a factor best, and curves that differ do so least near white.
+    """
+    products = np.zeros(3)
+    for name, stage in stages.items():
+        value = samples.srgb[samples.style == name].mean(axis=1, keepdims=True)
+        linear = stage.response.linearize(np.repeat(value, 3, axis=1))
+        products += (stage.trusted * linear.mean(axis=1) ** 2) @ linear
+    return np.asarray(products / products.mean())
 
 
 def _fit_style(samples: SampleSet, multipliers: Array, name: str, preset: Preset) -> StyleStages:

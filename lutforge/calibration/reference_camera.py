@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from lutforge.calibration.exposure_pairs import pairs_of_samples
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import fit_shared_gamut_maps
-from lutforge.calibration.response import fit_response_to_exposures, saturation, starting_beta
+from lutforge.calibration.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.unsaturated import saturation, starting_beta
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
 from lutforge.model.response import Response

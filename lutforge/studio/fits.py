@@ -13,7 +13,8 @@ from lutforge.calibration.lattice import MEASURING_TOLERANCE
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import fit_stages
-from lutforge.calibration.response import fit_response_to_exposures, fit_response_to_raw
+from lutforge.calibration.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.response_from_raw import fit_response_to_raw
 from lutforge.calibration.white_balance import complete_multipliers, named_white_balances
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle

@@ -12,10 +12,8 @@ from lutforge.calibration.calibrate import unclipped
 from lutforge.calibration.exposure_pairs import pairs_of_bracket, pairs_of_samples
 from lutforge.calibration.options import Preset
 from lutforge.calibration.plain_curves import gamma_response, spline_response, srgb_response
-from lutforge.calibration.response import (
-    fit_response_to_exposures,
-    fit_response_to_raw,
-)
+from lutforge.calibration.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.response_from_raw import fit_response_to_raw
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.gamut_map import fit_gamut_map
-from lutforge.calibration.response import encoding_slope
+from lutforge.calibration.response_from_raw import encoding_slope
 from lutforge.errors import ProfileError
 from lutforge.model.published_model import PublishedModel, import_published, read_published_model
 from lutforge.model.transform import RenderChain

@@ -12,7 +12,7 @@ from shots_for_the_studio import chart_samples
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import fit_stages
-from lutforge.calibration.response import saturation
+from lutforge.calibration.unsaturated import saturation
 from lutforge.model.profile_file import save_profile
 from lutforge.pipeline import calibrate
 from lutforge.samples.sample_set import SampleSet

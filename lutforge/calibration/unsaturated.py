@@ -1,0 +1,60 @@
+"""Colours that the gamut map leaves alone, told by their saturation (thesis 4.2.1: the threshold β)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.options import Preset
+from lutforge.errors import CalibrationError
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float64]
+
+BETA = 0.3
+"""HSV saturation below which a colour is taken to be untouched by the gamut map."""
+NEAR_WHITE = 0.97
+"""Nearer to white even unsaturated colours are moved, some of their pixels clip, and f⁻¹ is steepest: a few of them
+turn a plain least-squares fit of Ts by several per cent (0.1 % without them, on the simulated camera)."""
+LARGEST_BETA, LEAST_SHARE = 0.5, 0.35
+"""Where few colours lie below β, as under a light that the white balance does not meet, the robust fit starts from this
+share of the least saturated, if they lie below this saturation."""
+LEAST_UNSATURATED = 8
+LEAST_TONES = 0.25
+"""The unsaturated colours must span this much of the encoded range, or the curve is a guess."""
+
+
+def saturation(encoded: Array) -> Floats:
+    """HSV saturation 1 − min/max of encoded colours (n, 3) → (n,); black is 0."""
+    high = encoded.max(axis=1)
+    return np.asarray(1.0 - encoded.min(axis=1) / np.maximum(high, 1e-6))
+
+
+def untouched(encoded: Array, beta: float = BETA) -> NDArray[np.bool_]:
+    """(n,) colours (n, 3) that a plain fit trusts: saturation below β, and not near white."""
+    return np.asarray((saturation(encoded) < beta) & (encoded.max(axis=1) < NEAR_WHITE))
+
+
+def untouched_odds(chroma: Floats, beta: float) -> Floats:
+    """Weight (n,) of colours of saturation chroma (n,): ½ at β, as where a shift that grows with the third power of the
+    saturation is as large as the noise."""
+    return np.asarray(1.0 / (1.0 + (chroma / beta) ** 6))
+
+
+def starting_beta(chroma: Floats, preset: Preset, beta: float = BETA) -> float:
+    """β itself, or for the robust fit what takes in enough of the least saturated colours."""
+    if preset == "thesis" or (chroma < beta).sum() >= max(2 * LEAST_UNSATURATED, 0.15 * len(chroma)):
+        return beta
+    return float(np.clip(np.quantile(chroma, LEAST_SHARE), beta, LARGEST_BETA))
+
+
+def check_tones(encoded: Array, unsaturated: NDArray[np.bool_]) -> None:
+    if unsaturated.sum() < LEAST_UNSATURATED:
+        raise CalibrationError(
+            f"{unsaturated.sum()} unsaturated colours; the response needs {LEAST_UNSATURATED}: "
+            "shoot a grey card or a colour chart, at several exposures"
+        )
+    low, high = np.percentile(encoded[unsaturated, 1], [2, 98])
+    if high - low < LEAST_TONES:
+        raise CalibrationError(
+            f"the unsaturated colours span JPEG values {255 * low:.0f} to {255 * high:.0f} only: "
+            "shoot a grey card or a colour chart at several exposures, from dark to nearly clipped"
+        )
