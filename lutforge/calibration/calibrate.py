@@ -142,6 +142,7 @@ def _fit_physical(
             stages.matrix,
             style.response,
             balances,
+            preset=options.preset,
         )
     return stages.matrix, completed, models
 
@@ -276,7 +277,9 @@ def refit_physical(
     known = np.ones(len(data.shot), dtype=np.bool_)
     stages = fit_stages(data.samples, data.balanced / data.samples.raw, known, options.preset)
     response = next(iter(stages.styles.values())).response
-    return fit_gamut_maps(data.balanced, data.encoded, data.shot, stages.matrix, response, white_balances, nuggets)
+    return fit_gamut_maps(
+        data.balanced, data.encoded, data.shot, stages.matrix, response, white_balances, nuggets, options.preset
+    )
 
 
 def predict_physical_held_out(

@@ -5,14 +5,14 @@ SIGGRAPH 2001): fit few, look at the residual of all pairs, add the worst, until
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from lutforge.errors import CalibrationError
-from lutforge.model.gamut_map import GamutMap
+from lutforge.model.gamut_map import GamutMap, from_even, to_even
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float64]
@@ -37,12 +37,14 @@ class GamutMapOptions:
     """tolerance: residual, in the units of the values, below which a pair is met; most: centres at most.
 
     nugget: 8Nπρ of (4.8), the weight of smoothness against fidelity; None chooses it on held-out shots.
+    offset: of the even scale that the map works on, where its residuals count, too; 0 for linear values (thesis).
     Raises CalibrationError on values that are not positive.
     """
 
     tolerance: float = 0.1 / 255.0
     most: int = THESIS_CENTRES
     nugget: float | None = None
+    offset: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.tolerance > 0 or self.most < 8 or (self.nugget is not None and not self.nugget >= 0):
@@ -84,6 +86,7 @@ def fit_gamut_map(
     options = options or GamutMapOptions()
     slope = np.ones(len(source)) if importance is None else np.asarray(importance, dtype=np.float64)
     names = np.arange(len(source)).astype(str) if groups is None else groups
+    source, target = to_even(source, options.offset), to_even(target, options.offset)
     source, target, slope, names = merge_coincident(source, target, slope, names)
     if len(source) < 8 or np.linalg.matrix_rank(source - source.mean(axis=0), tol=1e-4 * np.sqrt(len(source))) < 3:
         raise CalibrationError(
@@ -105,6 +108,8 @@ def fit_gamut_map(
         wanted = min(room, max(int(len(chosen) * (GROWTH - 1.0)), 8))
         chosen = np.concatenate([chosen, _worst_apart(source, residual, open_pairs, wanted)])
     rho = nugget / (8.0 * np.pi * len(chosen))
+    if options.offset:
+        gamut_map = replace(gamut_map, centres=from_even(gamut_map.centres, options.offset), offset=options.offset)
     return GamutMapFit(gamut_map, nugget, rho, float(residual.max()), float(residual.mean()))
 
 

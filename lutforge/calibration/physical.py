@@ -15,12 +15,15 @@ from lutforge.calibration.response_from_raw import encoding_slope, fit_response_
 from lutforge.calibration.unsaturated import BETA, untouched
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import PhysicalModel
+from lutforge.model.gamut_map import even_slope
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 
 Array = NDArray[np.float64]
 
 LARGER_BETAS = (0.4, 0.5)
+OFFSET = 0.01
+"""Of the even scale that h works on: about the linear value where JPEG responses become straight."""
 AUTO_OF_SHOT = "auto\x00"
 """Under auto every shot has a white balance of its own: settings "auto\\0shot"."""
 
@@ -160,13 +163,14 @@ def fit_gamut_maps(
     response: Response,
     white_balances: tuple[str, ...],
     nuggets: tuple[float | None, float | None] = (None, None),
+    preset: Preset = "lutforge",
 ) -> GamutMaps:
     """h and h⁻¹ of one style, on all its unclipped samples, saturated colours included; all white balances together.
 
     balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,). nuggets: smoothness of h and h⁻¹; None chooses it on held-out
-    shots. The residual of h counts in JPEG values; that of h⁻¹ between RAW and JPEG values, so that dark colours count.
+    shots. preset: "thesis" has h on linear values, "lutforge" on the even scale; h⁻¹ is on linear values.
     """
-    forward, back = fit_shared_gamut_maps(balanced @ matrix.T, encoded, shot, response, nuggets)
+    forward, back = fit_shared_gamut_maps(balanced @ matrix.T, encoded, shot, response, nuggets, preset)
     model = PhysicalModel(white_balances, matrix, response, forward.gamut_map, back.gamut_map)
     return GamutMaps(model, forward.nugget, back.nugget)
 
@@ -177,13 +181,24 @@ def fit_shared_gamut_maps(
     shot: NDArray[np.str_],
     response: Response,
     nuggets: tuple[float | None, float | None] = (None, None),
+    preset: Preset = "lutforge",
 ) -> tuple[GamutMapFit, GamutMapFit]:
-    """h and h⁻¹ between linear (n, 3), the matrix's side, and f⁻¹(encoded) (n, 3)."""
-    mapped = response.linearize(encoded)
-    slope = encoding_slope(response, encoded).mean(axis=1)
-    options = [GamutMapOptions(nugget=nugget) for nugget in nuggets]
-    forward = fit_gamut_map(linear, mapped, options[0], groups=shot, importance=slope)
-    back = fit_gamut_map(mapped, linear, options[1], groups=shot, importance=np.sqrt(slope))
+    """h and h⁻¹ between linear (n, 3), the matrix's side, and f⁻¹(encoded) (n, 3).
+
+    The residual of h counts in JPEG values; that of h⁻¹ between RAW and JPEG values, so that dark colours count.
+    """
+    mapped, offset = response.linearize(encoded), 0.0 if preset == "thesis" else OFFSET
+    slope = encoding_slope(response, encoded)
+    forward = fit_gamut_map(
+        linear,
+        mapped,
+        GamutMapOptions(nugget=nuggets[0], offset=offset),
+        groups=shot,
+        importance=(slope / even_slope(mapped, offset)).mean(axis=1),
+    )
+    back = fit_gamut_map(
+        mapped, linear, GamutMapOptions(nugget=nuggets[1]), groups=shot, importance=np.sqrt(slope.mean(axis=1))
+    )
     return forward, back
 
 

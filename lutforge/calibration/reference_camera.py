@@ -98,7 +98,7 @@ def _fit_style(samples: SampleSet, name: str, options: CalibrationOptions) -> tu
         except CalibrationError as error:
             raise CalibrationError(f'style "{name}", white balance "{balance}": {error}') from None
         mixed[rows] = samples.raw[rows] @ matrices[str(balance)].T
-    forward, back = fit_shared_gamut_maps(mixed, samples.srgb, samples.shot, response)
+    forward, back = fit_shared_gamut_maps(mixed, samples.srgb, samples.shot, response, preset=options.preset)
     return tuple(
         PhysicalModel((balance,), matrix, response, forward.gamut_map, back.gamut_map)
         for balance, matrix in matrices.items()

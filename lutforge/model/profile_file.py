@@ -24,8 +24,8 @@ from lutforge.model.white_balance import WhiteBalance
 
 Array = NDArray[np.float64]
 
-FORMAT_VERSION = 2
-"""2: lattices may have a response."""
+FORMAT_VERSION = 3
+"""2: lattices may have a response. 3: gamut maps may be on an even scale."""
 LARGEST_ENTRY = 512 * 1024 * 1024
 """Bytes that one array of a profile may unpack to; a 129³ lattice takes 52 MB."""
 MOST_ENTRIES = 4096
@@ -90,7 +90,12 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
             arrays[f"{base}_{side}_coefficients"] = gamut_map.coefficients
             arrays[f"{base}_{side}_polynomial"] = gamut_map.polynomial
         result["physical"].append(
-            {"white_balances": list(model.white_balances), "matrix": model.matrix.tolist(), "arrays": base}
+            {
+                "white_balances": list(model.white_balances),
+                "matrix": model.matrix.tolist(),
+                "arrays": base,
+                "offsets": [model.gamut_map.offset, model.inverse_gamut_map.offset],
+            }
         )
     return result
 
@@ -213,8 +218,13 @@ def _style_from_json(entry: Mapping[str, Any], arrays: _Arrays, path: Path) -> P
     for model in entry.get("physical", []):
         base = model["arrays"]
         maps = [
-            GamutMap(*(arrays[f"{base}_{side}_{part}"] for part in ("centres", "coefficients", "polynomial")))
-            for side in ("gamut_map", "inverse_gamut_map")
+            GamutMap(
+                arrays[f"{base}_{side}_centres"],
+                arrays[f"{base}_{side}_coefficients"],
+                arrays[f"{base}_{side}_polynomial"],
+                float(offset),
+            )
+            for side, offset in zip(("gamut_map", "inverse_gamut_map"), model.get("offsets", (0.0, 0.0)), strict=True)
         ]
         physical.append(
             PhysicalModel(

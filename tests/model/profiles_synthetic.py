@@ -1,5 +1,7 @@
 """A small profile with all that a profile may hold, for the tests of this folder."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
@@ -29,7 +31,9 @@ def small_profile(camera: str = "Test One") -> CameraProfile:
     linearize = Lattice(levels, (grid(levels) ** GAMMA) @ np.linalg.inv(MATRIX).T, "tetrahedral")
     rng = np.random.default_rng(5)
     wavy = GamutMap(rng.uniform(size=(7, 3)), rng.normal(size=(7, 3)) / 50, identity_map().polynomial)
-    physical = PhysicalModel(("daylight", "tungsten"), MATRIX, gamma_response(), identity_map(), wavy)
+    physical = PhysicalModel(
+        ("daylight", "tungsten"), MATRIX, gamma_response(), replace(identity_map(), offset=0.01), wavy
+    )
     coverage = {"render": rng.uniform(size=(5, 5, 5)), "linearize": rng.uniform(size=(5, 5, 5))}
     return CameraProfile(
         camera=camera,

@@ -96,6 +96,17 @@ def test_profiles_of_the_first_version_are_read(saved: Path) -> None:
     assert load_profile(saved).camera == small_profile().camera
 
 
+def test_gamut_maps_of_versions_without_an_even_scale_are_on_linear_values(saved: Path) -> None:
+    stored = load_profile(saved).styles["standard"].physical[0]
+    assert (stored.gamut_map.offset, stored.inverse_gamut_map.offset) == (0.01, 0.0)
+    with zipfile.ZipFile(saved) as archive:
+        document = json.loads(archive.read("profile.json"))
+    del document["styles"]["standard"]["physical"][0]["offsets"]
+    _edit(saved, version=2, styles=document["styles"])
+    older = load_profile(saved).styles["standard"].physical[0]
+    assert (older.gamut_map.offset, older.inverse_gamut_map.offset) == (0.0, 0.0)
+
+
 def test_everything_comes_back(saved: Path) -> None:
     first, second = small_profile(), load_profile(saved)
     assert second.camera == first.camera
