@@ -85,13 +85,16 @@ class Continuation:
             return straight
         centres = _spread(linear, min(CENTRES, len(linear) // 2))
         tried: list[tuple[float, Continuation]] = []
-        scale = 0.0
+        robust, scale = np.ones(len(x)), 0.0
+        system: _System | None = None
         for softness in SOFTNESSES[self.inverse]:
             candidate = replace(straight, softness=softness)
-            source = candidate._entered(linear)
             target, slope = candidate._wanted(linear, y)
-            try:
-                gamut_map, residual = _fit(_System(source, source[centres]), target, slope)
+            if system is None or self.inverse:
+                source = candidate._entered(linear)
+                system = _System(source, source[centres])
+            try:  # the first fit tells the outliers for those after it
+                gamut_map, residual, robust = _fit(system, target, slope, robust, 1 if tried else ROUNDS)
             except (LinAlgError, ProfileError):  # colours that coincide
                 break
             squares = np.sum((residual * slope) ** 2, axis=1)
@@ -108,7 +111,7 @@ class Continuation:
     def leave_out(self, x: Array, y: Array, held: Sequence[NDArray[np.bool_]]) -> "list[Continuation]":
         """The guesses of the samples x → y (n, 3) less those of each mask (n,), where this is the guess of them all.
 
-        The same centres serve them all, so that the data term is summed once, mask by mask.
+        Masks are disjoint. The same centres serve them all, so that the data term is summed once, mask by mask.
         """
         rows = _rows(len(x))
         x, y = x[rows], y[rows]
@@ -119,12 +122,13 @@ class Continuation:
         target, slope = self._wanted(linear, y)
         system = _System(source, self.gamut_map.centres)
         weight = _sample_weight(slope) * _robust(self.gamut_map(source) - target, slope)
-        total = system.equations(target, weight)
+        masks = [mask[rows] for mask in held]
+        parts = [system.equations(target[mask], weight[mask], mask) for mask in (*masks, ~np.any(masks, axis=0))]
+        normal, right = np.sum([part[0] for part in parts], axis=0), np.sum([part[1] for part in parts], axis=0)
         guesses = []
-        for mask in held:
-            mine = system.equations(target[mask[rows]], weight[mask[rows]], mask[rows])
+        for mine in parts[: len(held)]:
             try:
-                guess = replace(self, gamut_map=system.solve(total[0] - mine[0], total[1] - mine[1])[0])
+                guess = replace(self, gamut_map=system.solve(normal - mine[0], right - mine[1])[0])
             except (LinAlgError, ProfileError):
                 guess = replace(self, gamut_map=None, softness=0.0)
             guesses.append(guess)
@@ -232,15 +236,17 @@ def _robust(residual: Array, slope: Array) -> Array:
     return weight
 
 
-def _fit(system: _System, target: Array, slope: Array) -> tuple[GamutMap, Array]:
-    """h to targets (n, 3), and its residuals; slope (n, 3) turns them into the units they are judged in."""
+def _fit(system: _System, target: Array, slope: Array, robust: Array, rounds: int) -> tuple[GamutMap, Array, Array]:
+    """h to targets (n, 3), its residuals, and robust weights (n,) from these; robust: those of the first round.
+
+    slope: (n, 3), turns residuals into the units they are judged in.
+    """
     weight = _sample_weight(slope)
-    robust = np.ones(len(target))
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         gamut_map, unknowns = system.solve(*system.equations(target, weight * robust))
         residual = system.design @ unknowns - target
         robust = _robust(residual, slope)
-    return gamut_map, residual
+    return gamut_map, residual, robust
 
 
 def _spread(points: Array, count: int) -> NDArray[np.intp]:
