@@ -198,30 +198,45 @@ def _galerkin(stencil: Array, cell: Index, fraction: Array, coarse: Array) -> No
                             coarse[row, n, offset, m] += w * stencil[i, n, d + 1, m]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=FASTMATH)
 def _restrict(fine: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array, fb: Array, coarse: Array) -> None:
+    """coarse += P' fine, whose lines are first summed along the last axis."""
+    line = np.empty((coarse.shape[2], 3))
     for i in range(fine.shape[0]):
         for j in range(fine.shape[1]):
+            line[:] = 0.0
             for k in range(fine.shape[2]):
-                for corner in range(8):
-                    r, g, b = corner >> 2, (corner >> 1) & 1, corner & 1
-                    w = (fr[i] if r else 1 - fr[i]) * (fg[j] if g else 1 - fg[j]) * (fb[k] if b else 1 - fb[k])
+                for c in range(3):
+                    line[ib[k], c] += (1 - fb[k]) * fine[i, j, k, c]
+                    line[ib[k] + 1, c] += fb[k] * fine[i, j, k, c]
+            for r in range(2):
+                for g in range(2):
+                    w = (fr[i] if r else 1 - fr[i]) * (fg[j] if g else 1 - fg[j])
                     if w != 0.0:
-                        for c in range(3):
-                            coarse[ir[i] + r, ig[j] + g, ib[k] + b, c] += w * fine[i, j, k, c]
+                        to = coarse[ir[i] + r, ig[j] + g]
+                        for k in range(len(line)):
+                            for c in range(3):
+                                to[k, c] += w * line[k, c]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=FASTMATH)
 def _prolong_add(coarse: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array, fb: Array, fine: Array) -> None:
+    """fine += P coarse, whose lines are first interpolated along the two other axes."""
+    line = np.empty((coarse.shape[2], 3))
     for i in range(fine.shape[0]):
         for j in range(fine.shape[1]):
-            for k in range(fine.shape[2]):
-                for corner in range(8):
-                    r, g, b = corner >> 2, (corner >> 1) & 1, corner & 1
-                    w = (fr[i] if r else 1 - fr[i]) * (fg[j] if g else 1 - fg[j]) * (fb[k] if b else 1 - fb[k])
+            line[:] = 0.0
+            for r in range(2):
+                for g in range(2):
+                    w = (fr[i] if r else 1 - fr[i]) * (fg[j] if g else 1 - fg[j])
                     if w != 0.0:
-                        for c in range(3):
-                            fine[i, j, k, c] += w * coarse[ir[i] + r, ig[j] + g, ib[k] + b, c]
+                        source = coarse[ir[i] + r, ig[j] + g]
+                        for k in range(len(line)):
+                            for c in range(3):
+                                line[k, c] += w * source[k, c]
+            for k in range(fine.shape[2]):
+                for c in range(3):
+                    fine[i, j, k, c] += (1 - fb[k]) * line[ib[k], c] + fb[k] * line[ib[k] + 1, c]
 
 
 def coarse_nodes(count: int) -> Index:
@@ -244,13 +259,14 @@ def interpolation_matrix(levels: Array, kept: Index) -> tuple[Index, Array, Arra
     return cell, fraction, matrix
 
 
+@njit(cache=True)
 def to_bands(matrix: Array) -> Array:
     """The five central diagonals of a symmetric (N, N) matrix as (N, 5), offsets −2 … 2."""
     count = len(matrix)
     bands = np.zeros((count, 5))
-    for offset in range(-2, 3):
-        rows = np.arange(max(0, -offset), min(count, count - offset))
-        bands[rows, offset + 2] = matrix[rows, rows + offset]
+    for row in range(count):
+        for column in range(max(0, row - 2), min(count, row + 3)):
+            bands[row, column - row + 2] = matrix[row, column]
     return bands
 
 
