@@ -1,60 +1,42 @@
 """The lattice of one style and direction, fitted to samples: node levels, weights and values (thesis, chapter 5)."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression
 
-from lutforge.calibration.continuation import Continuation
+from lutforge.calibration.lattice_problem import (
+    GREY_WEIGHTS,
+    SEARCH_SIZE,
+    SEARCH_TOLERANCE,
+    Guess,
+    LatticeProblem,
+    curve_weights,
+    robust_weights,
+)
 from lutforge.calibration.lattice_result import LatticeResult, result, snapped
 from lutforge.calibration.lattice_thesis import fit_thesis
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import OutputCurve
-from lutforge.interpolation import Levels, interpolate, through
-from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.interpolation import Levels, interpolate
+from lutforge.model.lattice import grid, uniform_levels
 from lutforge.regression.blas import one_blas_thread
-from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, predict, solve_lattice
 from lutforge.regression.node_levels import equidistributed_levels, resized_levels
-from lutforge.regression.normal_equations import NormalEquations, normal_equations
 
 Array = NDArray[np.float64]
-Guess = Callable[[Array], Array]
-"""What the lattice should be where there are no samples: node positions (…, 3) → values (…, 3)."""
 
 DEFAULT_SMOOTHNESS = 3e-3
 """λ_S of the search lattice where there is one shot only, and nothing to cross-validate on."""
 SMOOTHNESS_STEP = 10**0.5
 SMOOTHNESS_RANGE = (1e-4, 10.0)
-SEARCH_SIZE = 13
-"""Levels and λ_S are searched on a lattice of this size first: the best levels hardly depend on their number."""
 SEARCH_SAMPLES = 50_000
-SEARCH_TOLERANCE = 1e-2
 TOLERANCE = 1e-6
 MEASURING_TOLERANCE = 1e-4
 """Of fits whose only use is to measure an error: within 1e-4 of the exact ones on every sample."""
 ROUNDS = 6
 FOLDS = 5
 SEARCH_FOLDS = 3
-HOLD = 1e3
-"""Weight that holds black to 0, and white to 1 where the camera clips: no sample can lie there."""
-LEAST_HOLD = 1e-5
-"""Weight that holds every node: next to a sample nothing, but what no sample can tell is the guess."""
-FARTHEST = (-1.0, 2.0)
-"""Bounds of the guess behind which a curve clamps to [0, 1]."""
-GREY = np.linspace(0.0, 1.0, 257)[:, None].repeat(3, axis=1)
-GREY_WEIGHTS = np.full(len(GREY), 0.02)
-"""What a point of the grey axis counts beside a sample: where there are samples nothing, else it keeps it neutral."""
-RISING_WEIGHT = 30.0
-"""What it counts where the fit would fall along the axis."""
-RISING_ROUNDS = 4
-RISING_TOLERANCE = 1e-5
-LEAST_FALL = 1e-6
-OUTLIER_SCALE = 10.0
-"""A sample whose error is this many times the median counts half (Cauchy)."""
-LEAST_OUTLIER = 12.0 / 255.0
 
 
 @one_blas_thread
@@ -80,9 +62,9 @@ def fit_samples(
     if options.preset == "thesis":
         return fit_thesis(x, y, options, clips=clips)
     target = y if curve is None else curve.enter(y)
-    weight = np.ones(len(x)) if curve is None else _weight(curve, y)
+    weight = np.ones(len(x)) if curve is None else curve_weights(curve, y)
     chosen = DEFAULT_SMOOTHNESS if smoothness is None else smoothness
-    problem = _Problem(x, y, target, weight, guess, options, clips, chosen, curve)
+    problem = LatticeProblem(x, y, target, weight, guess, options, clips, chosen, curve)
     rows = _subset(len(x))
     search = problem.select(rows, guess)
     first = search.first_robust
@@ -96,165 +78,8 @@ def fit_samples(
         levels = equidistributed_levels(search.x, search.squared_error(fit), levels)
     levels = snapped(levels, options)
     start = interpolate(grid(levels), fit.levels, fit.values)
-    final = problem.rising_fit(levels, _robust(problem.squared_error(fit)), start, tolerance)
+    final = problem.rising_fit(levels, robust_weights(problem.squared_error(fit)), start, tolerance)
     return result(problem.lattice(final), x, y, problem.smoothness)
-
-
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """What stays the same while levels and weights are searched, for n samples.
-
-    x, y: (n, 3); target: what the cube should give, (n, 3); weight: how much its error counts behind the curve, (n,).
-    """
-
-    x: Array
-    y: Array
-    target: Array
-    weight: Array
-    guess: Guess
-    options: CalibrationOptions
-    clips: bool
-    smoothness: float
-    curve: OutputCurve | None
-
-    def leave_out(self, held: list[NDArray[np.bool_]]) -> "list[_Problem]":
-        """The problems of the samples that are not of each mask, with guesses that have not seen those."""
-        if isinstance(self.guess, Continuation):
-            guesses: list[Guess] = [*self.guess.leave_out(self.x, self.y, held)]
-        else:
-            guesses = [self.guess] * len(held)
-        return [self.select(~mask, guess) for mask, guess in zip(held, guesses, strict=True)]
-
-    def select(self, rows: NDArray[np.intp] | NDArray[np.bool_], guess: Guess) -> "_Problem":
-        """The problem of some of the samples, with another guess."""
-        return replace(
-            self, x=self.x[rows], y=self.y[rows], target=self.target[rows], weight=self.weight[rows], guess=guess
-        )
-
-    @cached_property
-    def first_robust(self) -> Array:
-        """(n,): robust weights before any lattice is fitted, from the guess, which no stray sample bends."""
-        error: Array = np.sum((np.clip(self.guess(self.x), 0.0, 1.0) - self.y) ** 2, axis=1)
-        return _robust(error)
-
-    @cached_property
-    def grey(self) -> Array:
-        """What the cube should give on GREY: neutral, as bright as matrix and response make it on average."""
-        plain = replace(self.guess, gamut_map=None) if isinstance(self.guess, Continuation) else self.guess
-        values = np.clip(plain(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
-        return values if self.curve is None else self.curve.enter(values)
-
-    def prior(self, levels: Levels) -> Prior:
-        positions = grid(levels)
-        if self.curve is None:
-            values = np.clip(self.guess(positions), 0.0, 1.0)
-        elif isinstance(self.guess, Continuation):
-            values = np.clip(self.curve.continued(self.guess.mapped(positions)), *FARTHEST)
-        else:
-            values = self.curve.enter(np.clip(self.guess(positions), 0.0, 1.0))
-        hold = np.full_like(values, LEAST_HOLD)
-        values[0, 0, 0], hold[0, 0, 0] = 0.0, HOLD
-        if self.clips:
-            # Behind a curve white may lie beyond 1: the cube need not turn back to it.
-            values[-1, -1, -1] = 1.0 if self.curve is None else np.maximum(values[-1, -1, -1], 1.0)
-            hold[-1, -1, -1] = HOLD
-        return Prior(values, hold)
-
-    def equations(self, levels: Levels, prior: Prior, weight: Array) -> NormalEquations:
-        """W'ΩW and W'Ω(y − W b₀) of the samples; weight: (n,) beside the curve's own."""
-        return self._summed(self.x, self.target, levels, prior, self.weight * weight)
-
-    def with_grey(
-        self, equations: NormalEquations, levels: Levels, prior: Prior, values: Array, weight: Array
-    ) -> NormalEquations:
-        """The same with values on the grey axis, (257, 3), of weights (257,)."""
-        grey = self._summed(GREY, values, levels, prior, weight)
-        return NormalEquations(equations.stencil + grey.stencil, equations.right + grey.right)
-
-    def _summed(self, x: Array, y: Array, levels: Levels, prior: Prior, weight: Array) -> NormalEquations:
-        method = self.options.interpolation
-        return normal_equations(x, y - interpolate(x, levels, prior.values, method), levels, method, weight)
-
-    def solve(
-        self, equations: NormalEquations, levels: Levels, prior: Prior, start: Array | None, tolerance: float
-    ) -> LatticeFit:
-        smoothness = self.smoothness * len(levels[0]) / SEARCH_SIZE
-        regularisation = Regularisation(smoothness, twist=smoothness, anchor=0.0, thin_plate=0.0)
-        return solve_lattice(equations, levels, regularisation, prior=prior, start=start, tolerance=tolerance)
-
-    def fit(self, levels: Levels, weight: Array, tolerance: float, like: LatticeFit | None = None) -> LatticeFit:
-        """The fit; like: one at other levels, to start from."""
-        prior = self.prior(levels)
-        start = None if like is None else interpolate(grid(levels), like.levels, like.values)
-        equations = self.with_grey(self.equations(levels, prior, weight), levels, prior, self.grey, GREY_WEIGHTS)
-        return self.solve(equations, levels, prior, start, tolerance)
-
-    def rising_fit(self, levels: Levels, weight: Array, start: Array, tolerance: float) -> LatticeFit:
-        """The fit, again with the isotonic regression of its own grey axis while that falls anywhere."""
-        prior = self.prior(levels)
-        values, grey_weight = self.grey.copy(), GREY_WEIGHTS.copy()
-        samples = self.equations(levels, prior, weight)
-        for _ in range(RISING_ROUNDS):
-            equations = self.with_grey(samples, levels, prior, values, grey_weight)
-            fit = self.solve(equations, levels, prior, start, tolerance)
-            axis = np.clip(predict(fit, GREY, self.options.interpolation), 0.0, 1.0)
-            if np.diff(axis, axis=0).min() >= -LEAST_FALL:
-                break
-            rising = np.stack([isotonic_regression(channel).x for channel in axis.T], axis=1)
-            falls = np.any(np.abs(rising - axis) > 0.1 * LEAST_FALL, axis=1)
-            values[falls], grey_weight[falls] = rising[falls], RISING_WEIGHT
-            start, tolerance = fit.values, max(tolerance, RISING_TOLERANCE)
-        return fit
-
-    def levels(self, start: Levels, rounds: int) -> Levels:
-        """Better node levels by rounds of equidistribution, samples weighted by their error; the best round's."""
-        levels, weight, best = start, self.first_robust, (np.inf, start)
-        fit: LatticeFit | None = None
-        for _ in range(rounds + 1):
-            fit = self.fit(levels, weight, SEARCH_TOLERANCE, fit)
-            error = self.squared_error(fit)
-            weight = _robust(error)
-            mean = float(np.mean(weight * error))
-            stalled = mean > 0.97 * best[0]
-            best = min(best, (mean, levels), key=lambda entry: entry[0])
-            if stalled:
-                break
-            levels = equidistributed_levels(self.x, error, levels)
-        return best[1]
-
-    def squared_error(self, fit: LatticeFit) -> Array:
-        """(n,) of the output, behind the curve."""
-        values = predict(fit, self.x, self.options.interpolation)
-        error: Array = np.sum(((values if self.curve is None else self.curve.leave(values)) - self.y) ** 2, axis=1)
-        return error
-
-    def lattice(self, fit: LatticeFit) -> Lattice:
-        """The fit, as profiles keep it."""
-        method = self.options.interpolation
-        values = fit.values.copy()
-        values[0, 0, 0] = 0.0  # what the weight that holds them leaves over
-        if self.clips:
-            values[-1, -1, -1] = 1.0 if self.curve is None else np.maximum(values[-1, -1, -1], 1.0)
-        if self.curve is not None:
-            return Lattice(fit.levels, values, method, self.curve.table)
-        # A node that no sample touches may not leave the range of colours; the others carry on across the clipping,
-        # which the camera does after the smooth function that they describe.
-        touched = normal_equations(self.x, np.ones_like(self.x), fit.levels, method).right > 0
-        return Lattice(fit.levels, np.where(touched, values, np.clip(values, 0.0, 1.0)), method)
-
-
-def _weight(curve: OutputCurve, y: Array) -> Array:
-    """(n,): how much an error of the cube counts behind the curve at y (n, 3); 1 in the median."""
-    codes = np.linspace(0.0, 1.0, len(curve.table))[:, None].repeat(3, axis=1)
-    square = np.mean(through(curve.slope(codes), y) ** 2, axis=1)  # tabulated: y may hold millions
-    return np.asarray(square / np.median(square))
-
-
-def _robust(squared_error: Array) -> Array:
-    """Cauchy weights in [0, 1] of samples with these squared errors (n,)."""
-    scale = max(OUTLIER_SCALE * float(np.sqrt(np.median(squared_error))), LEAST_OUTLIER)
-    weight: Array = 1.0 / (1.0 + squared_error / scale**2)
-    return weight
 
 
 def _subset(count: int) -> NDArray[np.intp]:
@@ -276,7 +101,7 @@ def folds(groups: NDArray[np.str_], most: int = FOLDS) -> Iterator[NDArray[np.bo
         yield np.isin(groups, order[fold::count])
 
 
-def _choose_smoothness(problem: _Problem, groups: NDArray[np.str_], levels: Levels) -> float:
+def _choose_smoothness(problem: LatticeProblem, groups: NDArray[np.str_], levels: Levels) -> float:
     """λ_S with the least error on held-out shots: from the default, downhill in steps of √10 while it gets better."""
     masks = [mask for mask in folds(groups, SEARCH_FOLDS) if 0 < mask.sum() < len(mask)]
     if len(masks) < 2:
@@ -297,7 +122,7 @@ def _choose_smoothness(problem: _Problem, groups: NDArray[np.str_], levels: Leve
             fit = train.solve(equations[fold], levels, priors[fold], starts[fold], SEARCH_TOLERANCE)
             starts[fold] = fit.values
             error = test.squared_error(fit)
-            total += float(np.sum(_robust(error) * error))
+            total += float(np.sum(robust_weights(error) * error))
         return total
 
     best, least = DEFAULT_SMOOTHNESS, held_out_error(DEFAULT_SMOOTHNESS)

@@ -11,6 +11,7 @@ from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import output_curve
 from lutforge.model.colour_difference import delta_e_2000
+from lutforge.model.lattice import Lattice
 from lutforge.simulate.camera import nikon_d5100
 
 Array = NDArray[np.float64]
@@ -71,9 +72,20 @@ def test_ends_and_grey_axis(response: bool) -> None:
     assert np.ptp(grey, axis=1).max() < 0.02
     assert np.diff(grey, axis=0).min() >= (-1e-6 if response else -2e-4)
     everywhere = lattice(np.random.default_rng(1).random((20_000, 3)))
-    if response:
-        assert everywhere.min() >= 0.0 and everywhere.max() <= 1.0
+    assert everywhere.min() >= 0.0 and everywhere.max() <= 1.0
     assert np.abs(grey - render(AXIS))[10:470].max() < 0.02
+
+
+def test_plain_nodes_leave_their_bounds_only_where_these_cost_accuracy() -> None:
+    """A small lattice that renders clipping needs nodes beyond; a large one does not, at the same error."""
+    x, y = colours_in_gamut(3000, 10)
+    unseen, wanted = colours_in_gamut(3000, 11)
+    for size, inside in ((9, False), (33, True)):
+        lattice = fit(x, y, size, response=False).lattice
+        assert bool(np.all((lattice.values >= 0.0) & (lattice.values <= 1.0))) is inside
+        clamped = Lattice(lattice.levels, np.clip(lattice.values, 0.0, 1.0))
+        error, cut = (np.linalg.norm(np.clip(one(unseen), 0, 1) - wanted, axis=1).mean() for one in (lattice, clamped))
+        assert cut == pytest.approx(error, abs=1e-12) if inside else cut > 1.1 * error
 
 
 def test_coverage_is_where_the_samples_are() -> None:

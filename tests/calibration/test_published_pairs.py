@@ -93,6 +93,12 @@ def test_plain(published: PublishedModel, size: int, mean: float) -> None:
     assert median_of_means(published, CalibrationOptions(size=size, response=False)) <= mean
 
 
+def test_plain_nodes_are_colours(published: PublishedModel) -> None:
+    x, y, _, _ = split(published, 1)
+    values = fit(x, y, CalibrationOptions(size=24, response=False)).lattice.values
+    assert values.min() >= 0.0 and values.max() <= 1.0
+
+
 def test_tetrahedral_is_as_good(published: PublishedModel) -> None:
     options = CalibrationOptions(size=17, interpolation="tetrahedral")
     assert median_of_means(published, options, (1, 2)) <= 0.0036

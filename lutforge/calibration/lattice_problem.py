@@ -1,0 +1,224 @@
+"""One direction of one style as a problem to solve: samples, prior, grey axis and bounds, at any node levels."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import isotonic_regression
+
+from lutforge.calibration.continuation import Continuation
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.output_curve import OutputCurve
+from lutforge.interpolation import Levels, interpolate, through
+from lutforge.model.lattice import Lattice, grid
+from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, predict, solve_lattice
+from lutforge.regression.node_levels import equidistributed_levels
+from lutforge.regression.normal_equations import NormalEquations, normal_equations
+
+Array = NDArray[np.float64]
+Guess = Callable[[Array], Array]
+"""What the lattice should be where there are no samples: node positions (…, 3) → values (…, 3)."""
+
+SEARCH_SIZE = 13
+"""Levels and λ_S are searched on a lattice of this size first: the best levels hardly depend on their number."""
+SEARCH_TOLERANCE = 1e-2
+HOLD = 1e3
+"""Weight that holds black to 0, and white to 1 where the camera clips: no sample can lie there."""
+LEAST_HOLD = 1e-5
+"""Weight that holds every node: next to a sample nothing, but what no sample can tell is the guess."""
+FARTHEST = (-1.0, 2.0)
+"""Bounds of the guess behind which a curve clamps to [0, 1]."""
+GREY = np.linspace(0.0, 1.0, 257)[:, None].repeat(3, axis=1)
+GREY_WEIGHTS = np.full(len(GREY), 0.02)
+"""What a point of the grey axis counts beside a sample: where there are samples nothing, else it keeps it neutral."""
+RISING_WEIGHT = 30.0
+"""What it counts where the fit would fall along the axis."""
+RISING_ROUNDS = 4
+RISING_TOLERANCE = 1e-5
+LEAST_FALL = 1e-6
+OUTLIER_SCALE = 10.0
+"""A sample whose error is this many times the median counts half (Cauchy)."""
+LEAST_OUTLIER = 12.0 / 255.0
+BOUND_ROUNDS = 4
+BOUND_COST = 0.25 / 255.0
+"""Nodes keep to [0, 1] where that costs no more than this of the mean error: a quarter of a code."""
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeProblem:
+    """What stays the same while levels and weights are searched, for n samples.
+
+    x, y: (n, 3); target: what the cube should give, (n, 3); weight: how much its error counts behind the curve, (n,).
+    """
+
+    x: Array
+    y: Array
+    target: Array
+    weight: Array
+    guess: Guess
+    options: CalibrationOptions
+    clips: bool
+    smoothness: float
+    curve: OutputCurve | None
+
+    def leave_out(self, held: list[NDArray[np.bool_]]) -> "list[LatticeProblem]":
+        """The problems of the samples that are not of each mask, with guesses that have not seen those."""
+        if isinstance(self.guess, Continuation):
+            guesses: list[Guess] = [*self.guess.leave_out(self.x, self.y, held)]
+        else:
+            guesses = [self.guess] * len(held)
+        return [self.select(~mask, guess) for mask, guess in zip(held, guesses, strict=True)]
+
+    def select(self, rows: NDArray[np.intp] | NDArray[np.bool_], guess: Guess) -> "LatticeProblem":
+        """The problem of some of the samples, with another guess."""
+        return replace(
+            self, x=self.x[rows], y=self.y[rows], target=self.target[rows], weight=self.weight[rows], guess=guess
+        )
+
+    @cached_property
+    def first_robust(self) -> Array:
+        """(n,): robust weights before any lattice is fitted, from the guess, which no stray sample bends."""
+        error: Array = np.sum((np.clip(self.guess(self.x), 0.0, 1.0) - self.y) ** 2, axis=1)
+        return robust_weights(error)
+
+    @cached_property
+    def grey(self) -> Array:
+        """What the cube should give on GREY: neutral, as bright as matrix and response make it on average."""
+        plain = replace(self.guess, gamut_map=None) if isinstance(self.guess, Continuation) else self.guess
+        values = np.clip(plain(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
+        return values if self.curve is None else self.curve.enter(values)
+
+    def prior(self, levels: Levels) -> Prior:
+        positions = grid(levels)
+        if self.curve is None:
+            values = np.clip(self.guess(positions), 0.0, 1.0)
+        elif isinstance(self.guess, Continuation):
+            values = np.clip(self.curve.continued(self.guess.mapped(positions)), *FARTHEST)
+        else:
+            values = self.curve.enter(np.clip(self.guess(positions), 0.0, 1.0))
+        hold = np.full_like(values, LEAST_HOLD)
+        values[0, 0, 0], hold[0, 0, 0] = 0.0, HOLD
+        if self.clips:
+            # Behind a curve white may lie beyond 1: the cube need not turn back to it.
+            values[-1, -1, -1] = 1.0 if self.curve is None else np.maximum(values[-1, -1, -1], 1.0)
+            hold[-1, -1, -1] = HOLD
+        return Prior(values, hold)
+
+    def equations(self, levels: Levels, prior: Prior, weight: Array) -> NormalEquations:
+        """W'ΩW and W'Ω(y − W b₀) of the samples; weight: (n,) beside the curve's own."""
+        return self._summed(self.x, self.target, levels, prior, self.weight * weight)
+
+    def with_grey(
+        self, equations: NormalEquations, levels: Levels, prior: Prior, values: Array, weight: Array
+    ) -> NormalEquations:
+        """The same with values on the grey axis, (257, 3), of weights (257,)."""
+        grey = self._summed(GREY, values, levels, prior, weight)
+        return NormalEquations(equations.stencil + grey.stencil, equations.right + grey.right)
+
+    def _summed(self, x: Array, y: Array, levels: Levels, prior: Prior, weight: Array) -> NormalEquations:
+        method = self.options.interpolation
+        return normal_equations(x, y - interpolate(x, levels, prior.values, method), levels, method, weight)
+
+    def solve(
+        self, equations: NormalEquations, levels: Levels, prior: Prior, start: Array | None, tolerance: float
+    ) -> LatticeFit:
+        smoothness = self.smoothness * len(levels[0]) / SEARCH_SIZE
+        regularisation = Regularisation(smoothness, twist=smoothness, anchor=0.0, thin_plate=0.0)
+        return solve_lattice(equations, levels, regularisation, prior=prior, start=start, tolerance=tolerance)
+
+    def fit(self, levels: Levels, weight: Array, tolerance: float, like: LatticeFit | None = None) -> LatticeFit:
+        """The fit; like: one at other levels, to start from."""
+        prior = self.prior(levels)
+        start = None if like is None else interpolate(grid(levels), like.levels, like.values)
+        equations = self.with_grey(self.equations(levels, prior, weight), levels, prior, self.grey, GREY_WEIGHTS)
+        return self.solve(equations, levels, prior, start, tolerance)
+
+    def rising_fit(self, levels: Levels, weight: Array, start: Array, tolerance: float) -> LatticeFit:
+        """The fit, again with the isotonic regression of its own grey axis while that falls anywhere, and in bounds."""
+        prior = self.prior(levels)
+        values, grey_weight = self.grey.copy(), GREY_WEIGHTS.copy()
+        samples = self.equations(levels, prior, weight)
+        for _ in range(RISING_ROUNDS):
+            equations = self.with_grey(samples, levels, prior, values, grey_weight)
+            fit = self.solve(equations, levels, prior, start, tolerance)
+            axis = np.clip(predict(fit, GREY, self.options.interpolation), 0.0, 1.0)
+            if np.diff(axis, axis=0).min() >= -LEAST_FALL:
+                break
+            rising = np.stack([isotonic_regression(channel).x for channel in axis.T], axis=1)
+            falls = np.any(np.abs(rising - axis) > 0.1 * LEAST_FALL, axis=1)
+            values[falls], grey_weight[falls] = rising[falls], RISING_WEIGHT
+            start, tolerance = fit.values, max(tolerance, RISING_TOLERANCE)
+        return self._bounded(fit, equations, prior) if self.clips and self.curve is None else fit
+
+    def _bounded(self, fit: LatticeFit, equations: NormalEquations, prior: Prior) -> LatticeFit:
+        """The fit with all nodes in [0, 1], where that costs next to nothing: those beyond are held at their bound, and
+        the others solved for again, until none is left."""
+        held = np.zeros(fit.values.shape, dtype=np.bool_)
+        bound = np.zeros_like(fit.values)
+        firm = HOLD * (1.0 + equations.stencil[..., 13, None])
+        bounded = fit
+        for _ in range(BOUND_ROUNDS):
+            beyond = ((bounded.values < -LEAST_FALL) | (bounded.values > 1.0 + LEAST_FALL)) & ~held
+            if not beyond.any():
+                break
+            bound[beyond] = np.clip(bounded.values[beyond], 0.0, 1.0)
+            held |= beyond
+            right = equations.right + np.where(held, firm * (bound - prior.values), 0.0)
+            holding = Prior(prior.values, np.where(held, firm, prior.hold))
+            reduced = NormalEquations(equations.stencil, right)
+            bounded = self.solve(reduced, fit.levels, holding, bounded.values, RISING_TOLERANCE)
+        bounded = replace(bounded, values=np.clip(bounded.values, 0.0, 1.0))
+        free, kept = (float(np.mean(np.sqrt(self.squared_error(one)))) for one in (fit, bounded))
+        return bounded if kept <= free + BOUND_COST else fit
+
+    def levels(self, start: Levels, rounds: int) -> Levels:
+        """Better node levels by rounds of equidistribution, samples weighted by their error; the best round's."""
+        levels, weight, best = start, self.first_robust, (np.inf, start)
+        fit: LatticeFit | None = None
+        for _ in range(rounds + 1):
+            fit = self.fit(levels, weight, SEARCH_TOLERANCE, fit)
+            error = self.squared_error(fit)
+            weight = robust_weights(error)
+            mean = float(np.mean(weight * error))
+            stalled = mean > 0.97 * best[0]
+            best = min(best, (mean, levels), key=lambda entry: entry[0])
+            if stalled:
+                break
+            levels = equidistributed_levels(self.x, error, levels)
+        return best[1]
+
+    def squared_error(self, fit: LatticeFit) -> Array:
+        """(n,) of the output, behind the curve."""
+        values = predict(fit, self.x, self.options.interpolation)
+        error: Array = np.sum(((values if self.curve is None else self.curve.leave(values)) - self.y) ** 2, axis=1)
+        return error
+
+    def lattice(self, fit: LatticeFit) -> Lattice:
+        """The fit, as profiles keep it."""
+        method = self.options.interpolation
+        values = fit.values.copy()
+        values[0, 0, 0] = 0.0  # what the weight that holds them leaves over
+        if self.clips:
+            values[-1, -1, -1] = 1.0 if self.curve is None else np.maximum(values[-1, -1, -1], 1.0)
+        if self.curve is not None:
+            return Lattice(fit.levels, values, method, self.curve.table)
+        # A node that no sample touches may not leave the range of colours; the others carry on across the clipping,
+        # which the camera does after the smooth function that they describe.
+        touched = normal_equations(self.x, np.ones_like(self.x), fit.levels, method).right > 0
+        return Lattice(fit.levels, np.where(touched, values, np.clip(values, 0.0, 1.0)), method)
+
+
+def curve_weights(curve: OutputCurve, y: Array) -> Array:
+    """(n,): how much an error of the cube counts behind the curve at y (n, 3); 1 in the median."""
+    codes = np.linspace(0.0, 1.0, len(curve.table))[:, None].repeat(3, axis=1)
+    square = np.mean(through(curve.slope(codes), y) ** 2, axis=1)  # tabulated: y may hold millions
+    return np.asarray(square / np.median(square))
+
+
+def robust_weights(squared_error: Array) -> Array:
+    """Cauchy weights in [0, 1] of samples with these squared errors (n,)."""
+    scale = max(OUTLIER_SCALE * float(np.sqrt(np.median(squared_error))), LEAST_OUTLIER)
+    weight: Array = 1.0 / (1.0 + squared_error / scale**2)
+    return weight
