@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from lutforge.shots.exif import Tags, Value
 from lutforge.shots.maker_multipliers import kelvin_of
 from lutforge.shots.style_adjustments import adjustments
+from lutforge.shots.white_balance_shift import shift_of
 
 Key = tuple[str, int]
 
@@ -60,7 +61,9 @@ _STYLE_TEXTS: tuple[Key, ...] = (
 
 _EXTRAS: dict[Key, dict[int, str]] = {
     ("CanonCs", 40): {1: "vivid", 2: "neutral", 3: "smooth", 4: "sepia", 5: "black and white", 6: "custom",
-    100: "my colors"}, ("Fujifilm", 0x1003): {
+    100: "my colors"},
+    ("Panasonic", 0x0028): {2: "warm", 3: "cool", 4: "black and white", 5: "sepia", 6: "happy", 8: "vivid effect"},
+    ("Fujifilm", 0x1003): {
         0x300: "monochrome", 0x301: "monochrome red filter", 0x302: "monochrome yellow filter",
         0x303: "monochrome green filter", 0x310: "sepia", 0x500: "acros", 0x501: "acros red filter",
         0x502: "acros yellow filter", 0x503: "acros green filter",
@@ -113,6 +116,9 @@ _WHITE_BALANCES: dict[Key, dict[int, str]] = {
 }  # fmt: skip
 """White-balance codes; the first that is present and known wins, the general EXIF tags last."""
 
+_OF_THE_SCENE = ("auto", "custom", "kelvin")
+"""Settings whose multipliers differ from shot to shot anyway, so that a shift makes no other setting of them."""
+
 _WB_WORDS = (
     ("auto", "auto"), ("day white", "fluorescent"), ("daylight fluor", "daylight fluorescent"),
     ("sun", "daylight"), ("fine", "daylight"), ("daylight", "daylight"),
@@ -145,6 +151,12 @@ _SCENE_DEPENDENT: dict[Key, tuple[str, frozenset[int], int]] = {
 look at."""
 
 
+_ADJUSTED = (("CanonCs", 14), ("Nikon", 0x0081), ("Fujifilm", 0x1003))
+"""Makers' own adjustments of cameras that had no styles yet."""
+_GENERAL_GROUPS = ("Image", "Photo", "Iop")
+_NAMING_MAKES = ("canon", "nikon", "fuji", "olympus", "om digital", "panasonic", "pentax", "ricoh", "sigma", "gopro")
+"""Their own tags name the style, on all cameras but the oldest. (Sony's telephones have none.)"""
+
 ADOBE_RGB = "adobe rgb"
 """What the name of a style ends in where the JPEG is in Adobe RGB."""
 
@@ -167,20 +179,34 @@ def style_of(tags: Tags) -> str | None:
     name = _named_style(tags)
     adjusted = dict(adjustments(tags, name is not None))
     if name is None:
-        if not any(
-            key in tags for key in (("CanonCs", 14), ("Photo", 0xA409), ("Nikon", 0x0081), ("Fujifilm", 0x1003))
-        ):
+        if not any(key in tags for key in _ADJUSTED) and not _exif_tells_style(tags):
             return None
         name = "standard"
+    if name in ("standard", "custom") and str(tags.get(("Nikon", 0x008D), "")).lower().startswith("mode3"):
+        name += " mode 3"  # the colour mode of the D70's time, for greens
     space = [ADOBE_RGB] if in_adobe_rgb(tags) else []
     return " ".join([name, *(f"{what}{steps:+g}" for what, steps in adjusted.items()), *space])
 
 
+def _exif_tells_style(tags: Tags) -> bool:
+    """True where EXIF's saturation, which repeats a maker's style coarsely, is all that there is: not where a maker's
+    note is of a kind that is not read here, nor where a program dropped it.
+    """
+    read = any(group not in _GENERAL_GROUPS for group, _ in tags)
+    unread = ("Photo", 0x927C) in tags or str(tags.get(("Image", 0x010F), "")).lower().startswith(_NAMING_MAKES)
+    return ("Photo", 0xA409) in tags and (read or not unread)
+
+
 def white_balance_of(tags: Tags) -> str | None:
-    """White-balance setting as a word, or the temperature that was set ("5200k"); None where no tag speaks of it."""
+    """White-balance setting as words, or the temperature that was set ("5200k"), with its shift ("daylight shift+2+0");
+    None where no tag speaks of it.
+    """
     name = _white_balance_word(tags)
     kelvin = kelvin_of(tags) if name == "kelvin" else None
-    return name if kelvin is None else f"{kelvin:g}k"
+    if kelvin is not None:
+        name = f"{kelvin:g}k"
+    shift = "" if name in _OF_THE_SCENE else shift_of(tags)
+    return name if not name or not shift else f"{name} {shift}"
 
 
 def _white_balance_word(tags: Tags) -> str | None:
@@ -188,7 +214,10 @@ def _white_balance_word(tags: Tags) -> str | None:
     if isinstance(text, str) and text.strip():
         words = text.lower()
         return next((name for part, name in _WB_WORDS if part in words), re.sub(r"[^a-z0-9]+", " ", words).strip())
+    automatic = _element(tags.get(("Photo", 0xA403)), 0) == 0
     for key, names in _WHITE_BALANCES.items():
+        if automatic and key == ("Photo", 0x9208):
+            continue  # the light that the camera found, not a setting
         code = _element(tags.get(key), 0)
         if code is not None and (name := names.get(code & 0xFFFF)) and name != "unknown":
             return name
@@ -209,6 +238,8 @@ def notes_of(tags: Tags) -> Iterator[str]:
         code = _element(tags.get(key), index)
         if code is not None and code not in off:
             yield f"{name} was on: the rendering depends on the scene, which the calibration does not model"
+    if str(tags.get(("Nikon", 0x0081), "")).strip().lower() == "auto" and ("NikonPc", 4) not in tags:
+        yield "automatic contrast was on: the rendering depends on the scene, which the calibration does not model"
     if _named_style(tags) in ("auto", "i-enhance"):
         yield "the picture style was automatic: the rendering depends on the scene"
 

@@ -89,11 +89,42 @@ def test_camera_names(make: str, model: str, camera: str) -> None:
         ({("Fujifilm", 0x1401): (0x600,)}, "classic chrome"),
         ({("OlympusCs", 0x0520): (3, 1)}, "muted"),
         ({("Photo", 0xA409): (2,)}, "standard saturation+1"),
+        ({("Photo", 0xA409): (0,), ("Image", 0x010F): "Canon"}, None),
+        ({("Photo", 0xA409): (0,), ("Photo", 0x927C): (1,), ("Image", 0x010F): "Minolta Co., Ltd."}, None),
+        ({("Photo", 0xA409): (0,), ("Panasonic", 0x0003): (1,), ("Image", 0x010F): "Panasonic"}, "standard"),
+        ({("Panasonic", 0x0028): (3,), ("Photo", 0xA409): (0,)}, "cool"),
+        ({("Nikon", 0x00A9): "CUSTOM", ("Nikon", 0x008D): "MODE3a"}, "custom mode 3"),
         ({}, None),
     ],
 )
 def test_styles(tags: Tags, style: str | None) -> None:
     assert style_of(tags) == style
+
+
+@pytest.mark.parametrize(
+    ("tags", "white_balance"),
+    [
+        ({("Photo", 0xA403): (0,), ("Photo", 0x9208): (2,)}, "auto"),  # a Motorola XT912 under fluorescent light
+        ({("Photo", 0xA403): (1,), ("Photo", 0x9208): (2,)}, "fluorescent"),
+        ({("Photo", 0x9208): (10,)}, "cloudy"),
+        ({("CanonSi", 7): (1,), ("CanonPr", 12): (0,), ("CanonPr", 13): (0,)}, "daylight"),
+        ({("CanonSi", 7): (1,), ("CanonPr", 12): (2,), ("CanonPr", 13): (0xFFFD,)}, "daylight shift+2-3"),
+        ({("Nikon", 5): "SUNNY", ("Nikon", 0x000B): (0xFFFE, 0)}, "daylight shift-2+0"),
+        ({("Nikon", 5): "SUNNY", ("Nikon", 0x000B): (-2,)}, "daylight shift-2"),
+        ({("Nikon", 5): "AUTO", ("Nikon", 0x000B): (-2, 0)}, "auto"),
+        ({("Sony", 0x0115): (0x10,), ("Sony", 0x2014): (0, 1)}, "daylight shift+0+1"),
+        ({("Fujifilm", 0x1002): (0xFF0,), ("Fujifilm", 0x1005): (5600,), ("Fujifilm", 0x100A): (20, 0)},
+         "5600k shift+20+0"),
+        ({("Panasonic", 3): (2,), ("Panasonic", 0x46): (0xFFFF,), ("Panasonic", 0x47): (0,)}, "daylight shift-1+0"),
+    ],
+)  # fmt: skip
+def test_white_balances(tags: Tags, white_balance: str) -> None:
+    assert white_balance_of(tags) == white_balance
+
+
+def test_old_nikons_automatic_contrast_is_told() -> None:
+    assert "automatic contrast" in next(notes_of({("Nikon", 0x0081): "AUTO    "}))
+    assert list(notes_of({("Nikon", 0x0081): "NORMAL"})) == []
 
 
 def tiff_with_note(note: bytes, make: bytes = b"NIKON CORPORATION\0", order: str = ">") -> bytes:
