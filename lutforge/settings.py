@@ -12,6 +12,9 @@ KELVIN_RANGE = (1500.0, 25000.0)
 LARGEST_TINT = 150.0
 """Tints reach so far to either side: the range of raw converters' sliders."""
 
+LARGEST_MULTIPLIER = 1000.0
+"""With green = 1; no camera sets more, nor less than its reciprocal."""
+
 
 @dataclass(frozen=True)
 class Kelvin:
@@ -25,9 +28,22 @@ class Kelvin:
 
 @dataclass(frozen=True)
 class Multipliers:
-    """A white balance given as multipliers of camera RGB, green = 1."""
+    """A white balance given as multipliers of camera RGB, green = 1.
+
+    Raises SettingsError on what is no white balance: not positive, or green is not 1, or no camera sets them.
+    """
 
     rgb: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        red, green, blue = self.rgb
+        if not all(1 / LARGEST_MULTIPLIER <= value <= LARGEST_MULTIPLIER for value in (red, blue)):
+            raise SettingsError(
+                f"multipliers {red:g},{green:g},{blue:g}: with green = 1, a white balance's lie between "
+                f"{1 / LARGEST_MULTIPLIER:g} and {LARGEST_MULTIPLIER:g}"
+            )
+        if not abs(green - 1) < 1e-6:
+            raise SettingsError(f"multipliers {red:g},{green:g},{blue:g}: divide them by green, which is 1")
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ def test_a_selector_reads_back_what_it_prints(text: str) -> None:
     [
         *("", "standard", "/daylight", "standard/", "standard/900K", "standard/99999K", "standard/1,2"),
         *("standard/1,2,3,4", "standard/1,x,2", "standard/1,0,2", "standard/1,-1,2", "standard/1,nan,2"),
-        "standard/inf,1,2",
+        *("standard/inf,1,2", "standard/1e300,1,1", "standard/1e5,1,1", "standard/1,1,1e-4"),
     ],
 )
 def test_anything_else_is_refused_in_one_line(text: str) -> None:
@@ -58,3 +58,9 @@ def test_a_tint_follows_the_temperature() -> None:
 def test_a_wrong_temperature_says_what_is_right(text: str, message: str) -> None:
     with pytest.raises(SettingsError, match=message.replace("+", r"\+")):
         parse_selector(text)
+
+
+@pytest.mark.parametrize("rgb", [(2.0, 0.0, 1.0), (4.2, 2.0, 3.0), (-1.0, 1.0, 1.0), (float("nan"), 1.0, 1.0)])
+def test_multipliers_that_are_no_white_balance_are_refused(rgb: tuple[float, float, float]) -> None:
+    with pytest.raises(SettingsError, match="multipliers"):
+        Multipliers(rgb)

@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 ModelName = Literal["lattice", "rbf"]
 MODELS: tuple[ModelName, ...] = get_args(ModelName)
 
+LONGEST_NAME = 200
+"""Characters of a camera's, style's or white balance's name: they become names of files and of colour spaces."""
+
 
 @dataclass(frozen=True, eq=False)
 class PhysicalModel:
@@ -67,7 +70,8 @@ class CameraProfile:
     shots: the names that it was calibrated from; options: how, as plain JSON values. raw_camera: the reference camera
     whose RAW stood in for a camera without RAW (4.9), else "": each white balance then has a physical model of its own,
     whose matrix takes that camera's RAW to linear sRGB.
-    Raises ProfileError where there is no style or no white balance, or the matrix is singular.
+    Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
+    singular.
     """
 
     camera: str
@@ -82,6 +86,12 @@ class CameraProfile:
     def __post_init__(self) -> None:
         if not self.styles or not self.white_balances:
             raise ProfileError(f"{self.camera}: a profile needs at least one picture style and one white balance")
+        for name in (self.camera, self.raw_camera, *self.styles, *self.white_balances):
+            if len(name) > LONGEST_NAME or not name.isprintable():
+                raise ProfileError(
+                    f"{name[:LONGEST_NAME]!r} is no name of a camera, style or white balance: one line of at most "
+                    f"{LONGEST_NAME} printable characters"
+                )
         if self.matrix.shape != (3, 3) or not np.all(np.isfinite(self.matrix)):
             raise ProfileError(f"{self.camera}: the matrix is not 3 × 3 finite numbers")
         if np.linalg.cond(self.matrix) > 1e6:

@@ -49,6 +49,8 @@ class Lattice:
                 raise ProfileError("lattice: the response is not a table of rows of three numbers")
             if not np.all(np.isfinite(table)) or np.any(np.diff(table, axis=0) < 0):
                 raise ProfileError("lattice: the response falls, or holds what is not a number")
+            if np.abs(table).max() > LARGEST_VALUE:
+                raise ProfileError(f"lattice: a response of {np.abs(table).max():.3g} is no colour")
         if self.plain is not None and (self.plain.response is not None or self.plain.plain is not None):
             raise ProfileError("lattice: the plain form has a response")
 

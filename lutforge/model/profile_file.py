@@ -30,6 +30,8 @@ LARGEST_ENTRY = 512 * 1024 * 1024
 """Bytes that one array of a profile may unpack to; a 129³ lattice takes 52 MB."""
 MOST_ENTRIES = 4096
 DIRECTIONS = ("render", "linearize")
+LONGEST_REASON = 200
+"""Characters of what a library says of a damaged file."""
 
 
 def save_profile(profile: CameraProfile, path: str | Path) -> None:
@@ -133,7 +135,8 @@ def load_profile(path: str | Path) -> CameraProfile:
     except ProfileError as error:
         raise error if str(path) in str(error) else ProfileError(f"{path}: {error}") from error
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError, zipfile.LargeZipFile) as error:
-        raise ProfileError(f"{path}: damaged profile ({type(error).__name__}: {error})") from error
+        said = " ".join(str(error).split())[:LONGEST_REASON]
+        raise ProfileError(f"{path}: damaged profile ({type(error).__name__}: {said})") from error
     except (RuntimeError, NotImplementedError) as error:  # encrypted, or an unknown compression
         raise ProfileError(f"{path}: cannot unpack this profile ({error})") from error
 
@@ -148,7 +151,7 @@ def _read_document(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     if not isinstance(document, dict) or document.get("format") != "lutforge-profile":
         raise ProfileError(f"{path}: profile.json is not a LutForge profile")
     version = document.get("version")
-    if not isinstance(version, int) or version > FORMAT_VERSION:
+    if not isinstance(version, int) or isinstance(version, bool) or not 1 <= version <= FORMAT_VERSION:
         raise ProfileError(f"{path}: profile version {version}; this LutForge reads up to {FORMAT_VERSION}: update it")
     return document
 
@@ -187,13 +190,16 @@ def _profile_from_json(document: dict[str, Any], arrays: _Arrays, path: Path) ->
         for name, entry in document["white_balances"].items()
     }
     styles = {str(name): _style_from_json(entry, arrays, path) for name, entry in document["styles"].items()}
+    options = document.get("options", {})
+    if not isinstance(options, dict):
+        raise ProfileError(f"{path}: damaged profile, its options are no table")
     return CameraProfile(
         camera=str(document["camera"]),
         matrix=np.array(document["matrix"], dtype=np.float64),
         white_balances=balances,
         styles=styles,
         shots=tuple(str(shot) for shot in document.get("shots", [])),
-        options=document.get("options", {}),
+        options=options,
         notes=tuple(str(note) for note in document.get("notes", [])),
         raw_camera=str(document.get("raw_camera", "")),
     )
@@ -243,5 +249,7 @@ def _lattice_from_json(stored: Mapping[str, Any], arrays: _Arrays, path: Path, p
     if stored["interpolation"] not in INTERPOLATIONS:
         raise ProfileError(f"{path}: unknown interpolation {stored['interpolation']!r}")
     r, g, b = (arrays[name] for name in stored["levels"])
+    if stored.get("domain", [0.0, 1.0]) != [0.0, 1.0] or any(axis[0] != 0 or axis[-1] != 1 for axis in (r, g, b)):
+        raise ProfileError(f"{path}: damaged profile, the node levels of a lattice do not run from 0 to 1")
     response = arrays[stored["response"]] if "response" in stored else None
     return Lattice((r, g, b), arrays[stored["values"]], stored["interpolation"], response, plain)

@@ -18,7 +18,7 @@ from lutforge.model.colour_temperature import (
     white,
     white_of,
 )
-from lutforge.settings import Kelvin, Multipliers
+from lutforge.settings import LARGEST_MULTIPLIER, Kelvin, Multipliers
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,6 @@ NAMED_KELVIN = {
 }
 """Correlated colour temperatures that cameras mean by their settings, in kelvin."""
 
-LARGEST_MULTIPLIER = 1000.0
 DAYLIGHT = 5200.0
 MIRED_MARGIN = 30.0
 """How far beyond the outermost known white balance a temperature may lie, in mired."""
@@ -43,8 +42,8 @@ class WhiteBalance:
     """multipliers: r, g, b with g = 1; kelvin: correlated colour temperature where known; spread: for a setting that
     the camera changes from shot to shot (auto), the largest relative departure of a shot from these multipliers.
 
-    Raises ProfileError on multipliers that are not positive numbers or that no camera sets, and on a temperature or
-    spread that is none.
+    Raises ProfileError on multipliers that are not positive numbers with green = 1 or that no camera sets, and on a
+    temperature or spread that is none.
     """
 
     multipliers: tuple[float, float, float]
@@ -56,6 +55,8 @@ class WhiteBalance:
             raise ProfileError(f"white balance: multipliers {self.multipliers} are not positive numbers")
         if max(self.multipliers) > LARGEST_MULTIPLIER * min(self.multipliers):
             raise ProfileError(f"white balance: no camera sets multipliers as unequal as {self.multipliers}")
+        if not abs(self.multipliers[1] - 1) < 1e-6:
+            raise ProfileError(f"white balance: multipliers {self.multipliers} are not divided by green")
         kelvin = self.kelvin
         if kelvin is not None and not (isinstance(kelvin, int | float) and COOLEST <= kelvin <= HOTTEST):
             raise ProfileError(f"white balance: {kelvin!r} is not a temperature from {COOLEST:g} to {HOTTEST:g} kelvin")

@@ -198,6 +198,12 @@ def test_a_newer_version_asks_for_an_update(saved: Path) -> None:
         {"styles": {"standard": {"render": {"values": "x", "levels": ["a"], "interpolation": "cubic"}}}},
         {"styles": {"standard": {"render": 3}}},
         {"styles": None},
+        {"version": 0},
+        {"options": [1]},
+        {"camera": "x" * 10_000},
+        {"camera": "A\nB \x1b[31m"},
+        {"white_balances": {"daylight": {"multipliers": [2, 2, 2], "kelvin": None}}},
+        {"white_balances": {"day\nlight": {"multipliers": [2, 1, 2], "kelvin": None}}},
     ],
 )
 def test_wrong_values_in_the_description(saved: Path, fields: dict[str, Any]) -> None:
@@ -260,3 +266,14 @@ def test_wrong_arrays_are_refused(saved: Path) -> None:
     _refused(saved)
     _rewrite(saved, {"style0_render_values.npy": _npy(np.full((5, 5, 5, 3), np.nan))})
     _refused(saved)
+
+
+def test_a_lattice_on_another_domain_is_refused(saved: Path) -> None:
+    _rewrite(saved, {"style0_render_levels_r.npy": _npy(np.linspace(0.0, 0.3, 5))})
+    assert "from 0 to 1" in _refused(saved)
+
+
+def test_a_header_that_numpy_will_not_read_is_refused_in_one_line(saved: Path) -> None:
+    header = b"\x93NUMPY\x01\x00\xff\xff" + b"(" * 65534 + b"\n"
+    _rewrite(saved, {"style0_render_values.npy": header})
+    assert "\n" not in _refused(saved)

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from profiles_synthetic import GAMMA, MATRIX, gamma_response, identity_map, small_profile
 
 from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle, match
-from lutforge.model.transform import LatticeTransform, RenderChain
+from lutforge.model.transform import LatticeTransform, RenderChain, checked_colours
 from lutforge.model.white_balance import WhiteBalance
 
 
@@ -139,3 +140,15 @@ def test_a_coverage_belongs_to_its_lattice() -> None:
         PictureStyle(style.render, style.linearize, coverage={"render": np.ones((3, 3, 3))})
     with pytest.raises(ProfileError, match="negative"):
         PictureStyle(style.render, style.linearize, coverage={"render": np.full((5, 5, 5), -1.0)})
+
+
+@pytest.mark.parametrize("colours", [[[128, 128, 128]], [np.array([1, 2, 3], np.uint8)], [["0.1", "0.2", "0.3"]]])
+def test_lists_whose_scale_is_unknown_are_refused(colours: ArrayLike) -> None:
+    with pytest.raises(ImageError, match=r"scale them to \[0, 1\]"):
+        checked_colours(colours)
+
+
+def test_lists_of_black_and_white_and_rows_of_different_lengths() -> None:
+    np.testing.assert_array_equal(checked_colours([[0, 1, 0]]), [[0.0, 1.0, 0.0]])
+    with pytest.raises(ImageError, match="different lengths"):
+        checked_colours([[0.1, 0.2], [0.3]])
