@@ -1,7 +1,7 @@
 """Grade one image: read, grade and write it region by region, so that memory does not grow with the image."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
@@ -15,15 +15,13 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
+from lutforge.apply.colours import check_colours, colour_space, count_doubtful, doubts, layers, wrong_light
 from lutforge.apply.grade import Grade
 from lutforge.errors import ImageError
-from lutforge.images.adobe_rgb import adobe_rgb_profile
 from lutforge.images.raw import read_raw
 from lutforge.images.read import ImageReader, Region, is_premultiplied
-from lutforge.images.write import IN_ANOTHER_SPACE, image_writer, keeps_orientation, upright, with_shape
+from lutforge.images.write import image_writer, keeps_orientation, upright, with_shape
 from lutforge.shots.discover import RAW_SUFFIXES
-from lutforge.shots.maker_settings import in_adobe_rgb
-from lutforge.shots.metadata import file_tags
 
 Pixels = NDArray[np.float32]
 
@@ -45,22 +43,6 @@ _IN_MEMORY = Semaphore(max(1, sysconf("SC_PAGE_SIZE") * sysconf("SC_PHYS_PAGES")
 
 _ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}
 """LibRaw's flip → EXIF orientation."""
-
-
-_RGB = (("r", "g", "b"), ("red", "green", "blue"))
-
-_NOT_RGB = {
-    "CMYK": "CMYK", "YCbCrK": "CMYK", "color separated": "CMYK",
-    "CIELAB": "CIELAB", "ICCLAB": "CIELAB", "ITULAB": "CIELAB",
-}  # fmt: skip
-"""What OpenImageIO says of files whose colours it gives as RGB all the same, and what they are."""
-
-_MAY_BREAK = frozenset({"half", "float", "double"})
-"""Pixel types that can hold what is no finite number."""
-
-
-TELL_ADOBE_RGB: Mapping[str, object] = {"ICCProfile": adobe_rgb_profile(), "Exif:ColorSpace": IN_ANOTHER_SPACE}
-"""Metadata, by OpenImageIO's names, of a picture in Adobe RGB."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +124,7 @@ def apply_image(
         image = stack.enter_context(_open(source, target, grade.raw))
         spec = image.spec
         check_colours(source, spec)
-        attributes = {**({} if grade.raw else _colour_space(source, image)), **grade.attributes}
+        attributes = {**colour_space(source, spec, image.format), **grade.attributes}
         if not spec.get_string_attribute("DateTime"):
             # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
             changed = time.gmtime(source.stat().st_mtime)
@@ -153,17 +135,15 @@ def apply_image(
             masking = stack.enter_context(image_writer(mask, _mask_spec(writer.spec), ""))
         threads = stack.enter_context(_threads(count))
         premultiplied = is_premultiplied(spec)
-        doubtful = np.zeros(2, dtype=np.int64)
-        broken = 0
+        doubtful = np.zeros(3, dtype=np.int64)
 
         def work(pixels: Pixels) -> Pixels | None:
-            nonlocal broken
             confidence = None
-            broken += _count_broken(pixels) if str(spec.format) in _MAY_BREAK else 0
             if grade.confidence is not None:
                 confidence = np.empty_like(pixels)
                 _grade(grade.confidence, pixels, confidence, premultiplied, threads)
-                doubtful[:] += _count_doubtful(confidence)
+            doubtful[:] += count_doubtful(pixels, confidence)
+            if confidence is not None:
                 confidence = np.ascontiguousarray(confidence[..., :1]) if masking is not None else None
             _grade(grade.processor, pixels, pixels, premultiplied, threads)
             return confidence
@@ -179,61 +159,10 @@ def apply_image(
         _overlapped(regions, image.read, work, write, overlap=count > 1)
         parts = image.count_parts()
         width, height = spec.width, spec.height
-        notes = [*grade.notes, *_wrong_light(grade, spec, writer.spec), *_layers(spec)]
-    notes += _doubts(doubtful, broken, width * height)
+        notes = [*grade.notes, *wrong_light(grade, spec, writer.spec), *layers(spec), *doubts(doubtful, width * height)]
     if parts != 1:
         notes.append(f"the first of {parts} images in the file was used")
     return Applied(source, target, width, height, tuple(notes), mask if masking is not None else None)
-
-
-def _colour_space(source: Path, image: ImageReader | _InMemory) -> dict[str, object]:
-    """What tells that a picture is in Adobe RGB, where only a tag said it that OpenImageIO does not keep."""
-    known = image.format != "jpeg" or image.spec.getattribute("ICCProfile") is not None
-    return {} if known or not in_adobe_rgb(file_tags(source)) else dict(TELL_ADOBE_RGB)
-
-
-def _wrong_light(grade: Grade, source: oiio.ImageSpec, output: oiio.ImageSpec) -> Iterator[str]:
-    """What to tell of scene-linear light in files that hardly ever hold it."""
-    if grade.takes_linear and not grade.raw and str(source.format) == "uint8":
-        yield "scene-linear light is what this grade takes, and 8-bit pictures are encoded: linearize them first"
-    if grade.gives_linear and str(output.format) == "uint8":
-        yield "scene-linear light in 8 bits shows bands: keep it in half or float, with --suffix .exr"
-
-
-def _layers(spec: oiio.ImageSpec) -> Iterator[str]:
-    """What to tell of a file with more colours than those that are graded."""
-    graded, others = spec.channelnames[:3], spec.channelnames[3:]
-    if tuple(_last_words(graded)) not in _RGB:
-        yield f"the channels {', '.join(graded)} were graded as red, green and blue"
-    layers = dict.fromkeys(name.rpartition(".")[0] for name in others if name.lower().endswith((".r", ".red")))
-    if layers:
-        yield f"{', '.join(graded)} were graded; the layers {', '.join(layers)} are as they were"
-
-
-def _count_broken(pixels: Pixels) -> int:
-    """How many pixels are not finite numbers."""
-    if np.isfinite(np.sum(pixels)):  # NaN and infinity stay what they are
-        return 0
-    return int(np.count_nonzero(~np.isfinite(pixels[..., :3]).all(axis=-1)))
-
-
-def _count_doubtful(confidence: Pixels) -> NDArray[np.int64]:
-    """How many pixels are clipped, and how many of the others are unlike every colour of the calibration."""
-    clipped = confidence[..., 1] < 0.5
-    unlike = (confidence[..., 2] < 0.5) & ~clipped
-    return np.array([np.count_nonzero(clipped), np.count_nonzero(unlike)])
-
-
-def _doubts(doubtful: NDArray[np.int64], broken: int, count: int) -> Iterator[str]:
-    """What to tell of the pixels whose grade is a guess; less than one in a thousand is not worth a line."""
-    clipped, unlike = (int(number) for number in doubtful)
-    if clipped > 0.001 * count:
-        yield f"{clipped / count:.1%} of the pixels are clipped; what they lost stays neutral"
-    if unlike > 0.001 * count:
-        yield f"{unlike / count:.1%} of the pixels are unlike all colours of the calibration"
-    if broken:
-        are = "pixels are not finite numbers" if broken > 1 else "pixel is not a finite number"
-        yield f"{broken} {are}; what became of them means nothing"
 
 
 def _overlapped(
@@ -340,23 +269,3 @@ def _mask_spec(output: oiio.ImageSpec) -> oiio.ImageSpec:
         if value is not None:
             spec.attribute(name, value)
     return spec
-
-
-def check_colours(path: Path, spec: oiio.ImageSpec) -> None:
-    """Raise ImageError where the first three channels are not RGB colours, or their alpha is not the fourth."""
-    if spec.nchannels < 3:
-        grey = " (greyscale); convert it to RGB first" if spec.nchannels <= 2 else ""
-        raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s){grey}")
-    for name in ("jpeg:ColorSpace", "tiff:ColorSpace"):
-        if (stored := spec.get_string_attribute(name)) in _NOT_RGB:
-            raise ImageError(f"{path}: its colours are {_NOT_RGB[stored]}, not RGB; convert it to RGB first")
-    if set(_last_words(spec.channelnames[:3])) == {"y", "ry", "by"}:
-        raise ImageError(f"{path}: its colours are luminance and chroma, not RGB; convert it to RGB first")
-    alpha = spec.alpha_channel
-    if 0 <= alpha < 3 or (alpha > 3 and is_premultiplied(spec)):
-        raise ImageError(f"{path}: channels are {', '.join(spec.channelnames)}; put R, G, B, A first")
-
-
-def _last_words(names: Sequence[str]) -> Iterator[str]:
-    """Channel names in lower case, without their layer."""
-    return (name.rpartition(".")[2].lower() for name in names)

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from lutforge.apply.batch import Failure
+from lutforge.apply.colours import check_colours
 from lutforge.apply.grade import Grade, Recipe
-from lutforge.apply.image import check_colours
 from lutforge.apply.job import Job
 from lutforge.errors import ImageError, LutForgeError
 from lutforge.images.read import ImageReader, is_premultiplied

@@ -10,8 +10,8 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
+from lutforge.apply.colours import TELL_ADOBE_RGB
 from lutforge.apply.grade import Grade, Rebuilt, fingerprint
-from lutforge.apply.image import TELL_ADOBE_RGB
 from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.images.write import IN_SRGB

@@ -76,7 +76,7 @@ def test_layers_and_other_names_are_told(tmp_path: Path, cube: LutRecipe) -> Non
 
 def test_pixels_that_are_no_numbers_are_counted(tmp_path: Path, cube: LutRecipe) -> None:
     pixels = noise(20, 30, 3)
-    pixels[3, :5, 1], pixels[4, :2] = np.nan, np.inf
+    pixels[3, :5, 1], pixels[4, 0], pixels[4, 1] = np.nan, np.inf, -np.inf
     source = write_channels(tmp_path / "a.exr", pixels, ("R", "G", "B"))
     (done,) = apply_batch(cube, [source], tmp_path / "out").done
     assert done.notes == ("7 pixels are not finite numbers; what became of them means nothing",)

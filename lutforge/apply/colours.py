@@ -1,0 +1,100 @@
+"""Which colours an image holds: what a grade takes, what the output has to say of them, what the user should know."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+from numpy.typing import NDArray
+
+from lutforge.apply.grade import Grade
+from lutforge.errors import ImageError
+from lutforge.images.adobe_rgb import adobe_rgb_profile
+from lutforge.images.read import is_premultiplied
+from lutforge.images.write import IN_ANOTHER_SPACE
+from lutforge.shots.maker_settings import in_adobe_rgb
+from lutforge.shots.metadata import file_tags
+
+Pixels = NDArray[np.float32]
+
+_RGB = (("r", "g", "b"), ("red", "green", "blue"))
+
+_NOT_RGB = {
+    "CMYK": "CMYK", "YCbCrK": "CMYK", "color separated": "CMYK",
+    "CIELAB": "CIELAB", "ICCLAB": "CIELAB", "ITULAB": "CIELAB",
+}  # fmt: skip
+"""What OpenImageIO says of files whose colours it gives as RGB all the same, and what they are."""
+
+TELL_ADOBE_RGB: Mapping[str, object] = {"ICCProfile": adobe_rgb_profile(), "Exif:ColorSpace": IN_ANOTHER_SPACE}
+"""Metadata, by OpenImageIO's names, of a picture in Adobe RGB."""
+
+
+def check_colours(path: Path, spec: oiio.ImageSpec) -> None:
+    """Raise ImageError where the first three channels are not RGB colours, or their alpha is not the fourth."""
+    if spec.nchannels < 3:
+        grey = " (greyscale); convert it to RGB first" if spec.nchannels <= 2 else ""
+        raise ImageError(f"{path}: a LUT needs red, green and blue; this image has {spec.nchannels} channel(s){grey}")
+    for name in ("jpeg:ColorSpace", "tiff:ColorSpace"):
+        if (stored := spec.get_string_attribute(name)) in _NOT_RGB:
+            raise ImageError(f"{path}: its colours are {_NOT_RGB[stored]}, not RGB; convert it to RGB first")
+    if set(_last_words(spec.channelnames[:3])) == {"y", "ry", "by"}:
+        raise ImageError(f"{path}: its colours are luminance and chroma, not RGB; convert it to RGB first")
+    alpha = spec.alpha_channel
+    if 0 <= alpha < 3 or (alpha > 3 and is_premultiplied(spec)):
+        raise ImageError(f"{path}: channels are {', '.join(spec.channelnames)}; put R, G, B, A first")
+
+
+def _last_words(names: Sequence[str]) -> Iterator[str]:
+    """Channel names in lower case, without their layer."""
+    return (name.rpartition(".")[2].lower() for name in names)
+
+
+def colour_space(source: Path, spec: oiio.ImageSpec, format: str) -> Mapping[str, object]:
+    """What tells that a picture is in Adobe RGB, where only a tag said it that OpenImageIO does not keep."""
+    known = format != "jpeg" or spec.getattribute("ICCProfile") is not None
+    return {} if known or not in_adobe_rgb(file_tags(source)) else TELL_ADOBE_RGB
+
+
+def wrong_light(grade: Grade, source: oiio.ImageSpec, output: oiio.ImageSpec) -> Iterator[str]:
+    """What to tell of scene-linear light in files that hardly ever hold it."""
+    if grade.takes_linear and not grade.raw and str(source.format) == "uint8":
+        yield "scene-linear light is what this grade takes, and 8-bit pictures are encoded: linearize them first"
+    if grade.gives_linear and str(output.format) == "uint8":
+        yield "scene-linear light in 8 bits shows bands: keep it in half or float, with --suffix .exr"
+
+
+def layers(spec: oiio.ImageSpec) -> Iterator[str]:
+    """What to tell of a file with more colours than those that are graded."""
+    graded, others = spec.channelnames[:3], spec.channelnames[3:]
+    if tuple(_last_words(graded)) not in _RGB:
+        yield f"the channels {', '.join(graded)} were graded as red, green and blue"
+    found = dict.fromkeys(name.rpartition(".")[0] for name in others if name.lower().endswith((".r", ".red")))
+    if found:
+        yield f"{', '.join(graded)} were graded; the layers {', '.join(found)} are as they were"
+
+
+def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> NDArray[np.int64]:
+    """(3,): how many pixels (h, w, c) are clipped, how many of the others are unlike every colour of the calibration,
+    how many are no finite numbers. confidence: as `Grade.confidence` gives it, where it is known.
+    """
+    clipped, unlike, broken = np.intp(0), np.intp(0), np.intp(0)
+    if confidence is not None:
+        clips = confidence[..., 1] < 0.5
+        clipped, unlike = np.count_nonzero(clips), np.count_nonzero((confidence[..., 2] < 0.5) & ~clips)
+    with np.errstate(all="ignore"):
+        total = np.sum(pixels)  # NaN and infinity stay what they are
+    if not np.isfinite(total):
+        broken = np.count_nonzero(~np.isfinite(pixels[..., :3]).all(axis=-1))
+    return np.array([clipped, unlike, broken])
+
+
+def doubts(doubtful: NDArray[np.int64], count: int) -> Iterator[str]:
+    """What to tell of the pixels of `count_doubtful`; a guess at less than one in a thousand is not worth a line."""
+    clipped, unlike, broken = (int(number) for number in doubtful)
+    if clipped > 0.001 * count:
+        yield f"{clipped / count:.1%} of the pixels are clipped; what they lost stays neutral"
+    if unlike > 0.001 * count:
+        yield f"{unlike / count:.1%} of the pixels are unlike all colours of the calibration"
+    if broken:
+        are = "pixels are not finite numbers" if broken > 1 else "pixel is not a finite number"
+        yield f"{broken} {are}; what became of them means nothing"
