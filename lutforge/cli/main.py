@@ -1,5 +1,6 @@
 """The command line: one file per command; errors are one line on stderr and exit status 2."""
 
+import io
 import os
 import sys
 from typing import Any
@@ -54,6 +55,8 @@ def _root(
 
 def main() -> None:
     """Run the command line and exit: 0 done, 1 some images of a batch failed, 2 bad input or usage, 130 stopped."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal without "→" and "Δ" shows "?"
     try:
         status = app(standalone_mode=False)
     except LutForgeError as error:

@@ -1,6 +1,9 @@
 """Bad input gives one clear line on stderr and exit status 2, and leaves nothing half-written."""
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Protocol
 
@@ -142,3 +145,15 @@ def test_what_would_be_applied_by_half_is_refused(lutforge: CommandLine, refused
     assert error < 1e-3  # of the shaper and the cube together
     assert "look.spi1d" in refused(tmp_path, "apply", "look.spi3d", "a.jpg", "-o", "out")
     assert "--ev" in refused(tmp_path, *render, "--ev", "1", "-o", "x.cube")
+
+
+def test_a_terminal_without_unicode_shows_question_marks() -> None:
+    """As Windows' cp1252: the help holds arrows that it cannot show."""
+    result = subprocess.run(
+        [sys.executable, "-m", "lutforge", "--help"],
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        check=False,
+    )
+    assert (result.returncode, result.stderr) == (0, b"")
+    assert b"?" in result.stdout
