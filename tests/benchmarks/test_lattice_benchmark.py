@@ -105,21 +105,24 @@ def send_camera_match(pipe: Connection, size: int, x: Array, y: Array, seed: int
 
 
 def held_out_camera_match(size: int, x: Array, y: Array) -> Array | None:
-    """The same of camera-match; None where a fit is not done in LIMIT seconds."""
+    """The same of camera-match; None where a fit is not done in LIMIT seconds, or dies."""
     rows = []
     for seed in SEEDS:
-        mine, its = multiprocessing.get_context("spawn").Pipe()
-        process = multiprocessing.get_context("spawn").Process(target=send_camera_match, args=(its, size, x, y, seed))
+        spawned = multiprocessing.get_context("spawn")
+        mine, its = spawned.Pipe()
+        process = spawned.Process(target=send_camera_match, args=(its, size, x, y, seed))
         process.start()
+        its.close()
         mine.recv()
-        done = mine.poll(LIMIT)
-        if done:
-            rows.append(mine.recv())
-        else:
-            process.kill()
+        try:
+            row = mine.recv() if mine.poll(LIMIT) else None
+        except EOFError:  # it died, of memory
+            row = None
+        process.kill()
         process.join()
-        if not done:
+        if row is None:
             return None
+        rows.append(row)
     return np.asarray(np.median(rows, axis=0))
 
 
@@ -147,31 +150,35 @@ def test_published_pairs(benchmark: BenchmarkFixture, shared_data: Path, tmp_pat
         h = RBFInterpolator(fitted @ matrix.T, response.linearize(values), kernel="linear", degree=1)
         return lambda points: response.encode(h(points @ matrix.T))
 
-    def measure() -> dict[tuple[str, int], Array | None]:
-        found: dict[tuple[str, int], Array | None] = {("radial basis functions", 0): held_out(rbf, x, y)}
+    found: dict[tuple[str, int], Array | None] = {}
+
+    def note(method: str, size: int, row: Array | None) -> None:
+        found[method, size] = row
+        text = (
+            f"did not finish in {LIMIT:.0f} s | | |"
+            if row is None
+            else "{:.4f} | {:.4f} | {:.3f} | {:.3f}".format(*row)
+        )
+        print(f"| {f'{size}³' if size else ''} | {method} | {text} |", flush=True)
+
+    def measure() -> None:
+        note("radial basis functions", 0, held_out(rbf, x, y))
         for size in SIZES:
             ours = CalibrationOptions(size=size)
             lattice(tmp_path, ours)(x[::3], y[::3])  # compiled before it is timed
-            found["LutForge", size] = held_out(lattice(tmp_path, ours), x, y)
-            found["LutForge, plain", size] = held_out(lattice(tmp_path, replace(ours, response=False)), x, y)
+            note("LutForge", size, held_out(lattice(tmp_path, ours), x, y))
+            note("LutForge, plain", size, held_out(lattice(tmp_path, replace(ours, response=False)), x, y))
             if size <= 33:
                 thesis = replace(ours, preset="thesis", response=False)
-                found["thesis preset", size] = held_out(lattice(tmp_path, thesis), x, y)
+                note("thesis preset", size, held_out(lattice(tmp_path, thesis), x, y))
             if peer:
-                found["camera-match", size] = held_out_camera_match(size, x, y)
-        return found
+                note("camera-match", size, held_out_camera_match(size, x, y))
 
-    found = benchmark.pedantic(measure, rounds=1)  # type: ignore[no-untyped-call]  # no types
-    print(f"\nload {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores\n")
-    print("| size | method | mean | 95 % | max | fit, s |\n|---|---|---|---|---|---|")
-    for (method, size), row in found.items():
-        name = f"| {f'{size}³' if size else ''} | {method} |"
-        if row is None:
-            print(f"{name} did not finish in {LIMIT:.0f} s | | | |")
-        else:
-            print(f"{name} {row[0]:.4f} | {row[1]:.4f} | {row[2]:.3f} | {row[3]:.3f} |")
+    print("\n| size | method | mean | 95 % | max | fit, s |\n|---|---|---|---|---|---|")
+    benchmark.pedantic(measure, rounds=1)  # type: ignore[no-untyped-call]  # no types
+    print(f"\nload {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     first, second = before_the_lattice(x[: int(0.7 * len(x))], y[: int(0.7 * len(x))])
-    print(f"\nIn LutForge's times: matrix and response {first:.3f} s, the guess that continues them {second:.3f} s")
+    print(f"In LutForge's times: matrix and response {first:.3f} s, the guess that continues them {second:.3f} s")
     for size in SIZES:
         theirs = found.get(("camera-match", size))
         for form in ("LutForge", "LutForge, plain"):
