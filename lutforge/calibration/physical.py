@@ -22,6 +22,8 @@ from lutforge.samples.sample_set import SampleSet
 Array = NDArray[np.float64]
 
 LARGER_BETAS = (0.4, 0.5)
+MOST_TURNS, SETTLED = 15, 5e-4
+"""Unknown multipliers and f are fitted in turns, until the multipliers change by less than this."""
 OFFSET = 0.01
 """Of the even scale that h works on: about the linear value where JPEG responses become straight."""
 AUTO_OF_SHOT = "auto\x00"
@@ -62,7 +64,8 @@ def fit_stages(
     setting = np.where(automatic, np.char.add(AUTO_OF_SHOT, samples.shot), samples.white_balance)
     stages: dict[str, StyleStages] = {}
     matrix = np.eye(3)
-    for turn in range(1 if known.all() else 2):
+    settled = bool(known.all())
+    for turn in range(MOST_TURNS):
         linear = np.zeros_like(samples.raw)
         trusted = np.zeros(len(samples))
         for name in names:
@@ -86,10 +89,12 @@ def fit_stages(
             preset=preset,
         )
         matrix = fit.matrix
-        if turn == 0 and not known.all():
-            multipliers = multipliers.copy()
-            for key in np.unique(setting[~known]):
-                multipliers[(setting == key) & ~known] = fit.multipliers[str(key)]
+        if settled or turn == MOST_TURNS - 1:
+            break
+        before, multipliers = multipliers, multipliers.copy()
+        for key in np.unique(setting[~known]):
+            multipliers[(setting == key) & ~known] = fit.multipliers[str(key)]
+        settled = bool(np.max(np.abs(multipliers / before - 1.0)) < SETTLED)
     return CameraStages(matrix, multipliers, stages)
 
 
