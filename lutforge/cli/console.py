@@ -6,10 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+
+from lutforge.errors import LutForgeError
 
 out = Console(highlight=False, soft_wrap=True)
 _TABLES = Console(highlight=False, width=max(out.width, 140) if out.is_terminal else 240, soft_wrap=True)
@@ -60,6 +63,21 @@ def say(text: str) -> None:
 def note(text: str) -> None:
     """One line on stderr that is not an error."""
     err.print(f"[dim]note:[/dim] {escape(text)}")
+
+
+def for_each(files: Sequence[Path], show: Callable[[Path], None]) -> None:
+    """Show each file; one that cannot be is an error line, and the others are shown. Exits 2 where there was one."""
+    failed = False
+    for file in files:
+        try:
+            show(file)
+        except LutForgeError as error:
+            if len(files) == 1:
+                raise
+            failed = True
+            err.print(f"lutforge: {error}", markup=False)
+    if failed:
+        raise typer.Exit(2)
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

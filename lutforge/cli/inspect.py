@@ -5,28 +5,18 @@ from typing import Annotated
 
 import typer
 
-from lutforge.cli.console import err, print_table, say
-from lutforge.errors import LutForgeError
+from lutforge.cli.console import for_each, print_table, say
 
 
 def inspect(
     files: Annotated[list[Path], typer.Argument(help="RAW files or profiles (.npz).", show_default=False)],
 ) -> None:
     """Show camera, settings, preview and use of RAW files, and the contents of profiles."""
-    failed = 0
-    for file in files:
-        try:
-            if file.suffix.lower() == ".npz":
-                _profile(file)
-            else:
-                _shot(file)
-        except LutForgeError as error:
-            failed += 1
-            if len(files) == 1:
-                raise
-            err.print(f"lutforge: {error}", markup=False)
-    if failed:
-        raise typer.Exit(2)
+    for_each(files, _show)
+
+
+def _show(file: Path) -> None:
+    (_profile if file.suffix.lower() == ".npz" else _shot)(file)
 
 
 def _shot(file: Path) -> None:

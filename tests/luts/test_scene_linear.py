@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import LutError, SettingsError
+from lutforge.interpolation import through
 from lutforge.luts.bake import bake
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.verify import verify
@@ -75,6 +76,19 @@ def test_a_process_list_takes_any_light(tmp_path: Path, footage: SceneRender, su
     np.testing.assert_allclose(got, written.lut(x), atol=2e-5)
     assert delta_e_2000(got.astype(np.float64), footage(x)).mean() < 0.05
     assert verify(written.path, footage, written.lut).mean < 1e-3
+
+
+def test_tables_are_fine_enough_for_the_darks(tmp_path: Path, footage: SceneRender) -> None:
+    """65,536 even entries, down to 2^-12 of saturation: node levels lie on them, so they are straight lines between."""
+    lut = bake(footage, 33)
+    raw = 2.0 ** np.arange(-12.0, -4.0, 0.125)[:, None] * np.ones(3)
+    even = np.linspace(0.0, 1.0, lut.size)
+    exact = np.stack([np.interp(raw[:, c], lut.levels[c], even) for c in range(3)], axis=1)
+    np.testing.assert_allclose(through(lut.shaper, raw), exact, rtol=1e-9)
+    x = (raw / lut.gain) @ np.linalg.inv(footage.to_raw).T
+    got = evaluate(file_processor(write_lut(lut, tmp_path / "a.clf").path), x)
+    np.testing.assert_allclose(got, lut(x), rtol=2e-5)
+    assert delta_e_2000(got.astype(np.float64), footage(x)).max() < 1.0
 
 
 @pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.spi1d"])
