@@ -138,11 +138,11 @@ def fit_cube(
         omega *= counts
     omega[-GREY_POINTS:] *= GREY_WEIGHT
     x = x if curve is None else curve(x)
-    values = _solve(x, y, knots, method, omega / omega.mean(), nodes, nodes)
+    values = solve_nodes(x, y, knots, method, omega / omega.mean(), nodes, nodes)
     if counts is not None:
         error = np.sqrt(counts * np.sum((interpolate(x, knots, values, method) - y) ** 2, axis=1))
         omega *= LEAST_FOLLOWED + np.minimum(error / max(float(error.mean()), 1e-300), MOST_FOLLOWED) ** POWER
-        values = _solve(x, y, knots, method, omega / omega.mean(), nodes, values)
+        values = solve_nodes(x, y, knots, method, omega / omega.mean(), nodes, values)
     if limit:
         values = np.clip(values, y.min(axis=0), y.max(axis=0))
     values[0, 0, 0], values[-1, -1, -1] = nodes[0, 0, 0], nodes[-1, -1, -1]
@@ -175,7 +175,7 @@ def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, NDArray[np
     return x, on_face, counted
 
 
-def _solve(
+def solve_nodes(
     x: Array, y: Array, levels: Levels, method: Interpolation, omega: Array, sampled: Array, start: Array
 ) -> Array:
     """(W'ΩW + ε) b = W'Ωy + ε b₀ by conjugate gradients from `start`, the three outputs together."""

@@ -9,8 +9,9 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
-from bake_table import nikon_d40, ours, table, theirs, transforms
+from bake_table import colours, nikon_d40, ours, table, theirs, transforms
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from lutforge.luts.bake import bake
@@ -47,6 +48,33 @@ def test_a_third_of_the_nodes_is_enough(
         for size, larger in ((17, 33), (33, 65)):
             assert errors[f"ours .clf {size}"][0] <= errors[f"theirs .cube {larger}"][0], name
             assert errors[f"ours .clf {size}"][1] <= errors[f"theirs .cube {larger}"][1], name
+
+
+def test_stages_beside_one_cube(profile: CameraProfile, benchmark: BenchmarkFixture) -> None:
+    """Matrix, shaper, cube of h only and response at 17³ beside one cube of everything at 33³, RGB errors.
+
+    One cube is uniform, as programs write it; or has our shaper. For linearize the latter is no other form: f⁻¹ is the
+    shaper and the matrix is in the nodes, so that its 33³ has all that the stages have, and eight times the nodes.
+    """
+    x = colours()
+    chosen = {"render": profile.render("standard/daylight"), "linearize": profile.linearize("standard/daylight")}
+    rows: dict[str, list[tuple[float, float]]] = {}
+
+    def all_of_them() -> None:
+        for name, transform in chosen.items():
+            luts = (bake(transform, 17), bake(transform, 33, shaper=False), bake(transform, 33, response=False))
+            errors = [np.linalg.norm(lut(x) - transform(x), axis=1) for lut in luts]
+            rows[name] = [(float(error.mean()), float(error.max())) for error in errors]
+
+    benchmark.pedantic(all_of_them, rounds=1)  # type: ignore[no-untyped-call]  # pytest-benchmark has no types
+    print("\n| mean / max RGB error | stages 17³ | one uniform cube 33³ | 33³ with our shaper |\n|---|---|---|---|")
+    for name, errors in rows.items():
+        print(f"| {name} | " + " | ".join(f"{mean:.2g} / {most:.2g}" for mean, most in errors) + " |")
+        staged, uniform, shaped = errors
+        assert staged[0] < 0.5 * uniform[0]
+        assert staged[1] < 0.5 * uniform[1]
+        if name == "render":
+            assert staged[0] < 0.5 * shaped[0]
 
 
 @pytest.mark.parametrize(("size", "seconds"), [(33, 1.0), (65, 4.0)])
