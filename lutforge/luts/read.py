@@ -173,7 +173,7 @@ def _spi1d(path: Path, data: bytes) -> LutContents:
 
 def _spi3d(path: Path, data: bytes) -> LutContents:
     lines = Lines(path, data)
-    if not lines.at(0, "SPILUT").startswith("SPILUT"):
+    if not lines.at(0, "SPILUT").upper().startswith("SPILUT"):  # Blender's own are in lower case
         raise lines.wrong(0, "a .spi3d begins with SPILUT 1.0")
     if lines.at(1, "3 3").split() != ["3", "3"]:
         raise lines.wrong(1, "expected 3 3")
@@ -197,11 +197,10 @@ def _spi3d(path: Path, data: bytes) -> LutContents:
 def _threedl(path: Path, data: bytes) -> LutContents:
     lines = Lines(path, data)
     index = 0
-    while index < len(lines) and not _numeric(lines.texts[index]):
-        word = lines.texts[index].split()[0]
-        if word not in ("3DMESH", "Mesh"):
-            raise lines.wrong(index, "not a line of .3dl files")
+    while index < len(lines) and lines.texts[index].split()[0].upper() in ("3DMESH", "MESH"):  # Lustre's header
         index += 1
+    if index < len(lines) and not _numeric(lines.texts[index]):
+        raise lines.wrong(index, "not a line of .3dl files")
     mesh = lines.at(index, "the mesh line").split()
     size = len(mesh)
     if not 2 <= size <= MAX_SIZE or size == 3:

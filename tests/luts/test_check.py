@@ -159,3 +159,17 @@ def test_no_bytes_at_all_and_random_bytes(tmp_path_factory: pytest.TempPathFacto
     for count in (0, 1, 100, 4000):
         path.write_bytes(Random(count).randbytes(count))
         assert try_file(path) != "report"
+
+
+def test_headers_of_other_programs(tmp_path: Path) -> None:
+    """Lustre's .3dl begins with a word that begins with a digit; Blender's .spi3d have theirs in lower case."""
+    corners = [f"{r} {g} {b}" for r in (0, 4095) for g in (0, 4095) for b in (0, 4095)]
+    lustre = tmp_path / "lustre.3dl"
+    lustre.write_text("\n".join(["3DMESH", "Mesh 0 12", "0 1023", *corners, "", "LUT8", "gamma 1.0", ""]))
+    blender = tmp_path / "filmic.spi3d"
+    rows = [f"{r} {g} {b} {r} {g} {b}" for r in (0, 1) for g in (0, 1) for b in (0, 1)]
+    blender.write_text("\n".join(["spilut 1.0", "3 3", "2 2 2", *rows, ""]))
+    for path in (lustre, blender):
+        cube = read_lut(path).cube
+        assert cube is not None
+        np.testing.assert_array_equal(cube, np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1))
