@@ -57,7 +57,9 @@ def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[s
         known = ", ".join(sorted(camera.styles))
         raise SettingsError(f'{source}: unknown style "{style}"; name it with --from STYLE/auto, of {known}')
     if recipe.keeps_white_balance:
-        raise SettingsError("--candidates needs a white balance to go to: name it with --to STYLE/WB")
+        raise SettingsError(
+            "--candidates needs one white balance to go to, not as-shot or auto: such as --to standard/daylight"
+        )
     small, look = _small(read_image(source)), recipe.look_for(camera)
     pictures = []
     for given in candidates(camera, style):

@@ -50,7 +50,7 @@ def apply(
         list[Path] | None, typer.Option(help="With --as: RAW to RAW, from `lutforge transfer`; may repeat.")
     ] = None,
     candidates: Annotated[
-        Path | None, typer.Option(help="Grade nothing: a sheet of the image under presumed white balances.")
+        Path | None, typer.Option(help="Grade nothing: a sheet of the image under presumed white balances, --to one.")
     ] = None,
     suffix: Annotated[str | None, typer.Option(help="Another format for the output, such as .png or .exr.")] = None,
     interpolation: Annotated[str, typer.Option(help="For LUTs that name none.")] = "tetrahedral",

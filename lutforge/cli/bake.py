@@ -45,7 +45,9 @@ def bake(
         typer.Option("--for", help="The program that will read it: resolve, ffmpeg, …; without -o it names the files."),
     ] = None,
     size: Annotated[int | None, typer.Option(help="Nodes per axis of the cube.")] = None,
-    tolerance: Annotated[float | None, typer.Option(help="Instead: the ΔE00 that 99 % of colours keep within.")] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help="Instead of a size: the ΔE00 that 99 % of colours keep within.")
+    ] = None,
     interpolation: Annotated[
         str | None, typer.Option(help="trilinear or tetrahedral: how the reader interpolates.")
     ] = None,

@@ -60,7 +60,7 @@ def error_maps_figure(maps: ErrorMaps) -> Figure:
     """The photograph and the errors of each method beside it, on one scale."""
     height, width = maps.picture.shape[:2]
     columns = 1 + len(maps.errors)
-    figure = Figure(figsize=(11, 11 / columns * height / width + 0.75), layout="constrained")
+    figure = Figure(figsize=(11, 11 / columns * height / width + 0.75), layout="compressed")
     axes = figure.subplots(1, columns, squeeze=False)[0]
     axes[0].imshow(np.clip(maps.picture, 0, 1))
     axes[0].set_title("the camera's JPEG", fontsize=9)
@@ -73,5 +73,5 @@ def error_maps_figure(maps: ErrorMaps) -> Figure:
         axis.set(xticks=[], yticks=[])
         axis.spines[:].set_visible(False)
     if drawn is not None:
-        figure.colorbar(drawn, ax=axes[1:], shrink=0.8, extend="max", aspect=30, orientation="horizontal", pad=0.02)
+        figure.colorbar(drawn, ax=axes, shrink=0.6, extend="max", aspect=30, orientation="horizontal", pad=0.02)
     return figure
