@@ -1,0 +1,194 @@
+"""Which RAW a baked render makes a JPEG colour of: its exact inverse, colour by colour.
+
+A baked render is a lattice and a curve per channel behind it, so its value and its slope at any RAW are known in closed
+form, and Levenberg–Marquardt steps on them reach the RAW to rounding. A channel that is clipped says only that the
+lattice is at or beyond the end of its curve there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from lutforge.interpolation import locate, through
+from lutforge.luts.lut import Lut
+
+Array = NDArray[np.float64]
+
+CLIPPED = 1e-7
+"""Of an end of the encoded range: as good as it."""
+FOUND = 1e-3
+"""Residual, encoded, up to which a RAW counts as one that makes the colour."""
+STEPS = 40
+LEAST_SLOPE = 0.05
+"""Of the curve, so that a flat part of it does not hide how far a lattice value is off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Render:
+    """A render LUT without gain, input curve and matrix: RAW (…, 3) in [0, 1] → lattice → response → JPEG.
+
+    levels: (3, N); values: (N, N, N, 3); response: (m, 3), at m even steps of [0, 1], clamped.
+    """
+
+    lut: Lut
+    levels: Array
+    values: Array
+    tetrahedral: bool
+    response: Array
+
+    def __call__(self, raw: Array) -> Array:
+        """JPEG colours (n, 3), clamped to [0, 1] as a file holds them."""
+        return np.clip(self.lut(raw), 0.0, 1.0)
+
+
+def as_render(lut: Lut) -> Render:
+    """The parts of a render LUT."""
+    response = np.repeat([[0.0], [1.0]], 3, axis=1) if lut.response is None else lut.response
+    return Render(lut, np.stack(lut.knots), lut.cube, lut.interpolation == "tetrahedral", response)
+
+
+def curve_inverse(response: Array, size: int) -> Array:
+    """The inverse of a rising curve per channel at `size` even steps of [0, 1], (size, 3)."""
+    even, at = np.linspace(0.0, 1.0, size), np.linspace(0.0, 1.0, len(response))
+    columns = []
+    for table in response.T:
+        highest = np.maximum.accumulate(table)
+        rising = np.concatenate([[True], np.diff(highest) > 1e-9])
+        columns.append(np.interp(even, highest[rising], at[rising]))
+    return np.stack(columns, axis=1)
+
+
+def preimages(render: Render, inner: Array, jpeg: Array, start: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """RAW (n, 3) that the render takes to JPEG colours (n, 3), searched from `start` (n, 3), and which were found.
+
+    inner: the same colours in front of the response. Where the start already makes the colour it is kept, even beyond
+    the RAW range, where the camera clips; every other result is within it. O(n) time.
+    """
+    reach = 1e-3
+    low, high = np.clip(inner - reach, 0.0, 1.0), np.clip(inner + reach, 0.0, 1.0)
+    slope = np.maximum((through(render.response, high) - through(render.response, low)) / (high - low), LEAST_SLOPE)
+    side = np.where(jpeg >= 1 - CLIPPED, 1, np.where(jpeg <= CLIPPED, -1, 0)).astype(np.int64)
+    raw = np.ascontiguousarray(start).copy()
+    left = _search(render.values, render.levels, render.tetrahedral, inner, slope, side, raw)
+    return raw, left <= FOUND
+
+
+@njit(cache=True)
+def value_and_slope(values: Array, levels: Array, tetrahedral: bool, x: Array, y: Array, slope: Array) -> None:
+    """Fill y (3,) and slope (3, 3), d y / d x, of a lattice at x (3,) within its levels."""
+    cell, fraction, width = np.empty(3, dtype=np.int64), np.empty(3), np.empty(3)
+    for c in range(3):
+        cell[c], fraction[c] = locate(levels[c], x[c])
+        width[c] = levels[c, cell[c] + 1] - levels[c, cell[c]]
+    if tetrahedral:
+        a, b, d = 0, 1, 2  # axes in falling order of their fractions
+        if fraction[a] < fraction[b]:
+            a, b = b, a
+        if fraction[b] < fraction[d]:
+            b, d = d, b
+        if fraction[a] < fraction[b]:
+            a, b = b, a
+        i, j, k = cell[0], cell[1], cell[2]
+        for c in range(3):
+            y[c] = values[i, j, k, c]
+        for axis in (a, b, d):
+            p, q, r = i + (axis == 0), j + (axis == 1), k + (axis == 2)
+            for c in range(3):
+                step = values[p, q, r, c] - values[i, j, k, c]
+                y[c] += step * fraction[axis]
+                slope[c, axis] = step / width[axis]
+            i, j, k = p, q, r
+        return
+    y[:] = 0.0
+    slope[:] = 0.0
+    for corner in range(8):
+        p, q, r = corner >> 2, (corner >> 1) & 1, corner & 1
+        wp = fraction[0] if p else 1 - fraction[0]
+        wq = fraction[1] if q else 1 - fraction[1]
+        wr = fraction[2] if r else 1 - fraction[2]
+        for c in range(3):
+            v = values[cell[0] + p, cell[1] + q, cell[2] + r, c]
+            y[c] += wp * wq * wr * v
+            slope[c, 0] += (2 * p - 1) * wq * wr * v / width[0]
+            slope[c, 1] += (2 * q - 1) * wp * wr * v / width[1]
+            slope[c, 2] += (2 * r - 1) * wp * wq * v / width[2]
+
+
+@njit(cache=True)
+def _left(
+    values: Array,
+    levels: Array,
+    tetrahedral: bool,
+    x: Array,
+    target: Array,
+    weight: Array,
+    side: NDArray[np.int64],
+    left: Array,
+    slope: Array,
+) -> float:
+    """What is left of the target at x, times the weight, and its squared norm; 0 where a clipped channel is beyond."""
+    y = np.empty(3)
+    value_and_slope(values, levels, tetrahedral, x, y, slope)
+    total = 0.0
+    for c in range(3):
+        left[c] = weight[c] * (target[c] - y[c])
+        if side[c] * left[c] < 0:
+            left[c] = 0.0
+            slope[c] = 0.0
+        slope[c] *= weight[c]
+        total += left[c] * left[c]
+    return total
+
+
+@njit(cache=True, parallel=True)
+def _search(
+    values: Array,
+    levels: Array,
+    tetrahedral: bool,
+    targets: Array,
+    weights: Array,
+    sides: NDArray[np.int64],
+    raw: Array,
+) -> Array:
+    """Levenberg–Marquardt within [0, 1]³ for each target, in place; returns the norms that are left (n,)."""
+    count = len(targets)
+    remains = np.empty(count)
+    block = 1024
+    for start in prange((count + block - 1) // block):
+        left, other, slope, steep = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+        for n in range(start * block, min(count, (start + 1) * block)):
+            x = np.minimum(np.maximum(raw[n], 0.0), 1.0)
+            target, weight, side = targets[n], weights[n], sides[n]
+            cost = _left(values, levels, tetrahedral, x, target, weight, side, left, slope)
+            damping, moved = 1e-4, False
+            for _ in range(STEPS):
+                if cost < 1e-12:
+                    break
+                gradient = slope.T @ left
+                for axis in range(3):  # at an end of the range, and drawn beyond: this axis stays
+                    if (x[axis] <= 0 and gradient[axis] < 0) or (x[axis] >= 1 and gradient[axis] > 0):
+                        slope[:, axis] = 0.0
+                        gradient[axis] = 0.0
+                square = slope.T @ slope
+                scale = (square[0, 0] + square[1, 1] + square[2, 2]) / 3
+                better = False
+                for _ in range(8):
+                    for axis in range(3):
+                        square[axis, axis] += damping * scale + 1e-12
+                    trial = np.minimum(np.maximum(x + np.linalg.solve(square, gradient), 0.0), 1.0)
+                    reached = _left(values, levels, tetrahedral, trial, target, weight, side, other, steep)
+                    if reached < cost:
+                        better = True
+                        break
+                    damping *= 8
+                if not better:
+                    break
+                x, cost, moved = trial, reached, True
+                left[:], slope[:] = other, steep
+                damping *= 0.1
+            if moved:
+                raw[n] = x
+            remains[n] = np.sqrt(cost)
+    return remains
