@@ -1,0 +1,83 @@
+"""The linearization of a config: the exact inverse of its render, smooth where the render makes nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lutforge.interpolation import Interpolation, through
+from lutforge.luts.lut import Lut
+from lutforge.model.lattice import grid, uniform_levels
+from lutforge.ocio.lut_files import compact
+from lutforge.ocio.preimage import as_render, curve_inverse, preimages
+from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL, consistent, measure
+
+Array = NDArray[np.float64]
+
+MIXED = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.4, 1.4]])
+
+
+def render_lut(size: int = 17, method: Interpolation = "tetrahedral") -> Lut:
+    """A camera that clips: saturated RAW leaves the range of its response on both sides."""
+    axis = np.round(np.linspace(0, 1, size) ** 1.5 * 4095) / 4095
+    levels = (axis, axis.copy(), axis.copy())
+    linear = np.linspace(0, 1, 4096)
+    curve = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    response = np.repeat(curve[:, None], 3, axis=1)
+    cube = grid(levels) @ MIXED.T
+    cube = cube - 0.15 * cube * (1 - cube)
+    return compact(Lut(np.ones(3), levels, cube, np.eye(3), 4096, method, response=response))
+
+
+def own_linearization(size: int = 17) -> Lut:
+    """As a profile has it: near, and not the inverse."""
+    levels = uniform_levels(size)
+    return compact(Lut(np.ones(3), levels, grid(levels) ** 2.1 @ np.linalg.inv(MIXED).T, np.eye(3)))
+
+
+@pytest.mark.parametrize("method", ["tetrahedral", "trilinear"])
+def test_preimages_are_exact(method: Interpolation) -> None:
+    lut = render_lut(method=method)
+    render = as_render(lut)
+    raw = np.random.default_rng(1).random((5000, 3))
+    jpeg = render(raw)
+    inner = through(curve_inverse(render.response, 4096), jpeg)
+    found, all_found = preimages(render, inner, jpeg, np.full_like(raw, 0.4))
+    assert all_found.all()
+    assert np.abs(render(found) - jpeg).max() < 2e-3  # of the sampled inverse curve, steep at black
+    unclipped = np.all((jpeg > 0.05) & (jpeg < 0.999), axis=1)
+    assert unclipped.sum() > 1000
+    np.testing.assert_allclose(found[unclipped], raw[unclipped], atol=2e-4)
+
+
+def test_what_the_render_never_makes_is_not_found() -> None:
+    render = as_render(replace(render_lut(), cube=0.5 * render_lut().cube))
+    bright = np.full((1, 3), 0.9)
+    _, found = preimages(render, bright**2, bright, np.full((1, 3), 0.5))
+    assert not found.any()
+
+
+def test_a_linearization_becomes_the_inverse_and_stays_smooth() -> None:
+    """Within the goals on colours of other seeds; neutral and rising on neutrals, without jumps beyond the gamut."""
+    render, own = render_lut(), own_linearization()
+    assert not measure(render, own).met
+    inverse, trip = consistent(render, own)
+    assert trip.met
+    other = measure(render, inverse, seed=77)
+    assert other.mean <= MEAN_GOAL
+    assert other.maximum <= MAX_GOAL
+    grey = np.linspace(0.02, 1, 200)
+    back = inverse(np.repeat(grey[:, None], 3, axis=1))
+    assert np.ptp(back, axis=1).max() < 2e-3  # this render's neutrals are neutral
+    assert np.all(np.diff(back, axis=0) > 0)
+    ramp = np.stack([grey, np.zeros(200), 1 - grey], axis=1)  # most of it is never made
+    assert np.abs(np.diff(inverse(ramp), 2, axis=0)).max() < 0.05
+
+
+def test_an_inverse_is_left_alone() -> None:
+    levels = uniform_levels(2)
+    same = compact(Lut(np.ones(3), levels, grid(levels), np.eye(3)))
+    kept, trip = consistent(same, same)
+    assert kept is same
+    assert trip.departure == 0
