@@ -79,7 +79,9 @@ def bake(
         require_writable(path)
     camera = load_profile(profile)
     partner = load_profile(other) if other is not None else None
-    transform, title = choose_transform(camera, kind, partner, source, target, ev, space, model, transfer or ())
+    transform, title = choose_transform(
+        camera, kind, partner, source, target, ev, space, model, transfer or (), neutral_highlights=not stages
+    )
     outputs, ends = _outputs(output or [], reader, title, stages), ends_of(kind, space)
     comments = (f"LutForge {__version__}", *ends.comments, *_held_out(camera, kind, source, target))
     if stages:
@@ -161,6 +163,7 @@ def choose_transform(
     space: str,
     model: str | None,
     transfers: Sequence[Path] = (),
+    neutral_highlights: bool = True,
 ) -> tuple["Transform", str]:
     """The transform that the words ask for, and its title. Raises SettingsError where one is missing or unknown."""
     from lutforge.model.camera_profile import MODELS, match
@@ -196,7 +199,9 @@ def choose_transform(
     exposure = f", {ev:+g} EV" if ev else ""
     name = f"{end.camera} {wanted}" if partner else wanted
     step = chained([load_transfer(path) for path in transfers]) if transfers else None
-    return match(camera, given, end, wanted, ev, model, step), f"{camera.camera} {given} to {name}{exposure}"
+    return match(
+        camera, given, end, wanted, ev, model, step, neutral_highlights
+    ), f"{camera.camera} {given} to {name}{exposure}"
 
 
 def _needed(selector: str | None, option: str, kind: str, profile: "CameraProfile") -> str:

@@ -18,7 +18,7 @@ from lutforge.luts.bake import bake
 from lutforge.luts.formats import clf
 from lutforge.luts.lut import MAX_SIZE, Lut
 from lutforge.luts.shaper import SHAPER_SIZE
-from lutforge.model.highlights import CLIPPED, neutral_where_clipped
+from lutforge.model.highlights import RAMP
 from lutforge.model.lattice import grid
 from lutforge.model.transform import Refinish, Transform
 
@@ -84,14 +84,13 @@ def grading_chain(transform: Refinish, linearize: Lut, render: Lut) -> LutChain:
     clipped in the source stays neutral.
 
     The LUTs may be of the same styles under other white balances; only the cube of the first is computed anew, so that
-    a picture with a white balance of its own costs milliseconds. It gets one node level more, between the codes 254 and
-    255, so that unclipped colours are the model's.
+    a picture with a white balance of its own costs milliseconds. It gets one node level more, below which colours are
+    the model's.
     """
-    balance = np.asarray(getattr(transform.render, "gain", np.ones(3)))
     wider = _with_level_below_clipping(replace(linearize, matrix=np.eye(3)))
     nodes = grid(wider.levels)
     raw = wider.cube @ np.asarray(getattr(transform.linearize, "matrix", np.eye(3))).T
-    cube = neutral_where_clipped(nodes, transform.exposed(raw) * balance)
+    cube = replace(transform, neutral_highlights=True).balanced(nodes, raw)
     return LutChain((replace(wider, cube=cube), replace(render, gain=np.ones(3))))
 
 
@@ -103,11 +102,11 @@ def _exposed(lut: Lut, transform: Refinish) -> Lut:
 
 
 def _with_level_below_clipping(lut: Lut) -> Lut:
-    """The same LUT with a node level more per axis, where a channel begins to be clipped."""
+    """The same LUT with a node level more per axis, where a channel begins to count as clipped."""
     size, shaper = lut.size, lut.shaper_size
     if lut.is_uniform:
         shaper = (size - 1) * ((SHAPER_SIZE - 1) // (size - 1)) + 1  # the evenly spaced levels lie on its points
-    top = np.floor((1.0 - CLIPPED) * (shaper - 1)) / (shaper - 1)  # not itself clipped
+    top = np.floor((1.0 - RAMP) * (shaper - 1)) / (shaper - 1)
     r, g, b = (axis if np.any(axis == top) else np.sort(np.append(axis, top)) for axis in lut.levels)
     if not len(r) == len(g) == len(b) <= MAX_SIZE:
         r, g, b = lut.levels

@@ -57,10 +57,9 @@ def parts_of(transform: Transform, response: bool) -> Parts:
         first = parts_of(transform.linearize, response)
         last = parts_of(transform.render, response)
         if np.all(first.gain == 1) and first.response is None:
-            between = transform.between @ first.matrix
 
             def both(x: Array) -> Array:
-                return last.inner(np.clip(first.inner(x) @ between.T * last.gain, 0.0, 1.0))
+                return last.inner(np.clip(transform.balanced(x, first.inner(x) @ first.matrix.T), 0.0, 1.0))
 
             curve = first.curve if last.response is not None else None
             return Parts(both, np.ones(3), last.matrix, curve, last.response)

@@ -165,10 +165,18 @@ class CameraProfile:
         return LinearizeChain(np.ones(3), scene, physical.response, physical.inverse_gamut_map)
 
     def refinish(
-        self, source: str | Selector, target: str | Selector, ev: float = 0.0, model: ModelName | None = None
+        self,
+        source: str | Selector,
+        target: str | Selector,
+        ev: float = 0.0,
+        model: ModelName | None = None,
+        neutral_highlights: bool = True,
     ) -> Transform:
-        """A finished JPEG → the JPEG that the camera would have made with other settings (6.1); ev in stops."""
-        return match(self, source, self, target, ev, model=model)
+        """A finished JPEG → the JPEG that the camera would have made with other settings (6.1); ev in stops.
+
+        neutral_highlights: what clipped stays neutral; the bare model turns burnt-out white into a colour.
+        """
+        return match(self, source, self, target, ev, model=model, neutral_highlights=neutral_highlights)
 
     def save(self, path: str | Path) -> None:
         """Write the profile to a file (.npz), atomically; `lutforge.load_profile` reads it."""
@@ -207,8 +215,11 @@ def match(
     ev: float = 0.0,
     model: ModelName | None = None,
     transfer: RawTransfer | None = None,
+    neutral_highlights: bool = True,
 ) -> Transform:
     """One camera's JPEG → the JPEG of another, or of itself under other settings (6.1, 6.3).
+
+    neutral_highlights: as of `CameraProfile.refinish`.
 
     transfer: Tc, measured on common scenes. Without it Tc = (Ts_b Tw_b)⁻¹ Ts_a Tw_a, with both white balances those of
     the source's light (see `same_light`); where the target camera does not know it, its target white balance stands in.
@@ -233,7 +244,7 @@ def match(
         to_target = np.linalg.inv(target_camera.raw_to_linear_srgb(Selector(target.style, reference)))
         between = 2.0**ev * to_target @ source_camera.raw_to_linear_srgb(source)
     source_linear = source_camera._linearize(source, "raw", model)
-    return Refinish(source_linear, between, target_camera.render(target, model=model), carried)
+    return Refinish(source_linear, between, target_camera.render(target, model=model), carried, neutral_highlights)
 
 
 def same_light(

@@ -9,6 +9,9 @@ Mask = NDArray[np.bool_]
 CLIPPED = 0.5 / 255.0
 """An encoded channel this near to 0 or 1 is clipped: half a code of an 8-bit file."""
 
+RAMP = 8.0 / 255.0
+"""Encoded values this near to 1 begin to count as clipped: a cell of a cube of 33³."""
+
 
 def clipped(encoded: ArrayLike) -> Mask:
     """(…,) of encoded (…, 3): a channel at 0 or 255, whose RAW value cannot be told."""
@@ -22,11 +25,14 @@ def neutral_where_clipped(encoded: Array, balanced: Array) -> Array:
 
     The true value of a channel at 255 is at least what it reads: it is raised to the smallest of the unclipped ones,
     which makes burnt-out neutrals neutral and leaves saturated colours alone. Where all are at 255 they are raised to
-    the largest, where all are at 0 lowered to the smallest. Unclipped colours are untouched.
+    the largest, where all are at 0 lowered to the smallest. It sets in over the last RAMP below 1, as a lookup table
+    cannot jump; other colours are untouched.
     """
-    burnt = encoded >= 1.0 - CLIPPED
-    floor = np.where(burnt, np.inf, balanced).min(axis=-1, keepdims=True)
-    floor = np.where(burnt.all(axis=-1, keepdims=True), balanced.max(axis=-1, keepdims=True), floor)
-    raised = np.where(burnt, np.maximum(balanced, floor), balanced)
+    burnt = np.clip((encoded - (1.0 - RAMP)) / RAMP, 0.0, 1.0)
+    if not burnt.any() and np.all(encoded > CLIPPED):
+        return balanced
+    highest = balanced.max(axis=-1, keepdims=True)
+    floor = (balanced + burnt * (highest - balanced)).min(axis=-1, keepdims=True)
+    raised = balanced + burnt * np.maximum(floor - balanced, 0.0)
     black = np.all(encoded <= CLIPPED, axis=-1, keepdims=True)
     return np.asarray(np.where(black, balanced.min(axis=-1, keepdims=True), raised))

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import ImageError
 from lutforge.model.gamut_map import GamutMap
+from lutforge.model.highlights import neutral_where_clipped
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 
@@ -112,17 +113,30 @@ class LinearizeChain(_Shaped):
 class Refinish:
     """I' = render(M · Tc(linearize(I))), equations (6.1) and (6.3). between: M (3, 3), the exposure k and, between two
     cameras without a transfer of their own, their matrices; transfer: Tc, RAW of one camera → RAW of the other.
+    neutral_highlights: what clipped in the source stays neutral (`neutral_where_clipped`).
     """
 
     linearize: Transform
     between: Array
     render: Transform
     transfer: Transform | None = None
+    neutral_highlights: bool = False
 
     def exposed(self, raw: Array) -> Array:
         """What is rendered of the source's RAW (…, 3)."""
         return (raw if self.transfer is None else self.transfer(raw)) @ self.between.T
 
+    def balanced(self, encoded: Array, raw: Array) -> Array:
+        """The same under the target's white balance, for the source's `encoded` colours (…, 3) and their RAW."""
+        balanced = self.exposed(raw) * self.balance
+        return neutral_where_clipped(encoded, balanced) if self.neutral_highlights else balanced
+
+    @property
+    def balance(self) -> Array:
+        """(3,), the target's multipliers; 1 where the render has none."""
+        return np.asarray(getattr(self.render, "gain", np.ones(3)))
+
     def __call__(self, x: ArrayLike) -> Array:
         """Encoded (…, 3) → encoded (…, 3)."""
-        return self.render(self.exposed(self.linearize(x)))
+        encoded = checked_colours(x)
+        return self.render(self.balanced(encoded, self.linearize(encoded)) / self.balance)

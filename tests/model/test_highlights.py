@@ -1,0 +1,39 @@
+"""What clipped in the source stays neutral under other settings, without a step, and alone."""
+
+import numpy as np
+import pytest
+from profiles_synthetic import small_profile
+
+import lutforge as lf
+from lutforge.model.highlights import RAMP, clipped, neutral_where_clipped
+
+
+def test_white_is_raised_to_neutral_and_a_clipped_channel_to_the_others() -> None:
+    balanced = np.array([[1.6, 1.0, 0.4], [1.6, 1.0, 0.4], [0.2, 0.9, 0.1]])
+    encoded = np.array([[1.0, 1.0, 1.0], [0.9, 0.8, 1.0], [0.4, 1.0, 0.3]])
+    wanted = [[1.6, 1.6, 1.6], [1.6, 1.0, 1.0], [0.2, 0.9, 0.1]]
+    np.testing.assert_allclose(neutral_where_clipped(encoded, balanced), wanted)
+    assert clipped(encoded).all()
+
+
+def test_it_sets_in_without_a_step_and_leaves_all_else() -> None:
+    encoded = np.linspace(0.9, 1.0, 2001)[:, None] * np.ones(3)
+    balanced = encoded * [1.6, 1.0, 0.4]
+    raised = neutral_where_clipped(encoded, balanced)
+    assert np.abs(np.diff(raised, axis=0)).max() < 0.005
+    below = encoded[:, 0] <= 1 - RAMP
+    np.testing.assert_array_equal(raised[below], balanced[below])
+    dark = neutral_where_clipped(np.zeros((1, 3)), np.array([[0.02, 0.01, 0.0]]))
+    np.testing.assert_array_equal(dark, 0.0)
+
+
+@pytest.mark.parametrize("ev", [0.0, 0.7])
+def test_white_stays_white_in_a_refinish_and_in_its_file(ev: float) -> None:
+    profile = small_profile()
+    refinish = profile.refinish("standard/tungsten", "standard/daylight", ev, "rbf")
+    bare = profile.refinish("standard/tungsten", "standard/daylight", ev, "rbf", neutral_highlights=False)
+    assert np.ptp(bare(np.ones(3))) > 0.05
+    assert np.ptp(refinish(np.ones(3))) < 0.005
+    assert np.ptp(lf.bake(refinish, size=17)(np.ones(3))) < 0.01
+    middle = np.random.default_rng(0).uniform(0.02, 0.95, (500, 3))
+    np.testing.assert_allclose(refinish(middle), bare(middle), atol=1e-12)
