@@ -211,7 +211,7 @@ def test_clipped_whites_and_blacks_stay_neutral_and_are_counted(
         below = np.random.default_rng(0).integers(1, 247, (500, 3)) / 255  # nothing near 1: the model as it is
         np.testing.assert_allclose(chain(below), model(below), atol=1e-9)
         near = np.random.default_rng(1).integers(200, 256, (500, 3)) / 255
-        np.testing.assert_allclose(chain(near), model(near), atol=0.03)
+        assert np.abs(chain(near) - model(near)).mean() < 0.005  # one cell from there to 1
     pixels = read_image(alone(shot, tmp_path)).pixels.copy()
     pixels[:20], pixels[20:30, :, 0] = 1.0, 0.0
     write_image(tmp_path / "clipped.tif", pixels, Image(pixels, read_image(alone(shot, tmp_path)).spec))
