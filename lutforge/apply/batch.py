@@ -89,6 +89,9 @@ def apply_batch(
     tally = _Tally(len(jobs), len(already), report=progress)
     outcomes: dict[Job, Outcome] = {}
     notes: list[str] = []
+    bare = [job.source for job in jobs if masks is not None and job.mask is None]
+    if bare:
+        notes.append(f"{bare[0]}: a RAW file is rendered, and gets no mask (so of {len(bare)} of the images)")
     if scheduler is None:
         running = _run_here(recipe, left, workers or cpu_count() or 1, tally)
     else:
@@ -123,8 +126,9 @@ def plan_jobs(inputs: Sequence[Input], folder: Path, suffix: str | None = None, 
         suffix = f".{suffix}"
     jobs = []
     for image in inputs:
-        chosen = suffix or (".jpg" if image.place.suffix.lower() in RAW_SUFFIXES else image.place.suffix)
-        mask = masks / image.place.with_suffix(".tif") if masks is not None else None
+        raw = image.place.suffix.lower() in RAW_SUFFIXES  # rendered, not refinished: there is no confidence to tell
+        chosen = suffix or (".jpg" if raw else image.place.suffix)
+        mask = masks / image.place.with_suffix(".tif") if masks is not None and not raw else None
         jobs.append(Job(image.path, folder / image.place.with_suffix(chosen), mask))
     sources = {job.source.resolve() for job in jobs}
     seen: dict[str, Path] = {}

@@ -18,6 +18,8 @@ LARGEST = 16.0 / 255.0
 """… or so far in any case: then no two agree."""
 LEAST_OF_SHOT = 4
 MOST_SAMPLES = 6000
+LEAST_BRIGHT = 0.85
+"""Encoded value that the brightest unclipped sample of a style should reach."""
 LEAST_SPREAD = 0.02
 """Shares of red, green and blue that spread less than this in their second direction are of one hue, or grey."""
 
@@ -84,6 +86,12 @@ def thin_colours(encoded: Array, style: str) -> tuple[str, ...]:
         notes.append(
             f'style "{style}": hardly any unsaturated colours, so its greys are guessed: '
             "shoot a grey card or a colour chart at several exposures"
+        )
+    brightest = float(np.max(encoded, initial=0.0))
+    if brightest < LEAST_BRIGHT:
+        notes.append(
+            f'style "{style}": no sample is brighter than {brightest:.0%} of white, so brighter tones are guessed, '
+            "and the errors do not show it: expose more"
         )
     shares = encoded / encoded.sum(axis=1, keepdims=True)
     spread = np.linalg.svd(shares - shares.mean(axis=0), compute_uv=False)

@@ -53,6 +53,13 @@ def evaluate(
     data, clipped = style_data(samples.select(known), multipliers[known])
     if clipped:
         notes = (*notes, f"{clipped} of {known.sum()} samples are clipped and are not counted")
+    missing = sum(shot not in samples.shot for shot in profile.shots)
+    if 0 < missing < len(profile.shots):
+        notes = (
+            *notes,
+            f"{missing} of the {len(profile.shots)} shots of the calibration are not among these: the refits without "
+            "each of the others see fewer colours than the profile did; give all for its error",
+        )
     if tables and not np.isin(samples.shot[known], profile.shots).any():
         notes = (*notes, "no shot of the calibration is among these: add them for the baselines and the lattice sizes")
     predictions: dict[str, Predictions] = {}

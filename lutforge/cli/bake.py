@@ -65,6 +65,7 @@ def bake(
     from lutforge.luts.chain import bake_chain
     from lutforge.luts.dialects import DIALECTS
     from lutforge.luts.ends import ends_of
+    from lutforge.luts.write import require_form
     from lutforge.model.profile_file import load_profile
 
     if interpolation is not None and interpolation not in INTERPOLATIONS:
@@ -83,6 +84,8 @@ def bake(
         camera, kind, partner, source, target, ev, space, model, transfer or (), neutral_highlights=not stages
     )
     outputs, ends = _outputs(output or [], reader, title, stages), ends_of(kind, space)
+    for path, dialect in outputs.items():
+        require_form(path, dialect, size, scenes=kind == "render" and space != "raw")
     comments = (f"LutForge {__version__}", *ends.comments, *_held_out(camera, kind, source, target))
     if stages:
         with progress_bar("baking"):

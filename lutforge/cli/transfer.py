@@ -6,7 +6,10 @@ from typing import Annotated
 import typer
 
 from lutforge.cli.console import note, progress_bar, say
-from lutforge.errors import SampleError, SettingsError
+from lutforge.errors import CalibrationError, SampleError, SettingsError
+
+WORST = 0.3
+"""Held-out relative error beyond which the two cameras did not see the same colours."""
 
 
 def transfer(
@@ -49,6 +52,12 @@ def transfer(
     }
     fitted = {form: fit_raw_transfer(*names, x, y, neutral, form) for form in forms}
     chosen: Form = "piecewise" if piecewise else "root-polynomial" if root_polynomial else "matrix"
+    error = fitted[chosen].error
+    if error is not None and error > WORST:
+        raise CalibrationError(
+            f"{len(x)} colours that should be common differ by {error:.0%} after the best transfer: the "
+            "shots are not of the same scenes; photograph the same charts with both cameras"
+        )
     fitted[chosen].save(output)
     say(f"{output}: {names[0]} to {names[1]}, from {len(x)} common colours: {forms[chosen]}")
     errors = ", ".join(f"{name} {fitted[form].error:.2%}" for form, name in forms.items())

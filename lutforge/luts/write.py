@@ -74,6 +74,9 @@ SHAPER_ENDINGS = (".resolve.cube", ".shaper.cube")
 """Names that ask for a .cube with a shaper by themselves."""
 
 
+_NO_SCENES = "{} holds no scene-linear input beyond 1; write .clf, .ctf, .resolve.cube, .csp or .spi1d"
+
+
 def write_lut(lut: Lut, path: str | Path, dialect: str | None = None, size: int | None = None) -> Written:
     """Write a LUT, atomically and with the same bytes for the same LUT.
 
@@ -84,17 +87,7 @@ def write_lut(lut: Lut, path: str | Path, dialect: str | None = None, size: int 
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in FORMATS:
-        raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(SUFFIXES)}')
-    if dialect is not None and dialect not in DIALECTS:
-        raise LutError(f'unknown dialect "{dialect}"; known: {", ".join(DIALECTS)}')
-    program = DIALECTS[dialect] if dialect else None
-    if program is not None and suffix not in program.reads:
-        raise LutError(f"{path}: {dialect} does not read {suffix} files; write {' or '.join(program.reads)}")
-    form = FORMATS[suffix]
-    takes_shaper = program.shaper if program else path.name.lower().endswith(SHAPER_ENDINGS)
-    if suffix == ".cube" and takes_shaper:
-        form = RESOLVE
+    form, program = _chosen_form(path, dialect)
     held, lost = _in_form(lut, form, program, size)
     if suffix in (".spi1d", ".spi3d"):
         _write(held, path.with_suffix(".spi1d"), spi.write_spi1d)
@@ -107,6 +100,37 @@ def write_lut(lut: Lut, path: str | Path, dialect: str | None = None, size: int 
     if form.bits is not None:
         lost = "; ".join(part for part in (lost, f"{form.bits} bits per channel, clamped to [0, 1]") if part)
     return Written(path, name, lost, held, form.bits is not None)
+
+
+def require_form(path: Path, dialect: str | None, size: int | None, scenes: bool) -> None:
+    """Raise LutError where a LUT cannot become this file, before it is baked. scenes: its input reaches beyond 1."""
+    form, program = _chosen_form(path, dialect)
+    if scenes and form.form != "whole" and form.writer not in HOLD_RANGES:
+        raise LutError(f"{path}: {_NO_SCENES.format(form.name)}")
+    if size is not None and form.form == "plain" and not scenes:
+        _require_size(form, program, size, f"{path}: ")
+
+
+def _chosen_form(path: Path, dialect: str | None) -> tuple[Format, Dialect | None]:
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(SUFFIXES)}')
+    if dialect is not None and dialect not in DIALECTS:
+        raise LutError(f'unknown dialect "{dialect}"; known: {", ".join(DIALECTS)}')
+    program = DIALECTS[dialect] if dialect else None
+    if program is not None and suffix not in program.reads:
+        raise LutError(f"{path}: {dialect} does not read {suffix} files; write {' or '.join(program.reads)}")
+    takes_shaper = program.shaper if program else path.name.lower().endswith(SHAPER_ENDINGS)
+    return (RESOLVE if suffix == ".cube" and takes_shaper else FORMATS[suffix]), program
+
+
+def _require_size(form: Format, program: Dialect | None, size: int, where: str = "") -> None:
+    limit = program.max_size if program else 129
+    if not 2 <= size <= limit:
+        raise LutError(f"{where}{size} nodes per axis; this reader takes 2 to {limit}")
+    if form.sizes and size not in form.sizes:
+        sizes = ", ".join(map(str, form.sizes))
+        raise LutError(f"{where}{size} nodes per axis; {form.name} has {sizes}: choose --size among them, or none")
 
 
 def bake_for(
@@ -154,23 +178,17 @@ def _in_form(lut: Lut, form: Format, program: Dialect | None, size: int | None) 
         return _with_shaper(lut)
     if form.form == "shared":
         return _with_one_shaper(lut)
-    limit = program.max_size if program else 129
     wanted = size or (lut.size if lut.is_uniform and lut.response is None else (program.size if program else form.size))
-    if not 2 <= wanted <= limit:
-        raise LutError(f"{wanted} nodes per axis; this reader takes 2 to {limit}")
-    if form.sizes and wanted not in form.sizes:
-        if size is not None:
-            raise LutError(f"{size} nodes per axis; {form.name} has {', '.join(map(str, form.sizes))}")
+    if form.sizes and size is None:
         wanted = min(form.sizes, key=lambda known: (abs(known - wanted), known))
+    _require_size(form, program, wanted)
     return _uniform(lut, wanted, program.interpolation if program else lut.interpolation)
 
 
 def _for_scenes(lut: Lut, form: Format) -> tuple[Lut, str]:
     """A LUT of scene-linear light as a shaper on 0 to the highest value, and a cube."""
     if form.writer not in HOLD_RANGES:
-        raise LutError(
-            f"{form.name} holds no scene-linear input beyond 1; write .clf, .ctf, .resolve.cube, .csp or .spi1d"
-        )
+        raise LutError(_NO_SCENES.format(form.name))
     if lut.before is None:
         return lut.folded(), ""
     fitted = _fitted(lut, lut.size, lut.interpolation, response=False)

@@ -227,8 +227,11 @@ def test_a_raw_file_is_rendered_as_the_camera_renders_it(
     profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
 ) -> None:
     recipe = ProfileRecipe((folder / "camera.npz",), target="vivid/daylight")
-    result = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif")
+    result = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif", masks=tmp_path / "masks")
     assert not result.failed
+    assert any("no mask" in note for note in result.notes)
+    again = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif", masks=tmp_path / "masks", resume=True)
+    assert again.skipped == (tmp_path / "out" / "IMG_1.tif",)
     rendered = read_image(tmp_path / "out" / "IMG_1.tif").pixels
     wanted = truth(shot, tmp_path, "vivid", "daylight")
     top, left = ((a - b) // 2 for a, b in zip(rendered.shape[:2], wanted.shape[:2], strict=True))

@@ -53,6 +53,11 @@ def test_no_unsaturated_colours() -> None:
     assert "unsaturated" in notes and "grey card" in notes
 
 
+def test_shots_without_bright_colours_are_named() -> None:
+    assert "brighter tones are guessed" in _notes(_shots(-4, -3), "lattice")
+    assert "brighter" not in _notes(_shots(-1, 0, 1), "lattice")
+
+
 @pytest.mark.parametrize("model", ["lattice", "rbf"])
 def test_one_exposure_only(model: ModelName) -> None:
     samples = _shots(0)

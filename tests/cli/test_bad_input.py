@@ -115,6 +115,10 @@ def test_settings_outputs_and_profiles(lutforge: CommandLine, refused: Refused, 
         (("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "x.cube", "--size", "1"), "nodes"),
         (("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "standard/daylight",
           "--ev", "99", "-o", "x.cube"), "20 stops"),
+        (("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "x.clf", "-o", "x.png", "--size", "33"),
+         "x.png: 33 nodes"),
+        (("bake", "camera.npz", "render", "--space", "acescg", "--to", "standard/daylight", "-o", "x.clf",
+          "-o", "x.3dl"), "x.3dl"),
         (("bake", "samples.csv", "render", "--to", "standard/daylight", "-o", "x.cube"), "not a LutForge profile"),
         (("calibrate", "samples.csv", "--size", "2", "-o", "y.npz"), "size"),
         (("calibrate", "samples.csv", "--preset", "magic", "-o", "y.npz"), "preset"),
@@ -157,3 +161,13 @@ def test_a_terminal_without_unicode_shows_question_marks() -> None:
     )
     assert result.returncode == 0, result.stderr
     assert b"?" in result.stdout
+
+
+def test_a_transfer_between_shots_of_different_things(refused: Refused, tmp_path: Path) -> None:
+    for seed, name in ((5, "one"), (6, "other")):
+        rng = np.random.default_rng(seed)
+        (tmp_path / f"{name}.csv").write_text(
+            HEADER + "".join(f"{name},standard,daylight,a,p{n},0.01,{r},{g},{b},{r},{g},{b}\n"
+                             for n, (r, g, b) in enumerate(rng.uniform(0.05, 0.9, (60, 3)).round(4)))
+        )  # fmt: skip
+    assert "not of the same scenes" in refused(tmp_path, "transfer", "one.csv", "other.csv", "-o", "t.json")
