@@ -38,8 +38,13 @@ def test_unique() -> None:
     assert [unique("data"), unique("A"), unique("a"), unique("A")] == ["data 2", "A", "a 2", "A 3"]
 
 
+def names(longest: int) -> st.SearchStrategy[str]:
+    """What a profile takes as a name."""
+    return st.text(max_size=longest).filter(str.isprintable)
+
+
 @settings(max_examples=200, deadline=None)
-@given(st.lists(st.text(max_size=80), min_size=1, max_size=3), st.text(max_size=30), st.text(max_size=30))
+@given(st.lists(names(80), min_size=1, max_size=3), names(30), names(30))
 def test_any_names_give_spaces_of_their_own(cameras: list[str], style: str, balance: str) -> None:
     profiles = [
         CameraProfile(
