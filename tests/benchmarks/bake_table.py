@@ -66,7 +66,8 @@ def nikon_d40(data: Path) -> CameraProfile:
 def transforms(profile: CameraProfile) -> dict[str, Transform]:
     found = {f"render {name}": profile.render(f"standard/{name}") for name in RENDERS}
     for source, target, ev in REFINISHES:
-        refinish = profile.refinish(f"standard/{source}", f"standard/{target}", ev)
+        # The other side's config holds the bare model.
+        refinish = profile.refinish(f"standard/{source}", f"standard/{target}", ev, neutral_highlights=False)
         found[f"refinish {source} to {target} {ev:+g} EV"] = refinish
     return found
 
