@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 FALL = 1e-5
 """A step of an output in the wrong direction that is more than rounding."""
+MOST_FALLING = 0.1
+"""Share of steps at which a channel may fall: cameras press strong colours into their gamut, where one makes room."""
 USUAL_SIZES = (17, 33, 65)
 
 
@@ -145,7 +147,7 @@ def _problems(contents: LutContents, falling: float) -> list[str]:
         diagonal = cube[tuple(np.arange(min(cube.shape[:3])) for _ in range(3))]
         if np.any(np.diff(diagonal.mean(axis=1)) < -FALL):
             found.append("grey becomes darker somewhere where the input becomes lighter")
-        if falling > 0.02:
+        if falling > MOST_FALLING:
             found.append(
                 f"a channel falls while its own input rises at {falling:.1%} of the steps: banding or solarisation"
             )
