@@ -17,6 +17,7 @@ class CommandLine(Protocol):
     def __call__(self, *words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]: ...
 
 
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Where tests run in several processes, each file stays in one, and all that use the demo, so that it runs once."""
     for item in items:

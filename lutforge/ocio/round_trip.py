@@ -32,7 +32,7 @@ MEAN_GOAL, MAX_GOAL = 0.002, 0.02
 """What a colour space of a config may lose to the reference and back, RGB norm of encoded values."""
 MARGIN = 0.95
 """Share of the goals at which the fit is content, since other colours than its own will be tried."""
-SIZES = (33, 41)
+SIZES = (33, 49)
 """Nodes per axis that are tried."""
 ROUNDS = 4
 STEPS = 4
