@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,29 +33,13 @@ def checked_colours(x: ArrayLike) -> Array:
     return np.asarray(values, dtype=np.float64)
 
 
-class ShapedTransform(Protocol):
+@dataclass(frozen=True, eq=False)
+class _Shaped:
     """A transform whose first step is a gain per channel and whose last is a matrix: y = matrix · core(gain · x).
 
     The core is what a lookup table has to hold; its domain is [0, 1]³, to which the camera clips.
     """
 
-    @property
-    def gain(self) -> Array:
-        """(3,), the white balance in front; 1 for none."""
-
-    @property
-    def matrix(self) -> Array:
-        """(3, 3) behind."""
-
-    def core(self, x: Array) -> Array:
-        """The function between the two, (…, 3) in [0, 1] → (…, 3)."""
-
-    def __call__(self, x: ArrayLike) -> Array:
-        """The whole transform, (…, 3) → (…, 3)."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Shaped:
     gain: Array
     matrix: Array
 

@@ -33,8 +33,6 @@ from lutforge.regression.smoothness import first_difference, second_difference, 
 
 Array = NDArray[np.float64]
 
-AXIS_PAIRS = ((0, 1), (0, 2), (1, 2))
-
 
 @dataclass(frozen=True)
 class Regularisation:
