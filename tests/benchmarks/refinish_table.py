@@ -133,7 +133,8 @@ def errors(
             assert isinstance(refinish, Refinish)
             usable = before.usable & after.usable
             wanted = after.encoded[usable]
-            tile, pixel = rmse(refinish.render(refinish.exposed(before.raw[usable])), wanted)
+            balanced = refinish.balanced(before.encoded[usable], before.raw[usable])
+            tile, pixel = rmse(refinish.render(balanced / refinish.balance), wanted)
             tile_floor, pixel_floor = rmse(true_render(before.true_raw[usable]), wanted)
             found[source, target] = tile, tile_floor, pixel, pixel_floor
     return found
