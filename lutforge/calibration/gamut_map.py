@@ -15,7 +15,6 @@ from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap, from_even, to_even
 
 Array = NDArray[np.float64]
-Floats = NDArray[np.float64]
 Progress = Callable[[int, float], None]
 """Told the number of centres and the share of pairs that are not yet met."""
 
@@ -73,7 +72,7 @@ def fit_gamut_map(
     options: GamutMapOptions | None = None,
     *,
     groups: NDArray[np.str_] | None = None,
-    importance: Floats | None = None,
+    importance: Array | None = None,
     progress: Progress | None = None,
 ) -> GamutMapFit:
     """Fit target = h(source), both (n, 3) linear.
@@ -113,7 +112,7 @@ def fit_gamut_map(
     return GamutMapFit(gamut_map, nugget, rho, float(residual.max()), float(residual.mean()))
 
 
-def solve(centres: Array, values: Array, nugget: Floats) -> GamutMap:
+def solve(centres: Array, values: Array, nugget: Array) -> GamutMap:
     """(4.8) for all three channels: [D − diag(nugget), P; Pᵀ, 0] [λ; a] = [values; 0].
 
     centres, values: (n, 3); nugget: (n,) = 8Nπρ. The matrix is symmetric and indefinite; LAPACK's dgesv overwrites it.
@@ -140,8 +139,8 @@ def solve(centres: Array, values: Array, nugget: Floats) -> GamutMap:
 
 
 def merge_coincident(
-    source: Array, target: Array, slope: Floats, names: NDArray[np.str_]
-) -> tuple[Array, Array, Floats, NDArray[np.str_]]:
+    source: Array, target: Array, slope: Array, names: NDArray[np.str_]
+) -> tuple[Array, Array, Array, NDArray[np.str_]]:
     """One pair a cell: the medians of what coincides in the source (about 0.2 % of the thesis's points).
 
     Cells are COINCIDENT wide where the slope is 1, smaller where it is steeper. The name is that of the first.
@@ -170,7 +169,7 @@ def _first_centres(source: Array, count: int) -> NDArray[np.intp]:
     return np.array(chosen)
 
 
-def _worst_apart(source: Array, residual: Floats, candidates: NDArray[np.bool_], wanted: int) -> NDArray[np.intp]:
+def _worst_apart(source: Array, residual: Array, candidates: NDArray[np.bool_], wanted: int) -> NDArray[np.intp]:
     """Up to `wanted` of the worst pairs, one a cell, the cells as large as still gives so many."""
     rows = np.flatnonzero(candidates)
     rows = rows[np.argsort(-residual[rows], kind="stable")]
@@ -189,7 +188,7 @@ def identity_gamut_map() -> GamutMap:
     return GamutMap(np.zeros((1, 3)), np.zeros((1, 3)), np.vstack([np.zeros((1, 3)), np.eye(3)]))
 
 
-def _choose_nugget(source: Array, target: Array, slope: Floats, names: NDArray[np.str_]) -> float:
+def _choose_nugget(source: Array, target: Array, slope: Array, names: NDArray[np.str_]) -> float:
     """The smoothest candidate of least error on shots left out, a fifth at a time, on a subset of the pairs."""
     rng = np.random.default_rng(0)
     rows = rng.permutation(len(source))[:SEARCH_PAIRS]

@@ -12,22 +12,18 @@ from numpy.typing import NDArray
 from lutforge.calibration.exposure_pairs import ExposurePairs
 from lutforge.calibration.inequality_least_squares import solve_lsi
 from lutforge.calibration.options import Preset
+from lutforge.calibration.response_from_raw import CODE_NOISE, LEAST_SLOPE
 from lutforge.calibration.unsaturated import BETA, check_tones, saturation, starting_beta
 from lutforge.model.emor import ResponseBasis, log_inverse_emor
 from lutforge.model.response import Response
 
 Array = NDArray[np.float64]
-Floats = NDArray[np.float64]
 
-CODE_NOISE = 0.4 / 255.0
-"""Standard deviation of a JPEG value: rounding, and a little noise."""
 LOG_COEFFICIENT_SPREAD = 10.0
 """Prior standard deviation of the first coefficient; that of the n-th is n times smaller."""
 CHANNEL_SPREAD = 0.02
 """How far the logarithms of the channels' f⁻¹ are expected to differ at middle grey."""
 TRENDLESS = 1e4
-LEAST_SLOPE = 0.02
-"""f⁻¹ rises at least this fraction as fast as the mean curve."""
 ROUNDS = 12
 FIRST_ROUNDS = 2
 """Rounds that trust the saturation alone."""
@@ -44,7 +40,7 @@ class ExposureResponseFit:
 
     response: Response
     shot_error: dict[str, float]
-    weight: Floats
+    weight: Array
 
     def pair_error(self, first: str, second: str) -> float:
         """What the stated exposure ratio of two shots must be multiplied by."""
@@ -83,17 +79,17 @@ def fit_response_to_exposures(
     return ExposureResponseFit(response, named, weight)
 
 
-def _soft_threshold(chroma: Floats, beta: float) -> Floats:
+def _soft_threshold(chroma: Array, beta: float) -> Array:
     return np.asarray(1.0 / (1.0 + np.exp(np.clip((chroma - beta) / 0.03, -50.0, 50.0))))
 
 
-def _trust(residual: Floats, reference: NDArray[np.bool_], least: float) -> Floats:
+def _trust(residual: Array, reference: NDArray[np.bool_], least: float) -> Array:
     """Geman-McClure weights: (1 + r²/s²)⁻² with s from the colours that are surely untouched."""
     scale = max(OUTLIER * float(np.median(residual[reference])), least)
     return np.asarray(1.0 / (1.0 + (residual / scale) ** 2) ** 2)
 
 
-def _solve_exposures(pairs: ExposurePairs, basis: ResponseBasis, weight: Floats, noise: Array, *, alike: bool) -> Array:
+def _solve_exposures(pairs: ExposurePairs, basis: ResponseBasis, weight: Array, noise: Array, *, alike: bool) -> Array:
     """ξ of the three channels, one after the other, then the log exposure error of each shot.
 
     alike: pairs leave the scale of f⁻¹ to what lies beyond the brightest sample, so the channels share one there.
@@ -134,7 +130,7 @@ def _solve_exposures(pairs: ExposurePairs, basis: ResponseBasis, weight: Floats,
     )
 
 
-def _pair_residual(pairs: ExposurePairs, logs: Array, errors: Floats) -> Array:
+def _pair_residual(pairs: ExposurePairs, logs: Array, errors: Array) -> Array:
     """g(I') − g(I) − log k' (n, 3), with the exposure errors taken out."""
     codes = np.linspace(0.0, 1.0, logs.shape[1])
     ratio = pairs.log_ratio + errors[pairs.second_shot] - errors[pairs.first_shot]

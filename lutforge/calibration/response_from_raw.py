@@ -24,7 +24,6 @@ from lutforge.model.emor import inverse_emor
 from lutforge.model.response import Response
 
 Array = NDArray[np.float64]
-Floats = NDArray[np.float64]
 
 CODE_NOISE = 0.4 / 255.0
 """Standard deviation of a JPEG value: rounding, and a little noise."""
@@ -59,7 +58,7 @@ class RawResponseFit:
 
     response: Response
     matrix: Array
-    weight: Floats
+    weight: Array
     rms: float
 
 
@@ -87,7 +86,7 @@ def fit_response_to_raw(
     return RawResponseFit(response, fit.matrix, weight, _rms(residual, weight))
 
 
-def _fit_below(balanced: Array, encoded: Array, weight: Floats) -> RawResponseFit:
+def _fit_below(balanced: Array, encoded: Array, weight: Array) -> RawResponseFit:
     """All colours below β and no others."""
     slope, rms = np.ones_like(encoded), np.inf
     for turn in range(MOST_ROUNDS):
@@ -134,7 +133,7 @@ def _settled(before: float, rms: float) -> bool:
     return abs(before - rms) < 1e-3 * rms
 
 
-def _doubt(balanced: Array, encoded: Array, matrix: Array, weight: Floats, slope: Array, rms: float) -> float:
+def _doubt(balanced: Array, encoded: Array, matrix: Array, weight: Array, slope: Array, rms: float) -> float:
     """Standard error of Ts, ‖·‖ relative to its own, whatever f is; inf where fewer colours count than are unknown."""
     basis = inverse_emor()
     freedom = float(weight.sum()) - len(basis.curves) - 3
@@ -153,7 +152,7 @@ def _doubt(balanced: Array, encoded: Array, matrix: Array, weight: Floats, slope
     return float(np.sqrt(variance) / np.linalg.norm(matrix))
 
 
-def _follow(response: Response, linear: Array, encoded: Array, odds: Floats, scale: float) -> Response:
+def _follow(response: Response, linear: Array, encoded: Array, odds: Array, scale: float) -> Response:
     """f alone, of Ts x (n, 3), which more colours tell than Ts: a channel may be darkest in a colour of some hue."""
     nothing = np.zeros((len(linear), 0))
     for _ in range(CURVE_ROUNDS):
@@ -164,17 +163,17 @@ def _follow(response: Response, linear: Array, encoded: Array, odds: Floats, sca
     return response
 
 
-def _geman_mcclure(ratio: Floats) -> Floats:
+def _geman_mcclure(ratio: Array) -> Array:
     return np.asarray(1.0 / (1.0 + ratio**2) ** 2)
 
 
-def _residual(response: Response, linear: Array, encoded: Array) -> Floats:
+def _residual(response: Response, linear: Array, encoded: Array) -> Array:
     """‖f⁻¹(I) − Ts x‖ (n,) in JPEG values."""
     error = (response.linearize(encoded) - linear) * encoding_slope(response, encoded)
     return np.asarray(np.linalg.norm(error, axis=1))
 
 
-def _rms(residual: Floats, weight: Floats) -> float:
+def _rms(residual: Array, weight: Array) -> float:
     return float(np.sqrt(np.average(residual**2, weights=weight)))
 
 
@@ -186,7 +185,7 @@ def encoding_slope(response: Response, encoded: Array) -> Array:
     return np.asarray(1.0 / np.maximum(slope, FLATTEST))
 
 
-def _solve(balanced: Array, encoded: Array, weight: Floats, slope: Array) -> tuple[Response, Array]:
+def _solve(balanced: Array, encoded: Array, weight: Array, slope: Array) -> tuple[Response, Array]:
     """f and Ts, a channel at a time: f⁻¹(I) = m·x with Σ m = 1, the error counted in JPEG values."""
     tables, matrix = [], np.zeros((3, 3))
     for channel in range(3):
@@ -200,7 +199,7 @@ def _solve(balanced: Array, encoded: Array, weight: Floats, slope: Array) -> tup
     return Response(np.stack(tables, axis=1)), matrix
 
 
-def _fit_curve(own: Floats, differences: Array, encoded: Floats, weight: Floats) -> tuple[Floats, Floats]:
+def _fit_curve(own: Array, differences: Array, encoded: Array, weight: Array) -> tuple[Array, Array]:
     """One channel's f⁻¹ (1024,) and m (k,): scale·g0(I) + ξ·h(I) = own + m·differences; differences: (n, k)."""
     basis = inverse_emor()
     mean, curves = basis.at(encoded)

@@ -7,7 +7,6 @@ from lutforge.calibration.options import Preset
 from lutforge.errors import CalibrationError
 
 Array = NDArray[np.float64]
-Floats = NDArray[np.float64]
 
 BETA = 0.3
 """HSV saturation below which a colour is taken to be untouched by the gamut map."""
@@ -22,7 +21,7 @@ LEAST_TONES = 0.25
 """The unsaturated colours must span this much of the encoded range, or the curve is a guess."""
 
 
-def saturation(encoded: Array) -> Floats:
+def saturation(encoded: Array) -> Array:
     """HSV saturation 1 − min/max of encoded colours (n, 3) → (n,); black is 0."""
     high = encoded.max(axis=1)
     return np.asarray(1.0 - encoded.min(axis=1) / np.maximum(high, 1e-6))
@@ -33,13 +32,13 @@ def untouched(encoded: Array, beta: float = BETA) -> NDArray[np.bool_]:
     return np.asarray((saturation(encoded) < beta) & (encoded.max(axis=1) < NEAR_WHITE))
 
 
-def untouched_odds(chroma: Floats, beta: float) -> Floats:
+def untouched_odds(chroma: Array, beta: float) -> Array:
     """Weight (n,) of colours of saturation chroma (n,): ½ at β, as where a shift that grows with the third power of the
     saturation is as large as the noise."""
     return np.asarray(1.0 / (1.0 + (chroma / beta) ** 6))
 
 
-def starting_beta(chroma: Floats, preset: Preset, beta: float = BETA) -> float:
+def starting_beta(chroma: Array, preset: Preset, beta: float = BETA) -> float:
     """β itself, or for the robust fit what takes in enough of the least saturated colours."""
     if preset == "thesis" or (chroma < beta).sum() >= max(2 * LEAST_UNSATURATED, 0.15 * len(chroma)):
         return beta
