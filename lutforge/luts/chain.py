@@ -67,6 +67,7 @@ def bake_chain(
 ) -> LutChain:
     """Bake the steps of a transform apart: two LUTs for a refinish or match, one for any other.
 
+    The steps are those of the bare model: between them nothing tells what clipped, so white is not kept neutral.
     size: nodes per axis of each (33; lattices of a profile keep their own, and lose nothing).
     """
     steps = [transform]
