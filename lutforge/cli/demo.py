@@ -123,7 +123,7 @@ def _config(profile: "CameraProfile", folder: Path) -> None:
     findings = check_config(load_config(path))
     for finding in findings:
         note(str(finding))
-    verdict = "sound" if not findings else f"{len(findings)} findings"
+    verdict = "sound" if not findings else f"{len(findings)} finding{'s' * (len(findings) > 1)}"
     program = Path(sys.executable).with_name("ociocheck")
     if program.exists():
         result = subprocess.run(
