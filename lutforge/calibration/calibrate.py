@@ -72,6 +72,8 @@ def calibrate(
     if np.any(samples.raw_camera != samples.camera):
         return calibrate_by_reference(samples, options, progress)
     multipliers, notes = complete_multipliers(samples)
+    enough, left_out = styles_with_enough(samples, multipliers)
+    samples, multipliers, notes = samples.select(enough), multipliers[enough], (*notes, *left_out)
     matrix: Array | None = None
     physical: dict[str, GamutMaps] = {}
     if options.model == "rbf":
@@ -120,8 +122,6 @@ def _fit_physical(
 ) -> tuple[Array, Array, dict[str, GamutMaps]]:
     """Ts, the multipliers (n, 3) of all samples, and by style the physical model."""
     usable = unclipped(samples, multipliers)
-    for name in np.unique(samples.style):
-        _check_enough(str(name), int((usable & (samples.style == name)).sum()))
     inside, known = samples.select(usable), np.all(np.isfinite(samples.wb), axis=1)
     stages = fit_stages(inside, multipliers[usable], known[usable], options.preset)
     completed = multipliers.copy()
@@ -174,24 +174,34 @@ def unclipped(samples: SampleSet, multipliers: Array) -> NDArray[np.bool_]:
     return usable
 
 
-def _check_enough(style: str, count: int) -> None:
-    if count < LEAST_SAMPLES:
-        raise CalibrationError(
-            f'style "{style}": {count} unclipped samples; at least {LEAST_SAMPLES} are needed: '
-            "add shots with more colours, exposed so that neither the JPEG nor the RAW clips"
-        )
+def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """(n,): samples of styles with enough unclipped ones to fit, and a note for each style that is left out.
+
+    Raises CalibrationError where no style has enough.
+    """
+    usable = unclipped(samples, multipliers)
+    counts = {str(name): int((usable & (samples.style == name)).sum()) for name in np.unique(samples.style)}
+    few = {name: count for name, count in counts.items() if count < LEAST_SAMPLES}
+    advice = "add shots with more colours, exposed so that neither the JPEG nor the RAW clips"
+    notes = tuple(
+        f'style "{name}": {count} unclipped samples; at least {LEAST_SAMPLES} are needed: {advice}'
+        for name, count in few.items()
+    )
+    if len(few) == len(counts):
+        raise CalibrationError(notes[0])
+    return ~np.isin(samples.style, list(few)), tuple(f"left out: {note}" for note in notes)
 
 
 def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleData], int]:
-    """The unclipped samples of each style, white-balanced, and how many are clipped."""
+    """The unclipped samples of each style that has enough, white-balanced, and how many are clipped."""
+    enough, _ = styles_with_enough(samples, multipliers)
     balanced = samples.raw * multipliers
-    usable = unclipped(samples, multipliers)
+    usable = unclipped(samples, multipliers) & enough
     result = {}
-    for name in np.unique(samples.style):
+    for name in np.unique(samples.style[enough]):
         rows = usable & (samples.style == name)
-        _check_enough(str(name), int(rows.sum()))
         result[str(name)] = StyleData(balanced[rows], samples.srgb[rows], samples.shot[rows], samples.select(rows))
-    return result, int((~usable).sum())
+    return result, int((enough & ~usable).sum())
 
 
 def data_by_style(samples: SampleSet) -> dict[str, StyleData]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.calibrate import Progress, _silent, style_data
+from lutforge.calibration.calibrate import Progress, _silent, style_data, styles_with_enough
 from lutforge.calibration.errors_table import error_figures
 from lutforge.calibration.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
 from lutforge.calibration.held_out import RBF, Predictions, predict
@@ -48,9 +48,13 @@ def evaluate(
             f"the samples' styles ({', '.join(np.unique(samples.style))}) are not in the profile "
             f"({', '.join(profile.styles)})"
         )
+    strange = np.unique(samples.style[~known])
+    if len(strange):
+        notes = (*notes, f"the samples of {', '.join(strange)} are not counted: not in the profile")
     if profile.raw_camera:
         return _evaluate_by_reference(profile, samples.select(known))
     data, clipped = style_data(samples.select(known), multipliers[known])
+    notes = (*notes, *styles_with_enough(samples.select(known), multipliers[known])[1])
     if clipped:
         notes = (*notes, f"{clipped} of {known.sum()} samples are clipped and are not counted")
     missing = sum(shot not in samples.shot for shot in profile.shots)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from samples_simulated import chart_140, photograph_patches
 
-from lutforge.calibration.calibrate import calibrate
+from lutforge.calibration.calibrate import calibrate, unclipped
+from lutforge.calibration.evaluate import evaluate
 from lutforge.calibration.options import CalibrationOptions, Preset
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import ModelName
@@ -42,6 +43,19 @@ def test_all_clipped(model: ModelName, clipped: str) -> None:
 
 def _notes(samples: SampleSet, model: ModelName) -> str:
     return "; ".join(calibrate(samples, _options(model)).notes)
+
+
+@pytest.mark.parametrize("model", ["lattice", "rbf"])
+def test_a_style_of_too_few_samples_is_left_out_of_the_others_profile(model: ModelName) -> None:
+    samples = _shots(-1, 0, 1)
+    other = samples.select(np.flatnonzero(unclipped(samples, samples.wb))[:9])
+    both = concatenate([samples, replace(other, style=np.full(9, "vivid"), shot=np.full(9, "V.dng"))])
+    profile, alone = calibrate(both, _options(model)), calibrate(samples, _options(model))
+    assert list(profile.styles) == ["standard"]
+    np.testing.assert_array_equal(profile.matrix, alone.matrix)
+    assert any('style "vivid": 9 unclipped samples' in note and "left out" in note for note in profile.notes)
+    found = evaluate(profile, both)
+    assert any("vivid" in note and "not in the profile" in note for note in found.notes)
 
 
 def test_no_unsaturated_colours() -> None:
