@@ -138,33 +138,92 @@ def _space(minor: int, name: str, aliases: tuple[str, ...], interop: str, **prop
     return space
 
 
+@dataclass(frozen=True)
+class _SceneSpace:
+    """A scene-referred space of the studio config. builtin: its way to the reference, where OpenColorIO has it."""
+
+    name: str
+    aliases: tuple[str, ...]
+    interop: str
+    encoding: str
+    description: str
+    builtin: str = ""
+
+    @property
+    def family(self) -> str:
+        return "ACES" if self.name.startswith("ACES") else "Utility"
+
+    @property
+    def categories(self) -> list[str]:
+        return ["file-io", "working-space"] if self.encoding in ("scene-linear", "log") else ["file-io"]
+
+
+_LINEAR_SRGB = "Linear Rec.709 (sRGB)"
+_SCENE_SPACES = (
+    _SceneSpace(
+        REFERENCE,
+        ("aces2065_1", "ACES - ACES2065-1", "lin_ap0"),
+        "lin_ap0_scene",
+        "scene-linear",
+        "The scene reference, AP0.",
+    ),
+    _SceneSpace(
+        WORKING,
+        ("ACES - ACEScg", "lin_ap1"),
+        "lin_ap1_scene",
+        "scene-linear",
+        "Scene-linear AP1.",
+        "ACEScg_to_ACES2065-1",
+    ),
+    _SceneSpace(
+        "ACEScct",
+        ("ACES - ACEScct", "acescct_ap1"),
+        "ocio:acescct_ap1_scene",
+        "log",
+        "Log AP1 for grading.",
+        "ACEScct_to_ACES2065-1",
+    ),
+    _SceneSpace(
+        _LINEAR_SRGB,
+        ("lin_rec709_srgb", "lin_rec709", "lin_srgb"),
+        "lin_rec709_scene",
+        "scene-linear",
+        "Linear sRGB primaries, D65.",
+    ),
+    _SceneSpace(
+        TEXTURE,
+        ("sRGB - Texture", "srgb_tx", "srgb_texture"),
+        "srgb_rec709_scene",
+        "sdr-video",
+        "sRGB-encoded images without a tone scale.",
+    ),
+)
+
+
 def _scene_spaces(minor: int) -> list[OCIO.ColorSpace]:
     linear = matrix_transform(from_linear_srgb("aces2065-1"))
-    working = ["file-io", "working-space"]
-
-    def space(
-        name: str,
-        aliases: tuple[str, ...],
-        interop: str,
-        encoding: str,
-        description: str,
-        transform: OCIO.Transform | None,
-    ) -> OCIO.ColorSpace:
-        made = _space(
+    own = {_LINEAR_SRGB: linear, TEXTURE: OCIO.GroupTransform([_srgb_curve(), linear])}
+    made = []
+    for entry in _SCENE_SPACES:
+        space = _space(
             minor,
-            name,
-            aliases,
-            interop,
-            family="ACES" if name.startswith("ACES") else "Utility",
-            encoding=encoding,
-            categories=working if encoding in ("scene-linear", "log") else ["file-io"],
-            description=description,
+            entry.name,
+            entry.aliases,
+            entry.interop,
+            family=entry.family,
+            encoding=entry.encoding,
+            categories=entry.categories,
+            description=entry.description,
         )
+        transform = OCIO.BuiltinTransform(entry.builtin) if entry.builtin else own.get(entry.name)
         if transform is not None:
-            made.setTransform(transform, OCIO.COLORSPACE_DIR_TO_REFERENCE)
-        return made
+            space.setTransform(transform, OCIO.COLORSPACE_DIR_TO_REFERENCE)
+        made.append(space)
+    return [*made, _data_space(minor)]
 
-    raw = _space(
+
+def _data_space(minor: int) -> OCIO.ColorSpace:
+    data = _space(
         minor,
         DATA,
         ("Utility - Raw", "utility_raw"),
@@ -174,51 +233,9 @@ def _scene_spaces(minor: int) -> list[OCIO.ColorSpace]:
         categories=["file-io"],
         description="Data, not colour: never converted.",
     )
-    raw.removeAlias("data")  # a role's name; the ID alone does without, since OpenColorIO knows it
-    raw.setIsData(True)
-    return [
-        space(
-            REFERENCE,
-            ("aces2065_1", "ACES - ACES2065-1", "lin_ap0"),
-            "lin_ap0_scene",
-            "scene-linear",
-            "The scene reference, AP0.",
-            None,
-        ),
-        space(
-            WORKING,
-            ("ACES - ACEScg", "lin_ap1"),
-            "lin_ap1_scene",
-            "scene-linear",
-            "Scene-linear AP1.",
-            OCIO.BuiltinTransform("ACEScg_to_ACES2065-1"),
-        ),
-        space(
-            "ACEScct",
-            ("ACES - ACEScct", "acescct_ap1"),
-            "ocio:acescct_ap1_scene",
-            "log",
-            "Log AP1 for grading.",
-            OCIO.BuiltinTransform("ACEScct_to_ACES2065-1"),
-        ),
-        space(
-            "Linear Rec.709 (sRGB)",
-            ("lin_rec709_srgb", "lin_rec709", "lin_srgb"),
-            "lin_rec709_scene",
-            "scene-linear",
-            "Linear sRGB primaries, D65.",
-            linear,
-        ),
-        space(
-            TEXTURE,
-            ("sRGB - Texture", "srgb_tx", "srgb_texture"),
-            "srgb_rec709_scene",
-            "sdr-video",
-            "sRGB-encoded images without a tone scale.",
-            OCIO.GroupTransform([_srgb_curve(), linear]),
-        ),
-        raw,
-    ]
+    data.removeAlias("data")  # a role's name; the ID alone does without, since OpenColorIO knows it
+    data.setIsData(True)
+    return data
 
 
 def _srgb_curve() -> OCIO.ExponentWithLinearTransform:
