@@ -1,5 +1,6 @@
 """What is in a LUT file, who can read it, and what will go wrong. The readers' habits: their sources, and trials."""
 
+from codecs import BOM_UTF8
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +20,9 @@ FALL = 1e-5
 MOST_FALLING = 0.1
 """Share of steps at which a channel may fall: cameras press strong colours into their gamut, where one makes room."""
 USUAL_SIZES = (17, 33, 65)
+MARKED = "begins with a byte order mark: OpenColorIO and ffmpeg refuse it; save it as UTF-8 without one"
+_NOT_TEXT = ("CLF", "CTF", "Hald image")
+"""Formats in which a byte order mark does no harm, or means nothing."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,7 @@ def check_lut(path: str | Path) -> LutReport:
     ends: list[tuple[float, float, float] | None] = [None, None]
     if cube is not None:
         ends = [_triple(cube[0, 0, 0]), _triple(cube[-1, -1, -1])]
+    marked = contents.format not in _NOT_TEXT and _begins_with_mark(path)
     opencolorio, black_white = _through_opencolorio(path, contents)
     if black_white is not None:
         ends = [_triple(black_white[0]), _triple(black_white[1])]
@@ -88,10 +93,18 @@ def check_lut(path: str | Path) -> LutReport:
         falling=falling,
         black=ends[0],
         white=ends[1],
-        problems=tuple(_problems(contents, falling)),
-        readers={**opencolorio, **_readers(contents)},
+        problems=(*([MARKED] if marked else []), *_problems(contents, falling)),
+        readers={
+            **opencolorio,
+            **({"other programs": "many refuse the byte order mark"} if marked else _readers(contents)),
+        },
         stages=contents.stages,
     )
+
+
+def _begins_with_mark(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(BOM_UTF8)) == BOM_UTF8
 
 
 def report_lines(report: LutReport) -> list[str]:

@@ -1,6 +1,7 @@
 """A LUT file as OpenColorIO evaluates it."""
 
 import tempfile
+from codecs import BOM_UTF8
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ def file_processor(
     """An OpenColorIO processor, float32 in and out, of any LUT file that it reads.
 
     interpolation: for cubes of files that name none themselves (CLF and CTF do). inverse: the file backward.
-    Raises LutError, in one line.
+    Raises LutError, in one line, also where a table holds what is not a finite number.
     """
     path = Path(path)
     try:
@@ -45,6 +46,7 @@ def file_processor(
         try:
             transform = OCIO.FileTransform(str(link), "", method, direction)
             processor = OCIO.Config.CreateRaw().getProcessor(transform)
+            _require_finite(processor.createGroupTransform(), path)
             return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
         except OCIO_ERRORS as error:
             raise LutError(f"{path}: {_reason(str(error), str(link), path)}") from error
@@ -59,9 +61,21 @@ def evaluate(processor: OCIO.CPUProcessor, x: ArrayLike) -> NDArray[np.float32]:
     return y.reshape(np.shape(x))
 
 
+def _require_finite(parts: OCIO.GroupTransform, path: Path) -> None:
+    """Raise LutError where a table holds NaN or infinity. Those of half-float inputs may: for such inputs."""
+    for part in parts:
+        cube = isinstance(part, OCIO.Lut3DTransform)
+        curve = isinstance(part, OCIO.Lut1DTransform) and not part.getInputHalfDomain()
+        if (cube or curve) and not np.all(np.isfinite(part.getData())):
+            raise LutError(f"{path}: a number in its {'cube' if cube else 'curve'} is not finite; make the file anew")
+
+
 def _reason(message: str, link: str, path: Path) -> str:
     """OpenColorIO's message about a file as part of one line, with what to do where the cause is known."""
     line = " ".join(message.replace(link, path.name).split())
+    with path.open("rb") as file:
+        if file.read(len(BOM_UTF8)) == BOM_UTF8:
+            return "begins with a byte order mark, which OpenColorIO does not read; save it as UTF-8 without one"
     if path.suffix.lower() == ".cube":
         text = path.read_text("utf-8", "replace")[:4000].upper()
         if "LUT_1D_SIZE" in text and "LUT_3D_SIZE" in text and ("TITLE" in text or "DOMAIN_M" in text):

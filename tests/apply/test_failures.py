@@ -52,6 +52,16 @@ def test_each_failure_is_named_and_nothing_is_lost(folder: Path, run: Run) -> No
     assert [path.name for path in (folder / "out").glob(".*")] == [".lutforge-apply.jsonl"]
 
 
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
+def test_a_lut_with_what_is_no_number_grades_nothing(folder: Path, run: Run, number: str) -> None:
+    rows = ["0 0 0"] * 7
+    (folder / "bad.cube").write_text("\n".join(["LUT_3D_SIZE 2", *rows, f"1 {number} 1", ""]))
+    done = run("bad.cube", "good.png", "-o", "out")
+    assert done.returncode == 2
+    assert "not finite" in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not (folder / "out").exists()
+
+
 def test_a_full_disk(folder: Path) -> None:
     """A limit of the size of a file stands for it. One process for all formats: libjpeg would end it."""
     write_picture(folder / "large.png", (300, 400), seed=3)

@@ -106,6 +106,7 @@ def test_a_falling_shaper_and_a_domain(tmp_path: Path) -> None:
         ("a.cube", "LUT_3D_SIZE 999\n", "not within 2 to 256"),
         ("a.cube", "LUT_3D_SIZE 2\n" + "0 0 0\n" * 9, "line 10: more rows"),
         ("a.cube", "LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + "0 nan 0\n", "line 9: the 3D table: a number is not finite"),
+        ("a.cube", "LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + "0 2e30 0\n", "line 9: the 3D table: a number is not finite"),
         ("a.cube", "COLOUR 7\n", 'line 1: not a keyword of .cube files: "COLOUR 7"'),
         ("a.cube", "\x00\x01", "not a text file"),
         ("a.cube", "# nothing\n", "neither LUT_1D_SIZE nor LUT_3D_SIZE"),
@@ -133,6 +134,16 @@ def test_errors_name_line_text_and_cause(tmp_path: Path, name: str, text: str, w
     assert words in str(caught.value)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_byte_order_mark(tmp_path: Path) -> None:
+    """ffmpeg 5.1 and OpenColorIO 2.6 refuse such a .cube; a .clf may have one."""
+    path = tmp_path / "a.cube"
+    path.write_text("LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + "1 1 1\n", encoding="utf-8-sig")
+    report = check_lut(path)
+    assert any("byte order mark" in problem for problem in report.problems)
+    assert "byte order mark" in report.readers["OpenColorIO, Nuke"]
+    assert not any("ffmpeg" in program for program in report.readers)
 
 
 @pytest.fixture(scope="module")

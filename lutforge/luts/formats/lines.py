@@ -16,6 +16,8 @@ MAX_SIZE = 256
 """Most nodes per axis of a cube that is looked at."""
 MAX_CURVE = 1 << 20
 """Most entries of a curve."""
+LARGEST = 1e30
+"""Of a number: near the end of what float32 holds, so that interpolation would overflow."""
 
 
 class Lines:
@@ -77,8 +79,8 @@ class Lines:
             values = [float(word) for word in words]
         except ValueError:
             raise self.wrong(index, f"{what}: expected {count} numbers") from None
-        if not np.all(np.isfinite(values)) or max(map(abs, values), default=0.0) > 1e30:
-            raise self.wrong(index, f"{what}: a number is not finite")
+        if not np.all(np.isfinite(values)) or max(map(abs, values), default=0.0) > LARGEST:
+            raise self.wrong(index, f"{what}: a number is not finite, or absurdly large")
         return values
 
     def table(self, start: int, count: int, width: int, what: str) -> Array:
@@ -88,7 +90,7 @@ class Lines:
             if len(rows) < count:
                 raise ValueError("too few")
             table = np.loadtxt(rows, dtype=np.float64, ndmin=2, comments=None)
-            if table.shape == (count, width) and np.all(np.isfinite(table)) and np.abs(table).max() < 1e30:
+            if table.shape == (count, width) and np.all(np.isfinite(table)) and np.abs(table).max() <= LARGEST:
                 return table
         except (ValueError, OverflowError):
             pass
