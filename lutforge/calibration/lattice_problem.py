@@ -115,7 +115,7 @@ class LatticeProblem:
     ) -> NormalEquations:
         """The same with values on the grey axis, (257, 3), of weights (257,)."""
         grey = self._summed(GREY, values, levels, prior, weight)
-        return NormalEquations(equations.stencil + grey.stencil, equations.right + grey.right)
+        return equations + grey
 
     def _summed(self, x: Array, y: Array, levels: Levels, prior: Prior, weight: Array) -> NormalEquations:
         method = self.options.interpolation
@@ -157,7 +157,7 @@ class LatticeProblem:
         the others solved for again, until none is left."""
         held = np.zeros(fit.values.shape, dtype=np.bool_)
         bound = np.zeros_like(fit.values)
-        firm = HOLD * (1.0 + equations.stencil[..., 13, None])
+        firm = HOLD * (1.0 + equations.stencil[0, ..., None])
         bounded = fit
         for _ in range(BOUND_ROUNDS):
             beyond = ((bounded.values < -LEAST_FALL) | (bounded.values > 1.0 + LEAST_FALL)) & ~held

@@ -1,8 +1,8 @@
 """Solve S b = r for the nodes of a cube, S a symmetric 27-point stencil: conjugate gradients with a diagonal
 preconditioner.
 
-S is bound by memory: only the half of its diagonals that follows the middle one is kept, those that are all zero left
-out (tetrahedral weights join a node with 14 others, not 26), in float32, in which it stays symmetric. Sums are formed
+S is bound by memory: of its half, diagonals that are all zero are left out (tetrahedral weights join a node with 14
+others, not 26), and the others kept in float32, in which it stays symmetric. Sums are formed
 per plane and then over the planes, so that the same input gives the same bytes on any number of cores.
 """
 
@@ -14,16 +14,14 @@ Array = NDArray[np.float64]
 Half = NDArray[np.float32]
 Offsets = NDArray[np.int64]
 
-MIDDLE = 13
-
 
 def solve(stencil: Array, right: Array, start: Array, goal: float, most_steps: int) -> Array:
-    """b (N, N, N, 3). stencil: (N, N, N, 27), offset index 9·(di + 1) + 3·(dj + 1) + (dk + 1); right, start: as b.
+    """b (N, N, N, 3). stencil: (14, N, N, N), as `normal_equations` gives it; right, start: as b.
 
     goal: what is to be left of the residual of the start. Time O(N³) per step, multi-threaded.
     """
     half, offsets = _half(stencil)
-    inverse = _padded(1 / stencil[..., MIDDLE])
+    inverse = _padded(1 / stencil[0])
     b = _padded(np.moveaxis(start, 3, 0))
     image, direction = np.zeros_like(b), np.zeros_like(b)
     _image(half, offsets, b, image)
@@ -41,12 +39,12 @@ def solve(stencil: Array, right: Array, start: Array, goal: float, most_steps: i
 
 
 def _half(stencil: Array) -> tuple[Half, Offsets]:
-    """The diagonals from the middle one on that are not zero, (K, N + 2, N + 2, N + 2), and where they lie, (K, 3)."""
-    kept = [index for index in range(MIDDLE, 27) if np.any(stencil[..., index])]
-    half = np.zeros((len(kept), *(n + 2 for n in stencil.shape[:3])), dtype=np.float32)
-    for place, index in enumerate(kept):
-        half[place, 1:-1, 1:-1, 1:-1] = stencil[..., index]
-    return half, np.array([(index // 9 - 1, index // 3 % 3 - 1, index % 3 - 1) for index in kept])
+    """The diagonals that are not zero, (K, N + 2, N + 2, N + 2), and where they lie, (K, 3)."""
+    kept = [index for index in range(len(stencil)) if np.any(stencil[index])]
+    half = np.zeros((len(kept), *(n + 2 for n in stencil.shape[1:])), dtype=np.float32)
+    half[:, 1:-1, 1:-1, 1:-1] = stencil[kept]
+    offsets = [((index + 13) // 9 - 1, (index + 13) // 3 % 3 - 1, (index + 13) % 3 - 1) for index in kept]
+    return half, np.array(offsets)
 
 
 def _padded(values: Array) -> Array:

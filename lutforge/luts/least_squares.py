@@ -181,8 +181,8 @@ def solve_nodes(
     """(W'ΩW + ε) b = W'Ωy + ε b₀ by conjugate gradients from `start`, the three outputs together."""
     equations = normal_equations(x, y, levels, method, omega)
     stencil, right = equations.stencil, equations.right
-    hold = HOLD * float(stencil[..., 13].mean())
-    stencil[..., 13] += hold
+    hold = HOLD * float(stencil[0].mean())
+    stencil[0] += hold
     right += hold * sampled
     b = solve(stencil, right, start, GOAL, MOST_STEPS)
     if not np.all(np.isfinite(b)):

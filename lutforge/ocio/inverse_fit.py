@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from lutforge.interpolation import Levels, locate
 from lutforge.ocio.preimage import CLIPPED, Render, value_and_slope
-from lutforge.regression.multigrid import to_bands
-from lutforge.regression.smoothness import second_difference
+from lutforge.regression.smoothness import second_difference, to_bands
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

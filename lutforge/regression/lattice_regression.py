@@ -12,24 +12,14 @@ b − b₀, from the samples' differences to the prior.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from lutforge.interpolation import Interpolation, Levels, interpolate
 from lutforge.regression.blas import one_blas_thread
-from lutforge.regression.multigrid import (
-    COARSEST,
-    Level,
-    Multigrid,
-    Transfer,
-    coarse_nodes,
-    coarse_stencil,
-    interpolation_matrix,
-    restrict,
-    to_bands,
-)
+from lutforge.regression.conjugate_gradients import solve
+from lutforge.regression.multigrid import Multigrid
 from lutforge.regression.normal_equations import NormalEquations, normal_equations
-from lutforge.regression.smoothness import first_difference, second_difference, thin_plate
+from lutforge.regression.smoothness import thin_plate
 
 Array = NDArray[np.float64]
 
@@ -93,7 +83,6 @@ def solve_lattice(
     tolerance: float = 1e-8,
 ) -> LatticeFit:
     """The same from W'ΩW and W'Ω(y − W b₀), for several fits to the same samples."""
-    size = equations.right.shape[:3]
     held, target = _boundary(equations.right.shape, regularisation.anchor)
     anchor = held
     right = equations.right + held * target
@@ -102,15 +91,15 @@ def solve_lattice(
         right -= held * prior.values
     extra = None
     if regularisation.thin_plate:
-        plate = thin_plate(size)
+        plate = thin_plate(equations.right.shape[:3])
 
         def extra(b: Array) -> Array:
             return regularisation.thin_plate * plate(b)
 
     offset = np.zeros_like(right) if prior is None else prior.values
     first = np.zeros_like(right) if start is None else start - offset
-    multigrid = hierarchy(levels, equations.stencil, anchor, regularisation)
-    difference, iterations = multigrid.solve(right, first, tolerance, extra)
+    multigrid = Multigrid(levels, equations.stencil, anchor, regularisation.smoothness, regularisation.twist)
+    difference, iterations = solve(multigrid, right, first, tolerance, extra)
     return LatticeFit(levels, offset + difference, iterations)
 
 
@@ -127,56 +116,3 @@ def _boundary(shape: tuple[int, ...], weight: float) -> tuple[Array, Array]:
         diagonal[face] = weight
         target[face] = 1.0
     return diagonal, target
-
-
-def hierarchy(levels: Levels, stencil: Array, anchor: Array, regularisation: Regularisation) -> Multigrid:
-    """The operator of the data term `stencil`, the smoothness terms and the diagonal `anchor`, on the lattice and on
-    ever coarser ones.
-
-    stencil: (N_r, N_g, N_b, 27), not changed; anchor: (N_r, N_g, N_b, 3).
-    """
-    penalties = [regularisation.smoothness * (rows.T @ rows) for rows in map(second_difference, levels)]
-    masses = [np.ones(len(axis)) for axis in levels]
-    if regularisation.twist:
-        stencil = stencil.copy()
-        _add_twist(stencil, regularisation.twist, *(_slopes(len(axis)) for axis in levels))
-    stages: list[Level] = []
-    transfers: list[Transfer] = []
-    while True:
-        r, g, b = (to_bands(penalty) for penalty in penalties)
-        mr, mg, mb = masses
-        stages.append(Level(stencil, (r, g, b), (mr, mg, mb), anchor))
-        if max(len(axis) for axis in levels) <= COARSEST:
-            return Multigrid(stages, transfers)
-        kept = [coarse_nodes(len(axis)) for axis in levels]
-        parts = [interpolation_matrix(axis, nodes) for axis, nodes in zip(levels, kept, strict=True)]
-        (cr, fr, pr), (cg, fg, pg), (cb, fb, pb) = parts
-        transfer = Transfer((cr, cg, cb), (fr, fg, fb))
-        transfers.append(transfer)
-        projections = (pr, pg, pb)
-        penalties = [p.T @ penalty @ p for p, penalty in zip(projections, penalties, strict=True)]
-        # What is diagonal stays so: the row sums of P'MP, which are at least as stiff as P'MP itself.
-        masses = [p.T @ mass for p, mass in zip(projections, masses, strict=True)]
-        anchor = restrict(anchor, transfer)
-        stencil = coarse_stencil(stencil, transfer)
-        r, g, b = (axis[nodes] for axis, nodes in zip(levels, kept, strict=True))
-        levels = (r, g, b)
-
-
-def _slopes(count: int) -> Array:
-    """The Gram matrix of the first difference of one axis as a band (N, 3), offsets −1 … 1."""
-    rows = first_difference(count)
-    return np.ascontiguousarray(to_bands(rows.T @ rows)[:, 1:4])
-
-
-@njit(cache=True, nogil=True)
-def _add_twist(stencil: Array, weight: float, sr: Array, sg: Array, sb: Array) -> None:
-    """Add λ_T T'T, the tensor products of the slopes of two axes, to the 27-point stencil in place."""
-    for i in range(stencil.shape[0]):
-        for j in range(stencil.shape[1]):
-            for k in range(stencil.shape[2]):
-                for one in range(3):
-                    for two in range(3):
-                        stencil[i, j, k, 9 * one + 3 * two + 1] += weight * sr[i, one] * sg[j, two]
-                        stencil[i, j, k, 9 * one + 3 + two] += weight * sr[i, one] * sb[k, two]
-                        stencil[i, j, k, 9 + 3 * one + two] += weight * sg[j, one] * sb[k, two]

@@ -1,397 +1,290 @@
-"""Conjugate gradients, preconditioned by geometric multigrid, for the normal equations of lattice regression.
+"""The geometric multigrid cycle that preconditions the normal equations of lattice regression.
 
-The system A b = y has A = W'W + Σ_axis S'S + anchors (+ K): a 27-point stencil, three pentadiagonal bands along the
-axes, and a diagonal. Coarser lattices keep every other node level, so the trilinear functions nest, and their stencil
-is the Galerkin product P'W'WP; one symmetric V-cycle (coloured Gauss-Seidel, planes of one colour in parallel)
-preconditions the iteration for all three outputs at once. Time and memory O(N³) per iteration. Briggs, Henson &
-McCormick, A Multigrid Tutorial (2000).
+Coarser lattices keep every other node level; their data term is the Galerkin product P'W'WP. One symmetric V-cycle for
+all three outputs at once, O(N³). Small lattices are gone through in one compiled call, large ones by planes on several
+threads. Briggs, Henson & McCormick, A Multigrid Tutorial (2000).
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lutforge.errors import CalibrationError
+from lutforge.interpolation import Levels
+from lutforge.regression.chebyshev import first_step, second_step
+from lutforge.regression.stencil import COUPLINGS, FAR, add_product, couple, damp, planar, run_planes, steps
 from lutforge.regression.threads import cores, run, slabs
+from lutforge.regression.transfer import (
+    COARSEST,
+    coarse_count,
+    coarse_stencil,
+    coarsen_axis,
+    prolong_add,
+    restrict,
+)
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Axes = tuple[Array, Array, Array]
 
 NODES_PER_THREAD = 15_000
 """Below this the threads would wait for each other longer than they work."""
-
-FASTMATH = {"contract", "reassoc"}
-"""Sums of one row in any order: else each addition waits for the one before it."""
-
-COARSEST = 3
-"""Axes of this many nodes or fewer are not coarsened; the coarsest lattice is solved densely."""
-
-
-@dataclass(frozen=True, eq=False)
-class Level:
-    """The operator on one lattice of the hierarchy.
-
-    stencil: (N_r, N_g, N_b, 27); bands: per axis (N, 5), the smoothness penalty at offsets −2 … 2; masses: per axis
-    (N,), what that axis weighs in the other axes' penalties (1 on the finest); anchor: (N_r, N_g, N_b, 3) diagonal.
-    """
-
-    stencil: Array
-    bands: Axes
-    masses: Axes
-    anchor: Array
+SMALL = 30_000
+"""Lattices of fewer nodes are gone through in one compiled call, however many threads there are: it rounds in its own
+way."""
+SINGULAR = 1e-13
+"""Pivots of the coarsest operator below this share of its diagonal are rounding errors."""
 
 
-@dataclass(frozen=True, eq=False)
-class Transfer:
-    """Linear interpolation from a coarse axis to a fine one: per fine node the coarse cell and the fraction in it."""
+@cache
+def _table(size: tuple[int, int, int]) -> Index:
+    """Per lattice, finest first: N_r, N_g, N_b, and where its nodes, its planar lattices and its couplings begin."""
+    rows, nodes, lattices, couplings = [], 0, 0, 0
+    while True:
+        r, g, b = size
+        rows.append((r, g, b, nodes, lattices, couplings))
+        if max(size) <= COARSEST:
+            return np.array([*rows, (0, 0, 0, nodes + 3 * r * g * b, *_after(size, lattices, couplings))])
+        nodes, (lattices, couplings) = nodes + 3 * r * g * b, _after(size, lattices, couplings)
+        size = (coarse_count(r), coarse_count(g), coarse_count(b))
 
-    cells: tuple[Index, Index, Index]
-    fractions: Axes
+
+def _after(size: tuple[int, int, int], lattices: int, couplings: int) -> tuple[int, int]:
+    r, g, b = size
+    return lattices + 3 * (r + 2 * FAR) * g * b, couplings + COUPLINGS * (r + FAR) * g * b
 
 
-@njit(inline="always")
-def _row(
+@njit(cache=True, nogil=True)
+def _nodes(flat: Array, table: Index, level: int) -> Array:
+    """(3, nodes) of a lattice."""
+    return flat[table[level, 3] : table[level + 1, 3]].reshape((3, -1))
+
+
+@njit(cache=True, nogil=True)
+def _planar(flat: Array, table: Index, level: int) -> Array:
+    """(3, nodes and margins) of a lattice."""
+    return flat[table[level, 4] : table[level + 1, 4]].reshape((3, -1))
+
+
+@njit(cache=True, nogil=True)
+def _cube(flat: Array, table: Index, level: int) -> Array:
+    """(3, N_r + 2 FAR, N_g, N_b), the same."""
+    r, g, b = table[level, 0], table[level, 1], table[level, 2]
+    return flat[table[level, 4] : table[level + 1, 4]].reshape((3, r + 2 * FAR, g, b))
+
+
+@njit(cache=True, nogil=True)
+def _couplings(flat: Array, table: Index, level: int) -> Array:
+    return flat[table[level, 5] : table[level + 1, 5]].reshape((COUPLINGS, -1))
+
+
+@njit(cache=True, nogil=True)
+def _build(
+    table: Index,
+    r_levels: Array,
+    g_levels: Array,
+    b_levels: Array,
     stencil: Array,
-    pr: Array,
-    pg: Array,
-    pb: Array,
-    mr: Array,
-    mg: Array,
-    mb: Array,
-    b: Array,
-    i: int,
-    j: int,
-    k: int,
-) -> tuple[float, float, float, float]:
-    """Row (i, j, k) of A without its anchor: A b for each output, and the diagonal."""
-    nr, ng, nb = b.shape[0], b.shape[1], b.shape[2]
-    a0, a1, a2 = 0.0, 0.0, 0.0
-    weights = stencil[i, j, k]
-    if 0 < i < nr - 1 and 0 < j < ng - 1 and 0 < k < nb - 1:  # loops of fixed length, which the compiler unrolls
-        for di in range(3):
-            for dj in range(3):
-                line = b[i + di - 1, j + dj - 1]
-                for dk in range(3):
-                    w = weights[9 * di + 3 * dj + dk]
-                    a0 += w * line[k + dk - 1, 0]
-                    a1 += w * line[k + dk - 1, 1]
-                    a2 += w * line[k + dk - 1, 2]
-    else:
-        for di in range(max(-1, -i), min(2, nr - i)):
-            for dj in range(max(-1, -j), min(2, ng - j)):
-                for dk in range(max(-1, -k), min(2, nb - k)):
-                    w = weights[9 * di + 3 * dj + dk + 13]
-                    a0 += w * b[i + di, j + dj, k + dk, 0]
-                    a1 += w * b[i + di, j + dj, k + dk, 1]
-                    a2 += w * b[i + di, j + dj, k + dk, 2]
-    wr, wg, wb = mg[j] * mb[k], mr[i] * mb[k], mr[i] * mg[j]
-    for d in range(max(-2, -i), min(3, nr - i)):
-        w = wr * pr[i, d + 2]
-        a0 += w * b[i + d, j, k, 0]
-        a1 += w * b[i + d, j, k, 1]
-        a2 += w * b[i + d, j, k, 2]
-    for d in range(max(-2, -j), min(3, ng - j)):
-        w = wg * pg[j, d + 2]
-        a0 += w * b[i, j + d, k, 0]
-        a1 += w * b[i, j + d, k, 1]
-        a2 += w * b[i, j + d, k, 2]
-    for d in range(max(-2, -k), min(3, nb - k)):
-        w = wb * pb[k, d + 2]
-        a0 += w * b[i, j, k + d, 0]
-        a1 += w * b[i, j, k + d, 1]
-        a2 += w * b[i, j, k + d, 2]
-    return a0, a1, a2, weights[13] + wr * pr[i, 2] + wg * pg[j, 2] + wb * pb[k, 2]
-
-
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
-def _apply(
-    stencil: Array,
-    pr: Array,
-    pg: Array,
-    pb: Array,
-    mr: Array,
-    mg: Array,
-    mb: Array,
     anchor: Array,
-    b: Array,
-    out: Array,
+    smoothness: float,
+    twist: float,
+    cells: Index,
+    fractions: Array,
+    couplings: Array,
+    diagonal: Array,
+    damping: Array,
+) -> Array:
+    """Fill the hierarchy; returns the Cholesky factors of its coarsest operator, (3, m, m)."""
+    depth = len(table) - 1
+    longest = cells.shape[2]
+    bends, slopes = np.zeros((depth, 3, longest, 3)), np.zeros((depth, 3, longest, 3))
+    masses = np.zeros((depth, 3, longest))
+    for axis in range(3):
+        levels = r_levels if axis == 0 else g_levels if axis == 1 else b_levels
+        coarsen_axis(
+            levels, depth, cells[:, axis], fractions[:, axis], bends[:, axis], slopes[:, axis], masses[:, axis]
+        )
+    for level in range(depth):
+        r, g, b = table[level, 0], table[level, 1], table[level, 2]
+        mine, own = _couplings(couplings, table, level), _nodes(diagonal, table, level)
+        couple(stencil, bends[level], slopes[level], masses[level], smoothness, twist, mine, own[0])
+        held = _cube(anchor, table, level)
+        for c in range(2, -1, -1):
+            flat = held[c, FAR : FAR + r].reshape(-1)
+            for p in range(len(flat)):
+                own[c, p] = own[0, p] + flat[p]
+        damp(mine, own, steps(g, b), g * b, _nodes(damping, table, level))
+        if level < depth - 1:
+            stencil = coarse_stencil(
+                stencil, cells[level], fractions[level], table[level + 1, 0], table[level + 1, 1], table[level + 1, 2]
+            )
+            restrict(held, cells[level], fractions[level], _cube(anchor, table, level + 1), 0, 3)
+    return _factors(_couplings(couplings, table, depth - 1), _nodes(diagonal, table, depth - 1), g, b)
+
+
+@njit(cache=True, nogil=True)
+def _factors(couplings: Array, diagonal: Array, ng: int, nb: int) -> Array:
+    """Cholesky factors L of the operator per output; a column is 0 where the pivot says that it is singular."""
+    nodes, far, margin = diagonal.shape[1], steps(ng, nb), FAR * ng * nb
+    lower = np.zeros((3, nodes, nodes))
+    for c in range(3):
+        factor = lower[c]
+        for p in range(nodes):
+            factor[p, p] = diagonal[c, p]
+            for t in range(COUPLINGS):
+                if p + far[t] < nodes:
+                    factor[p + far[t], p] += couplings[t, margin + p]
+        for column in range(nodes):
+            pivot = factor[column, column]
+            for k in range(column):
+                pivot -= factor[column, k] ** 2
+            scale = 1.0 / np.sqrt(pivot) if pivot > SINGULAR * diagonal[c, column] else 0.0
+            for row in range(column + 1, nodes):
+                total = factor[row, column]
+                for k in range(column):
+                    total -= factor[row, k] * factor[column, k]
+                factor[row, column] = total * scale
+            factor[column, column] = scale  # its inverse, which is what is used
+    return lower
+
+
+@njit(cache=True, nogil=True)
+def _solve_coarsest(factors: Array, right: Array, b: Array, plane: int) -> None:
+    """b = (L L')⁻¹ right."""
+    nodes, margin = factors.shape[1], FAR * plane
+    for c in range(3):
+        factor, x = factors[c], b[c, margin : margin + nodes]
+        for row in range(nodes):
+            total = right[c, margin + row]
+            for k in range(row):
+                total -= factor[row, k] * x[k]
+            x[row] = total * factor[row, row]
+        for row in range(nodes - 1, -1, -1):
+            x[row] *= factor[row, row]
+            for k in range(row):
+                x[k] -= factor[row, k] * x[row]
+
+
+@njit(cache=True, nogil=True)
+def _cycle(
+    table: Index,
     first: int,
-    last: int,
-) -> None:
-    """out = A b on the planes first … last − 1."""
-    for i in range(first, last):
-        for j in range(b.shape[1]):
-            for k in range(b.shape[2]):
-                a0, a1, a2, _ = _row(stencil, pr, pg, pb, mr, mg, mb, b, i, j, k)
-                out[i, j, k, 0] = a0 + anchor[i, j, k, 0] * b[i, j, k, 0]
-                out[i, j, k, 1] = a1 + anchor[i, j, k, 1] * b[i, j, k, 1]
-                out[i, j, k, 2] = a2 + anchor[i, j, k, 2] * b[i, j, k, 2]
-
-
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
-def _gauss_seidel(
-    stencil: Array,
-    pr: Array,
-    pg: Array,
-    pb: Array,
-    mr: Array,
-    mg: Array,
-    mb: Array,
-    anchor: Array,
+    cells: Index,
+    fractions: Array,
+    couplings: Array,
+    diagonal: Array,
+    damping: Array,
+    factors: Array,
     right: Array,
     b: Array,
-    backward: bool,
-    first: int,
-    last: int,
+    residual: Array,
+    correction: Array,
 ) -> None:
-    """Sweep the planes first, first + 3, … < last in place. Planes three apart do not couple."""
-    ng, nb = b.shape[1], b.shape[2]
-    for i in range(first, last, 3):
-        for jj in range(ng):
-            j = ng - 1 - jj if backward else jj
-            for kk in range(nb):
-                k = nb - 1 - kk if backward else kk
-                a0, a1, a2, diagonal = _row(stencil, pr, pg, pb, mr, mg, mb, b, i, j, k)
-                h = anchor[i, j, k, 0]
-                b[i, j, k, 0] += (right[i, j, k, 0] - a0 - h * b[i, j, k, 0]) / (diagonal + h)
-                h = anchor[i, j, k, 1]
-                b[i, j, k, 1] += (right[i, j, k, 1] - a1 - h * b[i, j, k, 1]) / (diagonal + h)
-                h = anchor[i, j, k, 2]
-                b[i, j, k, 2] += (right[i, j, k, 2] - a2 - h * b[i, j, k, 2]) / (diagonal + h)
-
-
-@njit(cache=True)
-def _dense(stencil: Array, pr: Array, pg: Array, pb: Array, mr: Array, mg: Array, mb: Array, anchor: Array) -> Array:
-    """A as (N_r, N_g, N_b, N_r, N_g, N_b, 3), column by column."""
-    nr, ng, nb, _ = anchor.shape
-    columns = np.empty((nr, ng, nb, nr, ng, nb, 3))
-    unit = np.zeros((nr, ng, nb, 3))
-    for i in range(nr):
-        for j in range(ng):
-            for k in range(nb):
-                unit[i, j, k] = 1.0
-                _apply(stencil, pr, pg, pb, mr, mg, mb, anchor, unit, columns[i, j, k], 0, nr)
-                unit[i, j, k] = 0.0
-    return columns
-
-
-@njit(cache=True)
-def _galerkin(stencil: Array, cell: Index, fraction: Array, coarse: Array) -> None:
-    """Add P'AP for the first axis: stencil (N, n, 3, m) and coarse (N_coarse, n, 3, m), offset along it third."""
-    for i in range(stencil.shape[0]):
-        for d in range(-1, 2):
-            if not 0 <= i + d < stencil.shape[0]:
-                continue
-            for p in range(2):
-                wp = fraction[i] if p else 1 - fraction[i]
-                for q in range(2):
-                    w = wp * (fraction[i + d] if q else 1 - fraction[i + d])
-                    if w == 0.0:
-                        continue
-                    row, offset = cell[i] + p, cell[i + d] + q - cell[i] - p + 1
-                    for n in range(stencil.shape[1]):
-                        for m in range(stencil.shape[3]):
-                            coarse[row, n, offset, m] += w * stencil[i, n, d + 1, m]
-
-
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
-def _restrict(fine: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array, fb: Array, coarse: Array) -> None:
-    """coarse += P' fine, whose lines are first summed along the last axis."""
-    line = np.empty((coarse.shape[2], 3))
-    for i in range(fine.shape[0]):
-        for j in range(fine.shape[1]):
-            line[:] = 0.0
-            for k in range(fine.shape[2]):
-                for c in range(3):
-                    line[ib[k], c] += (1 - fb[k]) * fine[i, j, k, c]
-                    line[ib[k] + 1, c] += fb[k] * fine[i, j, k, c]
-            for r in range(2):
-                for g in range(2):
-                    w = (fr[i] if r else 1 - fr[i]) * (fg[j] if g else 1 - fg[j])
-                    if w != 0.0:
-                        to = coarse[ir[i] + r, ig[j] + g]
-                        for k in range(len(line)):
-                            for c in range(3):
-                                to[k, c] += w * line[k, c]
-
-
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
-def _prolong_add(coarse: Array, ir: Index, ig: Index, ib: Index, fr: Array, fg: Array, fb: Array, fine: Array) -> None:
-    """fine += P coarse, whose lines are first interpolated along the two other axes."""
-    line = np.empty((coarse.shape[2], 3))
-    for i in range(fine.shape[0]):
-        for j in range(fine.shape[1]):
-            line[:] = 0.0
-            for r in range(2):
-                for g in range(2):
-                    w = (fr[i] if r else 1 - fr[i]) * (fg[j] if g else 1 - fg[j])
-                    if w != 0.0:
-                        source = coarse[ir[i] + r, ig[j] + g]
-                        for k in range(len(line)):
-                            for c in range(3):
-                                line[k, c] += w * source[k, c]
-            for k in range(fine.shape[2]):
-                for c in range(3):
-                    fine[i, j, k, c] += (1 - fb[k]) * line[ib[k], c] + fb[k] * line[ib[k] + 1, c]
-
-
-def coarse_nodes(count: int) -> Index:
-    """Which nodes of an axis the next coarser one keeps: every other one, and the last."""
-    if count <= COARSEST:
-        return np.arange(count)
-    kept = np.arange(0, count, 2)
-    return kept if kept[-1] == count - 1 else np.append(kept, count - 1)
-
-
-def interpolation_matrix(levels: Array, kept: Index) -> tuple[Index, Array, Array]:
-    """Cells (N,), fractions (N,) and the dense (N, N_coarse) matrix of linear interpolation from the kept nodes."""
-    coarse = levels[kept]
-    cell = np.clip(np.searchsorted(coarse, levels, side="right") - 1, 0, len(coarse) - 2)
-    fraction = (levels - coarse[cell]) / (coarse[cell + 1] - coarse[cell])
-    matrix = np.zeros((len(levels), len(kept)))
-    rows = np.arange(len(levels))
-    matrix[rows, cell] = 1 - fraction
-    matrix[rows, cell + 1] += fraction
-    return cell, fraction, matrix
-
-
-@njit(cache=True)
-def to_bands(matrix: Array) -> Array:
-    """The five central diagonals of a symmetric (N, N) matrix as (N, 5), offsets −2 … 2."""
-    count = len(matrix)
-    bands = np.zeros((count, 5))
-    for row in range(count):
-        for column in range(max(0, row - 2), min(count, row + 3)):
-            bands[row, column - row + 2] = matrix[row, column]
-    return bands
-
-
-def coarse_stencil(stencil: Array, transfer: Transfer) -> Array:
-    """P'AP for a 27-point stencil A (N_r, N_g, N_b, 27), one axis after the other; a 27-point stencil again."""
-    for axis in range(3):
-        cell, fraction = transfer.cells[axis], transfer.fractions[axis]
-        shape = stencil.shape[:3]
-        # The axis, and the offset along it, to the front of the nodes and of the offsets.
-        grid = np.moveaxis(stencil.reshape(*shape, 3, 3, 3), (axis, 3 + axis), (0, 3))
-        fine = np.ascontiguousarray(grid).reshape(shape[axis], -1, 3, 9)
-        coarse = np.zeros((int(cell[-1]) + 2, *fine.shape[1:]))
-        _galerkin(fine, cell, fraction, coarse)
-        others = grid.shape[1:3]
-        stencil = np.moveaxis(coarse.reshape(len(coarse), *others, 3, 3, 3), (0, 3), (axis, 3 + axis))
-        stencil = np.ascontiguousarray(stencil).reshape(*stencil.shape[:3], 27)
-    return stencil
-
-
-def restrict(fine: Array, transfer: Transfer) -> Array:
-    """P' of a lattice (N_r, N_g, N_b, 3)."""
-    r, g, b = (int(cell[-1]) + 2 for cell in transfer.cells)
-    coarse = np.zeros((r, g, b, 3))
-    _restrict(fine, *transfer.cells, *transfer.fractions, coarse)
-    return coarse
-
-
-def _threads(b: Array) -> int:
-    return max(1, min(cores(), b.size // (3 * NODES_PER_THREAD)))
+    """The V-cycle from the lattice `first` on down and back, right (flat) → b."""
+    last = len(table) - 2
+    for step in range(2 * (last - first) + 1):
+        level = first + step if step <= last - first else 2 * last - first - step
+        g, nb = table[level, 1], table[level, 2]
+        r, plane = table[level, 0], g * nb
+        y, x = _planar(right, table, level), _planar(b, table, level)
+        if level == last:
+            _solve_coarsest(factors, y, x, plane)
+            continue
+        down = step < last - first
+        far, rest, z = steps(g, nb), _planar(residual, table, level), _planar(correction, table, level)
+        mine, own = _couplings(couplings, table, level), _nodes(diagonal, table, level)
+        scale = _nodes(damping, table, level)
+        rest[:] = y
+        if not down:
+            prolong_add(_cube(b, table, level + 1), cells[level], fractions[level], _cube(b, table, level), 0, 3)
+            add_product(-1.0, mine, own, far, plane, x, rest, 0, r)
+        first_step(scale, rest, plane, z, x, down, 0, r)
+        add_product(-1.0, mine, own, far, plane, z, rest, 0, r)
+        second_step(scale, rest, plane, z, x, 0, r)
+        if down:
+            rest[:] = y
+            add_product(-1.0, mine, own, far, plane, x, rest, 0, r)
+            restrict(
+                _cube(residual, table, level), cells[level], fractions[level], _cube(right, table, level + 1), 0, 3
+            )
 
 
 class Multigrid:
-    """A hierarchy of levels, made once for a lattice and used for every right-hand side."""
+    """The operator on a lattice and on ever coarser ones, made once for every right-hand side.
 
-    def __init__(self, levels: list[Level], transfers: list[Transfer]) -> None:
-        self.levels = levels
-        self.transfers = transfers
-        self._coarsest = self._invert(len(levels) - 1)
+    stencil: the data term (14, N_r, N_g, N_b), not changed; anchor: (N_r, N_g, N_b, 3), added to the diagonal;
+    smoothness, twist: weights of the second difference along each axis and of the mixed one across each two.
+    right, b: (3, nodes and margins), what `cycle` starts from and what it makes of it.
+    """
 
-    @staticmethod
-    def _arguments(level: Level) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:
-        (pr, pg, pb), (mr, mg, mb) = level.bands, level.masses
-        return level.stencil, pr, pg, pb, mr, mg, mb, level.anchor
+    def __init__(self, levels: Levels, stencil: Array, anchor: Array, smoothness: float, twist: float) -> None:
+        r, g, b = (len(axis) for axis in levels)
+        self.size = (r, g, b)
+        self._plane, self._far = g * b, steps(g, b)
+        self._table = table = _table(self.size)
+        depth, longest = len(table) - 1, max(self.size)
+        cells = np.zeros((depth - 1, 3, longest), dtype=np.int64)
+        fractions = np.zeros((depth - 1, 3, longest))
+        nodes, lattices, couplings = (int(count) for count in table[-1, 3:])
+        operator = np.zeros(couplings), np.empty(nodes), np.empty(nodes)
+        held = np.zeros(lattices)
+        held[: table[1, 4]] = planar(anchor).ravel()
+        factors = _build(table, *levels, stencil, held, smoothness, twist, cells, fractions, *operator)
+        self._hierarchy = cells, fractions, *operator, factors
+        self._work = held, np.zeros(lattices), np.zeros(lattices), np.zeros(lattices)
+        held[:] = 0.0
+        self.right, self.b = _planar(held, table, 0), _planar(self._work[1], table, 0)
+        self._small = next(level for level in range(depth) if np.prod(table[level, :3]) < SMALL)
+        self.outputs = slabs(0, 3, 1, self._threads(0))
 
-    def apply(self, b: Array, depth: int = 0) -> Array:
-        """A b on the lattice of that depth."""
-        arguments, out = self._arguments(self.levels[depth]), np.empty_like(b)
-        run(lambda first, last: _apply(*arguments, b, out, first, last), slabs(0, len(b), 1, _threads(b)))
-        return out
+    def _threads(self, level: int) -> int:
+        r, g, b = self._table[level, :3]
+        return max(1, min(cores(), int(r * g * b) // NODES_PER_THREAD))
 
-    def _sweep(self, right: Array, b: Array, depth: int, backward: bool) -> None:
-        """One Gauss-Seidel sweep in place, colour by colour; the way back is the way there reversed."""
-        arguments = self._arguments(self.levels[depth])
-        for colour in (2, 1, 0) if backward else (0, 1, 2):
-            run(
-                lambda first, last: _gauss_seidel(*arguments, right, b, backward, first, last),
-                slabs(colour, len(b), 3, _threads(b)),
-            )
+    def product(self, b: Array, out: Array) -> None:
+        """out = A b; both (3, nodes and margins)."""
+        out[:] = 0.0
+        self._add_product(0, 1.0, b, out)
 
-    def _invert(self, depth: int) -> Array:
-        """The dense inverse per output channel of the coarsest operator, (3, m, m); pseudo-inverse where singular."""
-        level = self.levels[depth]
-        count = level.anchor.size // 3
-        matrices = _dense(*self._arguments(level)).reshape(count, count, 3).transpose(2, 0, 1)
-        alike = bool(np.all(level.anchor == level.anchor[..., :1]))
-        inverses = np.linalg.pinv(matrices[:1] if alike else matrices, rcond=1e-13, hermitian=True)
-        return np.asarray(np.broadcast_to(inverses, (3, count, count)), dtype=np.float64)
-
-    def cycle(self, right: Array, depth: int = 0) -> Array:
+    def cycle(self) -> None:
         """One symmetric V-cycle for A b = right, from b = 0."""
-        if depth == len(self.levels) - 1:
-            flat = right.reshape(-1, 3)
-            solved = np.einsum("cmn,nc->mc", self._coarsest, flat)
-            return np.ascontiguousarray(solved.reshape(right.shape))
-        b = np.zeros_like(right)
-        self._sweep(right, b, depth, False)
-        residual = right - self.apply(b, depth)
-        transfer = self.transfers[depth]
-        correction = self.cycle(restrict(residual, transfer), depth + 1)
-        _prolong_add(correction, *transfer.cells, *transfer.fractions, b)
-        self._sweep(right, b, depth, True)
-        return b
+        for level in range(self._small):
+            self._visit(level, True)
+        _cycle(self._table, self._small, *self._hierarchy, *self._work)
+        for level in range(self._small - 1, -1, -1):
+            self._visit(level, False)
 
-    def solve(
-        self,
-        right: Array,
-        start: Array,
-        tolerance: float,
-        extra: Callable[[Array], Array] | None = None,
-        most: int = 200,
-    ) -> tuple[Array, int]:
-        """Solve (A + extra) b = right for the three outputs together, by preconditioned conjugate gradients.
+    def _visit(self, level: int, down: bool) -> None:
+        """What `_cycle` does on a lattice, on several threads."""
+        table = self._table
+        cells, fractions = (part[level] for part in self._hierarchy[:2])
+        right, b, residual, correction = (_planar(part, table, level) for part in self._work)
+        scale = _nodes(self._hierarchy[4], table, level)
+        plane = int(table[level, 1] * table[level, 2])
+        residual[:] = right
+        if not down:
+            coarse, fine = _cube(self._work[1], table, level + 1), _cube(self._work[1], table, level)
+            run(lambda first, last: prolong_add(coarse, cells, fractions, fine, first, last), self.outputs)
+            self._add_product(level, -1.0, b, residual)
+        parts = self._parts(level)
+        run(lambda first, last: first_step(scale, residual, plane, correction, b, down, first, last), parts)
+        self._add_product(level, -1.0, correction, residual)
+        run(lambda first, last: second_step(scale, residual, plane, correction, b, first, last), parts)
+        if down:
+            residual[:] = right
+            self._add_product(level, -1.0, b, residual)
+            source, to = _cube(self._work[2], table, level), _cube(self._work[0], table, level + 1)
+            run(lambda first, last: restrict(source, cells, fractions, to, first, last), self.outputs)
 
-        right, start: (N_r, N_g, N_b, 3); tolerance: relative residual per output. Returns b and the iterations used.
-        Raises CalibrationError where `most` iterations do not reach the tolerance within a factor of 1000.
-        """
+    def _parts(self, level: int) -> list[tuple[int, int]]:
+        r, g, b = (int(count) for count in self._table[level, :3])
+        return slabs(0, r, run_planes(g * b), self._threads(level))
 
-        def operator(b: Array) -> Array:
-            return self.apply(b) + extra(b) if extra else self.apply(b)
-
-        def dot(u: Array, v: Array) -> Array:
-            total: Array = np.einsum("ijkc,ijkc->c", u, v)
-            return total
-
-        b = start.copy()
-        residual = right - operator(b) if np.any(b) else right.copy()
-        goal = tolerance * np.sqrt(np.maximum(dot(right, right), 1e-300))
-        direction = preconditioned = self.cycle(residual)
-        rho = dot(residual, preconditioned)
-        size = np.sqrt(dot(residual, residual))
-        for iteration in range(most):
-            if np.all(size <= goal):
-                return b, iteration
-            image = operator(direction)
-            curvature = dot(direction, image)
-            step = np.where(curvature > 0, rho / np.where(curvature > 0, curvature, 1.0), 0.0)
-            b += step * direction
-            residual -= step * image
-            size = np.sqrt(dot(residual, residual))
-            preconditioned = self.cycle(residual)
-            rho, previous = dot(residual, preconditioned), rho
-            direction = preconditioned + np.where(previous > 0, rho / np.maximum(previous, 1e-300), 0.0) * direction
-        if np.any(size > 1000 * goal):
-            raise CalibrationError(
-                f"lattice regression: {most} iterations left a residual of {np.max(size / goal) * tolerance:.1g}; "
-                "the samples cover too little of colour space for this size: use a smaller --size"
-            )
-        return b, most
+    def _add_product(self, level: int, sign: float, b: Array, out: Array) -> None:
+        g, nb = (int(count) for count in self._table[level, 1:3])
+        couplings = _couplings(self._hierarchy[2], self._table, level)
+        diagonal, far = _nodes(self._hierarchy[3], self._table, level), steps(g, nb)
+        run(
+            lambda first, last: add_product(sign, couplings, diagonal, far, g * nb, b, out, first, last),
+            self._parts(level),
+        )

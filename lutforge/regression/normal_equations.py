@@ -1,8 +1,9 @@
 """The data term of lattice regression, W'W and W'y, assembled as a stencil (thesis 5.2; Garcia & Gupta 2009).
 
-A sample touches the eight corners of one cell, so W'W couples a node with its 26 neighbours at most: it is stored as
-(nodes, 27) coefficients, without ever forming W. Samples are sorted by cell, and a cell's 8 × 8 block is summed before
-it goes into the stencil. Time O(64 n), memory O(27 N³).
+A sample touches the eight corners of one cell, so W'W couples a node with its 26 neighbours at most. It is symmetric:
+kept are its diagonal and the couplings with the 13 neighbours that follow, without ever forming W. Samples are sorted
+by cell, and what a cell's samples make of its 8 corners is summed before it goes into the stencil. Time O(36 n), memory
+O(14 N³). The sums of a node come in one order whatever the number of threads.
 """
 
 from dataclasses import dataclass
@@ -18,17 +19,23 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SAMPLES_PER_THREAD = 20_000
+FOLLOWING = 14
+"""Offsets of a node's neighbours (dr, dg, db) in the order of 9 dr + 3 dg + db, from itself (0, 0, 0) to (1, 1, 1)."""
 
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """W'ΩW as a 27-point stencil and W'Ωy, for sample weights Ω.
+    """W'ΩW as half a 27-point stencil and W'Ωy, for sample weights Ω.
 
-    stencil: (N_r, N_g, N_b, 27), offset index 9·(dr + 1) + 3·(dg + 1) + (db + 1); right: (N_r, N_g, N_b, 3).
+    stencil: (FOLLOWING, N_r, N_g, N_b), 0 where there is no such neighbour; right: (N_r, N_g, N_b, 3).
     """
 
     stencil: Array
     right: Array
+
+    def __add__(self, other: "NormalEquations") -> "NormalEquations":
+        """Of the samples of both."""
+        return NormalEquations(self.stencil + other.stencil, self.right + other.right)
 
 
 @njit(cache=True, nogil=True)
@@ -73,7 +80,7 @@ def _assemble(
     last: int,
 ) -> None:
     """Add the samples of the slabs of cells first, first + 2, … < last along the first axis: they share no node."""
-    ng, nb = stencil.shape[1] - 1, stencil.shape[2] - 1
+    ng, nb = stencil.shape[2] - 1, stencil.shape[3] - 1
     weights = np.empty(8)
     block, target = np.empty((8, 8)), np.empty((8, 3))
     for i in range(first, last, 2):
@@ -91,35 +98,84 @@ def _assemble(
                         wp = weights[p] * weight[n]
                         for channel in range(3):
                             target[p, channel] += wp * y[n, channel]
-                        for q in range(8):
+                        for q in range(p, 8):
                             block[p, q] += wp * weights[q]
                 for p in range(8):
                     pr, pg, pb = p >> 2, (p >> 1) & 1, p & 1
-                    centre = 13 - 9 * pr - 3 * pg - pb
                     for channel in range(3):
                         right[i + pr, j + pg, k + pb, channel] += target[p, channel]
-                    for q in range(8):
-                        offset = centre + 9 * (q >> 2) + 3 * ((q >> 1) & 1) + (q & 1)
-                        stencil[i + pr, j + pg, k + pb, offset] += block[p, q]
+                    for q in range(p, 8):
+                        offset = 9 * ((q >> 2) - pr) + 3 * (((q >> 1) & 1) - pg) + (q & 1) - pb
+                        stencil[offset, i + pr, j + pg, k + pb] += block[p, q]
+
+
+@njit(cache=True, nogil=True)
+def _values(
+    order: Index, begin: Index, fraction: Array, tetrahedral: bool, values: Array, y: Array, first: int, last: int
+) -> None:
+    """y = W b of the samples of the slabs of cells first … last − 1 along the first axis."""
+    ng, nb = values.shape[1] - 1, values.shape[2] - 1
+    weights, corners = np.empty(8), np.empty((8, 3))
+    for i in range(first, last):
+        for j in range(ng):
+            for k in range(nb):
+                c = (i * ng + j) * nb + k
+                if begin[c] == begin[c + 1]:
+                    continue
+                for p in range(8):
+                    for channel in range(3):
+                        corners[p, channel] = values[i + (p >> 2), j + ((p >> 1) & 1), k + (p & 1), channel]
+                for s in range(begin[c], begin[c + 1]):
+                    n = order[s]
+                    corner_weights(tetrahedral, fraction[n, 0], fraction[n, 1], fraction[n, 2], weights)
+                    for channel in range(3):
+                        total = 0.0
+                        for p in range(8):
+                            total += weights[p] * corners[p, channel]
+                        y[n, channel] = total
+
+
+class InterpolationMatrix:
+    """W of samples x (n, 3) at given node levels: the cells that the samples are in, and their fractions there."""
+
+    def __init__(self, x: Array, levels: Levels, method: Interpolation) -> None:
+        self.levels = levels
+        self.size = tuple(len(axis) for axis in levels)
+        self._tetrahedral = method == "tetrahedral"
+        count = len(x)
+        self._threads = max(1, min(cores(), count // SAMPLES_PER_THREAD))
+        x = np.ascontiguousarray(x, dtype=np.float64)
+        cell, fraction = np.empty(count, dtype=np.int64), np.empty((count, 3))
+        run(lambda first, last: _locate(x, *levels, cell, fraction, first, last), slabs(0, count, 1, self._threads))
+        r, g, b = self.size
+        order, begin = _sort(cell, (r - 1) * (g - 1) * (b - 1))
+        self._rows = order, begin, fraction
+
+    def __matmul__(self, values: Array) -> Array:
+        """W b of node values (N_r, N_g, N_b, 3): (n, 3)."""
+        y, values = np.empty((len(self._rows[0]), 3)), np.ascontiguousarray(values, dtype=np.float64)
+        run(
+            lambda first, last: _values(*self._rows, self._tetrahedral, values, y, first, last),
+            slabs(0, self.size[0] - 1, 1, self._threads),
+        )
+        return y
+
+    def normal_equations(self, y: Array, weight: Array | None = None) -> NormalEquations:
+        """W'ΩW and W'Ωy of values y (n, 3) with weights (n,), all 1 unless given."""
+        stencil, right = np.zeros((FOLLOWING, *self.size)), np.zeros((*self.size, 3))
+        omega = np.ones(len(y)) if weight is None else np.ascontiguousarray(weight, dtype=np.float64)
+        y = np.ascontiguousarray(y, dtype=np.float64)
+
+        def assemble(first: int, last: int) -> None:
+            _assemble(*self._rows, y, omega, self._tetrahedral, stencil, right, first, last)
+
+        for parity in range(2):
+            run(assemble, slabs(parity, self.size[0] - 1, 2, self._threads))
+        return NormalEquations(stencil, right)
 
 
 def normal_equations(
     x: Array, y: Array, levels: Levels, method: Interpolation, weight: Array | None = None
 ) -> NormalEquations:
     """Assemble W'ΩW and W'Ωy for samples `x` (n, 3) → `y` (n, 3) with weights (n,), all 1 unless given."""
-    size = tuple(len(axis) for axis in levels)
-    stencil, right = np.zeros((*size, 27)), np.zeros((*size, 3))
-    count = len(x)
-    threads = max(1, min(cores(), count // SAMPLES_PER_THREAD))
-    omega = np.ones(count) if weight is None else np.ascontiguousarray(weight, dtype=np.float64)
-    x, y = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(y, dtype=np.float64)
-    cell, fraction = np.empty(count, dtype=np.int64), np.empty((count, 3))
-    run(lambda first, last: _locate(x, *levels, cell, fraction, first, last), slabs(0, count, 1, threads))
-    order, begin = _sort(cell, int(np.prod([nodes - 1 for nodes in size])))
-
-    def assemble(first: int, last: int) -> None:
-        _assemble(order, begin, fraction, y, omega, method == "tetrahedral", stencil, right, first, last)
-
-    for parity in range(2):
-        run(assemble, slabs(parity, size[0] - 1, 2, threads))
-    return NormalEquations(stencil, right)
+    return InterpolationMatrix(x, levels, method).normal_equations(y, weight)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+@njit(cache=True, nogil=True)
 def second_difference(levels: Array) -> Array:
     """The (N − 2, N) three-point second difference S of one axis (thesis 5.4).
 
@@ -19,19 +20,23 @@ def second_difference(levels: Array) -> Array:
     functions that are linear along the axis.
     """
     count = len(levels)
-    gaps = np.diff(levels)
-    share = gaps[:-1] / (gaps[:-1] + gaps[1:])
     rows = np.zeros((max(count - 2, 0), count))
-    index = np.arange(count - 2)
-    rows[index, index] = share - 1.0
-    rows[index, index + 1] = 1.0
-    rows[index, index + 2] = -share
+    for row in range(count - 2):
+        before, after = levels[row + 1] - levels[row], levels[row + 2] - levels[row + 1]
+        share = before / (before + after)
+        rows[row, row], rows[row, row + 1], rows[row, row + 2] = share - 1.0, 1.0, -share
     return rows
 
 
-def first_difference(count: int) -> Array:
-    """The (N − 1, N) difference of neighbours on one axis."""
-    return np.diff(np.eye(count), axis=0)
+@njit(cache=True)
+def to_bands(matrix: Array) -> Array:
+    """The five central diagonals of a symmetric (N, N) matrix as (N, 5), offsets −2 … 2."""
+    count = len(matrix)
+    bands = np.zeros((count, 5))
+    for row in range(count):
+        for column in range(max(0, row - 2), min(count, row + 3)):
+            bands[row, column - row + 2] = matrix[row, column]
+    return bands
 
 
 def keys_cubic(count: int) -> tuple[Array, Array, Array]:

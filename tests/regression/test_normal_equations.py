@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from dense_lattice import interpolation_weights, random_levels
 
-from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.regression.normal_equations import normal_equations
+from lutforge.interpolation import INTERPOLATIONS, Interpolation, interpolate
+from lutforge.regression.normal_equations import FOLLOWING, InterpolationMatrix, normal_equations
 
 
 @pytest.mark.parametrize("method", INTERPOLATIONS)
@@ -24,11 +24,11 @@ def test_equals_the_dense_matrices(method: Interpolation, weighted: bool) -> Non
     scaled = weights if omega is None else weights * omega[:, None]
     dense = np.zeros((120, 120))
     for i, j, k in np.ndindex(size):
-        for di, dj, dk in np.ndindex(3, 3, 3):
-            a, b, c = i + di - 1, j + dj - 1, k + dk - 1
-            value = found.stencil[i, j, k, 9 * di + 3 * dj + dk]
+        for t in range(FOLLOWING):
+            a, b, c = i + (t + 13) // 9 - 1, j + (t + 13) // 3 % 3 - 1, k + (t + 13) % 3 - 1
+            value = found.stencil[t, i, j, k]
             if 0 <= a < 4 and 0 <= b < 5 and 0 <= c < 6:
-                dense[30 * i + 6 * j + k, 30 * a + 6 * b + c] = value
+                dense[30 * i + 6 * j + k, 30 * a + 6 * b + c] = dense[30 * a + 6 * b + c, 30 * i + 6 * j + k] = value
             else:
                 assert value == 0.0
     np.testing.assert_allclose(dense, weights.T @ scaled, atol=1e-12)
@@ -48,4 +48,14 @@ def test_many_samples_are_summed_as_a_few_are(method: Interpolation) -> None:
     ]
     np.testing.assert_allclose(whole.stencil, sum(part.stencil for part in parts), rtol=1e-11, atol=1e-9)
     np.testing.assert_allclose(whole.right, sum(part.right for part in parts), rtol=1e-11, atol=1e-9)
-    assert whole.stencil.sum() == pytest.approx(len(x))  # the weights of a sample sum to 1
+    total = 2 * whole.stencil.sum() - whole.stencil[0].sum()
+    assert total == pytest.approx(len(x))  # the weights of a sample sum to 1
+
+
+@pytest.mark.parametrize("method", INTERPOLATIONS)
+def test_interpolation_matrix_times_a_lattice(method: Interpolation) -> None:
+    rng = np.random.default_rng(5)
+    levels = random_levels(rng, (7, 6, 5))
+    x, values = rng.uniform(-0.1, 1.1, (100_000, 3)), rng.normal(size=(7, 6, 5, 3))
+    found = InterpolationMatrix(x, levels, method) @ values
+    np.testing.assert_allclose(found, interpolate(x, levels, values, method), atol=1e-12)

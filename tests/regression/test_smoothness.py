@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lutforge.regression.smoothness import first_difference, keys_cubic, second_difference, thin_plate
+from lutforge.regression.smoothness import keys_cubic, second_difference, thin_plate
 
 Array = NDArray[np.float64]
 
@@ -25,10 +25,6 @@ def test_second_difference_vanishes_on_linear_functions_of_uneven_levels(seed: i
 def test_second_difference_as_the_thesis_writes_it() -> None:
     # d12 = 1, d23 = 3
     np.testing.assert_allclose(second_difference(np.array([0.0, 1.0, 4.0])), [[-0.75, 1.0, -0.25]])
-
-
-def test_first_difference() -> None:
-    np.testing.assert_array_equal(first_difference(4) @ [1.0, 3.0, 6.0, 10.0], [2, 3, 4])
 
 
 def keys(t: Array, order: int) -> Array:
