@@ -9,16 +9,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lutforge.errors import ConfigError
-from lutforge.luts.bake import bake, bake_error
+from lutforge.luts.bake import bake
 from lutforge.luts.lut import Lut
 from lutforge.model.transform import LatticeTransform, LinearizeChain, RenderChain, Transform
 from lutforge.ocio.cameras import Camera
 from lutforge.ocio.lut_files import compact
+from lutforge.ocio.made_colours import spread
 from lutforge.ocio.names import UniqueNames, file_stem
-from lutforge.ocio.round_trip import consistent
+from lutforge.ocio.round_trip import consistent, rounded_up
 from lutforge.settings import Selector
 
 Progress = Callable[[str, float], None]
+
+CHECKED = 1 << 15
+"""Colours of each spread that a LUT is compared with its model on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,27 +86,35 @@ def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
 
 
 def baked(rendering: Rendering) -> BakedRendering:
-    """Bake both directions, the linearization so that JPEG → reference → JPEG comes back (`ocio.round_trip`)."""
+    """Bake both directions, so that JPEG → reference → JPEG comes back (`ocio.round_trip`)."""
     title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
-    luts: dict[str, Lut] = {}
-    said = []
-    render = linearize = None
+    render = linearize = trip = None
     if rendering.render is not None:
         render = compact(bake(rendering.render, title=f"{title} render"))
-        error = bake_error(render, rendering.render, display_referred=False)
-        said.append(f"render LUT against the model: mean {error.mean:.2g}, max {error.maximum:.2g}")
-        luts[rendering.render_file] = replace(render, comments=(said[-1],))
     if rendering.linearize is not None:
         linearize = compact(bake(rendering.linearize, title=f"{title} linearize"))
-        trip = ""
-        if render is not None:
-            linearize, measured = consistent(render, linearize)
-            trip = str(measured)
-        error = bake_error(linearize, rendering.linearize, display_referred=False)
-        said.append(f"linearize LUT against the model: mean {error.mean:.2g}, max {error.maximum:.2g}")
-        said += [trip] if trip else []
-        luts[rendering.linearize_file] = replace(linearize, comments=tuple(said[1 if render else 0 :]))
+    if render is not None and linearize is not None:
+        render, linearize, trip = consistent(render, linearize, rendering.render)
+    luts: dict[str, Lut] = {}
+    said = []
+    if rendering.render is not None and render is not None:
+        said.append(f"render LUT against the model: {_error(render, rendering.render)}")
+        luts[rendering.render_file] = replace(render, comments=tuple(said))
+    if rendering.linearize is not None and linearize is not None:
+        told = [
+            f"linearize LUT against the model: {_error(linearize, rendering.linearize)}",
+            *([str(trip)] if trip else []),
+        ]
+        luts[rendering.linearize_file] = replace(linearize, comments=tuple(told))
+        said += told
     return BakedRendering(luts, "; ".join(said))
+
+
+def _error(lut: Lut, transform: Transform) -> str:
+    """Of a LUT against its transform, over its whole input, the rim and the darks: RGB norm, rounded up."""
+    x = spread(CHECKED, seed=7)
+    norm = np.linalg.norm(lut(x) - transform(x), axis=1)
+    return f"mean {rounded_up(float(norm.mean()))}, max {rounded_up(float(norm.max()))}"
 
 
 def _shaped(transform: Transform) -> LatticeTransform | RenderChain | LinearizeChain:

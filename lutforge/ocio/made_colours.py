@@ -1,0 +1,139 @@
+"""Colours that a render makes, for fitting its inverse to them and for measuring it: the whole gamut with its rim."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from lutforge.interpolation import Levels, interpolate, through
+from lutforge.model.transform import Transform
+from lutforge.ocio.lut_files import CURVE_SIZE
+from lutforge.ocio.preimage import Render, curve_inverse, preimages
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+PER_CELL = 4
+"""Colours in each cell of a lattice that a fit begins with, as far as the render makes such."""
+NEAR_NEUTRAL = 0.25
+"""Most by which a channel of a near neutral differs from the darkest to the brightest, as a share."""
+
+
+def spread(count: int, seed: int) -> Array:
+    """RAW colours (5 count, 3): over the whole range, its faces and edges, where channels are 0 or clipped, the darks
+    of each, and near neutrals."""
+    even, number = qmc.Sobol(3, rng=seed).random(count), np.arange(count)
+    face = even.copy()
+    face[number, number % 3] = number // 3 % 2
+    edge = face.copy()
+    edge[number, (number + 1) % 3] = number // 6 % 2
+    grey = np.clip(even[:, :1] ** 2 * (1 + NEAR_NEUTRAL * (2 * even[:, ::-1] - 1)), 0.0, 1.0)
+    half = count // 2
+    return np.concatenate(
+        [
+            even, even[:half] ** 2, even[half:] ** 3, face[:half], face[half:] ** 2, face[:half] ** 3,
+            edge[half:] ** 2, grey,
+        ]
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class MadeColours:
+    """Colours that a render makes of raw (n, 3): jpeg (n, 3), and inner (n, 3), the same in front of its response.
+
+    curve: the inverse of the response, (CURVE_SIZE, 3): the axes on which a linearization is nearly linear.
+    """
+
+    render: Render
+    curve: Array
+    raw: Array
+    jpeg: Array
+    inner: Array
+
+    @classmethod
+    def of(cls, render: Render, count: int, seed: int, model: Transform | None = None) -> "MadeColours":
+        """Of a `spread`. model: what makes the colours instead, the render being near it."""
+        curve = curve_inverse(render.response, CURVE_SIZE)
+        curve[0], curve[-1] = 0.0, 1.0
+        raw = spread(count, seed)
+        jpeg = render(raw) if model is None else np.clip(model(raw), 0.0, 1.0)
+        return cls(render, curve, raw, jpeg, through(curve, jpeg))
+
+    def chosen(self, which: Index) -> "MadeColours":
+        """Some of them."""
+        return replace(self, raw=self.raw[which], jpeg=self.jpeg[which], inner=self.inner[which])
+
+    def joined(self, other: "MadeColours") -> "MadeColours":
+        """Both, of the other's render."""
+        parts = ((getattr(self, name), getattr(other, name)) for name in ("raw", "jpeg", "inner"))
+        raw, jpeg, inner = (np.concatenate(pair) for pair in parts)
+        return replace(other, raw=raw, jpeg=jpeg, inner=inner)
+
+    def rendered(self, values: Array) -> "MadeColours":
+        """The same colours, for a render with another cube."""
+        return replace(self, render=replace(self.render, lut=replace(self.render.lut, cube=values), values=values))
+
+    def left(self, knots: Levels, values: Array) -> Array:
+        """What is left of each, there through a lattice of the linearization and back, (n,)."""
+        raw = interpolate(self.inner, knots, values, "tetrahedral")
+        return np.asarray(np.linalg.norm(self.render(raw) - self.jpeg, axis=1))
+
+    def knots(self, levels: Levels) -> Levels:
+        """Node levels of the JPEG on the axes of the lattice."""
+        r, g, b = through(self.curve, np.stack(levels, axis=1)).T
+        return (np.ascontiguousarray(r), np.ascontiguousarray(g), np.ascontiguousarray(b))
+
+    def encoded(self, inner: Levels) -> Levels:
+        """Levels on the axes of the lattice as levels of the JPEG."""
+        r, g, b = through(self.render.response, np.stack(inner, axis=1)).T
+        return (r, g, b)
+
+    def few(self, knots: Levels) -> "MadeColours":
+        """PER_CELL of each cell of the lattice."""
+        return self.chosen(thinned(cells(self.inner, knots), PER_CELL))
+
+    def filled(self, knots: Levels, values: Array, seed: int) -> "MadeColours":
+        """With more colours in the cells that have few, as far as the render makes such: at the rim of its gamut."""
+        size = len(knots[0])
+        count = np.bincount(cells(self.inner, knots), minlength=(size - 1) ** 3)
+        lacking = np.repeat(np.arange(len(count)), np.maximum(PER_CELL - count, 0))
+        place = np.stack(np.unravel_index(lacking, (size - 1,) * 3), axis=1)
+        inside = np.random.default_rng(seed).random(place.shape)
+        sides = zip(knots, place.T, inside.T, strict=True)
+        inner = np.stack([axis[p] + f * (axis[p + 1] - axis[p]) for axis, p, f in sides], axis=1)
+        jpeg = through(self.render.response, inner)
+        raw, found = preimages(self.render, inner, jpeg, interpolate(inner, knots, values, "tetrahedral"))
+        return self.joined(replace(self, raw=raw[found], jpeg=jpeg[found], inner=inner[found]))
+
+
+def cells(x: Array, knots: Levels) -> Index:
+    """The cell of each colour (n, 3), numbered (n,)."""
+    return _located(x, knots)[0]
+
+
+def tetrahedra(x: Array, knots: Levels) -> Index:
+    """The tetrahedron of each colour (n, 3), numbered (n,)."""
+    cell, inside = _located(x, knots)
+    r, g, b = inside.T
+    return np.asarray(8 * cell + 4 * (r > g) + 2 * (g > b) + (r > b), dtype=np.int64)
+
+
+def thinned(cell: Index, most: int) -> Index:
+    """Which to keep so that no cell (n,) has more than `most`: the first of each."""
+    order = np.argsort(cell, kind="stable")
+    begins = np.diff(cell[order], prepend=-1) != 0
+    number = np.arange(len(cell))
+    first = np.maximum.accumulate(np.where(begins, number, 0))
+    return np.asarray(order[number - first < most])
+
+
+def _located(x: Array, knots: Levels) -> tuple[Index, Array]:
+    """The cell of each colour, numbered (n,), and where in it, (n, 3)."""
+    size = len(knots[0]) - 1
+    cell, inside = np.zeros(len(x), dtype=np.int64), np.empty(x.shape)
+    for channel, axis in enumerate(knots):
+        low = np.clip(np.searchsorted(axis, x[:, channel], side="right") - 1, 0, size - 1)
+        cell = cell * size + low
+        inside[:, channel] = (x[:, channel] - axis[low]) / (axis[low + 1] - axis[low])
+    return cell, inside
