@@ -225,7 +225,7 @@ class _System:
         result[count:] *= self.problem.free
         return result
 
-    def solve(self, right: Array, caution: Array, most: int = 40, goal: float = 1e-4) -> Array:
+    def solve(self, right: Array, caution: Array, most: int = 30, goal: float = 1e-3) -> Array:
         """Conjugate gradients; right (N³ + M³, 3) → step; caution: (n,)."""
         at, state, count = self.problem.at, self.state, self.problem.count
         hold = caution * self.root**2 * self.square

@@ -43,7 +43,7 @@ POWERS = (0.5, 0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0)
 """Of the rounds at one size: how much more large residuals count."""
 STEPS = 4
 """Most Gauss–Newton steps of a round."""
-POOL = 1 << 17
+POOL = 1 << 16
 """Colours of a pool, see `made_colours.spread`: of one that stays, and of another in each round."""
 WORST, WORST_PER_TETRAHEDRON = 0.3, 3
 """Share of the largest goal above which a colour of the pool takes part, up to so many between the same four nodes."""
@@ -124,7 +124,7 @@ def consistent(render: Lut, linearize: Lut, model: Transform | None = None) -> t
             break
     if best[1] is linearize:
         return render, linearize, reached
-    held = measure(*best, count=POOL)
+    held = measure(*best, count=2 * POOL)
     jpeg = pool.jpeg[:: max(len(pool.jpeg) // MEASURED, 1)]
     departure = float(np.linalg.norm(best[1](jpeg) - linearize(jpeg), axis=1).mean())
     return *best, RoundTrip(max(reached.mean, held.mean), max(reached.maximum, held.maximum), departure)
