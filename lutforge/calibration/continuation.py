@@ -1,10 +1,8 @@
 """What a lattice continues where it has no samples: matrix, response, and a smooth gamut map between them.
 
 render: f(h(Ts x)), linearize: Ts⁻¹ h⁻¹(f⁻¹(I)). The gamut map is (4.7) with few centres spread over the samples, fitted
-to all of them by least squares (not through the centres), so that noise and a stray sample do not bend it:
-
-min Σ w ‖Σ λ_i φ(‖X − X_i‖) + a·[1, X] − X'‖² − μ λ'Φλ,  Σ λ_i [1, X_i] = 0.   −Φ is positive there, as φ(r) = r is
-conditionally negative definite. Weights make the error count in encoded values, and less where it is large (Cauchy).
+to all of them by least squares (`radial_basis`), so that noise and a stray sample do not bend it. Weights make errors
+count in encoded values, and less where they are large (Cauchy).
 
 A camera clips what its output cannot hold, or presses it into its gamut; where few samples show that, a straight
 continuation would leave the gamut. So h may end in a soft floor, and h⁻¹ begin with its inverse: as soft as the samples
@@ -16,13 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.linalg.lapack import dgeqrf, dormqr
-from scipy.spatial.distance import cdist
+from scipy.linalg import LinAlgError
 
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.radial_basis import RadialBasisFit, RadialBasisProblem, spread
 from lutforge.calibration.soft_floor import floor_width, lowered, raised
 from lutforge.errors import ProfileError
+from lutforge.interpolation import through
 from lutforge.model.gamut_map import GamutMap
 from lutforge.regression.blas import one_blas_thread
 
@@ -30,10 +28,10 @@ Array = NDArray[np.float64]
 
 CENTRES = 200
 MOST_SAMPLES = 3_000
+FEW_CENTRES = 64
+"""So many, the first as they are spread, tell the outliers before all are fitted."""
 FEWEST_COLOURS = 30
 """Fewer distinct ones do not bend a gamut map: matrix and response alone are continued."""
-SMOOTHNESS = 1e-2
-"""μ, per sample of weight 1."""
 ROUNDS = 3
 LEAST_SCALE = 4.0 / 255.0
 SOFTNESSES = ((0.0, 0.05, 0.1, 0.2), (0.0, 0.05, 0.1))
@@ -83,23 +81,29 @@ class Continuation:
         linear = self._linear(x)
         if not _fills_space(linear):
             return straight
-        centres = _spread(linear, min(CENTRES, len(linear) // 2))
+        centres = spread(linear, min(CENTRES, len(linear) // 2))
         tried: list[tuple[float, Continuation]] = []
         robust, scale = np.ones(len(x)), 0.0
-        system: _System | None = None
+        system: RadialBasisProblem | None = None
+        fit: RadialBasisFit | None = None
         for softness in SOFTNESSES[self.inverse]:
             candidate = replace(straight, softness=softness)
             target, slope = candidate._wanted(linear, y)
-            if system is None or self.inverse:
-                source = candidate._entered(linear)
-                system = _System(source, source[centres])
             try:  # the first fit tells the outliers for those after it
-                gamut_map, residual, robust = _fit(system, target, slope, robust, 1 if tried else ROUNDS)
+                if system is None or self.inverse:
+                    source = candidate._entered(linear)
+                    system = RadialBasisProblem(source, source[centres])
+                elif fit and _error(system.like(fit, target), slope, scale) >= tried[-1][0]:
+                    break
+                if not tried:
+                    few = RadialBasisProblem(source, source[centres[:FEW_CENTRES]])
+                    for _ in range(ROUNDS - 1):
+                        _, robust = _fit(few, target, slope, robust)
+                fit, robust = _fit(system, target, slope, robust)
             except (LinAlgError, ProfileError):  # colours that coincide
                 break
-            squares = np.sum((residual * slope) ** 2, axis=1)
-            scale = scale or (4.0 * float(np.sqrt(np.median(squares))) + LEAST_SCALE) ** 2
-            tried.append((float(np.sum(squares / (1.0 + squares / scale))), replace(candidate, gamut_map=gamut_map)))
+            scale = scale or 4.0 * float(np.median(np.linalg.norm(fit.residual * slope, axis=1))) + LEAST_SCALE
+            tried.append((_error(fit.residual, slope, scale), replace(candidate, gamut_map=fit.gamut_map)))
             if len(tried) > 1 and tried[-1][0] >= tried[-2][0]:
                 break
         if not tried:
@@ -120,15 +124,15 @@ class Continuation:
         linear = self._linear(x)
         source = self._entered(linear)
         target, slope = self._wanted(linear, y)
-        system = _System(source, self.gamut_map.centres)
+        system = RadialBasisProblem(source, self.gamut_map.centres)
         weight = _sample_weight(slope) * _robust(self.gamut_map(source) - target, slope)
         masks = [mask[rows] for mask in held]
-        parts = [system.equations(target[mask], weight[mask], mask) for mask in (*masks, ~np.any(masks, axis=0))]
-        normal, right = np.sum([part[0] for part in parts], axis=0), np.sum([part[1] for part in parts], axis=0)
+        parts = [system.equations(target, weight, mask) for mask in (*masks, ~np.any(masks, axis=0))]
+        total = np.sum(parts, axis=0)
         guesses = []
         for mine in parts[: len(held)]:
             try:
-                guess = replace(self, gamut_map=system.solve(normal - mine[0], right - mine[1])[0])
+                guess = replace(self, gamut_map=system.solve(total - mine)[0])
             except (LinAlgError, ProfileError):
                 guess = replace(self, gamut_map=None, softness=0.0)
             guesses.append(guess)
@@ -148,7 +152,7 @@ class Continuation:
         that into encoded ones; both (n, 3)."""
         if self.inverse:
             return y @ self.base.matrix.T, np.ones_like(y)
-        target, slope = self.base.response.linearize(y), _encoding_slope(self.base, y)
+        target, slope = through(self.base.response.inverse, y), _encoding_slope(self.base, y)
         if not self.softness:
             return target, slope
         below, rate = lowered(target, floor_width(linear, self.softness))
@@ -164,7 +168,7 @@ def continuation(base: MatrixAndResponse, x: Array, y: Array, *, inverse: bool) 
 def _encoding_slope(base: MatrixAndResponse, encoded: Array) -> Array:
     """df/d(linear) at encoded values (n, 3), bounded as in the fit of matrix and response."""
     step = 1.0 / 255.0
-    low, high = base.response.linearize(encoded - step), base.response.linearize(encoded + step)
+    low, high = (through(base.response.inverse, encoded + move) for move in (-step, step))
     slope: Array = 1.0 / np.maximum((high - low) / (2 * step), 0.05)
     return slope
 
@@ -185,43 +189,6 @@ def _fills_space(source: Array) -> bool:
     return len(np.unique(key)) >= FEWEST_COLOURS and bool(spread >= LEAST_SPREAD * len(source) ** 0.5)
 
 
-class _System:
-    """The least-squares problem of h at samples source (n, 3), with its centres (m, 3).
-
-    Unknowns are the four of the polynomial, then λ in the space that it leaves: orthogonal to 1 and the coordinates of
-    the centres, whose basis is kept as the Householder reflectors that span it. Time O(n m²).
-    """
-
-    def __init__(self, source: Array, centres: Array) -> None:
-        self.centres = centres
-        reflectors, self._tau, _, _ = dgeqrf(np.column_stack([np.ones(len(centres)), centres]))
-        self._reflectors = reflectors
-        self.design = self._project("R", "N", cdist(centres, source).T)
-        self.design[:, 0], self.design[:, 1:4] = 1.0, source
-        inner = self._project("L", "T", self._project("R", "N", cdist(centres, centres)))
-        self.bending = np.zeros_like(inner)
-        self.bending[4:, 4:] = -inner[4:, 4:]
-
-    def _project(self, side: str, transposed: str, matrix: Array) -> Array:
-        result, _, _ = dormqr(side, transposed, self._reflectors, self._tau, matrix, 64 * max(matrix.shape))
-        return np.asarray(result)
-
-    def equations(self, target: Array, weight: Array, rows: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
-        """The normal matrix and right side of some rows, without the bending term."""
-        root = np.sqrt(weight)[:, None]
-        weighted = (self.design if rows is None else self.design[rows]) * root
-        return weighted.T @ weighted, weighted.T @ (target * root)
-
-    def solve(self, normal: Array, right: Array) -> tuple[GamutMap, Array]:
-        """h, and the unknowns (4 + …, 3). Raises LinAlgError where the equations are singular."""
-        factor = cho_factor(normal + SMOOTHNESS * self.bending, overwrite_a=True, check_finite=False)
-        unknowns = cho_solve(factor, right, check_finite=False)
-        polynomial = unknowns[:4].copy()
-        padded = unknowns.copy()
-        padded[:4] = 0.0
-        return GamutMap(self.centres, self._project("L", "N", padded), polynomial), unknowns
-
-
 def _sample_weight(slope: Array) -> Array:
     mean = slope.mean(axis=1)
     weight: Array = (mean / np.median(mean)) ** 2
@@ -236,26 +203,16 @@ def _robust(residual: Array, slope: Array) -> Array:
     return weight
 
 
-def _fit(system: _System, target: Array, slope: Array, robust: Array, rounds: int) -> tuple[GamutMap, Array, Array]:
-    """h to targets (n, 3), its residuals, and robust weights (n,) from these; robust: those of the first round.
+def _error(residual: Array, slope: Array, scale: float) -> float:
+    """The robust sum of squared errors (Cauchy)."""
+    squares = np.sum((residual * slope) ** 2, axis=1)
+    return float(np.sum(squares / (1.0 + squares / scale**2)))
+
+
+def _fit(system: RadialBasisProblem, target: Array, slope: Array, robust: Array) -> tuple[RadialBasisFit, Array]:
+    """h to targets (n, 3), and the robust weights (n,) that its residuals make; robust: those to fit with.
 
     slope: (n, 3), turns residuals into the units they are judged in.
     """
-    weight = _sample_weight(slope)
-    for _ in range(rounds):
-        gamut_map, unknowns = system.solve(*system.equations(target, weight * robust))
-        residual = system.design @ unknowns - target
-        robust = _robust(residual, slope)
-    return gamut_map, residual, robust
-
-
-def _spread(points: Array, count: int) -> NDArray[np.intp]:
-    """Farthest-point sampling: each next point is the one farthest from those chosen."""
-    squares = np.einsum("nc,nc->n", points, points)
-    chosen = [int(np.argmin(squares))]
-    distance = np.full(len(points), np.inf)
-    while len(chosen) < count:
-        last = chosen[-1]
-        distance = np.minimum(distance, squares - 2.0 * (points @ points[last]) + squares[last])
-        chosen.append(int(np.argmax(distance)))
-    return np.array(chosen)
+    fit = system.fit(target, _sample_weight(slope) * robust)
+    return fit, _robust(fit.residual, slope)

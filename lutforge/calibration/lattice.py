@@ -36,7 +36,8 @@ MEASURING_TOLERANCE = 1e-4
 """Of fits whose only use is to measure an error: within 1e-4 of the exact ones on every sample."""
 ROUNDS = 6
 FOLDS = 5
-SEARCH_FOLDS = 3
+SEARCH_FOLDS = 2
+"""More of them choose the same λ_S: its steps are wide."""
 
 
 @one_blas_thread
@@ -73,12 +74,15 @@ def fit_samples(
         search = replace(search, smoothness=_choose_smoothness(search, groups[rows], levels))
         problem = replace(problem, smoothness=search.smoothness)
     levels = resized_levels(levels, options.size) if options.nonuniform else uniform_levels(options.size)
-    fit = search.fit(levels, first, SEARCH_TOLERANCE)
+    placed = search.at(levels)
+    fit = placed.fit(first, SEARCH_TOLERANCE)
+    error = placed.squared_error(fit)
+    robust = robust_weights(error if len(rows) == len(x) else problem.at(levels).squared_error(fit))
     if options.nonuniform:
-        levels = equidistributed_levels(search.x, search.squared_error(fit), levels)
+        levels = equidistributed_levels(search.x, error, levels)
     levels = snapped(levels, options)
     start = interpolate(grid(levels), fit.levels, fit.values)
-    final = problem.rising_fit(levels, robust_weights(problem.squared_error(fit)), start, tolerance)
+    final = problem.at(levels).rising_fit(robust, start, tolerance)
     return result(problem.lattice(final), x, y, problem.smoothness)
 
 
@@ -106,20 +110,18 @@ def _choose_smoothness(problem: LatticeProblem, groups: NDArray[np.str_], levels
     masks = [mask for mask in folds(groups, SEARCH_FOLDS) if 0 < mask.sum() < len(mask)]
     if len(masks) < 2:
         return DEFAULT_SMOOTHNESS
-    tests = [problem.select(mask, problem.guess) for mask in masks]
-    trains = problem.leave_out(masks)
-    priors = [train.prior(levels) for train in trains]
+    tests = [problem.select(mask, problem.guess).at(levels) for mask in masks]
+    trains = [train.at(levels) for train in problem.leave_out(masks)]
     equations = [
-        train.with_grey(train.equations(levels, prior, train.first_robust), levels, prior, train.grey, GREY_WEIGHTS)
-        for train, prior in zip(trains, priors, strict=True)
+        train.with_grey(train.equations(problem.first_robust[~mask]), problem.grey, GREY_WEIGHTS)
+        for train, mask in zip(trains, masks, strict=True)
     ]
-    starts = [prior.values for prior in priors]
+    starts = [train.prior.values for train in trains]
 
     def held_out_error(smoothness: float) -> float:
         total = 0.0
-        for fold, test in enumerate(tests):
-            train = replace(trains[fold], smoothness=smoothness)
-            fit = train.solve(equations[fold], levels, priors[fold], starts[fold], SEARCH_TOLERANCE)
+        for fold, (train, test) in enumerate(zip(trains, tests, strict=True)):
+            fit = train.solve(equations[fold], train.prior, smoothness, starts[fold], SEARCH_TOLERANCE)
             starts[fold] = fit.values
             error = test.squared_error(fit)
             total += float(np.sum(robust_weights(error) * error))

@@ -13,9 +13,9 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import OutputCurve
 from lutforge.interpolation import Levels, interpolate, through
 from lutforge.model.lattice import Lattice, grid
-from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, predict, solve_lattice
+from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, solve_lattice
 from lutforge.regression.node_levels import equidistributed_levels
-from lutforge.regression.normal_equations import NormalEquations, normal_equations
+from lutforge.regression.normal_equations import InterpolationMatrix, NormalEquations, normal_equations
 
 Array = NDArray[np.float64]
 Guess = Callable[[Array], Array]
@@ -41,6 +41,8 @@ LEAST_FALL = 1e-6
 OUTLIER_SCALE = 10.0
 """A sample whose error is this many times the median counts half (Cauchy)."""
 LEAST_OUTLIER = 12.0 / 255.0
+SLOPES = 511
+"""Entries of the table of the curve's slopes, which are taken over two codes of 255."""
 BOUND_ROUNDS = 4
 BOUND_COST = 0.25 / 255.0
 """Nodes keep to [0, 1] where that costs no more than this of the mean error: a quarter of a code."""
@@ -80,8 +82,8 @@ class LatticeProblem:
     @cached_property
     def first_robust(self) -> Array:
         """(n,): robust weights before any lattice is fitted, from the guess, which no stray sample bends."""
-        error: Array = np.sum((np.clip(self.guess(self.x), 0.0, 1.0) - self.y) ** 2, axis=1)
-        return robust_weights(error)
+        error = np.clip(self.guess(self.x), 0.0, 1.0) - self.y
+        return robust_weights(np.asarray(np.einsum("nc,nc->n", error, error)))
 
     @cached_property
     def grey(self) -> Array:
@@ -90,96 +92,18 @@ class LatticeProblem:
         values = np.clip(plain(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
         return values if self.curve is None else self.curve.enter(values)
 
-    def prior(self, levels: Levels) -> Prior:
-        positions = grid(levels)
-        if self.curve is None:
-            values = np.clip(self.guess(positions), 0.0, 1.0)
-        elif isinstance(self.guess, Continuation):
-            values = np.clip(self.curve.continued(self.guess.mapped(positions)), *FARTHEST)
-        else:
-            values = self.curve.enter(np.clip(self.guess(positions), 0.0, 1.0))
-        hold = np.full_like(values, LEAST_HOLD)
-        values[0, 0, 0], hold[0, 0, 0] = 0.0, HOLD
-        if self.clips:
-            # Behind a curve white may lie beyond 1: the cube need not turn back to it.
-            values[-1, -1, -1] = 1.0 if self.curve is None else np.maximum(values[-1, -1, -1], 1.0)
-            hold[-1, -1, -1] = HOLD
-        return Prior(values, hold)
-
-    def equations(self, levels: Levels, prior: Prior, weight: Array) -> NormalEquations:
-        """W'ΩW and W'Ω(y − W b₀) of the samples; weight: (n,) beside the curve's own."""
-        return self._summed(self.x, self.target, levels, prior, self.weight * weight)
-
-    def with_grey(
-        self, equations: NormalEquations, levels: Levels, prior: Prior, values: Array, weight: Array
-    ) -> NormalEquations:
-        """The same with values on the grey axis, (257, 3), of weights (257,)."""
-        grey = self._summed(GREY, values, levels, prior, weight)
-        return equations + grey
-
-    def _summed(self, x: Array, y: Array, levels: Levels, prior: Prior, weight: Array) -> NormalEquations:
-        method = self.options.interpolation
-        return normal_equations(x, y - interpolate(x, levels, prior.values, method), levels, method, weight)
-
-    def solve(
-        self, equations: NormalEquations, levels: Levels, prior: Prior, start: Array | None, tolerance: float
-    ) -> LatticeFit:
-        smoothness = self.smoothness * len(levels[0]) / SEARCH_SIZE
-        regularisation = Regularisation(smoothness, twist=smoothness, anchor=0.0, thin_plate=0.0)
-        return solve_lattice(equations, levels, regularisation, prior=prior, start=start, tolerance=tolerance)
-
-    def fit(self, levels: Levels, weight: Array, tolerance: float, like: LatticeFit | None = None) -> LatticeFit:
-        """The fit; like: one at other levels, to start from."""
-        prior = self.prior(levels)
-        start = None if like is None else interpolate(grid(levels), like.levels, like.values)
-        equations = self.with_grey(self.equations(levels, prior, weight), levels, prior, self.grey, GREY_WEIGHTS)
-        return self.solve(equations, levels, prior, start, tolerance)
-
-    def rising_fit(self, levels: Levels, weight: Array, start: Array, tolerance: float) -> LatticeFit:
-        """The fit, again with the isotonic regression of its own grey axis while that falls anywhere, and in bounds."""
-        prior = self.prior(levels)
-        values, grey_weight = self.grey.copy(), GREY_WEIGHTS.copy()
-        samples = self.equations(levels, prior, weight)
-        for _ in range(RISING_ROUNDS):
-            equations = self.with_grey(samples, levels, prior, values, grey_weight)
-            fit = self.solve(equations, levels, prior, start, tolerance)
-            axis = np.clip(predict(fit, GREY, self.options.interpolation), 0.0, 1.0)
-            if np.diff(axis, axis=0).min() >= -LEAST_FALL:
-                break
-            rising = np.stack([isotonic_regression(channel).x for channel in axis.T], axis=1)
-            falls = np.any(np.abs(rising - axis) > 0.1 * LEAST_FALL, axis=1)
-            values[falls], grey_weight[falls] = rising[falls], RISING_WEIGHT
-            start, tolerance = fit.values, max(tolerance, RISING_TOLERANCE)
-        return self._bounded(fit, equations, prior) if self.clips and self.curve is None else fit
-
-    def _bounded(self, fit: LatticeFit, equations: NormalEquations, prior: Prior) -> LatticeFit:
-        """The fit with all nodes in [0, 1], where that costs next to nothing: those beyond are held at their bound, and
-        the others solved for again, until none is left."""
-        held = np.zeros(fit.values.shape, dtype=np.bool_)
-        bound = np.zeros_like(fit.values)
-        firm = HOLD * (1.0 + equations.stencil[0, ..., None])
-        bounded = fit
-        for _ in range(BOUND_ROUNDS):
-            beyond = ((bounded.values < -LEAST_FALL) | (bounded.values > 1.0 + LEAST_FALL)) & ~held
-            if not beyond.any():
-                break
-            bound[beyond] = np.clip(bounded.values[beyond], 0.0, 1.0)
-            held |= beyond
-            right = equations.right + np.where(held, firm * (bound - prior.values), 0.0)
-            holding = Prior(prior.values, np.where(held, firm, prior.hold))
-            reduced = NormalEquations(equations.stencil, right)
-            bounded = self.solve(reduced, fit.levels, holding, bounded.values, RISING_TOLERANCE)
-        bounded = replace(bounded, values=np.clip(bounded.values, 0.0, 1.0))
-        free, kept = (float(np.mean(np.sqrt(self.squared_error(one)))) for one in (fit, bounded))
-        return bounded if kept <= free + BOUND_COST else fit
+    def at(self, levels: Levels) -> "PlacedProblem":
+        """The problem at given node levels."""
+        return PlacedProblem(self, levels, InterpolationMatrix(self.x, levels, self.options.interpolation))
 
     def levels(self, start: Levels, rounds: int) -> Levels:
         """Better node levels by rounds of equidistribution, samples weighted by their error; the best round's."""
         levels, weight, best = start, self.first_robust, (np.inf, start)
         fit: LatticeFit | None = None
         for _ in range(rounds + 1):
-            fit = self.fit(levels, weight, SEARCH_TOLERANCE, fit)
-            error = self.squared_error(fit)
+            placed = self.at(levels)
+            fit = placed.fit(weight, SEARCH_TOLERANCE, fit)
+            error = placed.squared_error(fit)
             weight = robust_weights(error)
             mean = float(np.mean(weight * error))
             stalled = mean > 0.97 * best[0]
@@ -188,12 +112,6 @@ class LatticeProblem:
                 break
             levels = equidistributed_levels(self.x, error, levels)
         return best[1]
-
-    def squared_error(self, fit: LatticeFit) -> Array:
-        """(n,) of the output, behind the curve."""
-        values = predict(fit, self.x, self.options.interpolation)
-        error: Array = np.sum(((values if self.curve is None else self.curve.leave(values)) - self.y) ** 2, axis=1)
-        return error
 
     def lattice(self, fit: LatticeFit) -> Lattice:
         """The fit, as profiles keep it."""
@@ -210,10 +128,109 @@ class LatticeProblem:
         return Lattice(fit.levels, np.where(touched, values, np.clip(values, 0.0, 1.0)), method)
 
 
+@dataclass(frozen=True, eq=False)
+class PlacedProblem:
+    """A problem at given node levels, for several fits there; matrix: W of its samples."""
+
+    problem: LatticeProblem
+    levels: Levels
+    matrix: InterpolationMatrix
+
+    @cached_property
+    def prior(self) -> Prior:
+        """The guess at the nodes, and how firmly they are held to it."""
+        problem, positions = self.problem, grid(self.levels)
+        if problem.curve is None:
+            values = np.clip(problem.guess(positions), 0.0, 1.0)
+        elif isinstance(problem.guess, Continuation):
+            values = np.clip(problem.curve.continued(problem.guess.mapped(positions)), *FARTHEST)
+        else:
+            values = problem.curve.enter(np.clip(problem.guess(positions), 0.0, 1.0))
+        hold = np.full_like(values, LEAST_HOLD)
+        values[0, 0, 0], hold[0, 0, 0] = 0.0, HOLD
+        if problem.clips:
+            # Behind a curve white may lie beyond 1: the cube need not turn back to it.
+            values[-1, -1, -1] = 1.0 if problem.curve is None else np.maximum(values[-1, -1, -1], 1.0)
+            hold[-1, -1, -1] = HOLD
+        return Prior(values, hold)
+
+    @cached_property
+    def _grey(self) -> InterpolationMatrix:
+        return InterpolationMatrix(GREY, self.levels, self.problem.options.interpolation)
+
+    def equations(self, weight: Array) -> NormalEquations:
+        """W'ΩW and W'Ω(y − W b₀) of the samples; weight: (n,) beside the curve's own."""
+        difference = self.problem.target - self.matrix @ self.prior.values
+        return self.matrix.normal_equations(difference, self.problem.weight * weight)
+
+    def with_grey(self, equations: NormalEquations, values: Array, weight: Array) -> NormalEquations:
+        """The same with values on the grey axis, (257, 3), of weights (257,)."""
+        return equations + self._grey.normal_equations(values - self._grey @ self.prior.values, weight)
+
+    def solve(
+        self, equations: NormalEquations, prior: Prior, smoothness: float, start: Array | None, tolerance: float
+    ) -> LatticeFit:
+        """smoothness: λ_S of a lattice of SEARCH_SIZE nodes."""
+        smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
+        regularisation = Regularisation(smoothness, twist=smoothness, anchor=0.0, thin_plate=0.0)
+        return solve_lattice(equations, self.levels, regularisation, prior=prior, start=start, tolerance=tolerance)
+
+    def fit(self, weight: Array, tolerance: float, like: LatticeFit | None = None) -> LatticeFit:
+        """The fit; like: one at other levels, to start from."""
+        start = None if like is None else interpolate(grid(self.levels), like.levels, like.values)
+        equations = self.with_grey(self.equations(weight), self.problem.grey, GREY_WEIGHTS)
+        return self.solve(equations, self.prior, self.problem.smoothness, start, tolerance)
+
+    def rising_fit(self, weight: Array, start: Array, tolerance: float) -> LatticeFit:
+        """The fit, again with the isotonic regression of its own grey axis while that falls anywhere, and in bounds."""
+        problem = self.problem
+        values, grey_weight = problem.grey.copy(), GREY_WEIGHTS.copy()
+        samples = self.equations(weight)
+        for _ in range(RISING_ROUNDS):
+            equations = self.with_grey(samples, values, grey_weight)
+            fit = self.solve(equations, self.prior, problem.smoothness, start, tolerance)
+            axis = np.clip(self._grey @ fit.values, 0.0, 1.0)
+            if np.diff(axis, axis=0).min() >= -LEAST_FALL:
+                break
+            rising = np.stack([isotonic_regression(channel).x for channel in axis.T], axis=1)
+            falls = np.any(np.abs(rising - axis) > 0.1 * LEAST_FALL, axis=1)
+            values[falls], grey_weight[falls] = rising[falls], RISING_WEIGHT
+            start, tolerance = fit.values, max(tolerance, RISING_TOLERANCE)
+        return self._bounded(fit, equations) if problem.clips and problem.curve is None else fit
+
+    def _bounded(self, fit: LatticeFit, equations: NormalEquations) -> LatticeFit:
+        """The fit with all nodes in [0, 1], where that costs next to nothing: those beyond are held at their bound, and
+        the others solved for again, until none is left."""
+        held = np.zeros(fit.values.shape, dtype=np.bool_)
+        bound = np.zeros_like(fit.values)
+        firm = HOLD * (1.0 + equations.stencil[0, ..., None])
+        bounded = fit
+        for _ in range(BOUND_ROUNDS):
+            beyond = ((bounded.values < -LEAST_FALL) | (bounded.values > 1.0 + LEAST_FALL)) & ~held
+            if not beyond.any():
+                break
+            bound[beyond] = np.clip(bounded.values[beyond], 0.0, 1.0)
+            held |= beyond
+            right = equations.right + np.where(held, firm * (bound - self.prior.values), 0.0)
+            holding = Prior(self.prior.values, np.where(held, firm, self.prior.hold))
+            reduced = NormalEquations(equations.stencil, right)
+            bounded = self.solve(reduced, holding, self.problem.smoothness, bounded.values, RISING_TOLERANCE)
+        bounded = replace(bounded, values=np.clip(bounded.values, 0.0, 1.0))
+        free, kept = (float(np.mean(np.sqrt(self.squared_error(one)))) for one in (fit, bounded))
+        return bounded if kept <= free + BOUND_COST else fit
+
+    def squared_error(self, fit: LatticeFit) -> Array:
+        """(n,) of the output, behind the curve, of a fit at these levels."""
+        values, curve = self.matrix @ fit.values, self.problem.curve
+        error = (values if curve is None else curve.leave(values)) - self.problem.y
+        return np.asarray(np.einsum("nc,nc->n", error, error))
+
+
 def curve_weights(curve: OutputCurve, y: Array) -> Array:
     """(n,): how much an error of the cube counts behind the curve at y (n, 3); 1 in the median."""
-    codes = np.linspace(0.0, 1.0, len(curve.table))[:, None].repeat(3, axis=1)
-    square = np.mean(through(curve.slope(codes), y) ** 2, axis=1)  # tabulated: y may hold millions
+    codes = np.linspace(0.0, 1.0, SLOPES)[:, None].repeat(3, axis=1)
+    slope = through(curve.slope(codes), y)  # tabulated: y may hold millions
+    square = np.einsum("nc,nc->n", slope, slope)
     return np.asarray(square / np.median(square))
 
 

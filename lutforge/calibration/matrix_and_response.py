@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 from scipy.optimize import lsq_linear
 
 from lutforge.errors import CalibrationError
@@ -62,34 +62,56 @@ def fit_matrix_and_response(x: Array, encoded: Array) -> MatrixAndResponse:
     count = len(x)
     if count < 10:
         raise CalibrationError(f"{count} samples cannot determine a matrix and a response; at least 10 are needed")
-    weight = np.ones(count)
-    slope = np.ones((count, 3))
+    x, encoded = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(encoded, dtype=np.float64)
+    weight, slope = np.ones(count), np.ones((count, 3))
     tables, rows = np.zeros((KNOTS, 3)), np.eye(3)
     shape = _srgb_decoded(np.linspace(0.0, 1.0, KNOTS))
     rms = 0.0
     for _ in range(ROUNDS):
         for channel in range(3):
-            tables[:, channel], rows[channel] = _fit_channel(
-                x, encoded[:, channel], channel, weight * slope[:, channel] ** 2, shape
-            )
+            tables[:, channel], rows[channel] = _fit_channel(x, encoded, channel, weight, slope, shape)
         shape = tables.mean(axis=1)  # where one channel has no samples, it bends as the others do
-        response = Response(tables.copy())
-        linear = x @ rows.T
-        residual = np.linalg.norm(response.encode(linear) - encoded, axis=1)
+        residual = _residual(x @ rows.T, encoded, tables, slope)
         scale = max(4.0 * float(np.median(residual)), LEAST_SCALE)
         weight = 1.0 / (1.0 + (residual / scale) ** 2)
-        rms = float(np.sqrt(np.average(residual**2, weights=weight)))
-        slope = _encoding_slope(tables, encoded)
-    return MatrixAndResponse(rows.copy(), response, weight, rms)
+        rms = float(np.sqrt((residual**2 @ weight) / weight.sum()))
+    return MatrixAndResponse(rows.copy(), Response(tables), weight, rms)
 
 
-def _encoding_slope(tables: Array, encoded: Array) -> Array:
-    """df/d(linear) at the samples, bounded so that no dark sample outweighs all others."""
-    codes = np.linspace(0.0, 1.0, KNOTS)
-    step = np.gradient(tables, codes, axis=0)
-    slope = np.stack([np.interp(encoded[:, c], codes, step[:, c]) for c in range(3)], axis=1)
-    bounded: Array = 1.0 / np.maximum(slope, 0.05)
-    return bounded
+@njit(cache=True, nogil=True)
+def _residual(linear: Array, encoded: Array, tables: Array, slope: Array) -> Array:
+    """(n,): the distance of f(linear) from the encoded values, (n, 3), with f⁻¹ as tables (KNOTS, 3).
+
+    slope: filled with df/d(linear) at these, (n, 3), bounded so that no dark sample outweighs all others.
+    """
+    rise = np.empty((KNOTS, 3))
+    for knot in range(KNOTS):
+        low, high = max(knot - 1, 0), min(knot + 1, KNOTS - 1)
+        rise[knot] = (tables[high] - tables[low]) * ((KNOTS - 1) / (high - low))
+    residual = np.empty(len(linear))
+    for n in range(len(linear)):
+        total = 0.0
+        for c in range(3):
+            cell, fraction = _cell(encoded[n, c])
+            slope[n, c] = 1.0 / max(rise[cell, c] + fraction * (rise[cell + 1, c] - rise[cell, c]), 0.05)
+            value = linear[n, c]
+            while cell > 0 and value < tables[cell, c]:  # from where the fit should have it
+                cell -= 1
+            while cell < KNOTS - 2 and value >= tables[cell + 1, c]:
+                cell += 1
+            width = tables[cell + 1, c] - tables[cell, c]
+            part = (value - tables[cell, c]) / width if width > 0.0 else 1.0
+            total += ((cell + min(max(part, 0.0), 1.0)) / (KNOTS - 1) - encoded[n, c]) ** 2
+        residual[n] = np.sqrt(total)
+    return residual
+
+
+@njit(cache=True, nogil=True)
+def _cell(encoded: float) -> tuple[int, float]:
+    """The knot below an encoded value, and the fraction from there to the next."""
+    position = min(max(encoded, 0.0), 1.0) * (KNOTS - 1)
+    cell = min(int(position), KNOTS - 2)
+    return cell, position - cell
 
 
 def _srgb_decoded(encoded: Array) -> Array:
@@ -98,49 +120,60 @@ def _srgb_decoded(encoded: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def _equations(position: Array, own: Array, one: Array, two: Array, weight: Array) -> Array:
+def _equations(x: Array, encoded: Array, channel: int, weight: Array, slope: Array) -> tuple[Array, float]:
     """The symmetric (KNOTS + 3, KNOTS + 3) products, over all samples, of weighted rows of
-    [f⁻¹'s interpolation between its knots, −differences to the two other channels, what they should sum to].
-
-    position: of the encoded values in knots, (n,); own, one, two: x of this channel and of the others, (n,).
+    [f⁻¹'s interpolation between its knots, −differences to the two other channels, what they should sum to], and the
+    sum of the weights. The weight of a sample is weight · slope², of the channel.
     """
     total = np.zeros((KNOTS + 3, KNOTS + 3))
-    index, value = np.empty(5, dtype=np.int64), np.empty(5)
-    for n in range(len(position)):
-        cell = min(int(position[n]), KNOTS - 2)
-        fraction = position[n] - cell
-        index[0], index[1], index[2], index[3], index[4] = cell, cell + 1, KNOTS, KNOTS + 1, KNOTS + 2
+    one, two, weights = (channel == 0) + 0, 2 - (channel == 2), 0.0
+    value = np.empty(5)
+    for n in range(len(x)):
+        cell, fraction = _cell(encoded[n, channel])
+        own, w = x[n, channel], weight[n] * slope[n, channel] ** 2
         value[0], value[1] = 1.0 - fraction, fraction
-        value[2], value[3], value[4] = own[n] - one[n], own[n] - two[n], own[n]
+        value[2], value[3], value[4] = own - x[n, one], own - x[n, two], own
         for p in range(5):
-            scaled = weight[n] * value[p]
-            for q in range(5):
-                total[index[p], index[q]] += scaled * value[q]
-    return total
+            scaled = w * value[p]
+            row = cell + p if p < 2 else KNOTS + p - 2
+            if p < 2:
+                for q in range(p, 2):
+                    total[row, cell + q] += scaled * value[q]
+            for q in range(max(p, 2), 5):
+                total[row, KNOTS + q - 2] += scaled * value[q]
+        weights += w
+    for row in range(KNOTS + 3):
+        for column in range(row):
+            total[row, column] = total[column, row]
+    return total, weights
 
 
-def _fit_channel(x: Array, encoded: Array, channel: int, weight: Array, shape: Array) -> tuple[Array, Array]:
+STEPS = np.eye(KNOTS + 3)
+"""From the values of f⁻¹ at its knots to its start and its steps."""
+STEPS[:KNOTS, :KNOTS] = np.tri(KNOTS)
+BEND = np.zeros((KNOTS - 2, KNOTS + 2))
+"""The second difference of f⁻¹ at unit spacing of encoded values, of its steps."""
+BEND[:, 1:KNOTS] = np.diff(np.eye(KNOTS - 1), axis=0) * (KNOTS - 1)
+BENDING = BEND.T @ BEND
+
+
+def _fit_channel(
+    x: Array, encoded: Array, channel: int, weight: Array, slope: Array, shape: Array
+) -> tuple[Array, Array]:
     """f⁻¹ (KNOTS,) and the matrix row (3,) of one channel: minimise Σ w (f⁻¹(I) − m·x)², Σ m = 1.
 
     shape (KNOTS,): the curve whose second differences f⁻¹ takes where there are no samples.
     """
-    others = [c for c in range(3) if c != channel]
-    position = np.clip(encoded, 0.0, 1.0) * (KNOTS - 1)
-    products = _equations(position, x[:, channel], x[:, others[0]], x[:, others[1]], weight)
-    # From the values of f⁻¹ at its knots to its start and its steps.
-    steps = np.eye(KNOTS + 3)
-    steps[:KNOTS, :KNOTS] = np.tri(KNOTS)
-    products = steps.T @ products @ steps
-    normal, right = products[:-1, :-1], products[:-1, -1]
-    bend = np.zeros((KNOTS - 2, KNOTS + 2))
-    bend[:, 1:KNOTS] = np.diff(np.eye(KNOTS - 1), axis=0) * (np.sqrt(SMOOTHNESS * weight.sum()) * (KNOTS - 1))
-    normal += bend.T @ bend
-    right += bend.T @ (bend[:, 1:KNOTS] @ np.diff(shape))
-    normal[KNOTS:, KNOTS:] += RIDGE * weight.sum() * np.eye(2)
+    products, total = _equations(x, encoded, channel, weight, slope)
+    products = STEPS.T @ products @ STEPS
+    normal, right = products[:-1, :-1], products[:-1, -1].copy()
+    normal += SMOOTHNESS * total * BENDING
+    right += SMOOTHNESS * total * (BENDING[:, 1:KNOTS] @ np.diff(shape))
+    normal[KNOTS:, KNOTS:] += RIDGE * total * np.eye(2)
     solution = _bounded(normal, right)
     table = solution[0] + np.concatenate([[0.0], np.cumsum(solution[1:KNOTS])])
     row = np.zeros(3)
-    row[others] = solution[KNOTS:]
+    row[[c for c in range(3) if c != channel]] = solution[KNOTS:]
     row[channel] = 1.0 - row.sum()
     return table, row
 
@@ -151,12 +184,10 @@ UPPER = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])
 
 def _bounded(normal: Array, right: Array) -> Array:
     """min u'Nu − 2 r'u with LOWER ≤ u ≤ UPPER, for N positive semidefinite."""
-    try:
-        free = cho_solve(cho_factor(normal, check_finite=False), right, check_finite=False)
-        if np.all((free >= LOWER) & (free <= UPPER)):
-            return np.asarray(free)
-    except LinAlgError:  # the samples do not tell every unknown
-        pass
+    _, free, singular = dposv(normal, right)
+    if not singular and np.all((free >= LOWER) & (free <= UPPER)):
+        return np.asarray(free)
+    # A bound holds, or the samples do not tell every unknown.
     values, vectors = np.linalg.eigh(normal)
     told = values > RANK_TOLERANCE * values[-1]
     root = np.sqrt(values[told])[:, None]

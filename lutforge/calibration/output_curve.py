@@ -8,10 +8,11 @@ bends and clamps: dI/dv ∝ 1 + f', half way between encoded values (dI/dv = 1) 
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from lutforge.interpolation import through
+from lutforge.interpolation import locate, through
 from lutforge.model.response import Response
 
 Array = NDArray[np.float64]
@@ -37,8 +38,8 @@ class OutputCurve:
 
     def enter(self, encoded: Array) -> Array:
         """I (…, 3) in [0, 1] → v, through the table as files hold it."""
-        even = np.linspace(0.0, 1.0, len(self.table))
-        return np.stack([np.interp(encoded[..., c], self.table[:, c], even) for c in range(3)], axis=-1)
+        points = np.ascontiguousarray(encoded, dtype=np.float64)
+        return np.asarray(_enter(self.table, self.values, points.reshape(-1, 3))).reshape(points.shape)
 
     def leave(self, values: Array) -> Array:
         """v (…, 3) → I in [0, 1]."""
@@ -52,13 +53,43 @@ class OutputCurve:
 
     def continued(self, linear: Array) -> Array:
         """v of linear light (…, 3), which runs on straight where the camera clips."""
-        result = np.empty_like(linear)
+        points = np.ascontiguousarray(linear, dtype=np.float64)
+        found = _continued(self.linear.T.copy(), self.values, self.ends, points.reshape(-1, 3))
+        return np.asarray(found).reshape(points.shape)
+
+
+@njit(cache=True, nogil=True)
+def _enter(table: Array, values: Array, encoded: Array) -> Array:
+    """v (n, 3) of I in [0, 1], by the table, whose cell the curve at even steps of I tells but for rounding."""
+    last = len(table) - 1
+    entered = np.empty_like(encoded)
+    for n in range(len(encoded)):
         for c in range(3):
-            known = self.linear[:, c]
-            below, above = np.minimum(linear[..., c] - known[0], 0.0), np.maximum(linear[..., c] - known[-1], 0.0)
-            inside = np.interp(linear[..., c], known, self.values[:, c])
-            result[..., c] = inside + below * self.ends[0, c] + above * self.ends[1, c]
-        return result
+            value = min(max(encoded[n, c], 0.0), 1.0)
+            at = min(int(value * last), last - 1)
+            near = values[at, c] + (value * last - at) * (values[at + 1, c] - values[at, c])
+            cell = min(max(int(near * last), 0), last - 1)
+            while cell > 0 and value < table[cell, c]:
+                cell -= 1
+            while cell < last - 1 and value >= table[cell + 1, c]:
+                cell += 1
+            width = table[cell + 1, c] - table[cell, c]
+            entered[n, c] = (cell + (min((value - table[cell, c]) / width, 1.0) if width > 0.0 else 0.0)) / last
+    return entered
+
+
+@njit(cache=True, nogil=True)
+def _continued(known: Array, values: Array, ends: Array, linear: Array) -> Array:
+    """v (n, 3) of linear light; known: (3, m), f⁻¹ at the even steps of I that values (m, 3) are at."""
+    result = np.empty_like(linear)
+    for c in range(3):
+        axis = known[c]
+        for n in range(len(linear)):
+            at = linear[n, c]
+            cell, fraction = locate(axis, at)
+            inside = values[cell, c] + fraction * (values[cell + 1, c] - values[cell, c])
+            result[n, c] = inside + min(at - axis[0], 0.0) * ends[0, c] + max(at - axis[-1], 0.0) * ends[1, c]
+    return result
 
 
 def output_curve(response: Response) -> OutputCurve:

@@ -1,6 +1,7 @@
 """Conjugate gradients, preconditioned by a multigrid cycle, for the normal equations of lattice regression."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -32,7 +33,7 @@ def solve(
     such lattices. Returns b and the iterations used.
     Raises CalibrationError where `most` iterations do not reach the tolerance within a factor of FAILED.
     """
-    b, residual, preconditioned = planar(start), multigrid.right, multigrid.b
+    b, residual = planar(start), planar(right)
     direction, image = np.zeros_like(b), np.empty_like(b)
 
     def apply(lattice: Array) -> None:
@@ -40,7 +41,6 @@ def solve(
         if extra:
             image[:] += planar(extra(from_planar(lattice, multigrid.size)))
 
-    residual[:] = planar(right)
     goal = tolerance * np.sqrt(np.maximum(np.einsum("ijkc,ijkc->c", right, right), 1e-300))
     if np.any(b):
         apply(b)
@@ -49,8 +49,9 @@ def solve(
     for iteration in range(most):
         if np.all(size <= goal):
             return from_planar(b, multigrid.size), iteration
+        multigrid.right[:] = residual
         multigrid.cycle()
-        run(lambda first, last: _turn(residual, preconditioned, rho, direction, first, last), multigrid.outputs)
+        run(lambda first, last: _turn(residual, multigrid.b, rho, direction, first, last), multigrid.outputs)
         apply(direction)
         run(lambda first, last: _advance(direction, image, rho, b, residual, size, first, last), multigrid.outputs)
     if np.any(size > FAILED * goal):
@@ -62,7 +63,9 @@ def solve(
 
 
 @njit(cache=True, nogil=True, fastmath=REASSOCIATED)
-def _turn(residual: Array, preconditioned: Array, rho: Array, direction: Array, first: int, last: int) -> None:
+def _turn(
+    residual: Array, preconditioned: NDArray[np.floating[Any]], rho: Array, direction: Array, first: int, last: int
+) -> None:
     """The next direction, conjugate to those before; rho: residual · preconditioned, (3,)."""
     for c in range(first, last):
         r, z, d = residual[c], preconditioned[c], direction[c]

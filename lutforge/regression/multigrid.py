@@ -1,11 +1,12 @@
 """The geometric multigrid cycle that preconditions the normal equations of lattice regression.
 
 Coarser lattices keep every other node level; their data term is the Galerkin product P'W'WP. One symmetric V-cycle for
-all three outputs at once, O(N³). Small lattices are gone through in one compiled call, large ones by planes on several
-threads. Briggs, Henson & McCormick, A Multigrid Tutorial (2000).
+all three outputs at once, O(N³), in float32, as it only preconditions. Small lattices are gone through in one compiled
+call, large ones by planes on several threads. Briggs, Henson & McCormick, A Multigrid Tutorial (2000).
 """
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -25,6 +26,8 @@ from lutforge.regression.transfer import (
 )
 
 Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+Real = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
 NODES_PER_THREAD = 15_000
@@ -32,6 +35,7 @@ NODES_PER_THREAD = 15_000
 SMALL = 30_000
 """Lattices of fewer nodes are gone through in one compiled call, however many threads there are: it rounds in its own
 way."""
+MINUS = np.float32(-1.0)
 SINGULAR = 1e-13
 """Pivots of the coarsest operator below this share of its diagonal are rounding errors."""
 
@@ -55,26 +59,26 @@ def _after(size: tuple[int, int, int], lattices: int, couplings: int) -> tuple[i
 
 
 @njit(cache=True, nogil=True)
-def _nodes(flat: Array, table: Index, level: int) -> Array:
+def _nodes(flat: Real, table: Index, level: int) -> Real:
     """(3, nodes) of a lattice."""
     return flat[table[level, 3] : table[level + 1, 3]].reshape((3, -1))
 
 
 @njit(cache=True, nogil=True)
-def _planar(flat: Array, table: Index, level: int) -> Array:
+def _planar(flat: Real, table: Index, level: int) -> Real:
     """(3, nodes and margins) of a lattice."""
     return flat[table[level, 4] : table[level + 1, 4]].reshape((3, -1))
 
 
 @njit(cache=True, nogil=True)
-def _cube(flat: Array, table: Index, level: int) -> Array:
+def _cube(flat: Real, table: Index, level: int) -> Real:
     """(3, N_r + 2 FAR, N_g, N_b), the same."""
     r, g, b = table[level, 0], table[level, 1], table[level, 2]
     return flat[table[level, 4] : table[level + 1, 4]].reshape((3, r + 2 * FAR, g, b))
 
 
 @njit(cache=True, nogil=True)
-def _couplings(flat: Array, table: Index, level: int) -> Array:
+def _couplings(flat: Real, table: Index, level: int) -> Real:
     return flat[table[level, 5] : table[level + 1, 5]].reshape((COUPLINGS, -1))
 
 
@@ -89,24 +93,29 @@ def _build(
     smoothness: float,
     twist: float,
     cells: Index,
-    fractions: Array,
-    couplings: Array,
-    diagonal: Array,
-    damping: Array,
+    shares: Array,
+    finest: Array,
+    middle: Array,
+    couplings: Single,
+    diagonal: Single,
+    damping: Single,
 ) -> Array:
-    """Fill the hierarchy; returns the Cholesky factors of its coarsest operator, (3, m, m)."""
+    """Fill the hierarchy; returns the Cholesky factors of its coarsest operator, (3, m, m).
+
+    anchor: planar, and room for the coarser ones; finest, middle: the couplings and the diagonal of the finest lattice.
+    """
     depth = len(table) - 1
     longest = cells.shape[2]
     bends, slopes = np.zeros((depth, 3, longest, 3)), np.zeros((depth, 3, longest, 3))
     masses = np.zeros((depth, 3, longest))
     for axis in range(3):
         levels = r_levels if axis == 0 else g_levels if axis == 1 else b_levels
-        coarsen_axis(
-            levels, depth, cells[:, axis], fractions[:, axis], bends[:, axis], slopes[:, axis], masses[:, axis]
-        )
+        coarsen_axis(levels, depth, cells[:, axis], shares[:, axis], bends[:, axis], slopes[:, axis], masses[:, axis])
+    mine, own = finest, middle
     for level in range(depth):
         r, g, b = table[level, 0], table[level, 1], table[level, 2]
-        mine, own = _couplings(couplings, table, level), _nodes(diagonal, table, level)
+        if level > 0:
+            mine, own = np.zeros((COUPLINGS, (r + FAR) * g * b)), np.empty((3, r * g * b))
         couple(stencil, bends[level], slopes[level], masses[level], smoothness, twist, mine, own[0])
         held = _cube(anchor, table, level)
         for c in range(2, -1, -1):
@@ -114,12 +123,13 @@ def _build(
             for p in range(len(flat)):
                 own[c, p] = own[0, p] + flat[p]
         damp(mine, own, steps(g, b), g * b, _nodes(damping, table, level))
+        _couplings(couplings, table, level)[:] = mine
+        _nodes(diagonal, table, level)[:] = own
         if level < depth - 1:
-            stencil = coarse_stencil(
-                stencil, cells[level], fractions[level], table[level + 1, 0], table[level + 1, 1], table[level + 1, 2]
-            )
-            restrict(held, cells[level], fractions[level], _cube(anchor, table, level + 1), 0, 3)
-    return _factors(_couplings(couplings, table, depth - 1), _nodes(diagonal, table, depth - 1), g, b)
+            kr, kg, kb = table[level + 1, 0], table[level + 1, 1], table[level + 1, 2]
+            stencil = coarse_stencil(stencil, cells[level], shares[level], kr, kg, kb)
+            restrict(held, cells[level], shares[level], _cube(anchor, table, level + 1), 0, 3)
+    return _factors(mine, own, g, b)
 
 
 @njit(cache=True, nogil=True)
@@ -149,11 +159,12 @@ def _factors(couplings: Array, diagonal: Array, ng: int, nb: int) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def _solve_coarsest(factors: Array, right: Array, b: Array, plane: int) -> None:
+def _solve_coarsest(factors: Array, right: Single, b: Single, plane: int) -> None:
     """b = (L L')⁻¹ right."""
     nodes, margin = factors.shape[1], FAR * plane
+    x = np.empty(nodes)
     for c in range(3):
-        factor, x = factors[c], b[c, margin : margin + nodes]
+        factor = factors[c]
         for row in range(nodes):
             total = right[c, margin + row]
             for k in range(row):
@@ -163,6 +174,7 @@ def _solve_coarsest(factors: Array, right: Array, b: Array, plane: int) -> None:
             x[row] *= factor[row, row]
             for k in range(row):
                 x[k] -= factor[row, k] * x[row]
+        b[c, margin : margin + nodes] = x
 
 
 @njit(cache=True, nogil=True)
@@ -170,15 +182,15 @@ def _cycle(
     table: Index,
     first: int,
     cells: Index,
-    fractions: Array,
-    couplings: Array,
-    diagonal: Array,
-    damping: Array,
+    shares: Single,
+    couplings: Single,
+    diagonal: Single,
+    damping: Single,
     factors: Array,
-    right: Array,
-    b: Array,
-    residual: Array,
-    correction: Array,
+    right: Single,
+    b: Single,
+    residual: Single,
+    correction: Single,
 ) -> None:
     """The V-cycle from the lattice `first` on down and back, right (flat) → b."""
     last = len(table) - 2
@@ -196,17 +208,15 @@ def _cycle(
         scale = _nodes(damping, table, level)
         rest[:] = y
         if not down:
-            prolong_add(_cube(b, table, level + 1), cells[level], fractions[level], _cube(b, table, level), 0, 3)
-            add_product(-1.0, mine, own, far, plane, x, rest, 0, r)
+            prolong_add(_cube(b, table, level + 1), cells[level], shares[level], _cube(b, table, level), 0, 3)
+            add_product(MINUS, mine, own, far, plane, x, rest, 0, r)
         first_step(scale, rest, plane, z, x, down, 0, r)
-        add_product(-1.0, mine, own, far, plane, z, rest, 0, r)
+        add_product(MINUS, mine, own, far, plane, z, rest, 0, r)
         second_step(scale, rest, plane, z, x, 0, r)
         if down:
             rest[:] = y
-            add_product(-1.0, mine, own, far, plane, x, rest, 0, r)
-            restrict(
-                _cube(residual, table, level), cells[level], fractions[level], _cube(right, table, level + 1), 0, 3
-            )
+            add_product(MINUS, mine, own, far, plane, x, rest, 0, r)
+            restrict(_cube(residual, table, level), cells[level], shares[level], _cube(right, table, level + 1), 0, 3)
 
 
 class Multigrid:
@@ -214,28 +224,31 @@ class Multigrid:
 
     stencil: the data term (14, N_r, N_g, N_b), not changed; anchor: (N_r, N_g, N_b, 3), added to the diagonal;
     smoothness, twist: weights of the second difference along each axis and of the mixed one across each two.
-    right, b: (3, nodes and margins), what `cycle` starts from and what it makes of it.
+    right, b: (3, nodes and margins) float32, what `cycle` starts from and what it makes of it.
     """
 
     def __init__(self, levels: Levels, stencil: Array, anchor: Array, smoothness: float, twist: float) -> None:
         r, g, b = (len(axis) for axis in levels)
         self.size = (r, g, b)
-        self._plane, self._far = g * b, steps(g, b)
         self._table = table = _table(self.size)
         depth, longest = len(table) - 1, max(self.size)
-        cells = np.zeros((depth - 1, 3, longest), dtype=np.int64)
-        fractions = np.zeros((depth - 1, 3, longest))
         nodes, lattices, couplings = (int(count) for count in table[-1, 3:])
-        operator = np.zeros(couplings), np.empty(nodes), np.empty(nodes)
+        cells, shares = np.zeros((depth - 1, 3, longest), dtype=np.int64), np.zeros((depth - 1, 3, 2, longest))
+        self._finest = np.zeros((COUPLINGS, (r + FAR) * g * b)), np.empty((3, r * g * b)), steps(g, b), g * b
+        operator = (
+            np.empty(couplings, dtype=np.float32),
+            np.empty(nodes, dtype=np.float32),
+            np.empty(nodes, dtype=np.float32),
+        )
         held = np.zeros(lattices)
         held[: table[1, 4]] = planar(anchor).ravel()
-        factors = _build(table, *levels, stencil, held, smoothness, twist, cells, fractions, *operator)
-        self._hierarchy = cells, fractions, *operator, factors
-        self._work = held, np.zeros(lattices), np.zeros(lattices), np.zeros(lattices)
-        held[:] = 0.0
-        self.right, self.b = _planar(held, table, 0), _planar(self._work[1], table, 0)
+        factors = _build(table, *levels, stencil, held, smoothness, twist, cells, shares, *self._finest[:2], *operator)
+        self._hierarchy = cells, shares.astype(np.float32), *operator, factors
+        work = np.zeros((4, lattices), dtype=np.float32)
+        self._work = work[0], work[1], work[2], work[3]
+        self.right, self.b = _planar(work[0], table, 0), _planar(work[1], table, 0)
         self._small = next(level for level in range(depth) if np.prod(table[level, :3]) < SMALL)
-        self.outputs = slabs(0, 3, 1, self._threads(0))
+        self.outputs, self._planes = slabs(0, 3, 1, self._threads(0)), self._parts(0)
 
     def _threads(self, level: int) -> int:
         r, g, b = self._table[level, :3]
@@ -244,7 +257,7 @@ class Multigrid:
     def product(self, b: Array, out: Array) -> None:
         """out = A b; both (3, nodes and margins)."""
         out[:] = 0.0
-        self._add_product(0, 1.0, b, out)
+        run(lambda first, last: add_product(1.0, *self._finest, b, out, first, last), self._planes)
 
     def cycle(self) -> None:
         """One symmetric V-cycle for A b = right, from b = 0."""
@@ -257,34 +270,34 @@ class Multigrid:
     def _visit(self, level: int, down: bool) -> None:
         """What `_cycle` does on a lattice, on several threads."""
         table = self._table
-        cells, fractions = (part[level] for part in self._hierarchy[:2])
+        cells, shares = (part[level] for part in self._hierarchy[:2])
         right, b, residual, correction = (_planar(part, table, level) for part in self._work)
         scale = _nodes(self._hierarchy[4], table, level)
         plane = int(table[level, 1] * table[level, 2])
         residual[:] = right
         if not down:
             coarse, fine = _cube(self._work[1], table, level + 1), _cube(self._work[1], table, level)
-            run(lambda first, last: prolong_add(coarse, cells, fractions, fine, first, last), self.outputs)
-            self._add_product(level, -1.0, b, residual)
+            run(lambda first, last: prolong_add(coarse, cells, shares, fine, first, last), self.outputs)
+            self._subtract_product(level, b, residual)
         parts = self._parts(level)
         run(lambda first, last: first_step(scale, residual, plane, correction, b, down, first, last), parts)
-        self._add_product(level, -1.0, correction, residual)
+        self._subtract_product(level, correction, residual)
         run(lambda first, last: second_step(scale, residual, plane, correction, b, first, last), parts)
         if down:
             residual[:] = right
-            self._add_product(level, -1.0, b, residual)
+            self._subtract_product(level, b, residual)
             source, to = _cube(self._work[2], table, level), _cube(self._work[0], table, level + 1)
-            run(lambda first, last: restrict(source, cells, fractions, to, first, last), self.outputs)
+            run(lambda first, last: restrict(source, cells, shares, to, first, last), self.outputs)
 
     def _parts(self, level: int) -> list[tuple[int, int]]:
         r, g, b = (int(count) for count in self._table[level, :3])
         return slabs(0, r, run_planes(g * b), self._threads(level))
 
-    def _add_product(self, level: int, sign: float, b: Array, out: Array) -> None:
+    def _subtract_product(self, level: int, b: Single, out: Single) -> None:
         g, nb = (int(count) for count in self._table[level, 1:3])
         couplings = _couplings(self._hierarchy[2], self._table, level)
         diagonal, far = _nodes(self._hierarchy[3], self._table, level), steps(g, nb)
         run(
-            lambda first, last: add_product(sign, couplings, diagonal, far, g * nb, b, out, first, last),
+            lambda first, last: add_product(MINUS, couplings, diagonal, far, g * nb, b, out, first, last),
             self._parts(level),
         )

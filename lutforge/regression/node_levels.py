@@ -1,9 +1,9 @@
 """Where the node levels of a nonuniform lattice lie (thesis 5.3, equations 5.6 – 5.9)."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
-from scipy.ndimage import gaussian_filter1d
 
 from lutforge.errors import LutError
 from lutforge.interpolation import Levels
@@ -14,6 +14,8 @@ BINS = 1000
 """Bins of the error histogram (thesis 5.3)."""
 SMOOTHING = 40.0
 """Standard deviation in bins of the Gaussian that smooths it; the thesis does not state its own."""
+RADIUS = 160
+"""Of that Gaussian: four standard deviations."""
 
 
 def error_histogram(x: Array, error: Array) -> tuple[Array, Array, Array]:
@@ -21,15 +23,40 @@ def error_histogram(x: Array, error: Array) -> tuple[Array, Array, Array]:
 
     (5.6), smoothed by the Gaussian of (5.7).
     """
-    histograms = []
-    for axis in range(3):
-        bins = np.clip((x[:, axis] * BINS).astype(np.int64), 0, BINS - 1)
-        counts = np.bincount(bins, weights=error, minlength=BINS)
-        total = counts.sum()
-        flat = counts / total if total > 0 else np.full(BINS, 1.0 / BINS)
-        histograms.append(gaussian_filter1d(flat, SMOOTHING, mode="constant"))
-    r, g, b = histograms
+    counts = _histograms(np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(error, dtype=np.float64))
+    total = counts[0].sum()
+    flat = counts / total if total > 0 else np.full((3, BINS), 1.0 / BINS)
+    r, g, b = _smoothed(np.pad(flat, ((0, 0), (RADIUS, RADIUS))), GAUSSIAN)
     return r, g, b
+
+
+@njit(cache=True, nogil=True)
+def _histograms(x: Array, error: Array) -> Array:
+    counts = np.zeros((3, BINS))
+    for n in range(len(x)):
+        for axis in range(3):
+            counts[axis, min(max(int(x[n, axis] * BINS), 0), BINS - 1)] += error[n]
+    return counts
+
+
+def _gaussian(deviation: float, radius: int) -> Array:
+    """A Gaussian of that standard deviation, cut off at `radius`, (2 radius + 1,), of sum 1."""
+    weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / deviation) ** 2)
+    return np.asarray(weights / weights.sum())
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _smoothed(padded: Array, kernel: Array) -> Array:
+    """Rows (m, n + len(kernel) − 1) under a symmetric kernel, (m, n)."""
+    count = padded.shape[1] - len(kernel) + 1
+    result = np.zeros((len(padded), count))
+    for row in range(len(padded)):
+        to = result[row]
+        for k in range(len(kernel)):
+            weight, source = kernel[k], padded[row, k : k + count]
+            for bin in range(count):
+                to[bin] += weight * source[bin]
+    return result
 
 
 def equidistribute(density: Array, size: int) -> Array:
@@ -55,6 +82,8 @@ DENSITY_SMOOTHING = 5.0
 """Standard deviation in bins of the Gaussian that smooths the density of levels."""
 BACKGROUND = 0.01
 """Share of the error that counts as even noise."""
+MIDDLES = (np.arange(BINS) + 0.5) / BINS
+GAUSSIAN, DENSITY_GAUSSIAN = _gaussian(SMOOTHING, RADIUS), _gaussian(DENSITY_SMOOTHING, 20)
 
 
 def equidistributed_levels(x: Array, error: Array, levels: Levels) -> Levels:
@@ -63,14 +92,14 @@ def equidistributed_levels(x: Array, error: Array, levels: Levels) -> Levels:
     Per axis the error histogram e(t) ≈ ρ κ² h⁴ gives ρ κ² = e / h⁴ with the present spacing h, and so the spacing that
     balances it. A few rounds converge; (5.6 – 5.9) is one such round with exponent 1, tempered by α.
     """
-    middle = (np.arange(BINS) + 0.5) / BINS
-    result = []
+    densities = []
     for histogram, axis in zip(error_histogram(x, error), levels, strict=True):
-        spacing = np.diff(axis)[np.searchsorted(axis[1:-1], middle, side="right")] * (len(axis) - 1)
-        density = ((histogram + BACKGROUND / BINS) / spacing**4) ** EXPONENT
-        density = gaussian_filter1d(density, DENSITY_SMOOTHING, mode="nearest")
-        result.append(equidistribute((1 - FLOOR) * density / density.sum() + FLOOR / BINS, len(axis)))
-    r, g, b = result
+        spacing = np.diff(axis)[np.searchsorted(axis[1:-1], MIDDLES, side="right")] * (len(axis) - 1)
+        densities.append(((histogram + BACKGROUND / BINS) / np.square(np.square(spacing))) ** EXPONENT)
+    radius = len(DENSITY_GAUSSIAN) // 2
+    smooth = _smoothed(np.pad(densities, ((0, 0), (radius, radius)), mode="edge"), DENSITY_GAUSSIAN)
+    smooth = (1 - FLOOR) * smooth / smooth.sum(axis=1, keepdims=True) + FLOOR / BINS
+    r, g, b = (equidistribute(density, len(axis)) for density, axis in zip(smooth, levels, strict=True))
     return (r, g, b)
 
 

@@ -7,11 +7,14 @@ wherever a node lies (couplings beyond an edge are 0), and each coupling is one 
 compiler vectorises. A run's sums do not depend on how planes are dealt out to threads.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Real = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
 FAR = 2
@@ -49,10 +52,11 @@ def planar(values: Array) -> Array:
     return lattices.reshape(3, -1)
 
 
-def from_planar(lattices: Array, size: tuple[int, int, int]) -> Array:
+def from_planar(lattices: Real, size: tuple[int, int, int]) -> Array:
     """The node values (N_r, N_g, N_b, 3) again."""
     r, g, b = size
-    return np.ascontiguousarray(np.moveaxis(lattices.reshape(3, r + 2 * FAR, g, b)[:, FAR:-FAR], 0, 3))
+    values = np.moveaxis(lattices.reshape(3, r + 2 * FAR, g, b)[:, FAR:-FAR], 0, 3)
+    return np.ascontiguousarray(values, dtype=np.float64)
 
 
 @njit(cache=True, nogil=True)
@@ -104,13 +108,13 @@ def couple(
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def add_product(
-    sign: float,
-    couplings: Array,
-    diagonal: Array,
+    sign: float | np.float32,
+    couplings: Real,
+    diagonal: Real,
     far: Index,
     plane: int,
-    b: Array,
-    out: Array,
+    b: Real,
+    out: Real,
     first: int,
     last: int,
 ) -> None:
@@ -145,7 +149,7 @@ def add_product(
 
 
 @njit(cache=True, nogil=True)
-def damp(couplings: Array, diagonal: Array, far: Index, plane: int, damping: Array) -> None:
+def damp(couplings: Real, diagonal: Real, far: Index, plane: int, damping: Real) -> None:
     """damping = 1 / Σ |row of A| (3, nodes): with it as a preconditioner no eigenvalue is above 1 (Gershgorin)."""
     nodes = diagonal.shape[1]
     margin = FAR * plane

@@ -2,6 +2,8 @@
 the operators that they make of fine ones, P'AP (Galerkin). The trilinear functions nest.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -10,6 +12,7 @@ from lutforge.regression.smoothness import second_difference
 from lutforge.regression.stencil import FAR
 
 Array = NDArray[np.float64]
+Real = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
 COARSEST = 3
@@ -23,28 +26,28 @@ def coarse_count(count: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def interpolation(levels: Array, coarse: Array, cell: Index, fraction: Array) -> None:
-    """Fill the coarse levels, and per fine node the coarse cell and the fraction in it."""
+def interpolation(levels: Array, coarse: Array, cell: Index, share: Array) -> None:
+    """Fill the coarse levels, and per fine node the coarse cell, (N,), and the shares of its two ends, (2, N)."""
     count, kept = len(levels), len(coarse)
     for node in range(kept):
         coarse[node] = levels[node if kept == count else min(2 * node, count - 1)]
     for node in range(count):
         at = min(node if kept == count else node // 2, kept - 2)
         cell[node] = at
-        fraction[node] = (levels[node] - coarse[at]) / (coarse[at + 1] - coarse[at])
+        share[1, node] = (levels[node] - coarse[at]) / (coarse[at + 1] - coarse[at])
+        share[0, node] = 1.0 - share[1, node]
 
 
 @njit(cache=True, nogil=True)
-def _projected(matrix: Array, cell: Index, fraction: Array, kept: int) -> Array:
+def _projected(matrix: Array, cell: Index, share: Array, kept: int) -> Array:
     """P'MP of a banded matrix (N, N) of one axis."""
     count = len(matrix)
     coarse = np.zeros((kept, kept))
     for row in range(count):
         for column in range(max(0, row - 2), min(count, row + 3)):
             for p in range(2):
-                wp = fraction[row] if p else 1.0 - fraction[row]
                 for q in range(2):
-                    w = wp * (fraction[column] if q else 1.0 - fraction[column])
+                    w = share[p, row] * share[q, column]
                     if w != 0.0:
                         coarse[cell[row] + p, cell[column] + q] += w * matrix[row, column]
     return coarse
@@ -52,12 +55,12 @@ def _projected(matrix: Array, cell: Index, fraction: Array, kept: int) -> Array:
 
 @njit(cache=True, nogil=True)
 def coarsen_axis(
-    levels: Array, depth: int, cells: Index, fractions: Array, bends: Array, slopes: Array, masses: Array
+    levels: Array, depth: int, cells: Index, shares: Array, bends: Array, slopes: Array, masses: Array
 ) -> None:
     """Fill, for each of `depth` ever coarser versions of an axis, what it interpolates with and its penalties.
 
-    cells, fractions: (depth − 1, N); bends, slopes: (depth, N, 3) and masses: (depth, N), as `stencil.couple` takes
-    them.
+    cells: (depth − 1, N); shares: (depth − 1, 2, N); bends, slopes: (depth, N, 3) and masses: (depth, N), as
+    `stencil.couple` takes them.
     """
     count = len(levels)
     rows = second_difference(levels)
@@ -78,19 +81,19 @@ def coarsen_axis(
         if level == depth - 1:
             break
         kept = coarse_count(count)
-        coarse, cell, fraction = np.empty(kept), cells[level, :count], fractions[level, :count]
-        interpolation(levels, coarse, cell, fraction)
-        bend, slope = _projected(bend, cell, fraction, kept), _projected(slope, cell, fraction, kept)
+        coarse, cell, share = np.empty(kept), cells[level, :count], shares[level, :, :count]
+        interpolation(levels, coarse, cell, share)
+        bend, slope = _projected(bend, cell, share, kept), _projected(slope, cell, share, kept)
         # What is diagonal stays so: the row sums of P'MP, which are at least as stiff as P'MP itself.
         lumped = np.zeros(kept)
         for node in range(count):
-            lumped[cell[node]] += (1.0 - fraction[node]) * mass[node]
-            lumped[cell[node] + 1] += fraction[node] * mass[node]
+            lumped[cell[node]] += share[0, node] * mass[node]
+            lumped[cell[node] + 1] += share[1, node] * mass[node]
         levels, mass, count = coarse, lumped, kept
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _galerkin(fine: Array, cell: Index, fraction: Array, coarse: Array, first: int, least: int) -> None:
+def _galerkin(fine: Array, cell: Index, share: Array, coarse: Array, first: int, least: int) -> None:
     """Add P'AP of one axis: fine (a, 3, b, N, c) and coarse (a, 3, b, N_coarse, c), the offset along it second; only of
     `first` ≤ a and the coarse offsets from `least` on."""
     count, long = fine.shape[3], fine.shape[4] > 1
@@ -99,10 +102,9 @@ def _galerkin(fine: Array, cell: Index, fraction: Array, coarse: Array, first: i
             for i in range(max(0, 1 - d), min(count, count + 1 - d)):
                 other = i + d - 1
                 for p in range(2):
-                    wp = fraction[i] if p else 1.0 - fraction[i]
                     row = cell[i] + p
                     for q in range(2):
-                        w = wp * (fraction[other] if q else 1.0 - fraction[other])
+                        w = share[p, i] * share[q, other]
                         offset = cell[other] + q - row + 1
                         if w == 0.0 or offset < least:
                             continue
@@ -118,10 +120,10 @@ def _galerkin(fine: Array, cell: Index, fraction: Array, coarse: Array, first: i
 
 
 @njit(cache=True, nogil=True)
-def coarse_stencil(half: Array, cells: Index, fractions: Array, kr: int, kg: int, kb: int) -> Array:
+def coarse_stencil(half: Array, cells: Index, shares: Array, kr: int, kg: int, kb: int) -> Array:
     """P'AP of a 27-point stencil A, (14, N_r, N_g, N_b), one axis after the other; one of (14, kr, kg, kb) again.
 
-    cells, fractions: (3, N or more) of each axis.
+    cells, shares: (3, N or more) and (3, 2, N or more) of the axes.
     """
     nr, ng, nb = half.shape[1:]
     full = np.zeros((27, nr, ng, nb))
@@ -132,72 +134,73 @@ def coarse_stencil(half: Array, cells: Index, fractions: Array, kr: int, kg: int
         ahead, behind = half[t].reshape(-1), full[13 - t].reshape(-1)
         behind[step:] = ahead[: len(ahead) - step]
     one = np.zeros((1, 3, 9, kr, ng * nb))
-    _galerkin(full.reshape((1, 3, 9, nr, ng * nb)), cells[0], fractions[0], one, 0, 1)
+    _galerkin(full.reshape((1, 3, 9, nr, ng * nb)), cells[0], shares[0], one, 0, 1)
     two = np.zeros((3, 3, 3 * kr, kg, nb))
-    _galerkin(one.reshape((3, 3, 3 * kr, ng, nb)), cells[1], fractions[1], two, 1, 0)
+    _galerkin(one.reshape((3, 3, 3 * kr, ng, nb)), cells[1], shares[1], two, 1, 0)
     three = np.zeros((9, 3, kr * kg, kb, 1))
-    _galerkin(two.reshape((9, 3, kr * kg, nb, 1)), cells[2], fractions[2], three, 4, 0)
+    _galerkin(two.reshape((9, 3, kr * kg, nb, 1)), cells[2], shares[2], three, 4, 0)
     return three.reshape((27, kr, kg, kb))[13:].copy()
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def restrict(fine: Array, cells: Index, fractions: Array, coarse: Array, first: int, last: int) -> None:
+def restrict(fine: Real, cells: Index, shares: Real, coarse: Real, first: int, last: int) -> None:
     """coarse = P' fine of the outputs first … last − 1, one axis after the other.
 
     fine, coarse: (3, N_r + 2 FAR, N_g, N_b), planes of zeros on both sides.
     """
     nr, ng, nb = fine.shape[1:]
     kr, kg = coarse.shape[1:3]
-    planes, lines = np.empty((kr - 2 * FAR, ng * nb)), np.empty((kr - 2 * FAR, kg, nb))
+    planes = np.empty((kr - 2 * FAR, ng * nb), dtype=fine.dtype)
+    lines = np.empty((kr - 2 * FAR, kg, nb), dtype=fine.dtype)
     for c in range(first, last):
-        planes[:] = 0.0
+        planes[:] = 0
         for i in range(nr - 2 * FAR):
             source = fine[c, FAR + i].reshape(-1)
             for r in range(2):
-                w = fractions[0, i] if r else 1.0 - fractions[0, i]
-                if w != 0.0:
+                w = shares[0, r, i]
+                if w != 0:
                     to = planes[cells[0, i] + r]
                     for p in range(len(source)):
                         to[p] += w * source[p]
-        lines[:] = 0.0
+        lines[:] = 0
         for i in range(kr - 2 * FAR):
             for j in range(ng):
                 line = planes[i, j * nb : (j + 1) * nb]
                 for g in range(2):
-                    w = fractions[1, j] if g else 1.0 - fractions[1, j]
-                    if w != 0.0:
+                    w = shares[1, g, j]
+                    if w != 0:
                         to = lines[i, cells[1, j] + g]
                         for k in range(nb):
                             to[k] += w * line[k]
             for j in range(kg):
                 line, to = lines[i, j], coarse[c, FAR + i, j]
-                to[:] = 0.0
+                to[:] = 0
                 for k in range(nb):
-                    at, w = cells[2, k], fractions[2, k]
-                    to[at] += (1.0 - w) * line[k]
-                    to[at + 1] += w * line[k]
+                    at = cells[2, k]
+                    to[at] += shares[2, 0, k] * line[k]
+                    to[at + 1] += shares[2, 1, k] * line[k]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def prolong_add(coarse: Array, cells: Index, fractions: Array, fine: Array, first: int, last: int) -> None:
+def prolong_add(coarse: Real, cells: Index, shares: Real, fine: Real, first: int, last: int) -> None:
     """fine += P coarse of the same."""
     nr, ng, nb = fine.shape[1:]
     kr, kg = coarse.shape[1:3]
-    lines, planes = np.empty((kg, nb)), np.empty((kr - 2 * FAR, ng * nb))
+    lines, planes = np.empty((kg, nb), dtype=fine.dtype), np.empty((kr - 2 * FAR, ng * nb), dtype=fine.dtype)
     for c in range(first, last):
         for i in range(kr - 2 * FAR):
             for j in range(kg):
                 line = coarse[c, FAR + i, j]
                 for k in range(nb):
-                    at, w = cells[2, k], fractions[2, k]
-                    lines[j, k] = (1.0 - w) * line[at] + w * line[at + 1]
+                    at = cells[2, k]
+                    lines[j, k] = shares[2, 0, k] * line[at] + shares[2, 1, k] * line[at + 1]
             for j in range(ng):
-                at, w = cells[1, j], fractions[1, j]
+                at, near, far = cells[1, j], shares[1, 0, j], shares[1, 1, j]
                 before, after, to = lines[at], lines[at + 1], planes[i, j * nb : (j + 1) * nb]
                 for k in range(nb):
-                    to[k] = (1.0 - w) * before[k] + w * after[k]
+                    to[k] = near * before[k] + far * after[k]
         for i in range(nr - 2 * FAR):
-            at, w = cells[0, i], fractions[0, i]
+            at, near, far = cells[0, i], shares[0, 0, i], shares[0, 1, i]
             before, after, to = planes[at], planes[at + 1], fine[c, FAR + i].reshape(-1)
             for p in range(len(to)):
-                to[p] += (1.0 - w) * before[p] + w * after[p]
+                to[p] += near * before[p] + far * after[p]

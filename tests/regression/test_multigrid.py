@@ -62,7 +62,7 @@ def test_cycle_is_symmetric_and_positive_and_no_eigenvalue_is_above_two(size: tu
             unit = np.zeros((count, 3))
             unit[column, c] = 1.0
             inverse[:, column] = cycle(multigrid, unit.reshape(*size, 3))[..., c].ravel()
-        np.testing.assert_allclose(inverse, inverse.T, atol=1e-9 * np.abs(inverse).max())
+        np.testing.assert_allclose(inverse, inverse.T, atol=1e-6 * np.abs(inverse).max())  # float32
         values = np.linalg.eigvals(inverse @ matrices[c]).real
         assert values.min() > 0.2 and values.max() < 1.2
 

@@ -24,45 +24,45 @@ SIZE, COARSE = (9, 6, 3), (5, 4, 3)
 
 
 def matrix(levels: Array) -> tuple[Array, Array, NDArray[np.int64], Array]:
-    """The coarse levels, P (N, N_coarse), and what it is made of: cells and fractions."""
+    """The coarse levels, P (N, N_coarse), and what it is made of: cells and shares."""
     coarse = np.empty(coarse_count(len(levels)))
-    cell, fraction = np.empty(len(levels), dtype=np.int64), np.empty(len(levels))
-    interpolation(levels, coarse, cell, fraction)
+    cell, share = np.empty(len(levels), dtype=np.int64), np.empty((2, len(levels)))
+    interpolation(levels, coarse, cell, share)
     dense = np.zeros((len(levels), len(coarse)))
     rows = np.arange(len(levels))
-    dense[rows, cell] += 1 - fraction
-    dense[rows, cell + 1] += fraction
-    return coarse, dense, cell, fraction
+    dense[rows, cell] += share[0]
+    dense[rows, cell + 1] += share[1]
+    return coarse, dense, cell, share
 
 
 def transfer(levels: Levels) -> tuple[Array, NDArray[np.int64], Array]:
-    """P of a whole lattice (nodes, coarse nodes), cells and fractions."""
+    """P of a whole lattice (nodes, coarse nodes), cells and shares."""
     r, g, b = (matrix(axis) for axis in levels)
-    cells, fractions = np.zeros((3, 9), dtype=np.int64), np.zeros((3, 9))
+    cells, shares = np.zeros((3, 9), dtype=np.int64), np.zeros((3, 2, 9))
     for axis, part in enumerate((r, g, b)):
-        cells[axis, : len(part[2])], fractions[axis, : len(part[3])] = part[2], part[3]
-    return np.kron(np.kron(r[1], g[1]), b[1]), cells, fractions
+        cells[axis, : len(part[2])], shares[axis, :, : len(part[2])] = part[2], part[3]
+    return np.kron(np.kron(r[1], g[1]), b[1]), cells, shares
 
 
 @pytest.mark.parametrize("count", [2, COARSEST, 6, 7, 33, 64])
 def test_coarse_levels_are_levels_and_interpolate_linear_functions(count: int) -> None:
     levels = np.sort(np.random.default_rng(6).random(count))
-    coarse, dense, _, fraction = matrix(levels)
+    coarse, dense, _, share = matrix(levels)
     assert set(coarse) <= set(levels) and coarse[0] == levels[0] and coarse[-1] == levels[-1]
     assert len(coarse) == (count if count <= COARSEST else count // 2 + 1)
-    assert fraction.min() >= 0.0 and fraction.max() <= 1.0
+    assert share.min() >= 0.0 and share.max() <= 1.0
     np.testing.assert_allclose(dense @ (2 * coarse + 1), 2 * levels + 1, atol=1e-12)
 
 
 def test_there_and_back_are_transposed() -> None:
     rng = np.random.default_rng(0)
-    dense, cells, fractions = transfer(random_levels(rng, SIZE))
+    dense, cells, shares = transfer(random_levels(rng, SIZE))
     fine, coarse = rng.normal(size=(*SIZE, 3)), rng.normal(size=(*COARSE, 3))
     padded, to = planar(fine).reshape(3, 13, 6, 3), planar(coarse).reshape(3, 9, 4, 3)
-    prolong_add(to, cells, fractions, padded, 0, 3)
+    prolong_add(to, cells, shares, padded, 0, 3)
     wanted = fine.reshape(-1, 3) + dense @ coarse.reshape(-1, 3)
     np.testing.assert_allclose(from_planar(padded, SIZE).reshape(-1, 3), wanted, atol=1e-12)
-    restrict(planar(fine).reshape(3, 13, 6, 3), cells, fractions, to, 0, 3)
+    restrict(planar(fine).reshape(3, 13, 6, 3), cells, shares, to, 0, 3)
     np.testing.assert_allclose(from_planar(to, COARSE).reshape(-1, 3), dense.T @ fine.reshape(-1, 3), atol=1e-12)
 
 
@@ -71,8 +71,8 @@ def test_coarse_data_terms_are_the_projected_fine_ones() -> None:
     rng = np.random.default_rng(1)
     levels = random_levels(rng, SIZE)
     x = rng.random((300, 3))
-    dense, cells, fractions = transfer(levels)
-    half = coarse_stencil(normal_equations(x, x, levels, "trilinear").stencil, cells, fractions, *COARSE)
+    dense, cells, shares = transfer(levels)
+    half = coarse_stencil(normal_equations(x, x, levels, "trilinear").stencil, cells, shares, *COARSE)
     weights = interpolation_weights(x, levels, "trilinear") @ dense
     found = np.zeros((60, 60))
     for node, (i, j, k) in enumerate(np.ndindex(COARSE)):
@@ -88,9 +88,9 @@ def test_coarse_data_terms_are_the_projected_fine_ones() -> None:
 def test_penalties_of_a_coarse_axis_are_the_projected_fine_ones() -> None:
     levels = random_levels(np.random.default_rng(2), (9, 2, 2))[0]
     _, dense, *_ = matrix(levels)
-    cells, fractions = np.zeros((2, 9), dtype=np.int64), np.zeros((2, 9))
+    cells, shares = np.zeros((2, 9), dtype=np.int64), np.zeros((2, 2, 9))
     bends, slopes, masses = np.zeros((3, 9, 3)), np.zeros((3, 9, 3)), np.zeros((3, 9))
-    coarsen_axis(levels, 3, cells, fractions, bends, slopes, masses)
+    coarsen_axis(levels, 3, cells, shares, bends, slopes, masses)
     rows, first = second_difference(levels) @ dense, np.diff(np.eye(9), axis=0) @ dense
     bend, slope = rows.T @ rows, first.T @ first
     for offset in range(3):
