@@ -15,6 +15,7 @@ from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matr
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import output_curve
 from lutforge.calibration.physical import GamutMaps, fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.plain_lattice import fit_plain
 from lutforge.calibration.reference_camera import calibrate_by_reference
 from lutforge.calibration.white_balance import complete_multipliers, named_white_balances
 from lutforge.errors import CalibrationError
@@ -242,7 +243,7 @@ def fit_direction(
     """One lattice of a style: inverse is linearize, else render, with a response behind where the options have it."""
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     guess = continuation(base, x, y, inverse=inverse)
-    curve = output_curve(base.response) if options.response and not inverse else None
+    curve = None if inverse else output_curve(base.response)
     return fit_samples(
         x, y, data.shot, guess, options, clips=not inverse, curve=curve, smoothness=smoothness, tolerance=tolerance
     )
@@ -252,9 +253,8 @@ def _render_with_plain(data: StyleData, fit: StyleFit, options: CalibrationOptio
     """The lattice that renders; where it has a response, with its form for files that can hold none."""
     if fit.render.lattice.response is None:
         return fit.render.lattice
-    smoothness = fit.render.smoothness  # of the same samples, whose noise it weighs
-    plain = fit_direction(data, replace(options, response=False), fit.base, inverse=False, smoothness=smoothness)
-    return replace(fit.render.lattice, plain=plain.lattice)
+    curved, smoothness = fit.render.lattice, fit.render.smoothness
+    return replace(curved, plain=fit_plain(data.balanced, data.encoded, curved, options, smoothness).lattice)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from lutforge.calibration.lattice_result import LatticeResult, result, snapped
 from lutforge.calibration.lattice_thesis import fit_thesis
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import OutputCurve
+from lutforge.calibration.plain_lattice import fit_plain
 from lutforge.interpolation import Levels, interpolate
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.regression.blas import one_blas_thread
@@ -56,7 +57,8 @@ def fit_samples(
     """Fit x (n, 3) → y (n, 3), both in [0, 1]; groups (n,): the shot of each sample.
 
     clips: the camera clips in this direction (render), so values that the guess clips are held there, and the thesis's
-    boundary term applies. curve: what comes behind the cube, in the output's encoding; errors count after it.
+    boundary term applies. curve: what comes behind the cube, in the output's encoding; errors count after it. With
+    options.response off, the result is the plain form of that fit.
     smoothness: λ_S where it is known already; else it is cross-validated over the groups.
     tolerance: relative residual of the last solve.
     """
@@ -83,7 +85,10 @@ def fit_samples(
     levels = snapped(levels, options)
     start = interpolate(grid(levels), fit.levels, fit.values)
     final = problem.at(levels).rising_fit(robust, start, tolerance)
-    return result(problem.lattice(final), x, y, problem.smoothness)
+    lattice = problem.lattice(final)
+    if curve is not None and not options.response:
+        return fit_plain(x, y, lattice, options, problem.smoothness)
+    return result(lattice, x, y, problem.smoothness)
 
 
 def _subset(count: int) -> NDArray[np.intp]:

@@ -43,9 +43,6 @@ OUTLIER_SCALE = 10.0
 LEAST_OUTLIER = 12.0 / 255.0
 SLOPES = 511
 """Entries of the table of the curve's slopes, which are taken over two codes of 255."""
-BOUND_ROUNDS = 4
-BOUND_COST = 0.25 / 255.0
-"""Nodes keep to [0, 1] where that costs no more than this of the mean error: a quarter of a code."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +179,7 @@ class PlacedProblem:
         return self.solve(equations, self.prior, self.problem.smoothness, start, tolerance)
 
     def rising_fit(self, weight: Array, start: Array, tolerance: float) -> LatticeFit:
-        """The fit, again with the isotonic regression of its own grey axis while that falls anywhere, and in bounds."""
+        """The fit, again with the isotonic regression of its own grey axis while that falls anywhere."""
         problem = self.problem
         values, grey_weight = problem.grey.copy(), GREY_WEIGHTS.copy()
         samples = self.equations(weight)
@@ -196,28 +193,7 @@ class PlacedProblem:
             falls = np.any(np.abs(rising - axis) > 0.1 * LEAST_FALL, axis=1)
             values[falls], grey_weight[falls] = rising[falls], RISING_WEIGHT
             start, tolerance = fit.values, max(tolerance, RISING_TOLERANCE)
-        return self._bounded(fit, equations) if problem.clips and problem.curve is None else fit
-
-    def _bounded(self, fit: LatticeFit, equations: NormalEquations) -> LatticeFit:
-        """The fit with all nodes in [0, 1], where that costs next to nothing: those beyond are held at their bound, and
-        the others solved for again, until none is left."""
-        held = np.zeros(fit.values.shape, dtype=np.bool_)
-        bound = np.zeros_like(fit.values)
-        firm = HOLD * (1.0 + equations.stencil[0, ..., None])
-        bounded = fit
-        for _ in range(BOUND_ROUNDS):
-            beyond = ((bounded.values < -LEAST_FALL) | (bounded.values > 1.0 + LEAST_FALL)) & ~held
-            if not beyond.any():
-                break
-            bound[beyond] = np.clip(bounded.values[beyond], 0.0, 1.0)
-            held |= beyond
-            right = equations.right + np.where(held, firm * (bound - self.prior.values), 0.0)
-            holding = Prior(self.prior.values, np.where(held, firm, self.prior.hold))
-            reduced = NormalEquations(equations.stencil, right)
-            bounded = self.solve(reduced, holding, self.problem.smoothness, bounded.values, RISING_TOLERANCE)
-        bounded = replace(bounded, values=np.clip(bounded.values, 0.0, 1.0))
-        free, kept = (float(np.mean(np.sqrt(self.squared_error(one)))) for one in (fit, bounded))
-        return bounded if kept <= free + BOUND_COST else fit
+        return fit
 
     def squared_error(self, fit: LatticeFit) -> Array:
         """(n,) of the output, behind the curve, of a fit at these levels."""

@@ -73,7 +73,7 @@ def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: i
     return (r, g, b)
 
 
-EXPONENT = 1 / 5
+SMOOTH = 4
 """An interval of width h with curvature κ and sample density ρ carries a squared error of ρ κ² h⁴ per unit length; at a
 fixed number of intervals the total is least where 1/h ∝ (ρ κ²)^(1/5) (de Boor 1973, for weighted L2)."""
 FLOOR = 0.1
@@ -86,16 +86,17 @@ MIDDLES = (np.arange(BINS) + 0.5) / BINS
 GAUSSIAN, DENSITY_GAUSSIAN = _gaussian(SMOOTHING, RADIUS), _gaussian(DENSITY_SMOOTHING, 20)
 
 
-def equidistributed_levels(x: Array, error: Array, levels: Levels) -> Levels:
+def equidistributed_levels(x: Array, error: Array, levels: Levels, order: int = SMOOTH) -> Levels:
     """Better node levels of the same number, from the squared errors (n,) of a lattice at `levels` over x (n, 3).
 
     Per axis the error histogram e(t) ≈ ρ κ² h⁴ gives ρ κ² = e / h⁴ with the present spacing h, and so the spacing that
     balances it. A few rounds converge; (5.6 – 5.9) is one such round with exponent 1, tempered by α.
+    order: the power of h that the error grows with, less where the function has kinks.
     """
     densities = []
     for histogram, axis in zip(error_histogram(x, error), levels, strict=True):
         spacing = np.diff(axis)[np.searchsorted(axis[1:-1], MIDDLES, side="right")] * (len(axis) - 1)
-        densities.append(((histogram + BACKGROUND / BINS) / np.square(np.square(spacing))) ** EXPONENT)
+        densities.append(((histogram + BACKGROUND / BINS) / np.square(spacing) ** (order / 2)) ** (1 / (order + 1)))
     radius = len(DENSITY_GAUSSIAN) // 2
     smooth = _smoothed(np.pad(densities, ((0, 0), (radius, radius)), mode="edge"), DENSITY_GAUSSIAN)
     smooth = (1 - FLOOR) * smooth / smooth.sum(axis=1, keepdims=True) + FLOOR / BINS

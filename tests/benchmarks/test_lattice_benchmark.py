@@ -55,7 +55,7 @@ def lattice(folder: Path, options: CalibrationOptions) -> Fit:
     def fit(x: Array, y: Array) -> Predictor:
         shots = np.array([f"shot {row % 10}" for row in range(len(x))])
         base = fit_matrix_and_response(x, y)
-        curve = output_curve(base.response) if options.response else None
+        curve = output_curve(base.response)
         guess = continuation(base, x, y, inverse=False)
         fitted = fit_samples(x, y, shots, guess, options, clips=True, curve=curve).lattice
 

@@ -38,8 +38,9 @@ def fit(
     groups = np.array([f"shot {row % shots}" for row in range(len(x))])
     base = fit_matrix_and_response(y, x) if inverse else fit_matrix_and_response(x, y)
     guess = continuation(base, x, y, inverse=inverse)
-    curve = output_curve(base.response) if response and not inverse else None
-    return fit_samples(x, y, groups, guess, CalibrationOptions(size=size), clips=not inverse, curve=curve)
+    curve = None if inverse else output_curve(base.response)
+    options = CalibrationOptions(size=size, response=response)
+    return fit_samples(x, y, groups, guess, options, clips=not inverse, curve=curve)
 
 
 @pytest.mark.parametrize("response", [True, False])
@@ -80,7 +81,7 @@ def test_plain_nodes_leave_their_bounds_only_where_these_cost_accuracy() -> None
     """A small lattice that renders clipping needs nodes beyond; a large one does not, at the same error."""
     x, y = colours_in_gamut(3000, 10)
     unseen, wanted = colours_in_gamut(3000, 11)
-    for size, inside in ((9, False), (33, True)):
+    for size, inside in ((5, False), (33, True)):
         lattice = fit(x, y, size, response=False).lattice
         assert bool(np.all((lattice.values >= 0.0) & (lattice.values <= 1.0))) is inside
         clamped = Lattice(lattice.levels, np.clip(lattice.values, 0.0, 1.0))

@@ -45,7 +45,7 @@ def fit(x: Array, y: Array, options: CalibrationOptions) -> LatticeResult:
     shots = np.array([f"shot {row % 10}" for row in range(len(x))])
     base = fit_matrix_and_response(x, y)
     guess = continuation(base, x, y, inverse=False)
-    curve = output_curve(base.response) if options.response else None
+    curve = output_curve(base.response)
     return fit_samples(x, y, shots, guess, options, clips=True, curve=curve)
 
 
@@ -81,21 +81,31 @@ def rbf_maxima(published: PublishedModel) -> dict[int, float]:
     return maxima
 
 
+def middle_error(
+    published: PublishedModel, rbf_maxima: dict[int, float], options: CalibrationOptions
+) -> tuple[float, float]:
+    """The mean error, and the maximum over that of radial basis functions on the same split: medians over the seeds."""
+    rows = []
+    for seed in SEEDS:
+        error = errors(published, options, seed)
+        rows.append((error.mean(), error.max() / rbf_maxima[seed]))
+    middle, ratio = np.median(rows, axis=0)
+    return float(middle), float(ratio)
+
+
 @pytest.mark.parametrize(("size", "mean"), [(9, 0.0056), (17, 0.0034), (24, 0.0032), (33, 0.0031)])
 def test_with_a_curve_behind(published: PublishedModel, rbf_maxima: dict[int, float], size: int, mean: float) -> None:
     """The worst errors are no larger than those of radial basis functions, which take as many terms as samples."""
-    rows = []
-    for seed in SEEDS:
-        error = errors(published, CalibrationOptions(size=size), seed)
-        rows.append((error.mean(), error.max() / rbf_maxima[seed]))
-    middle, ratio = np.median(rows, axis=0)
+    middle, ratio = middle_error(published, rbf_maxima, CalibrationOptions(size=size))
     assert middle <= mean
     assert ratio <= 1.2
 
 
-@pytest.mark.parametrize(("size", "mean"), [(17, 0.0050), (24, 0.0040), (33, 0.0036)])
-def test_plain(published: PublishedModel, size: int, mean: float) -> None:
-    assert median_of_means(published, CalibrationOptions(size=size, response=False)) <= mean
+@pytest.mark.parametrize(("size", "mean"), [(17, 0.0043), (24, 0.0037), (33, 0.0031)])
+def test_plain(published: PublishedModel, rbf_maxima: dict[int, float], size: int, mean: float) -> None:
+    middle, ratio = middle_error(published, rbf_maxima, CalibrationOptions(size=size, response=False))
+    assert middle <= mean
+    assert ratio <= 1.2
 
 
 def test_plain_nodes_are_colours(published: PublishedModel) -> None:

@@ -1,0 +1,144 @@
+"""The plain form of a lattice that renders: the same function without a curve behind it, for files that hold none.
+
+Codes rise steeply behind a clip on oblique planes, which a lattice along the axes cannot follow between its nodes; and
+samples are sparser than its cells. But the lattice with a curve is known everywhere. So the plain one is fitted to the
+samples and, around and between them, to that lattice, with node levels that share the error there out evenly.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lutforge.calibration.lattice_problem import SEARCH_SIZE, SEARCH_TOLERANCE, LatticeProblem, PlacedProblem
+from lutforge.calibration.lattice_result import LatticeResult, result, snapped
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.interpolation import Levels
+from lutforge.model.lattice import Lattice
+from lutforge.regression.bounded import solve_bounded
+from lutforge.regression.lattice_regression import LatticeFit, Prior
+from lutforge.regression.node_levels import equidistributed_levels, resized_levels
+from lutforge.regression.normal_equations import InterpolationMatrix, NormalEquations
+
+Array = NDArray[np.float64]
+Bounds = tuple[float, float]
+
+POINTS = 20_000
+COUNTS, MOST_COUNTED = 0.2, 2.0
+"""What a point of the lattice with a curve counts beside a sample: many samples speak for themselves. And how much all
+of them count at most beside all samples."""
+NEIGHBOURS = 4
+SPREAD = 0.5
+"""Standard deviation of the points around a sample, in distances to its NEIGHBOURS-th neighbour."""
+MOST_CENTRES = 5_000
+SEARCH_SAMPLES = 50_000
+LARGEST_SEARCH = 33
+"""Nodes per axis up to which levels are searched at the size itself."""
+ROUNDS = 5
+SEARCH_SWEEPS, SWEEPS = 10, 20
+KINKED = 2
+"""The squared error of a cell of width h that a clip crosses grows like h^KINKED."""
+POWER = 1.0
+"""With which weights follow errors: an Lp norm of p = 2 + POWER, between the mean error and the largest."""
+REWEIGHTED = 2
+LEAST_FOLLOWED, MOST_FOLLOWED = 0.1, 20.0
+"""Bounds of the errors that they follow, in units of their mean."""
+COLOURS, FREE = (0.0, 1.0), (-0.25, 1.25)
+"""Bounds of nodes that are colours, and of those with which a small lattice shows a clip between its nodes."""
+BOUND_COST = 0.25 / 255.0
+"""Nodes are colours where that costs no more than this of the mean error: a quarter of a code."""
+
+
+def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, smoothness: float) -> LatticeResult:
+    """The plain form of `curved`, a lattice with a curve that renders samples x → y (n, 3), with its λ_S."""
+    problem = _problem(x, y, curved, options, smoothness)
+    search = problem
+    if len(x) > SEARCH_SAMPLES:
+        rows = np.random.default_rng(0).permutation(len(x))[:SEARCH_SAMPLES]
+        search = _problem(x[rows], y[rows], curved, options, smoothness)
+    levels = resized_levels(curved.levels, min(options.size, LARGEST_SEARCH))
+    free, colours = (BoundedProblem.at(search, levels, bounds, SEARCH_SWEEPS) for bounds in (FREE, COLOURS))
+    costs = float(colours.error(colours.search_fit()).mean()) - float(free.error(free.search_fit()).mean())
+    placed = colours if costs <= BOUND_COST else free
+    start, levels = placed.search_fit(), curved.levels
+    if options.nonuniform:
+        start = placed.with_even_error()
+        levels = snapped(resized_levels(start.levels, options.size), options)
+    fit = BoundedProblem.at(problem, levels, placed.bounds, SWEEPS).followed(start)
+    return result(problem.lattice(fit), x, y, smoothness)
+
+
+@dataclass(frozen=True, eq=False)
+class BoundedProblem(PlacedProblem):
+    """The problem of samples and points of the lattice with a curve, with bounds of node values."""
+
+    bounds: Bounds
+    sweeps: int
+
+    @classmethod
+    def at(cls, problem: LatticeProblem, levels: Levels, bounds: Bounds, sweeps: int) -> "BoundedProblem":
+        matrix = InterpolationMatrix(problem.x, levels, problem.options.interpolation)
+        return cls(problem, levels, matrix, bounds, sweeps)
+
+    def solve(
+        self, equations: NormalEquations, prior: Prior, smoothness: float, start: Array | None, tolerance: float
+    ) -> LatticeFit:
+        """smoothness: λ_S of a lattice of SEARCH_SIZE nodes. The sweeps are always as many."""
+        smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
+        values = prior.values if start is None else start
+        values = solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, self.sweeps)
+        return LatticeFit(self.levels, values, self.sweeps)
+
+    def search_fit(self, like: LatticeFit | None = None) -> LatticeFit:
+        """A fit to search with; like: one at other levels, to start from."""
+        return self.fit(self.problem.first_robust, SEARCH_TOLERANCE, like)
+
+    def error(self, fit: LatticeFit) -> Array:
+        """(n,), of the codes, which clip."""
+        return np.asarray(np.linalg.norm(np.clip(self.matrix @ fit.values, 0.0, 1.0) - self.problem.y, axis=1))
+
+    def with_even_error(self) -> LatticeFit:
+        """A fit at node levels that share its squared error out evenly, found in ROUNDS; the best round's."""
+        problem, placed, fit = self.problem, self, self.search_fit()
+        best: tuple[float, LatticeFit] = np.inf, fit
+        for rest in range(ROUNDS, -1, -1):
+            squares = problem.weight * problem.first_robust * placed.error(fit) ** 2
+            best = min(best, (float(squares.mean()), fit), key=lambda entry: entry[0])
+            if rest:
+                levels = equidistributed_levels(problem.x, squares, fit.levels, KINKED)
+                placed = BoundedProblem.at(problem, levels, self.bounds, self.sweeps)
+                fit = placed.search_fit(fit)
+        return best[1]
+
+    def followed(self, like: LatticeFit) -> LatticeFit:
+        """The fit with weights that follow its errors (Lawson 1961); like: one at other levels, to start from."""
+        robust = self.problem.first_robust
+        weight, fit = robust, like
+        for _ in range(REWEIGHTED):
+            fit = self.fit(weight, SEARCH_TOLERANCE, fit)
+            error = self.error(fit)
+            follow = (LEAST_FOLLOWED + np.minimum(error / max(float(error.mean()), 1e-300), MOST_FOLLOWED)) ** POWER
+            weight = robust * follow / follow.mean()
+        return self.rising_fit(weight, fit.values, SEARCH_TOLERANCE)
+
+
+def _problem(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, smoothness: float) -> LatticeProblem:
+    """Of the samples, and of points around them."""
+    near = _around(x)
+    points, values = np.concatenate([x, near]), np.concatenate([y, curved(near)])
+    weight = np.ones(len(points))
+    weight[len(x) :] = min(COUNTS, MOST_COUNTED * len(x) / len(near))
+    smoothness = smoothness * float(weight.sum()) / len(x)
+    return LatticeProblem(points, values, values, weight, curved, options, True, smoothness, None)
+
+
+def _around(x: Array) -> Array:
+    """POINTS around samples x (n, 3) in [0, 1], the same ones every time, spread as samples are on the square root of
+    linear light, which is near to even for noise and eye."""
+    rng = np.random.default_rng(0)
+    centres = np.sqrt(x if len(x) <= MOST_CENTRES else x[rng.permutation(len(x))[:MOST_CENTRES]])
+    distance = cKDTree(centres).query(centres, np.minimum([NEIGHBOURS + 1], len(centres)))[0]
+    chosen = rng.integers(0, len(centres), POINTS)
+    spread: Array = centres[chosen] + SPREAD * distance[chosen] * rng.normal(size=(POINTS, 3))
+    return np.clip(spread, 0.0, 1.0) ** 2
