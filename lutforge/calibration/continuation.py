@@ -184,7 +184,8 @@ def _fills_space(source: Array) -> bool:
     """Whether colours (n, 3) are enough, and not in a plane."""
     if len(source) == 0:
         return False
-    spread = np.linalg.svd(source - source.mean(axis=0), compute_uv=False)[-1]
+    centred = source - source.mean(axis=0)
+    spread = float(np.sqrt(max(np.linalg.eigvalsh(centred.T @ centred)[0], 0.0)))
     key = np.rint(source * 1e3).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40])
     return len(np.unique(key)) >= FEWEST_COLOURS and bool(spread >= LEAST_SPREAD * len(source) ** 0.5)
 

@@ -144,15 +144,15 @@ def _weighted(design: Array, target: Array, root: Array, rows: NDArray[np.int64]
 def spread(points: Array, count: int) -> NDArray[np.int64]:
     """Farthest-point sampling: each next point is the one farthest from those chosen. The first is nearest to black."""
     chosen = np.empty(count, dtype=np.int64)
-    distance = np.empty(len(points))
-    for n in range(len(points)):
-        distance[n] = -(points[n, 0] ** 2 + points[n, 1] ** 2 + points[n, 2] ** 2)
-    chosen[0] = np.argmax(distance)
-    distance[:] = np.inf
+    distance = np.full(len(points), np.inf)
+    chosen[0] = np.argmin(points[:, 0] ** 2 + points[:, 1] ** 2 + points[:, 2] ** 2)
     for place in range(1, count):
         r, g, b = points[chosen[place - 1]]
+        farthest, at = -1.0, 0
         for n in range(len(points)):
             square = (points[n, 0] - r) ** 2 + (points[n, 1] - g) ** 2 + (points[n, 2] - b) ** 2
             distance[n] = min(distance[n], square)
-        chosen[place] = np.argmax(distance)
+            if distance[n] > farthest:
+                farthest, at = distance[n], n
+        chosen[place] = at
     return chosen

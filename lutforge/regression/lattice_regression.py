@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.interpolation import Interpolation, Levels, interpolate
-from lutforge.regression.blas import one_blas_thread
 from lutforge.regression.conjugate_gradients import solve
 from lutforge.regression.multigrid import Multigrid
 from lutforge.regression.normal_equations import NormalEquations, normal_equations
@@ -72,7 +71,6 @@ def fit_lattice(
     return solve_lattice(equations, levels, regularisation, prior=prior, start=start, tolerance=tolerance)
 
 
-@one_blas_thread
 def solve_lattice(
     equations: NormalEquations,
     levels: Levels,
@@ -83,12 +81,12 @@ def solve_lattice(
     tolerance: float = 1e-8,
 ) -> LatticeFit:
     """The same from W'ΩW and W'Ω(y − W b₀), for several fits to the same samples."""
-    held, target = _boundary(equations.right.shape, regularisation.anchor)
-    anchor = held
-    right = equations.right + held * target
-    if prior is not None:
-        anchor = held + prior.hold
-        right -= held * prior.values
+    right = equations.right
+    anchor = np.zeros_like(right) if prior is None else prior.hold
+    if regularisation.anchor:
+        held, target = _boundary(right.shape, regularisation.anchor)
+        right = right + held * (target if prior is None else target - prior.values)
+        anchor = anchor + held
     extra = None
     if regularisation.thin_plate:
         plate = thin_plate(equations.right.shape[:3])

@@ -26,7 +26,8 @@ def error_histogram(x: Array, error: Array) -> tuple[Array, Array, Array]:
     counts = _histograms(np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(error, dtype=np.float64))
     total = counts[0].sum()
     flat = counts / total if total > 0 else np.full((3, BINS), 1.0 / BINS)
-    r, g, b = _smoothed(np.pad(flat, ((0, 0), (RADIUS, RADIUS))), GAUSSIAN)
+    none = np.zeros((3, RADIUS))
+    r, g, b = _smoothed(np.concatenate([none, flat, none], axis=1), GAUSSIAN)
     return r, g, b
 
 
@@ -98,9 +99,11 @@ def equidistributed_levels(x: Array, error: Array, levels: Levels, order: int = 
         spacing = np.diff(axis)[np.searchsorted(axis[1:-1], MIDDLES, side="right")] * (len(axis) - 1)
         densities.append(((histogram + BACKGROUND / BINS) / np.square(spacing) ** (order / 2)) ** (1 / (order + 1)))
     radius = len(DENSITY_GAUSSIAN) // 2
-    smooth = _smoothed(np.pad(densities, ((0, 0), (radius, radius)), mode="edge"), DENSITY_GAUSSIAN)
+    density = np.array(densities)
+    before, after = (density[:, [end]].repeat(radius, axis=1) for end in (0, -1))
+    smooth = _smoothed(np.concatenate([before, density, after], axis=1), DENSITY_GAUSSIAN)
     smooth = (1 - FLOOR) * smooth / smooth.sum(axis=1, keepdims=True) + FLOOR / BINS
-    r, g, b = (equidistribute(density, len(axis)) for density, axis in zip(smooth, levels, strict=True))
+    r, g, b = (equidistribute(row, len(axis)) for row, axis in zip(smooth, levels, strict=True))
     return (r, g, b)
 
 
@@ -108,6 +111,9 @@ def resized_levels(levels: Levels, size: int) -> Levels:
     """Node levels of another number that follow the same density: the level function, interpolated monotonically."""
     resized = []
     for axis in levels:
+        if len(axis) == size:
+            resized.append(axis)
+            continue
         curve = PchipInterpolator(np.linspace(0.0, 1.0, len(axis)), axis)
         resized.append(np.asarray(curve(np.linspace(0.0, 1.0, size)), dtype=np.float64))
         resized[-1][0], resized[-1][-1] = axis[0], axis[-1]

@@ -1,8 +1,10 @@
 """The lattice fit on a simulated camera, whose truth is known, and on samples that say too little."""
 
+import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # it has no type information
 
 from lutforge.calibration.continuation import continuation
 from lutforge.calibration.lattice import fit_samples, folds
@@ -12,6 +14,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import output_curve
 from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.lattice import Lattice
+from lutforge.regression import multigrid, normal_equations
 from lutforge.simulate.camera import nikon_d5100
 
 Array = NDArray[np.float64]
@@ -145,3 +148,23 @@ def test_folds_leave_whole_shots_out_once() -> None:
     for mask in masks:
         assert not set(groups[mask]) & set(groups[~mask])
     assert len(list(folds(np.array(["a", "a"])))) == 1
+
+
+@pytest.mark.parametrize("inverse", [False, True])
+def test_threads_do_not_change_a_bit(inverse: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So many samples that the sums over them, too, are shared between threads."""
+    x, y = colours_in_gamut(45_000, 12)
+    found, most = [], numba.get_num_threads()
+    for threads in (1, 2):
+        for module in (multigrid, normal_equations):
+            monkeypatch.setattr(module, "cores", lambda threads=threads: threads)
+        monkeypatch.setattr(multigrid, "SMALL", 500)
+        monkeypatch.setattr(multigrid, "NODES_PER_THREAD", 200)
+        numba.set_num_threads(min(threads, most))
+        with threadpool_limits(threads, user_api="blas"):
+            source, target = (y, x) if inverse else (x, y)
+            found.append(fit(source, target, 9, inverse=inverse).lattice)
+    numba.set_num_threads(most)
+    np.testing.assert_array_equal(found[0].values, found[1].values)
+    for one, two in zip(found[0].levels, found[1].levels, strict=True):
+        np.testing.assert_array_equal(one, two)
