@@ -23,8 +23,8 @@ Index = NDArray[np.int64]
 SMOOTHNESS, HOLD = 1e-2, 1e-6
 """Weights of the second differences of the change from the prior, and of the change itself, beside the data's. A
 linearization that bends to where a render folds loses its neighbours: the render is to give way there instead."""
-RENDER_SMOOTHNESS, RENDER_HOLD = 1e-2, 3e-2
-"""The same for the render's nodes, beside as many colours as there are to a node, in encoded values."""
+RENDER_SMOOTHNESS = 1e-2
+"""The same of the render, beside as many colours as there are to a node, in encoded values."""
 OUTSIDE = 0.3
 """Slope of the residual beyond the RAW range and beyond the ends of the response, where the render itself is flat."""
 BARELY = 0.02
@@ -77,13 +77,15 @@ def refine(
     free: NDArray[np.bool_],
     steps: int,
     power: float,
+    hold: float,
 ) -> Cubes:
     """Cubes that bring the JPEG colours (n, 3) at `at` nearer to themselves than `start` does.
 
     prior: towards which the change of `back` is smooth, and the values that the render is held to; free: (M, M, M),
-    which of its nodes may move; power: how much more large residuals count. O(n + N³ + M³) a step.
+    which of its nodes may move, and hold how firmly it is held beside a colour; power: how much more large residuals
+    count. O(n + N³ + M³) a step.
     """
-    problem = _Problem.of(render, jpeg, at, prior, free)
+    problem = _Problem.of(render, jpeg, at, prior, free, hold)
     state = problem.state(np.concatenate([start.back.reshape(-1, 3), start.render.reshape(-1, 3)]))
     caution = np.full(len(jpeg), CAUTION)
     for _ in range(steps):
@@ -126,7 +128,7 @@ class _State:
 @dataclass(frozen=True, eq=False)
 class _Problem:
     """What stays the same from step to step. origin: (N³ + M³, 3), what both cubes are held to; free: (M³, 1), 1 or 0;
-    sizes: N and M; node_steep: (M³, 3), slope of the response at the render's nodes."""
+    sizes: N and M; node_steep: (M³, 3), slope of the response at the render's nodes; hold: of these."""
 
     render: Render
     jpeg: Array
@@ -135,9 +137,12 @@ class _Problem:
     free: Array
     sizes: tuple[int, int]
     node_steep: Array
+    hold: float
 
     @classmethod
-    def of(cls, render: Render, jpeg: Array, at: Places, prior: Cubes, free: NDArray[np.bool_]) -> "_Problem":
+    def of(
+        cls, render: Render, jpeg: Array, at: Places, prior: Cubes, free: NDArray[np.bool_], hold: float
+    ) -> "_Problem":
         origin = np.concatenate([prior.back.reshape(-1, 3), prior.render.reshape(-1, 3)])
         last = len(render.response) - 1
         rise = np.diff(render.response, axis=0) * last
@@ -145,7 +150,7 @@ class _Problem:
         steep = np.take_along_axis(rise, np.clip((y * last).astype(np.int64), 0, last - 1), axis=0)
         steep = np.where((y < 0) | (y > 1), OUTSIDE, np.maximum(steep, OUTSIDE))
         sizes = (len(prior.back), len(prior.render))
-        return cls(render, jpeg, at, origin, free.reshape(-1, 1).astype(np.float64), sizes, steep)
+        return cls(render, jpeg, at, origin, free.reshape(-1, 1).astype(np.float64), sizes, steep, hold)
 
     @property
     def count(self) -> int:
@@ -176,7 +181,7 @@ class _Problem:
             _bands(m, RENDER_SMOOTHNESS * colours * float(np.mean(self.node_steep**2))),
         )
         hold = np.full_like(self.origin, HOLD * square / n**3)
-        hold[self.count :] = RENDER_HOLD * colours * self.node_steep**2
+        hold[self.count :] = self.hold * colours * self.node_steep**2
         return _System(self, state, slopes, steep, root, bands, hold, square / len(self.jpeg))
 
     def cost(self, state: _State, emphasis: Array, system: "_System") -> float:

@@ -39,8 +39,8 @@ MARGIN, ENOUGH = 0.5, 0.9
 no larger size."""
 SIZES = (33, 49)
 """Nodes per axis that are tried."""
-POWERS = (0.5, 0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0)
-"""Of the rounds at one size: how much more large residuals count."""
+ROUNDS = ((0.5, 0.3), (0.5, 0.1), (0.5, 0.03), (1.0, 0.03), (1.0, 0.03), (1.0, 0.03), (1.0, 0.03), (1.0, 0.03))
+"""At one size: how much more large residuals count, and how firmly the render is held, which gives way if it must."""
 STEPS = 4
 """Most Gauss–Newton steps of a round."""
 POOL = 1 << 16
@@ -147,9 +147,9 @@ def _fits(
     knots, prior, free = pool.knots(levels), Cubes(own(grid(levels)), first.values), _free(first)
     pool = pool.rendered(cubes.render)
     colours = pool.few(knots).filled(knots, cubes.back, size)
-    for number, power in enumerate(POWERS):
+    for number, (power, hold) in enumerate(ROUNDS):
         at = places(colours.inner, knots)
-        cubes = refine(first, colours.jpeg, at, cubes, prior, free, STEPS, power)
+        cubes = refine(first, colours.jpeg, at, cubes, prior, free, STEPS, power, hold)
         pool = pool.rendered(rounded(cubes.render))
         others = MadeColours.of(pool.render, POOL, 100 + number)
         errors = [some.left(knots, cubes.back) for some in (pool, others)]
