@@ -106,9 +106,14 @@ def _lossy_round_trips(config: OCIO.Config) -> Iterator[Finding]:
 
 
 def round_trips(config: OCIO.Config) -> Iterator[SpaceRoundTrip]:
-    """Each colour space to the reference and back, on values of [0, 1] that have been there once: it can hold those."""
+    """Each colour space to the reference and back, on values that have been there once: it can hold those.
+
+    These start from [0, 1], from its faces and from the darks of both.
+    """
     values = qmc.Sobol(3, rng=3).random(ROUND_TRIP_PIXELS)
-    start = np.concatenate([values, values**2]).astype(np.float32)
+    face = values.copy()
+    face[np.arange(len(face)), np.arange(len(face)) % 3] = np.arange(len(face)) // 3 % 2
+    start = np.concatenate([values, values**2, face, face**2]).astype(np.float32)
     for name, reference in _convertible(config):
         there = _processor(config, name, reference)
         back = _processor(config, reference, name)

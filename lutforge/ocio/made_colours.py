@@ -1,5 +1,6 @@
 """Colours that a render makes, for fitting its inverse to them and for measuring it: the whole gamut with its rim."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,8 @@ Index = NDArray[np.int64]
 
 PER_CELL = 4
 """Colours in each cell of a lattice that a fit begins with, as far as the render makes such."""
+CLIMBERS, CLIMBS, TRIES, FIRST_STEP = 512, 6, 16, 0.06
+"""Colours of large errors, and how often each looks how far around it for a larger one, in steps that halve."""
 NEAR_NEUTRAL = 0.25
 """Most by which a channel of a near neutral differs from the darkest to the brightest, as a share."""
 
@@ -38,6 +41,24 @@ def spread(count: int, seed: int) -> Array:
     )  # fmt: skip
 
 
+def climbed(error: Callable[[Array], Array], x: Array, errors: Array, seed: int) -> Array:
+    """Up to CLIMBERS colours (n, 3) of larger error near those of the largest: so that no narrow peak is overlooked.
+
+    errors: (n,), of x (n, 3) in [0, 1]; of those close together the largest is begun from.
+    """
+    rng = np.random.default_rng(seed)
+    worst = np.argsort(-errors, kind="stable")[: 64 * CLIMBERS]
+    at = x[worst[np.sort(thinned((x[worst] * 32).astype(np.int64) @ np.array([1089, 33, 1]), 1))]][:CLIMBERS]
+    reach = FIRST_STEP
+    for _ in range(CLIMBS):
+        near = at[:, None] + reach * (0.1 + at[:, None]) * rng.uniform(-1, 1, (len(at), TRIES, 3))
+        near[:, 0] = at
+        near = np.clip(near, 0.0, 1.0)
+        at = near[np.arange(len(at)), error(near.reshape(-1, 3)).reshape(len(at), TRIES).argmax(axis=1)]
+        reach /= 2
+    return at
+
+
 @dataclass(frozen=True, eq=False)
 class MadeColours:
     """Colours that a render makes of raw (n, 3): jpeg (n, 3), and inner (n, 3), the same in front of its response.
@@ -54,9 +75,13 @@ class MadeColours:
     @classmethod
     def of(cls, render: Render, count: int, seed: int, model: Transform | None = None) -> "MadeColours":
         """Of a `spread`. model: what makes the colours instead, the render being near it."""
+        return cls.made(render, spread(count, seed), model)
+
+    @classmethod
+    def made(cls, render: Render, raw: Array, model: Transform | None = None) -> "MadeColours":
+        """Of RAW colours (n, 3)."""
         curve = curve_inverse(render.response, CURVE_SIZE)
         curve[0], curve[-1] = 0.0, 1.0
-        raw = spread(count, seed)
         jpeg = render(raw) if model is None else np.clip(model(raw), 0.0, 1.0)
         return cls(render, curve, raw, jpeg, through(curve, jpeg))
 

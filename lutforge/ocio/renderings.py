@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lutforge.errors import ConfigError
 from lutforge.luts.bake import bake
@@ -14,11 +15,12 @@ from lutforge.luts.lut import Lut
 from lutforge.model.transform import LatticeTransform, LinearizeChain, RenderChain, Transform
 from lutforge.ocio.cameras import Camera
 from lutforge.ocio.lut_files import compact
-from lutforge.ocio.made_colours import spread
+from lutforge.ocio.made_colours import climbed, spread
 from lutforge.ocio.names import UniqueNames, file_stem
 from lutforge.ocio.round_trip import consistent, rounded_up
 from lutforge.settings import Selector
 
+Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 CHECKED = 1 << 15
@@ -112,9 +114,14 @@ def baked(rendering: Rendering) -> BakedRendering:
 
 def _error(lut: Lut, transform: Transform) -> str:
     """Of a LUT against its transform, over its whole input, the rim and the darks: RGB norm, rounded up."""
+
+    def error(x: Array) -> Array:
+        return np.asarray(np.linalg.norm(lut(x) - transform(x), axis=1))
+
     x = spread(CHECKED, seed=7)
-    norm = np.linalg.norm(lut(x) - transform(x), axis=1)
-    return f"mean {rounded_up(float(norm.mean()))}, max {rounded_up(float(norm.max()))}"
+    errors = error(x)
+    largest = max(float(errors.max()), float(error(climbed(error, x, errors, seed=7)).max()))
+    return f"mean {rounded_up(float(errors.mean()))}, max {rounded_up(largest)}"
 
 
 def _shaped(transform: Transform) -> LatticeTransform | RenderChain | LinearizeChain:

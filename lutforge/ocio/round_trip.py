@@ -25,7 +25,7 @@ from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.transform import Transform
 from lutforge.ocio.joint_fit import Cubes, places, refine
 from lutforge.ocio.lut_files import CURVE_SIZE, compact, rounded
-from lutforge.ocio.made_colours import MadeColours, spread, tetrahedra, thinned
+from lutforge.ocio.made_colours import MadeColours, climbed, spread, tetrahedra, thinned
 from lutforge.ocio.preimage import Render, as_render, preimages
 from lutforge.regression.lattice_regression import Prior, Regularisation, fit_lattice
 from lutforge.regression.node_levels import equidistributed_levels, resized_levels, snap_levels
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 MEAN_GOAL, MAX_GOAL = 0.002, 0.02
 """What a colour space of a config may lose to the reference and back, RGB norm of encoded values."""
-MARGIN, ENOUGH = 0.5, 0.9
+MARGIN, ENOUGH = 0.65, 0.9
 """Share of the goals at which the fit is content, since other colours than its own will be tried, and at which it tries
 no larger size."""
 SIZES = (33, 49)
@@ -91,8 +91,15 @@ def rounded_up(value: float) -> str:
 
 def measure(render: Lut, linearize: Lut, count: int = MEASURED, seed: int = 11) -> RoundTrip:
     """The round trip over RAW colours spread over the whole range and over its darks, as files hold what they make."""
-    jpeg = np.clip(render(spread(count, seed)), 0.0, 1.0)
-    return _trip(np.linalg.norm(np.clip(render(linearize(jpeg)), 0.0, 1.0) - jpeg, axis=1))
+
+    def left(raw: Array) -> Array:
+        jpeg = np.clip(render(raw), 0.0, 1.0)
+        return np.asarray(np.linalg.norm(np.clip(render(linearize(jpeg)), 0.0, 1.0) - jpeg, axis=1))
+
+    raw = spread(count, seed)
+    errors = left(raw)
+    trip = _trip(errors)
+    return replace(trip, maximum=max(trip.maximum, float(left(climbed(left, raw, errors, seed)).max())))
 
 
 def _trip(*errors: Array) -> RoundTrip:
@@ -124,7 +131,7 @@ def consistent(render: Lut, linearize: Lut, model: Transform | None = None) -> t
             break
     if best[1] is linearize:
         return render, linearize, reached
-    held = measure(*best, count=2 * POOL)
+    held = measure(*best, count=4 * POOL)
     jpeg = pool.jpeg[:: max(len(pool.jpeg) // MEASURED, 1)]
     departure = float(np.linalg.norm(best[1](jpeg) - linearize(jpeg), axis=1).mean())
     return *best, RoundTrip(max(reached.mean, held.mean), max(reached.maximum, held.maximum), departure)
@@ -153,12 +160,24 @@ def _fits(
         pool = pool.rendered(rounded(cubes.render))
         others = MadeColours.of(pool.render, POOL, 100 + number)
         errors = [some.left(knots, cubes.back) for some in (pool, others)]
-        yield (pool.render.lut, _as_lut(own, pool, levels, cubes.back)), _trip(*errors)
-        both, error = pool.joined(others), np.concatenate(errors)
+        peaks = _peaks(others, knots, cubes.back, errors[1], number)
+        trip, at_peaks = _trip(*errors), peaks.left(knots, cubes.back)
+        trip = replace(trip, maximum=max(trip.maximum, float(at_peaks.max())))
+        yield (pool.render.lut, _as_lut(own, pool, levels, cubes.back)), trip
+        both, error = pool.joined(others).joined(peaks), np.concatenate([*errors, at_peaks])
         worst = np.flatnonzero(error > WORST * MAX_GOAL)
         worst = worst[np.argsort(-error[worst], kind="stable")]
         worst = worst[thinned(tetrahedra(both.inner[worst], knots), WORST_PER_TETRAHEDRON)]
         colours = colours.joined(both.chosen(worst)).filled(knots, cubes.back, size + 100 * (number + 1))
+
+
+def _peaks(colours: MadeColours, knots: Levels, values: Array, errors: Array, seed: int) -> MadeColours:
+    """Colours around those that come back worst, that come back worse."""
+
+    def left(raw: Array) -> Array:
+        return MadeColours.made(colours.render, raw).left(knots, values)
+
+    return MadeColours.made(colours.render, climbed(left, colours.raw, errors, seed))
 
 
 def _free(render: Render) -> NDArray[np.bool_]:

@@ -216,7 +216,8 @@ class Errors:
     render: float
 
 
-def _sampled(camera: UnseenCamera, known: bool, seed: int) -> SampleSet:
+def photographed(camera: UnseenCamera, known: bool, seed: int) -> SampleSet:
+    """Samples of its chart under its lights, none of them clipped; known: with the multipliers."""
     chart = chart_140() if camera.patches <= 140 else np.vstack([chart_140(), surfaces(camera.patches - 140, 5)])
     samples = photograph_patches(camera, chart[: camera.patches], balances=tuple(camera.lights), known=known, seed=seed)
     return samples.select(unclipped(samples, _truth(camera, samples)))
@@ -238,12 +239,12 @@ def response_error(camera: UnseenCamera, response: Response, encoded: Array) -> 
 
 def measure(camera: UnseenCamera, preset: Preset = "lutforge", seed: int = 0) -> Errors:
     """All errors of one camera."""
-    samples = _sampled(camera, known=False, seed=seed)
+    samples = photographed(camera, known=False, seed=seed)
     start, _ = complete_multipliers(samples)
     stages = fit_stages(samples, start, np.zeros(len(samples), dtype=np.bool_), preset)
     ts_unknown = _matrix_error(camera, stages.matrix)
     tw = float(np.abs(stages.multipliers / _truth(camera, samples) - 1).max())
-    samples = _sampled(camera, known=True, seed=seed)
+    samples = photographed(camera, known=True, seed=seed)
     stages = fit_stages(samples, samples.wb, np.ones(len(samples), dtype=np.bool_), preset)
     response, balanced = stages.styles["standard"].response, samples.raw * samples.wb
     maps = fit_gamut_maps(

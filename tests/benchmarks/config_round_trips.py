@@ -1,0 +1,146 @@
+"""What a config loses from JPEG to the reference and back, and what that costs its render, for cameras of all kinds.
+
+    LUTFORGE_TEST_DATA=… python tests/benchmarks/config_round_trips.py [number of unseen cameras] [name of a camera …]
+
+Printed per rendering: nodes per axis of both LUTs; the round trip's mean and largest RGB norm, encoded, over at least a
+million colours: what the Python model makes of RAW colours (the whole range, its faces, edges and darks, RAW that white
+balance pushes beyond saturation, near neutrals), what the render's own file makes of the same, and the 8-bit codes of
+the camera's photographs, where there are such, that the model makes (compression makes others); the change of the
+render from the model, on all of these, and its largest as the config states it; seconds. The published D40 and the S40's shots need LUTFORGE_TEST_DATA and are left out
+without. A "!" stands beside what is beyond the goals: mean 0.002, largest 0.02.
+"""
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+from unseen_cameras import photographed, simulated, unseen_camera
+
+import lutforge as lf
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.images.read import read_image
+from lutforge.interpolation import through
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.ocio.cameras import name_cameras
+from lutforge.ocio.lut_files import CURVE_SIZE, compact
+from lutforge.ocio.made_colours import spread
+from lutforge.ocio.preimage import as_render, curve_inverse, preimages
+from lutforge.ocio.renderings import Rendering, baked, renderings
+from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL
+from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.demo import demo_shots
+
+Array = NDArray[np.float64]
+
+COUNT = 1 << 17
+PUSHED = (2.1, 1.0, 1.5)
+"""White balance that takes RAW beyond saturation."""
+
+
+def raw_colours() -> Array:
+    """RAW under white balance, (6 COUNT, 3)."""
+    pushed = np.minimum(qmc.Sobol(3, rng=21).random(COUNT) * PUSHED, 1.0)
+    return np.concatenate([spread(COUNT, seed=31), pushed])
+
+
+def photographs(shots: list[Path]) -> Array:
+    """The different 8-bit codes of JPEGs, (n, 3) in [0, 1]."""
+    codes = [np.rint(read_image(shot).pixels[..., :3].reshape(-1, 3) * 255).astype(np.uint8) for shot in shots]
+    return np.unique(np.concatenate(codes), axis=0) / 255.0
+
+
+def made(jpeg: Array, rendering: Rendering) -> Array:
+    """Those of the colours (n, 3) that the model's own render makes, searched from its own linearization."""
+    assert rendering.render is not None
+    assert rendering.linearize is not None
+    render = as_render(compact(lf.bake(rendering.render)))
+    inner = through(curve_inverse(render.response, CURVE_SIZE), jpeg)
+    return np.asarray(jpeg[preimages(render, inner, jpeg, rendering.linearize(jpeg))[1]])
+
+
+def cameras(unseen: int, data: Path | None, folder: Path) -> Iterator[tuple[str, CameraProfile, list[Path]]]:
+    """Name, profile and JPEGs of each camera."""
+    if data is not None:
+        models = [data / "nus_nikon_d40" / name for name in ("other_white_balances", "fluorescent")]
+        yield "D40, published", lf.import_published(models, "Nikon D40"), []
+        shots = sorted((data / "canon_powershot_s40").glob("CRW_*.CRW"))
+        yield "S40, its shots", lf.calibrate(lf.sample(shots)), sorted(shots[0].parent.glob("IMG_*.JPG"))
+    shots_of_demo = demo_shots(folder)
+    samples = lf.sample(shots_of_demo.calibration)
+    jpegs = sorted(folder.glob("*.JPG"))
+    yield "demo, lattice 33", lf.calibrate(samples, CalibrationOptions(size=33)), jpegs
+    yield "demo, lattice 17", lf.calibrate(samples, CalibrationOptions(size=17)), jpegs
+    yield "demo, rbf", lf.calibrate(samples, CalibrationOptions(model="rbf")), jpegs
+    yield from unseen_ones(unseen)
+
+
+def unseen_ones(unseen: int) -> Iterator[tuple[str, CameraProfile, list[Path]]]:
+    """Cameras that nothing was made on."""
+    for base, style in ((sigma_sd_merrill(), "vivid"), (sigma_sd_merrill(), "landscape"), (nikon_d5100(), "landscape")):
+        camera = simulated(base, style, 140)
+        yield f"{camera.model}", lf.calibrate(photographed(camera, True, 0), CalibrationOptions(size=33)), []
+    for seed in range(unseen):
+        camera = unseen_camera(seed)
+        size = (17, 33, 25)[seed % 3]
+        model: Literal["lattice", "rbf"] = "rbf" if seed % 5 == 4 else "lattice"
+        options = CalibrationOptions(size=size, model=model)
+        name = f"unseen {seed}, {model} {size}, {camera.patches} patches"
+        yield name, lf.calibrate(photographed(camera, True, 0), options), []
+
+
+def row(name: str, rendering: Rendering, jpegs: list[Path]) -> tuple[str, float, float]:
+    """One line of the table, and the round trip's mean and maximum."""
+    assert rendering.render is not None
+    began = time.perf_counter()
+    done = baked(rendering)
+    seconds = time.perf_counter() - began
+    render, linearize = done.luts[rendering.render_file], done.luts[rendering.linearize_file]
+    raw = raw_colours()
+    by_model = np.clip(rendering.render(raw), 0.0, 1.0)
+    by_file = np.clip(render(raw), 0.0, 1.0)
+    mean = largest = 0.0
+    own = [shot for shot in jpegs if rendering.style in shot.name or "IMG" in shot.name]
+    for jpeg in (by_model, by_file, *([made(photographs(own), rendering)] if own else [])):
+        error = np.linalg.norm(np.clip(render(linearize(jpeg)), 0.0, 1.0) - jpeg, axis=1)
+        mean, largest = max(mean, float(error.mean())), max(largest, float(error.max()))
+    change = np.linalg.norm(by_file - by_model, axis=1)
+    beyond = "!" if mean > MEAN_GOAL or largest > MAX_GOAL else " "
+    stated = done.error.split("max ")[1].split(";")[0]
+    return (
+        (
+            f"{name:42s}{render.size:4d}{linearize.size:4d}{mean:10.5f}{largest:8.4f} {beyond}"
+            f"{change.mean():10.5f}{change.max():8.4f}{stated:>8s}{seconds:7.1f}"
+        ),
+        mean,
+        largest,
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    words = sys.argv[1:]
+    count = next((int(word) for word in words if word.isdigit()), 12)
+    wanted = [word for word in words if not word.isdigit()]
+    place = os.environ.get("LUTFORGE_TEST_DATA")
+    print(f"{'':42s}{'nodes':>8s}{'mean':>10s}{'max':>8s}  {'change':>10s}{'max':>8s}{'stated':>8s}{'s':>7s}")
+    worst = [0.0, 0.0]
+    with TemporaryDirectory() as folder:
+        for name, profile, jpegs in cameras(count, Path(place) if place else None, Path(folder)):
+            if wanted and not any(word in name for word in wanted):
+                continue
+            for rendering in renderings(name_cameras([profile])):
+                text, mean, largest = row(f"{name}: {rendering.style}", rendering, jpegs)
+                worst = [max(worst[0], mean), max(worst[1], largest)]
+                print(text, flush=True)
+    print(f"{'worst':42s}{'':8s}{worst[0]:10.5f}{worst[1]:8.4f}")
+
+
+if __name__ == "__main__":
+    main()
