@@ -6,8 +6,9 @@ Printed per rendering: nodes per axis of both LUTs; the round trip's mean and la
 million colours: what the Python model makes of RAW colours (the whole range, its faces, edges and darks, RAW that white
 balance pushes beyond saturation, near neutrals), what the render's own file makes of the same, and the 8-bit codes of
 the camera's photographs, where there are such, that the model makes (compression makes others); the change of the
-render from the model, on all of these, and its largest as the config states it; seconds. The published D40 and the S40's shots need LUTFORGE_TEST_DATA and are left out
-without. A "!" stands beside what is beyond the goals: mean 0.002, largest 0.02.
+render from the model, on all of these, and its largest as the config states it; seconds. The published D40 and the
+S40's shots need LUTFORGE_TEST_DATA and are left out without. A "!" stands beside what is beyond the goals: mean 0.002,
+largest 0.02.
 """
 
 import os
