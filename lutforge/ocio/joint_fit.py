@@ -25,6 +25,8 @@ SMOOTHNESS, HOLD = 1e-2, 1e-6
 linearization that bends to where a render folds loses its neighbours: the render is to give way there instead."""
 RENDER_SMOOTHNESS = 1e-2
 """The same of the render, beside as many colours as there are to a node, in encoded values."""
+TOLERATED = 0.02
+"""Change of a node of the render, encoded, from where on it is held ever more firmly."""
 OUTSIDE = 0.3
 """Slope of the residual beyond the RAW range and beyond the ends of the response, where the render itself is flat."""
 BARELY = 0.02
@@ -181,7 +183,9 @@ class _Problem:
             _bands(m, RENDER_SMOOTHNESS * colours * float(np.mean(self.node_steep**2))),
         )
         hold = np.full_like(self.origin, HOLD * square / n**3)
-        hold[self.count :] = self.hold * colours * self.node_steep**2
+        moved = (state.values - self.origin)[self.count :] * self.node_steep
+        firmer = 1.0 + np.einsum("ni,ni->n", moved, moved)[:, None] / TOLERATED**2
+        hold[self.count :] = self.hold * colours * self.node_steep**2 * firmer
         return _System(self, state, slopes, steep, root, bands, hold, square / len(self.jpeg))
 
     def cost(self, state: _State, emphasis: Array, system: "_System") -> float:

@@ -116,7 +116,7 @@ class MadeColours:
 
     def few(self, knots: Levels) -> "MadeColours":
         """PER_CELL of each cell of the lattice."""
-        return self.chosen(thinned(cells(self.inner, knots), PER_CELL))
+        return self.chosen(thinned(8 * cells(self.inner, knots) + _clipped(self.inner), PER_CELL))
 
     def filled(self, knots: Levels, values: Array, seed: int) -> "MadeColours":
         """With more colours in the cells that have few, as far as the render makes such: at the rim of its gamut."""
@@ -138,10 +138,17 @@ def cells(x: Array, knots: Levels) -> Index:
 
 
 def tetrahedra(x: Array, knots: Levels) -> Index:
-    """The tetrahedron of each colour (n, 3), numbered (n,)."""
+    """The tetrahedron of each colour (n, 3), numbered (n,), with clipped ones apart."""
     cell, inside = _located(x, knots)
     r, g, b = inside.T
-    return np.asarray(8 * cell + 4 * (r > g) + 2 * (g > b) + (r > b), dtype=np.int64)
+    return np.asarray(64 * cell + 32 * (r > g) + 16 * (g > b) + 8 * (r > b) + _clipped(x), dtype=np.int64)
+
+
+def _clipped(x: Array) -> Index:
+    """Which channels of each colour (n, 3) are at an end, as a number below 8: such colours are many, and all of them
+    hang on the nodes of a face, an edge or a corner."""
+    r, g, b = ((x <= 0.0) | (x >= 1.0)).T
+    return np.asarray(4 * r + 2 * g + b, dtype=np.int64)
 
 
 def thinned(cell: Index, most: int) -> Index:

@@ -127,14 +127,16 @@ def consistent(render: Lut, linearize: Lut, model: Transform | None = None) -> t
                 best, reached = candidate, trip
             if reached.worth <= MARGIN:
                 break
+        if best[1] is not linearize:  # more colours than the fits looked at
+            held = measure(*best, count=4 * POOL)
+            reached = RoundTrip(max(reached.mean, held.mean), max(reached.maximum, held.maximum))
         if reached.worth <= ENOUGH:
             break
     if best[1] is linearize:
         return render, linearize, reached
-    held = measure(*best, count=4 * POOL)
     jpeg = pool.jpeg[:: max(len(pool.jpeg) // MEASURED, 1)]
     departure = float(np.linalg.norm(best[1](jpeg) - linearize(jpeg), axis=1).mean())
-    return *best, RoundTrip(max(reached.mean, held.mean), max(reached.maximum, held.maximum), departure)
+    return *best, replace(reached, departure=departure)
 
 
 def _fits(
@@ -157,6 +159,8 @@ def _fits(
     for number, (power, hold) in enumerate(ROUNDS):
         at = places(colours.inner, knots)
         cubes = refine(first, colours.jpeg, at, cubes, prior, free, STEPS, power, hold)
+        if len(first.response) == 2:  # no curve behind it clamps
+            cubes = Cubes(cubes.back, np.clip(cubes.render, *_range(first.values)))
         pool = pool.rendered(rounded(cubes.render))
         others = MadeColours.of(pool.render, POOL, 100 + number)
         errors = [some.left(knots, cubes.back) for some in (pool, others)]
@@ -169,6 +173,11 @@ def _fits(
         worst = worst[np.argsort(-error[worst], kind="stable")]
         worst = worst[thinned(tetrahedra(both.inner[worst], knots), WORST_PER_TETRAHEDRON)]
         colours = colours.joined(both.chosen(worst)).filled(knots, cubes.back, size + 100 * (number + 1))
+
+
+def _range(values: Array) -> tuple[float, float]:
+    """[0, 1], or what values go beyond it."""
+    return min(0.0, float(values.min())), max(1.0, float(values.max()))
 
 
 def _peaks(colours: MadeColours, knots: Levels, values: Array, errors: Array, seed: int) -> MadeColours:
