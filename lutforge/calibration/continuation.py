@@ -27,6 +27,8 @@ from lutforge.regression.blas import one_blas_thread
 Array = NDArray[np.float64]
 
 CENTRES = 200
+CENTRES_PER_FACE_NODE = 2 / 3
+"""A small lattice cannot follow so many: a guess for one has at most this many per node of its face."""
 MOST_SAMPLES = 3_000
 FEW_CENTRES = 64
 """So many, the first as they are spread, tell the outliers before all are fitted."""
@@ -70,7 +72,7 @@ class Continuation:
         mapped = self.gamut_map(self._entered(linear))
         return mapped if self.inverse or not self.softness else raised(mapped, floor_width(linear, self.softness))
 
-    def refit(self, x: Array, y: Array) -> "Continuation":
+    def refit(self, x: Array, y: Array, most_centres: int = CENTRES) -> "Continuation":
         """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response.
 
         Its softness is the one that leaves the least error on them.
@@ -81,7 +83,7 @@ class Continuation:
         linear = self._linear(x)
         if not _fills_space(linear):
             return straight
-        centres = spread(linear, min(CENTRES, len(linear) // 2))
+        centres = spread(linear, min(most_centres, len(linear) // 2))
         tried: list[tuple[float, Continuation]] = []
         robust, scale = np.ones(len(x)), 0.0
         system: RadialBasisProblem | None = None
@@ -160,9 +162,15 @@ class Continuation:
 
 
 @one_blas_thread
-def continuation(base: MatrixAndResponse, x: Array, y: Array, *, inverse: bool) -> Continuation:
-    """Fit the gamut map of one direction to samples x → y (n, 3), given matrix and response."""
-    return Continuation(base, inverse).refit(x, y)
+def continuation(
+    base: MatrixAndResponse, x: Array, y: Array, *, inverse: bool, size: int | None = None
+) -> Continuation:
+    """Fit the gamut map of one direction to samples x → y (n, 3), given matrix and response.
+
+    size: nodes per axis of the lattice that it is for, where that is known.
+    """
+    most = CENTRES if size is None else min(CENTRES, int(CENTRES_PER_FACE_NODE * size**2))
+    return Continuation(base, inverse).refit(x, y, most)
 
 
 def _encoding_slope(base: MatrixAndResponse, encoded: Array) -> Array:

@@ -11,6 +11,7 @@ from scipy.optimize import isotonic_regression
 from lutforge.calibration.continuation import Continuation
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import OutputCurve
+from lutforge.calibration.rising_axis import with_rising_axis
 from lutforge.interpolation import Levels, interpolate, through
 from lutforge.model.lattice import Lattice, grid
 from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, solve_lattice
@@ -118,11 +119,12 @@ class LatticeProblem:
         if self.clips:
             values[-1, -1, -1] = 1.0 if self.curve is None else np.maximum(values[-1, -1, -1], 1.0)
         if self.curve is not None:
-            return Lattice(fit.levels, values, method, self.curve.table)
+            return Lattice(fit.levels, with_rising_axis(values, fit.levels, method), method, self.curve.table)
         # A node that no sample touches may not leave the range of colours; the others carry on across the clipping,
         # which the camera does after the smooth function that they describe.
         touched = normal_equations(self.x, np.ones_like(self.x), fit.levels, method).right > 0
-        return Lattice(fit.levels, np.where(touched, values, np.clip(values, 0.0, 1.0)), method)
+        values = np.where(touched, values, np.clip(values, 0.0, 1.0))
+        return Lattice(fit.levels, with_rising_axis(values, fit.levels, method), method)
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,7 +69,7 @@ def lattice(folder: Path, options: CalibrationOptions) -> Fit:
         shots = np.array([f"shot {row % 10}" for row in range(len(x))])
         base = fit_matrix_and_response(x, y)
         curve = output_curve(base.response)
-        guess = continuation(base, x, y, inverse=False)
+        guess = continuation(base, x, y, inverse=False, size=options.size)
         fitted = fit_samples(x, y, shots, guess, options, clips=True, curve=curve).lattice
 
         def predict(points: Array) -> Array:

@@ -1,0 +1,104 @@
+"""The grey axis of a lattice made to rise: the least change of the nodes around it under which no channel falls.
+
+Along the axis a lattice is W b. The least ‖δ‖ with differences of W (b + δ) of 0 or more is a least-distance problem,
+solved by non-negative least squares (Lawson & Hanson, Solving Least Squares Problems, 1974, chapter 23), with the
+differences near those that fall. Where a channel has clipped at white it need not rise, but stay clipped.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+POINTS = 513
+INSIDE = (np.arange(4) + 0.5) / 4
+"""Where between two node levels of any axis it is looked at, too: cubic there, if trilinear."""
+RISE = 1e-7
+"""Between two points, so that rounding does not make a fall of it."""
+CELLS_AROUND = 2
+"""Cells before and behind a fall whose differences are kept from becoming falls."""
+ROUNDS = 8
+
+
+def with_rising_axis(values: Array, levels: Levels, method: Interpolation) -> Array:
+    """Node values (N_r, N_g, N_b, 3) whose grey axis, clamped to [0, 1], falls in no channel.
+
+    The first and the last node stay, and none goes beyond both [0, 1] and the values that there were.
+    """
+    axis = _points(levels)
+    nodes, weights = np.empty((len(axis), 8), dtype=np.int64), np.empty((len(axis), 8))
+    _rows(axis, *levels, method == "tetrahedral", nodes, weights)
+    bounds = min(0.0, float(values.min())), max(1.0, float(values.max()))
+    around = CELLS_AROUND * len(axis) // len(levels[0])
+    changed = values.reshape(-1, 3).copy()
+    for channel in range(3):
+        _raise(changed[:, channel], nodes, weights, around, bounds)
+    return changed.reshape(values.shape)
+
+
+def _points(levels: Levels) -> Array:
+    """Where the axis is looked at: evenly, and with all of its kinks, where it enters a cell or another tetrahedron."""
+    knots = np.unique(np.concatenate(levels))
+    low, high = knots[:-1], knots[1:]
+    ends = []
+    for nodes in levels:
+        cell = np.searchsorted(nodes, low, side="right") - 1
+        ends.append([(at - nodes[cell]) / (nodes[cell + 1] - nodes[cell]) for at in (low, high)])
+    fractions = np.array(ends)
+    apart = fractions - np.roll(fractions, 1, axis=0)
+    crossing = apart[:, 0] * apart[:, 1] < 0.0
+    share = apart[:, 0] / np.where(crossing, apart[:, 0] - apart[:, 1], 1.0)
+    kinks = (low + share * (high - low))[crossing]
+    inside = low + INSIDE[:, None] * (high - low)
+    return np.unique(np.concatenate([np.linspace(0.0, 1.0, POINTS), knots, kinks, inside.ravel()]))
+
+
+def _raise(values: Array, nodes: Index, weights: Array, around: int, bounds: tuple[float, float]) -> None:
+    """Change the values (N³,) of a channel in place."""
+    kept = np.zeros(len(nodes), dtype=np.bool_)
+    for _ in range(ROUNDS):
+        grey = np.sum(weights * values[nodes], axis=1)
+        clipped = np.maximum.accumulate(grey >= 1.0)
+        lacking = np.where(clipped, 1.0 - grey, RISE - np.diff(grey, prepend=-np.inf))
+        falls = np.flatnonzero(lacking > np.where(clipped, 0.0, RISE))
+        if not len(falls):
+            return
+        for fall in falls:
+            kept[max(fall - around, 1) : fall + around + 1] = True
+        rows = np.flatnonzero(kept)
+        free = np.setdiff1d(np.concatenate([nodes[rows], nodes[rows - 1]]), [0, len(values) - 1])
+        place = np.full(len(values), len(free))
+        place[free] = np.arange(len(free))
+        change = np.zeros((len(rows), len(free) + 1))  # the last column: nodes that stay
+        number = np.arange(len(rows))[:, None]
+        np.add.at(change, (number, place[nodes[rows]]), weights[rows])
+        before = np.where(clipped[rows], 0.0, 1.0)[:, None]
+        np.add.at(change, (number, place[nodes[rows - 1]]), -before * weights[rows - 1])
+        wanted = lacking[rows]
+        system = np.vstack([change[:, :-1].T, wanted])
+        target = np.zeros(len(system))
+        target[-1] = 1.0
+        residual = system @ nnls(system, target)[0] - target
+        if residual[-1] > -1e-12:  # nothing does it: the nodes that stay forbid it
+            return
+        values[free] = np.clip(values[free] - residual[:-1] / residual[-1], *bounds)
+
+
+@njit(cache=True)
+def _rows(
+    axis: Array, r_levels: Array, g_levels: Array, b_levels: Array, tetrahedral: bool, nodes: Index, weights: Array
+) -> None:
+    """Fill the nodes around each point of the axis (n, 8), and their weights (n, 8)."""
+    ng, nb = len(g_levels), len(b_levels)
+    for n in range(len(axis)):
+        i, fr = locate(r_levels, axis[n])
+        j, fg = locate(g_levels, axis[n])
+        k, fb = locate(b_levels, axis[n])
+        corner_weights(tetrahedral, fr, fg, fb, weights[n])
+        for p in range(8):
+            nodes[n, p] = ((i + (p >> 2)) * ng + j + ((p >> 1) & 1)) * nb + k + (p & 1)
