@@ -20,8 +20,8 @@ from lutforge.ocio.lut_files import write_compact
 from lutforge.ocio.merge import BaseConfig, merged, open_base
 from lutforge.ocio.names import UniqueNames, config_names
 from lutforge.ocio.renderings import Progress, Rendering, baked, renderings
-from lutforge.ocio.spaces import add_contextual, add_jpegs, add_raw, default_balances
-from lutforge.ocio.versions import DEFAULT_VERSION
+from lutforge.ocio.spaces import add_contextual, add_jpegs, add_raw, any_names, default_balances
+from lutforge.ocio.versions import DEFAULT_VERSION, OLDEST
 from lutforge.ocio.views import add_views
 
 ARCHIVE_SUFFIX = ".ocioz"
@@ -126,6 +126,15 @@ def _plan(
     return cameras, renderings(cameras, base.file_stems if base is not None else ())
 
 
+def _other_looks(base: BaseConfig | None, as_shot: str) -> set[str]:
+    """The looks of the base, without the one of cameras that were merged before: it serves these, too."""
+    if base is None:
+        return set()
+    look = base.config.getLook(REFINISH)
+    same = look is not None and look.getProcessSpace() == as_shot
+    return base.looks - {REFINISH.lower()} if same else base.looks
+
+
 def _assembled(
     cameras: Sequence[Camera],
     parts: Sequence[Rendering],
@@ -134,6 +143,8 @@ def _assembled(
     errors: Mapping[str, str],
 ) -> OCIO.Config:
     """The whole config, valid. errors: what is known of the LUTs of a rendering, by its stem."""
+    if base is not None and base.config.getMinorVersion() < OLDEST:
+        version = version or DEFAULT_VERSION
     config = base_config(version or (base.version if base is not None else DEFAULT_VERSION))
     defaults = default_balances(parts)
     groups: dict[object, str] = {}
@@ -142,8 +153,9 @@ def _assembled(
     for rendering in parts:
         default = defaults[rendering.camera.name, rendering.style]
         add_jpegs(config, rendering, default, groups, errors.get(rendering.stem, ""))
-    add_contextual(config, cameras)
-    add_looks(config, cameras, parts, UniqueNames(base.looks - {REFINISH.lower()} if base is not None else ()))
+    any_camera = any_names(None if base is None else base.config)
+    add_contextual(config, cameras, any_camera)
+    add_looks(config, cameras, parts, UniqueNames(_other_looks(base, any_camera[0])), any_camera[0])
     views = add_views(config, parts, defaults, UniqueNames(base.views if base is not None else ()))
     add_displays(config, views)
     rules = camera_rules(cameras, parts)

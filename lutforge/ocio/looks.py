@@ -15,15 +15,15 @@ from lutforge.ocio.base_config import matrix_transform
 from lutforge.ocio.cameras import AS_SHOT, Camera
 from lutforge.ocio.names import UniqueNames, space_name
 from lutforge.ocio.renderings import Rendering
-from lutforge.ocio.spaces import ANY_AS_SHOT, BALANCE_VAR, SOURCE_NAME, TARGET_NAME
+from lutforge.ocio.spaces import BALANCE_VAR, SOURCE_NAME, TARGET_NAME
 
 REFINISH = "Camera refinish"
 
 
 def add_looks(
-    config: OCIO.Config, cameras: Sequence[Camera], renderings: Sequence[Rendering], looks: UniqueNames
+    config: OCIO.Config, cameras: Sequence[Camera], renderings: Sequence[Rendering], looks: UniqueNames, as_shot: str
 ) -> None:
-    """All looks of the cameras. looks: the names that are taken."""
+    """All looks of the cameras. looks: the names that are taken; as_shot: the space of photographs by any camera."""
     for camera in cameras:
         _add_white_balances(config, camera, looks)
         whole = {r.style for r in renderings if r.camera is camera and r.render is not None and r.linearize is not None}
@@ -31,7 +31,7 @@ def add_looks(
     config.addLook(
         OCIO.Look(
             name=looks(REFINISH),
-            processSpace=ANY_AS_SHOT,
+            processSpace=as_shot,
             transform=OCIO.ColorSpaceTransform(src=SOURCE_NAME, dst=TARGET_NAME),
             inverseTransform=OCIO.ColorSpaceTransform(src=TARGET_NAME, dst=SOURCE_NAME),
             description="From the settings LUTFORGE_CAMERA, _STYLE and _WB to LUTFORGE_TO_CAMERA, _TO_STYLE and _TO_WB",

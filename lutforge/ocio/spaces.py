@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lutforge.ocio.base_config import matrix_transform
 from lutforge.ocio.cameras import AS_SHOT, DEFAULT, Camera
-from lutforge.ocio.names import file_stem, space_name
+from lutforge.ocio.names import UniqueNames, config_names, file_stem, space_name
 from lutforge.ocio.renderings import Rendering
 
 ANY_FAMILY = "Input/Any camera"
@@ -118,8 +118,25 @@ def default_balances(renderings: Sequence[Rendering]) -> dict[tuple[str, str], s
     return found
 
 
-def add_contextual(config: OCIO.Config, cameras: Sequence[Camera]) -> None:
-    """Colour spaces whose settings are context variables: per style its white balance, and one for any camera."""
+def any_names(base: OCIO.Config | None) -> tuple[str, str]:
+    """Names of the two colour spaces of any camera, where the base has not taken them for something else."""
+    taken = UniqueNames(() if base is None else config_names(base))
+
+    def name(wanted: str) -> str:
+        there = None if base is None else base.getColorSpace(wanted)
+        if there is not None and there.getFamily() == ANY_FAMILY:
+            return wanted  # of cameras that were merged before: the same
+        candidate = taken(wanted)
+        while file_stem(candidate) in taken:
+            candidate = taken(wanted)
+        return candidate
+
+    return name(ANY_AS_SHOT), name(ANY_AS_WANTED)
+
+
+def add_contextual(config: OCIO.Config, cameras: Sequence[Camera], any_camera: tuple[str, str]) -> None:
+    """Colour spaces whose settings are context variables: per style its white balance, and two for any camera, as shot
+    and as wanted, with these names."""
     first = cameras[0]
     style = next(iter(first.styles.values()))
     for variable, value in (
@@ -137,9 +154,9 @@ def add_contextual(config: OCIO.Config, cameras: Sequence[Camera]) -> None:
             what = f"JPEG of the {camera.name}, {name}, white balance as the context variable {BALANCE_VAR} says"
             _add_named(config, space_name(camera.name, name, AS_SHOT), settings, camera.family, what)
     names = ", ".join((CAMERA_VAR, STYLE_VAR, BALANCE_VAR))
-    _add_named(config, ANY_AS_SHOT, SOURCE_NAME, ANY_FAMILY, f"JPEG of the settings that {names} name")
+    _add_named(config, any_camera[0], SOURCE_NAME, ANY_FAMILY, f"JPEG of the settings that {names} name")
     names = ", ".join((TO_CAMERA_VAR, TO_STYLE_VAR, TO_BALANCE_VAR))
-    _add_named(config, ANY_AS_WANTED, TARGET_NAME, ANY_FAMILY, f"JPEG of the settings that {names} name")
+    _add_named(config, any_camera[1], TARGET_NAME, ANY_FAMILY, f"JPEG of the settings that {names} name")
 
 
 def _add_named(config: OCIO.Config, name: str, settings: str, family: str, description: str) -> None:

@@ -1,5 +1,6 @@
 """Cameras in a studio's config: what was there stays bit for bit, what is new works, what cannot be is said."""
 
+import copy
 import zipfile
 from pathlib import Path
 
@@ -150,6 +151,41 @@ def test_clashing_names_are_numbered_and_the_base_keeps_its_own(tmp_path: Path) 
     assert "Nikon D40 2 standard daylight" in set(config.getColorSpaceNames())
     assert {"Canon daylight to shade", "Canon daylight to shade 2"} <= set(config.getLookNames())
     assert {"Canon vivid", "Canon vivid 2"} <= set(config.getViewTransformNames())
+
+
+@pytest.mark.parametrize("taken", ["name", "alias"])
+def test_the_space_of_any_camera_is_its_own_whatever_the_base_calls_so(tmp_path: Path, taken: str) -> None:
+    """The one look for all settings does what the conversion between two of them does."""
+    base = OCIO.Config.CreateFromBuiltinConfig("cg-config-v1.0.0_aces-v1.3_ocio-v2.1")
+    scaled = OCIO.MatrixTransform([4, 0, 0, 0, 0, 3, 0, 0, 0, 0, 3, 0, 0, 0, 0, 1])
+    names = {"name": "Camera (as shot)"} if taken == "name" else {"name": "X", "aliases": ["camera (as shot)"]}
+    base.addColorSpace(OCIO.ColorSpace(**names, toReference=scaled))
+    (tmp_path / "base.ocio").write_text(base.serialize())
+    profile = plain_profile("Twin", balances=("daylight", "shade"))
+    path = write_config([profile], tmp_path / "out", merge=tmp_path / "base.ocio")
+    config = load_config(path)
+    assert str(config.getColorSpace(names["name"])) == str(base.getColorSpace(names["name"]))
+    context = copy.deepcopy(config.getCurrentContext())
+    context["LUTFORGE_WB"], context["LUTFORGE_TO_WB"] = "shade", "daylight"
+    as_shot = config.getLook("Camera refinish").getProcessSpace()
+    look = OCIO.LookTransform(src=as_shot, dst=as_shot, looks="Camera refinish")
+    got = convert(config, context, look, OCIO.TRANSFORM_DIR_FORWARD)
+    np.testing.assert_allclose(got, convert(config, "Twin standard shade", "Twin standard daylight"), atol=2e-5)
+    assert config.getColorSpace(as_shot).getFamily() == "Input/Any camera"
+
+
+def test_a_base_of_the_first_version_becomes_the_oldest_that_cameras_need(tmp_path: Path) -> None:
+    base = OCIO.Config()
+    base.setVersion(2, 0)
+    base.addColorSpace(OCIO.ColorSpace(name="AP0"))
+    base.addColorSpace(OCIO.ColorSpace(name="off", isData=True))
+    base.addDisplayView("screen", "raw", "off", "")
+    for role, space in (("aces_interchange", "AP0"), ("default", "off")):
+        base.setRole(role, space)
+    path = tmp_path / "base.ocio"
+    path.write_text(base.serialize())
+    config = build_config([plain_profile("X")], merge=path)
+    assert (config.getMajorVersion(), config.getMinorVersion()) == (2, 1)
 
 
 def test_what_cannot_be_merged_is_one_line(tmp_path: Path) -> None:
