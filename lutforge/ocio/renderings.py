@@ -104,7 +104,7 @@ def baked(rendering: Rendering) -> BakedRendering:
         luts[rendering.render_file] = replace(render, comments=tuple(said))
     if rendering.linearize is not None and linearize is not None:
         told = [
-            f"linearize LUT against the model: {_error(linearize, rendering.linearize)}",
+            f"linearize LUT against the model: {_error(linearize, rendering.linearize, rendering.render)}",
             *([str(trip)] if trip else []),
         ]
         luts[rendering.linearize_file] = replace(linearize, comments=tuple(told))
@@ -112,16 +112,19 @@ def baked(rendering: Rendering) -> BakedRendering:
     return BakedRendering(luts, "; ".join(said))
 
 
-def _error(lut: Lut, transform: Transform) -> str:
-    """Of a LUT against its transform, over its whole input, the rim and the darks: RGB norm, rounded up."""
+def _error(lut: Lut, transform: Transform, made_by: Transform | None = None) -> str:
+    """Of a LUT against its transform, over its whole input, the rim and the darks, and over the colours that another
+    transform makes of these, whichever has more: RGB norm, rounded up."""
 
     def error(x: Array) -> Array:
         return np.asarray(np.linalg.norm(lut(x) - transform(x), axis=1))
 
     x = spread(CHECKED, seed=7)
-    errors = error(x)
-    largest = max(float(errors.max()), float(error(climbed(error, x, errors, seed=7)).max()))
-    return f"mean {rounded_up(float(errors.mean()))}, max {rounded_up(largest)}"
+    inputs = [x] if made_by is None else [x, np.clip(made_by(x), 0.0, 1.0)]
+    errors = [error(colours) for colours in inputs]
+    climbing = [error(climbed(error, *pair, seed=7)) for pair in zip(inputs, errors, strict=True)]
+    largest = max(float(e.max()) for e in (*errors, *climbing))
+    return f"mean {rounded_up(max(float(e.mean()) for e in errors))}, max {rounded_up(largest)}"
 
 
 def _shaped(transform: Transform) -> LatticeTransform | RenderChain | LinearizeChain:
