@@ -39,8 +39,12 @@ MARGIN, ENOUGH = 0.65, 0.9
 no larger size."""
 SIZES = (33, 49)
 """Nodes per axis that are tried."""
-ROUNDS = ((0.5, 0.3), (0.5, 0.1), (0.5, 0.03), (1.0, 0.03), (1.0, 0.03), (1.0, 0.03), (1.0, 0.03), (1.0, 0.03))
-"""At one size: how much more large residuals count, and how firmly the render is held, which gives way if it must."""
+ROUNDS = ((0.5, 0.3), (0.5, 0.1), (0.5, 0.03), (1.0, 0.03), (1.0, 0.03), (1.0, 0.03))
+"""At the first size: how much more large residuals count, and how firmly the render is held, which gives way last."""
+MORE_ROUNDS = ROUNDS[-2:]
+"""The same at the next size."""
+NEAR = 1.5
+"""Share of the goals up to which the next size is tried: beyond it, it would not reach them either."""
 STEPS = 4
 """Most Gauss–Newton steps of a round."""
 POOL = 1 << 16
@@ -130,7 +134,7 @@ def consistent(render: Lut, linearize: Lut, model: Transform | None = None) -> t
         if best[1] is not linearize:  # more colours than the fits looked at
             held = measure(*best, count=4 * POOL)
             reached = RoundTrip(max(reached.mean, held.mean), max(reached.maximum, held.maximum))
-        if reached.worth <= ENOUGH:
+        if reached.worth <= ENOUGH or reached.worth > NEAR:
             break
     if best[1] is linearize:
         return render, linearize, reached
@@ -156,7 +160,7 @@ def _fits(
     knots, prior, free = pool.knots(levels), Cubes(own(grid(levels)), first.values), _free(first)
     pool = pool.rendered(cubes.render)
     colours = pool.few(knots).filled(knots, cubes.back, size)
-    for number, (power, hold) in enumerate(ROUNDS):
+    for number, (power, hold) in enumerate(ROUNDS if before is None else MORE_ROUNDS):
         at = places(colours.inner, knots)
         cubes = refine(first, colours.jpeg, at, cubes, prior, free, STEPS, power, hold)
         if len(first.response) == 2:  # no curve behind it clamps

@@ -55,7 +55,7 @@ LARGEST_RATIO = 1.2
 """Of the maximum to that of radial basis functions."""
 REPEATS, LONG = 7, 1.0
 """Of a fit that is timed, the least counts: so many, but no more once they took so many seconds."""
-NEVER_SLOWER_FROM = 17
+NEVER_SLOWER_FROM = 13
 """Nodes per axis from which a fit may not take longer than camera-match's. Below, matrix, response, gamut map and the
 searches, which do not shrink with the lattice, are most of the time."""
 
