@@ -76,6 +76,19 @@ def preimages(render: Render, inner: Array, jpeg: Array, start: Array) -> tuple[
 
 
 @njit(cache=True)
+def falling_axes(fraction: Array) -> tuple[int, int, int]:
+    """The axes in falling order of the fractions (3,) along them: the way through a cell from tetrahedron to corner."""
+    a, b, d = 0, 1, 2  # axes in falling order of their fractions
+    if fraction[a] < fraction[b]:
+        a, b = b, a
+    if fraction[b] < fraction[d]:
+        b, d = d, b
+    if fraction[a] < fraction[b]:
+        a, b = b, a
+    return a, b, d
+
+
+@njit(cache=True)
 def value_and_slope(values: Array, levels: Array, tetrahedral: bool, x: Array, y: Array, slope: Array) -> None:
     """Fill y (3,) and slope (3, 3), d y / d x, of a lattice at x (3,) within its levels."""
     cell, fraction, width = np.empty(3, dtype=np.int64), np.empty(3), np.empty(3)
@@ -83,17 +96,10 @@ def value_and_slope(values: Array, levels: Array, tetrahedral: bool, x: Array, y
         cell[c], fraction[c] = locate(levels[c], x[c])
         width[c] = levels[c, cell[c] + 1] - levels[c, cell[c]]
     if tetrahedral:
-        a, b, d = 0, 1, 2  # axes in falling order of their fractions
-        if fraction[a] < fraction[b]:
-            a, b = b, a
-        if fraction[b] < fraction[d]:
-            b, d = d, b
-        if fraction[a] < fraction[b]:
-            a, b = b, a
         i, j, k = cell[0], cell[1], cell[2]
         for c in range(3):
             y[c] = values[i, j, k, c]
-        for axis in (a, b, d):
+        for axis in falling_axes(fraction):
             p, q, r = i + (axis == 0), j + (axis == 1), k + (axis == 2)
             for c in range(3):
                 step = values[p, q, r, c] - values[i, j, k, c]
