@@ -24,7 +24,7 @@ from lutforge.regression.normal_equations import InterpolationMatrix, NormalEqua
 Array = NDArray[np.float64]
 Bounds = tuple[float, float]
 
-POINTS = 20_000
+POINTS_PER_NODE, MOST_POINTS = 4, 20_000
 COUNTS, MOST_COUNTED = 0.2, 2.0
 """What a point of the lattice with a curve counts beside a sample: many samples speak for themselves. And how much all
 of them count at most beside all samples."""
@@ -35,8 +35,8 @@ MOST_CENTRES = 5_000
 SEARCH_SAMPLES = 50_000
 LARGEST_SEARCH = 33
 """Nodes per axis up to which levels are searched at the size itself."""
-ROUNDS = 5
-SEARCH_SWEEPS, SWEEPS = 10, 20
+ROUNDS = 2
+SEARCH_SWEEPS, SWEEPS = 6, 12
 KINKED = 2
 """The squared error of a cell of width h that a clip crosses grows like h^KINKED."""
 POWER = 1.0
@@ -125,7 +125,7 @@ class BoundedProblem(PlacedProblem):
 
 def _problem(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, smoothness: float) -> LatticeProblem:
     """Of the samples, and of points around them."""
-    near = _around(x)
+    near = _around(x, min(POINTS_PER_NODE * options.size**3, MOST_POINTS))
     points, values = np.concatenate([x, near]), np.concatenate([y, curved(near)])
     weight = np.ones(len(points))
     weight[len(x) :] = min(COUNTS, MOST_COUNTED * len(x) / len(near))
@@ -133,12 +133,12 @@ def _problem(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, s
     return LatticeProblem(points, values, values, weight, curved, options, True, smoothness, None)
 
 
-def _around(x: Array) -> Array:
-    """POINTS around samples x (n, 3) in [0, 1], the same ones every time, spread as samples are on the square root of
-    linear light, which is near to even for noise and eye."""
+def _around(x: Array, count: int) -> Array:
+    """`count` points around samples x (n, 3) in [0, 1], the same ones every time, spread as samples are on the square
+    root of linear light, which is near to even for noise and eye."""
     rng = np.random.default_rng(0)
     centres = np.sqrt(x if len(x) <= MOST_CENTRES else x[rng.permutation(len(x))[:MOST_CENTRES]])
     distance = cKDTree(centres).query(centres, np.minimum([NEIGHBOURS + 1], len(centres)))[0]
-    chosen = rng.integers(0, len(centres), POINTS)
-    spread: Array = centres[chosen] + SPREAD * distance[chosen] * rng.normal(size=(POINTS, 3))
+    chosen = rng.integers(0, len(centres), count)
+    spread: Array = centres[chosen] + SPREAD * distance[chosen] * rng.normal(size=(count, 3))
     return np.clip(spread, 0.0, 1.0) ** 2
