@@ -35,7 +35,7 @@ MOST_CENTRES = 5_000
 SEARCH_SAMPLES = 50_000
 LARGEST_SEARCH = 33
 """Nodes per axis up to which levels are searched at the size itself."""
-ROUNDS = 2
+ROUNDS = 3
 SEARCH_SWEEPS, SWEEPS = 6, 12
 KINKED = 2
 """The squared error of a cell of width h that a clip crosses grows like h^KINKED."""
