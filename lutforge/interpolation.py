@@ -8,14 +8,18 @@ the fractional coordinate. Inputs outside the first and last node level are clam
 from typing import Literal, get_args
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
+
+from lutforge.threads import run, shares
 
 Interpolation = Literal["trilinear", "tetrahedral"]
 INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
 
 Levels = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """The node levels of the three axes, each (N,) strictly increasing."""
+
+POINTS_PER_THREAD = 20_000
 
 
 @njit(cache=True)
@@ -64,7 +68,7 @@ def corner_weights(tetrahedral: bool, fr: float, fg: float, fb: float, weights: 
     weights[7] += f2
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _interpolate(
     x: NDArray[np.float64],
     r_levels: NDArray[np.float64],
@@ -72,25 +76,23 @@ def _interpolate(
     b_levels: NDArray[np.float64],
     values: NDArray[np.float64],
     tetrahedral: bool,
-) -> NDArray[np.float64]:
-    count, outputs = x.shape[0], values.shape[3]
-    y = np.empty((count, outputs))
-    block = 4096
-    for start in prange((count + block - 1) // block):
-        weights = np.empty(8)
-        for n in range(start * block, min(count, (start + 1) * block)):
-            ir, fr = locate(r_levels, x[n, 0])
-            ig, fg = locate(g_levels, x[n, 1])
-            ib, fb = locate(b_levels, x[n, 2])
-            corner_weights(tetrahedral, fr, fg, fb, weights)
-            for c in range(outputs):
-                total = 0.0
-                for corner in range(8):
-                    w = weights[corner]
-                    if w != 0.0:
-                        total += w * values[ir + (corner >> 2), ig + ((corner >> 1) & 1), ib + (corner & 1), c]
-                y[n, c] = total
-    return y
+    y: NDArray[np.float64],
+    first: int,
+    last: int,
+) -> None:
+    weights = np.empty(8)
+    for n in range(first, last):
+        ir, fr = locate(r_levels, x[n, 0])
+        ig, fg = locate(g_levels, x[n, 1])
+        ib, fb = locate(b_levels, x[n, 2])
+        corner_weights(tetrahedral, fr, fg, fb, weights)
+        for c in range(values.shape[3]):
+            total = 0.0
+            for corner in range(8):
+                w = weights[corner]
+                if w != 0.0:
+                    total += w * values[ir + (corner >> 2), ig + ((corner >> 1) & 1), ib + (corner & 1), c]
+            y[n, c] = total
 
 
 def interpolate(
@@ -103,31 +105,33 @@ def interpolate(
     """
     points = np.asarray(x, dtype=np.float64)
     flat = np.ascontiguousarray(points.reshape(-1, 3))
-    r, g, b = levels
-    result: NDArray[np.float64] = _interpolate(
-        flat, r, g, b, np.ascontiguousarray(values, dtype=np.float64), method == "tetrahedral"
+    nodes, tetrahedral = np.ascontiguousarray(values, dtype=np.float64), method == "tetrahedral"
+    result = np.empty((len(flat), nodes.shape[3]))
+    run(
+        lambda first, last: _interpolate(flat, *levels, nodes, tetrahedral, result, first, last),
+        shares(len(flat), POINTS_PER_THREAD),
     )
-    return result.reshape(*points.shape[:-1], values.shape[3])
+    return result.reshape(*points.shape[:-1], nodes.shape[3])
 
 
 def through(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
     """A curve per channel, given at even steps of [0, 1] as (m, 3), at x (…, 3); clamped. NaN counts as 0."""
-    result: NDArray[np.float64] = _through(np.ascontiguousarray(table), np.ascontiguousarray(x).reshape(-1, 3))
+    curve, points = np.ascontiguousarray(table), np.ascontiguousarray(x).reshape(-1, 3)
+    result = np.empty_like(points)
+    run(lambda first, last: _through(curve, points, result, first, last), shares(len(points), POINTS_PER_THREAD))
     return result.reshape(x.shape)
 
 
-@njit(cache=True, parallel=True)
-def _through(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-    last = table.shape[0] - 1
-    y = np.empty_like(x)
-    for n in prange(x.shape[0]):
+@njit(cache=True, nogil=True)
+def _through(table: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], first: int, last: int) -> None:
+    end = table.shape[0] - 1
+    for n in range(first, last):
         for c in range(3):
-            at = x[n, c] * last
+            at = x[n, c] * end
             if not at > 0:
                 y[n, c] = table[0, c]
-            elif at >= last:
-                y[n, c] = table[last, c]
+            elif at >= end:
+                y[n, c] = table[end, c]
             else:
                 i = int(at)
                 y[n, c] = table[i, c] + (at - i) * (table[i + 1, c] - table[i, c])
-    return y

@@ -87,7 +87,8 @@ def _residual(linear: Array, encoded: Array, tables: Array, slope: Array) -> Arr
     rise = np.empty((KNOTS, 3))
     for knot in range(KNOTS):
         low, high = max(knot - 1, 0), min(knot + 1, KNOTS - 1)
-        rise[knot] = (tables[high] - tables[low]) * ((KNOTS - 1) / (high - low))
+        for c in range(3):
+            rise[knot, c] = (tables[high, c] - tables[low, c]) * ((KNOTS - 1) / (high - low))
     residual = np.empty(len(linear))
     for n in range(len(linear)):
         total = 0.0

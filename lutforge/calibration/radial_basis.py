@@ -14,7 +14,7 @@ from scipy.linalg.lapack import dgeqrf, dposv, dpotrs
 
 from lutforge.model.gamut_map import GamutMap
 from lutforge.regression.stencil import REASSOCIATED
-from lutforge.regression.threads import run, slabs
+from lutforge.threads import run, slabs
 
 Array = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ def _projected(source: Array, centres: Array, v: Array, t: Array) -> Array:
     result, sums, share = np.empty((len(source), count)), np.empty(kept), np.empty(kept)
     for n in range(len(source)):
         row = result[n]
-        r, g, b = source[n]
+        r, g, b = source[n, 0], source[n, 1], source[n, 2]
         for i in range(count):
             row[i] = np.sqrt((centres[0, i] - r) ** 2 + (centres[1, i] - g) ** 2 + (centres[2, i] - b) ** 2)
         for k in range(kept):
@@ -143,11 +143,15 @@ def _weighted(design: Array, target: Array, root: Array, rows: NDArray[np.int64]
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def spread(points: Array, count: int) -> NDArray[np.int64]:
     """Farthest-point sampling: each next point is the one farthest from those chosen. The first is nearest to black."""
-    chosen = np.empty(count, dtype=np.int64)
-    distance = np.full(len(points), np.inf)
-    chosen[0] = np.argmin(points[:, 0] ** 2 + points[:, 1] ** 2 + points[:, 2] ** 2)
+    chosen, distance = np.empty(count, dtype=np.int64), np.empty(len(points))
+    darkest = np.inf
+    for n in range(len(points)):
+        distance[n] = np.inf
+        square = points[n, 0] ** 2 + points[n, 1] ** 2 + points[n, 2] ** 2
+        if square < darkest:
+            darkest, chosen[0] = square, n
     for place in range(1, count):
-        r, g, b = points[chosen[place - 1]]
+        r, g, b = points[chosen[place - 1], 0], points[chosen[place - 1], 1], points[chosen[place - 1], 2]
         farthest, at = -1.0, 0
         for n in range(len(points)):
             square = (points[n, 0] - r) ** 2 + (points[n, 1] - g) ** 2 + (points[n, 2] - b) ** 2

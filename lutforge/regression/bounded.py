@@ -35,13 +35,11 @@ def solve_bounded(
     r, g, b = (len(axis) for axis in levels)
     longest, size = max(r, g, b), (r, g, b)
     bends, slopes, masses = np.zeros((3, longest, 3)), np.zeros((3, longest, 3)), np.zeros((3, longest))
-    none = np.zeros((0, longest), dtype=np.int64)
+    none = np.zeros((0, 3, longest), dtype=np.int64), np.zeros((0, 3, 2, longest), dtype=np.float32)
     for axis, nodes in enumerate(levels):
-        parts = bends[None, axis], slopes[None, axis], masses[None, axis]
-        coarsen_axis(nodes, 1, none, np.zeros((0, 2, longest)), *parts)
-    couplings, shared = np.zeros((COUPLINGS, (r + FAR) * g * b)), np.empty(r * g * b)
-    couple(equations.stencil, bends, slopes, masses, smoothness, smoothness, couplings, shared)
-    diagonal = shared + np.ascontiguousarray(np.moveaxis(prior.hold, 3, 0)).reshape(3, -1)
+        coarsen_axis(nodes, axis, *none, bends[None], slopes[None], masses[None])
+    couplings, diagonal = np.zeros((COUPLINGS, (r + FAR) * g * b)), np.moveaxis(prior.hold, 3, 0).reshape(3, -1).copy()
+    couple(equations.stencil, bends, slopes, masses, smoothness, smoothness, couplings, diagonal)
     difference = planar(np.clip(start, *bounds) - prior.values)
     offset, right = planar(prior.values), planar(equations.right)
     _sweep(couplings, diagonal, steps(g, b), FAR * g * b, right, offset, *bounds, sweeps, difference)

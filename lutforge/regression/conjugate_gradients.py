@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lutforge.errors import CalibrationError
 from lutforge.regression.multigrid import Multigrid
 from lutforge.regression.stencil import REASSOCIATED, from_planar, planar
-from lutforge.regression.threads import run
+from lutforge.threads import run
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from lutforge.interpolation import Levels
 from lutforge.regression.chebyshev import first_step, second_step
 from lutforge.regression.stencil import COUPLINGS, FAR, add_product, couple, damp, planar, run_planes, steps
-from lutforge.regression.threads import cores, run, slabs
 from lutforge.regression.transfer import (
     COARSEST,
     coarse_count,
@@ -24,6 +23,7 @@ from lutforge.regression.transfer import (
     prolong_add,
     restrict,
 )
+from lutforge.threads import cores, run, slabs
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -36,6 +36,9 @@ SMALL = 30_000
 """Lattices of fewer nodes are gone through in one compiled call, however many threads there are: it rounds in its own
 way."""
 MINUS = np.float32(-1.0)
+ZERO: Any = np.int64(0)
+OUTPUTS: Any = np.int64(3)
+"""Not literals, for whose values the kernels would be compiled again."""
 SINGULAR = 1e-13
 """Pivots of the coarsest operator below this share of its diagonal are rounding errors."""
 
@@ -59,26 +62,26 @@ def _after(size: tuple[int, int, int], lattices: int, couplings: int) -> tuple[i
 
 
 @njit(cache=True, nogil=True)
-def _nodes(flat: Real, table: Index, level: int) -> Real:
+def _nodes(flat: Single, table: Index, level: int) -> Single:
     """(3, nodes) of a lattice."""
     return flat[table[level, 3] : table[level + 1, 3]].reshape((3, -1))
 
 
 @njit(cache=True, nogil=True)
-def _planar(flat: Real, table: Index, level: int) -> Real:
+def _planar(flat: Single, table: Index, level: int) -> Single:
     """(3, nodes and margins) of a lattice."""
     return flat[table[level, 4] : table[level + 1, 4]].reshape((3, -1))
 
 
 @njit(cache=True, nogil=True)
-def _cube(flat: Real, table: Index, level: int) -> Real:
+def _cube(flat: Single, table: Index, level: int) -> Single:
     """(3, N_r + 2 FAR, N_g, N_b), the same."""
     r, g, b = table[level, 0], table[level, 1], table[level, 2]
     return flat[table[level, 4] : table[level + 1, 4]].reshape((3, r + 2 * FAR, g, b))
 
 
 @njit(cache=True, nogil=True)
-def _couplings(flat: Real, table: Index, level: int) -> Real:
+def _couplings(flat: Single, table: Index, level: int) -> Single:
     return flat[table[level, 5] : table[level + 1, 5]].reshape((COUPLINGS, -1))
 
 
@@ -89,20 +92,21 @@ def _build(
     g_levels: Array,
     b_levels: Array,
     stencil: Array,
-    anchor: Array,
     smoothness: float,
     twist: float,
     cells: Index,
-    shares: Array,
+    shares: Single,
     finest: Array,
     middle: Array,
+    anchor: Single,
     couplings: Single,
     diagonal: Single,
     damping: Single,
 ) -> Array:
     """Fill the hierarchy; returns the Cholesky factors of its coarsest operator, (3, m, m).
 
-    anchor: planar, and room for the coarser ones; finest, middle: the couplings and the diagonal of the finest lattice.
+    finest, middle: the couplings and the diagonal of the finest lattice, where that holds the anchor, still;
+    anchor: the same, planar, and room for the coarser ones.
     """
     depth = len(table) - 1
     longest = cells.shape[2]
@@ -110,25 +114,24 @@ def _build(
     masses = np.zeros((depth, 3, longest))
     for axis in range(3):
         levels = r_levels if axis == 0 else g_levels if axis == 1 else b_levels
-        coarsen_axis(levels, depth, cells[:, axis], shares[:, axis], bends[:, axis], slopes[:, axis], masses[:, axis])
+        coarsen_axis(levels, axis, cells, shares, bends, slopes, masses)
     mine, own = finest, middle
     for level in range(depth):
         r, g, b = table[level, 0], table[level, 1], table[level, 2]
         if level > 0:
             mine, own = np.zeros((COUPLINGS, (r + FAR) * g * b)), np.empty((3, r * g * b))
-        couple(stencil, bends[level], slopes[level], masses[level], smoothness, twist, mine, own[0])
-        held = _cube(anchor, table, level)
-        for c in range(2, -1, -1):
-            flat = held[c, FAR : FAR + r].reshape(-1)
-            for p in range(len(flat)):
-                own[c, p] = own[0, p] + flat[p]
-        damp(mine, own, steps(g, b), g * b, _nodes(damping, table, level))
-        _couplings(couplings, table, level)[:] = mine
-        _nodes(diagonal, table, level)[:] = own
+            held = _planar(anchor, table, level)
+            for c in range(3):
+                for p in range(r * g * b):
+                    own[c, p] = held[c, FAR * g * b + p]
+        couple(stencil, bends[level], slopes[level], masses[level], smoothness, twist, mine, own)
+        singles = _couplings(couplings, table, level), _nodes(diagonal, table, level), _nodes(damping, table, level)
+        damp(mine, own, steps(g, b), g * b, *singles)
         if level < depth - 1:
             kr, kg, kb = table[level + 1, 0], table[level + 1, 1], table[level + 1, 2]
             stencil = coarse_stencil(stencil, cells[level], shares[level], kr, kg, kb)
-            restrict(held, cells[level], shares[level], _cube(anchor, table, level + 1), 0, 3)
+            fine, coarse = _cube(anchor, table, level), _cube(anchor, table, level + 1)
+            restrict(fine, cells[level], shares[level], coarse, ZERO, OUTPUTS)
     return _factors(mine, own, g, b)
 
 
@@ -174,7 +177,8 @@ def _solve_coarsest(factors: Array, right: Single, b: Single, plane: int) -> Non
             x[row] *= factor[row, row]
             for k in range(row):
                 x[k] -= factor[row, k] * x[row]
-        b[c, margin : margin + nodes] = x
+        for row in range(nodes):
+            b[c, margin + row] = x[row]
 
 
 @njit(cache=True, nogil=True)
@@ -206,17 +210,27 @@ def _cycle(
         far, rest, z = steps(g, nb), _planar(residual, table, level), _planar(correction, table, level)
         mine, own = _couplings(couplings, table, level), _nodes(diagonal, table, level)
         scale = _nodes(damping, table, level)
-        rest[:] = y
+        _copy(y, rest)
         if not down:
-            prolong_add(_cube(b, table, level + 1), cells[level], shares[level], _cube(b, table, level), 0, 3)
-            add_product(MINUS, mine, own, far, plane, x, rest, 0, r)
-        first_step(scale, rest, plane, z, x, down, 0, r)
-        add_product(MINUS, mine, own, far, plane, z, rest, 0, r)
-        second_step(scale, rest, plane, z, x, 0, r)
+            coarse, fine = _cube(b, table, level + 1), _cube(b, table, level)
+            prolong_add(coarse, cells[level], shares[level], fine, ZERO, OUTPUTS)
+            add_product(MINUS, mine, own, far, plane, x, rest, ZERO, r)
+        first_step(scale, rest, plane, z, x, down, ZERO, r)
+        add_product(MINUS, mine, own, far, plane, z, rest, ZERO, r)
+        second_step(scale, rest, plane, z, x, ZERO, r)
         if down:
-            rest[:] = y
-            add_product(MINUS, mine, own, far, plane, x, rest, 0, r)
-            restrict(_cube(residual, table, level), cells[level], shares[level], _cube(right, table, level + 1), 0, 3)
+            _copy(y, rest)
+            add_product(MINUS, mine, own, far, plane, x, rest, ZERO, r)
+            fine, coarse = _cube(residual, table, level), _cube(right, table, level + 1)
+            restrict(fine, cells[level], shares[level], coarse, ZERO, OUTPUTS)
+
+
+@njit(cache=True, nogil=True)
+def _copy(source: Single, to: Single) -> None:
+    """What `to[:] = source` would do, which takes half a second to compile for its error message."""
+    for c in range(3):
+        for p in range(source.shape[1]):
+            to[c, p] = source[c, p]
 
 
 class Multigrid:
@@ -233,18 +247,23 @@ class Multigrid:
         self._table = table = _table(self.size)
         depth, longest = len(table) - 1, max(self.size)
         nodes, lattices, couplings = (int(count) for count in table[-1, 3:])
-        cells, shares = np.zeros((depth - 1, 3, longest), dtype=np.int64), np.zeros((depth - 1, 3, 2, longest))
-        self._finest = np.zeros((COUPLINGS, (r + FAR) * g * b)), np.empty((3, r * g * b)), steps(g, b), g * b
+        cells, shares = (
+            np.zeros((depth - 1, 3, longest), dtype=np.int64),
+            np.zeros((depth - 1, 3, 2, longest), dtype=np.float32),
+        )
+        held = planar(anchor)
+        middle = held[:, FAR * g * b : -FAR * g * b].copy()
+        self._finest = np.zeros((COUPLINGS, (r + FAR) * g * b)), middle, steps(g, b), g * b
         operator = (
             np.empty(couplings, dtype=np.float32),
             np.empty(nodes, dtype=np.float32),
             np.empty(nodes, dtype=np.float32),
         )
-        held = np.zeros(lattices)
-        held[: table[1, 4]] = planar(anchor).ravel()
-        factors = _build(table, *levels, stencil, held, smoothness, twist, cells, shares, *self._finest[:2], *operator)
-        self._hierarchy = cells, shares.astype(np.float32), *operator, factors
         work = np.zeros((4, lattices), dtype=np.float32)
+        work[0, : table[1, 4]] = held.ravel()
+        data = stencil, smoothness, twist
+        factors = _build(table, *levels, *data, cells, shares, *self._finest[:2], work[0], *operator)
+        self._hierarchy = cells, shares, *operator, factors
         self._work = work[0], work[1], work[2], work[3]
         self.right, self.b = _planar(work[0], table, 0), _planar(work[1], table, 0)
         self._small = next(level for level in range(depth) if np.prod(table[level, :3]) < SMALL)

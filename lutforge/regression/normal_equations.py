@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
-from lutforge.regression.threads import cores, run, slabs
+from lutforge.threads import cores, run, slabs
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -52,18 +52,15 @@ def _locate(
 
 
 @njit(cache=True, nogil=True)
-def _sort(cell: Index, cells: int) -> tuple[Index, Index]:
-    """Samples in order of their cells (n,), and where each cell begins (cells + 1,): a counting sort."""
-    begin = np.zeros(cells + 1, dtype=np.int64)
+def _sort(cell: Index, order: Index, begin: Index) -> None:
+    """Fill samples in order of their cells (n,), and where each cell begins (cells + 1,), 0 before: a counting sort."""
     for n in range(len(cell)):
-        begin[cell[n] + 1] += 1
-    for c in range(cells):
-        begin[c + 1] += begin[c]
-    order, following = np.empty(len(cell), dtype=np.int64), begin[:-1].copy()
-    for n in range(len(cell)):
-        order[following[cell[n]]] = n
-        following[cell[n]] += 1
-    return order, begin
+        begin[cell[n]] += 1
+    for c in range(1, len(begin)):
+        begin[c] += begin[c - 1]
+    for n in range(len(cell) - 1, -1, -1):  # from behind, as each cell is filled from its end
+        begin[cell[n]] -= 1
+        order[begin[cell[n]]] = n
 
 
 @njit(cache=True, nogil=True)
@@ -148,7 +145,8 @@ class InterpolationMatrix:
         cell, fraction = np.empty(count, dtype=np.int64), np.empty((count, 3))
         run(lambda first, last: _locate(x, *levels, cell, fraction, first, last), slabs(0, count, 1, self._threads))
         r, g, b = self.size
-        order, begin = _sort(cell, (r - 1) * (g - 1) * (b - 1))
+        order, begin = np.empty(count, dtype=np.int64), np.zeros((r - 1) * (g - 1) * (b - 1) + 1, dtype=np.int64)
+        _sort(cell, order, begin)
         self._rows = order, begin, fraction
 
     def __matmul__(self, values: Array) -> Array:

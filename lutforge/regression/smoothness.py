@@ -28,6 +28,18 @@ def second_difference(levels: Array) -> Array:
     return rows
 
 
+@njit(cache=True, nogil=True)
+def bending(levels: Array) -> Array:
+    """S'S, (N, N)."""
+    rows, count = second_difference(levels), len(levels)
+    gram = np.zeros((count, count))
+    for row in range(count - 2):
+        for p in range(row, row + 3):
+            for q in range(row, row + 3):
+                gram[p, q] += rows[row, p] * rows[row, q]
+    return gram
+
+
 @njit(cache=True)
 def to_bands(matrix: Array) -> Array:
     """The five central diagonals of a symmetric (N, N) matrix as (N, 5), offsets −2 … 2."""

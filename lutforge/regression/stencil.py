@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Single = NDArray[np.float32]
 Real = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
@@ -70,14 +71,14 @@ def couple(
     couplings: Array,
     diagonal: Array,
 ) -> None:
-    """Fill the couplings (COUPLINGS, (N_r + FAR) · N_g · N_b) and what the outputs share of the diagonal (nodes,).
+    """Fill the couplings (COUPLINGS, (N_r + FAR) · N_g · N_b), and add to the diagonal (3, nodes), the same for each.
 
     stencil: the data term, as `normal_equations` gives it. Per axis, (3, N or more, …): bends, the penalty on the
     second difference at offsets 0, 1, 2; slopes, that on the first difference at −1, 0, 1; masses, what the axis weighs
     in the penalties of the others.
     """
     nr, ng, nb = stencil.shape[1:]
-    mass = masses[2, :nb]
+    mass, shared = masses[2, :nb], np.empty(nb)
     for i in range(nr):
         mr = masses[0, i]
         for j in range(ng):
@@ -94,10 +95,13 @@ def couple(
                     even += smoothness * bends[1, j, dg] * mr
                 sloped = twist * ((sr * mg if dg == 0 else 0.0) + (mr * sg if dr == 0 else 0.0))
                 bent = smoothness * mr * mg if dr == 0 and dg == 0 else 0.0
-                to = diagonal[first : first + nb] if t == 0 else couplings[t - 1, start : start + nb]
+                to = shared if t == 0 else couplings[t - 1, start : start + nb]
                 data, slope, bend = stencil[t, i, j], slopes[2, :nb, db + 1], bends[2, :nb, max(db, 0)]
                 for k in range(nb):
                     to[k] = data[k] + even * mass[k] + sloped * slope[k] + bent * bend[k]
+            for c in range(3):
+                for k in range(nb):
+                    diagonal[c, first + k] += shared[k]
             far_r, far_g = smoothness * bends[0, i, 2] * mg, smoothness * mr * bends[1, j, 2]
             far_b = smoothness * mr * mg
             for k in range(nb):
@@ -149,8 +153,19 @@ def add_product(
 
 
 @njit(cache=True, nogil=True)
-def damp(couplings: Real, diagonal: Real, far: Index, plane: int, damping: Real) -> None:
-    """damping = 1 / Σ |row of A| (3, nodes): with it as a preconditioner no eigenvalue is above 1 (Gershgorin)."""
+def damp(
+    couplings: Array,
+    diagonal: Array,
+    far: Index,
+    plane: int,
+    single_couplings: Single,
+    single_diagonal: Single,
+    damping: Single,
+) -> None:
+    """damping = 1 / Σ |row of A| (3, nodes): with it as a preconditioner no eigenvalue is above 1 (Gershgorin).
+
+    Fills the operator in float32, too.
+    """
     nodes = diagonal.shape[1]
     margin = FAR * plane
     others = np.zeros(nodes)
@@ -158,7 +173,10 @@ def damp(couplings: Real, diagonal: Real, far: Index, plane: int, damping: Real)
         ahead, behind = couplings[t, margin : margin + nodes], couplings[t, margin - far[t] : margin - far[t] + nodes]
         for p in range(nodes):
             others[p] += abs(ahead[p]) + abs(behind[p])
+        for p in range(couplings.shape[1]):
+            single_couplings[t, p] = couplings[t, p]
     for c in range(3):
-        own, to = diagonal[c], damping[c]
+        own, single, to = diagonal[c], single_diagonal[c], damping[c]
         for p in range(nodes):
+            single[p] = own[p]
             to[p] = 1.0 / max(others[p] + own[p], 1e-300)

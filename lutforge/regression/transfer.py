@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lutforge.regression.smoothness import second_difference
+from lutforge.regression.smoothness import bending
 from lutforge.regression.stencil import FAR
 
 Array = NDArray[np.float64]
+Single = NDArray[np.float32]
 Real = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
@@ -26,20 +27,20 @@ def coarse_count(count: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def interpolation(levels: Array, coarse: Array, cell: Index, share: Array) -> None:
-    """Fill the coarse levels, and per fine node the coarse cell, (N,), and the shares of its two ends, (2, N)."""
+def interpolation(levels: Array, coarse: Array, cell: Index, share: Single) -> None:
+    """Fill the coarse levels, and per fine node the coarse cell, (N or more,), and the shares of its two ends."""
     count, kept = len(levels), len(coarse)
     for node in range(kept):
         coarse[node] = levels[node if kept == count else min(2 * node, count - 1)]
     for node in range(count):
         at = min(node if kept == count else node // 2, kept - 2)
         cell[node] = at
-        share[1, node] = (levels[node] - coarse[at]) / (coarse[at + 1] - coarse[at])
-        share[0, node] = 1.0 - share[1, node]
+        behind = (levels[node] - coarse[at]) / (coarse[at + 1] - coarse[at])
+        share[0, node], share[1, node] = 1.0 - behind, behind
 
 
 @njit(cache=True, nogil=True)
-def _projected(matrix: Array, cell: Index, share: Array, kept: int) -> Array:
+def _projected(matrix: Array, cell: Index, share: Single, kept: int) -> Array:
     """P'MP of a banded matrix (N, N) of one axis."""
     count = len(matrix)
     coarse = np.zeros((kept, kept))
@@ -47,7 +48,7 @@ def _projected(matrix: Array, cell: Index, share: Array, kept: int) -> Array:
         for column in range(max(0, row - 2), min(count, row + 3)):
             for p in range(2):
                 for q in range(2):
-                    w = share[p, row] * share[q, column]
+                    w = np.float64(share[p, row]) * share[q, column]
                     if w != 0.0:
                         coarse[cell[row] + p, cell[column] + q] += w * matrix[row, column]
     return coarse
@@ -55,16 +56,15 @@ def _projected(matrix: Array, cell: Index, share: Array, kept: int) -> Array:
 
 @njit(cache=True, nogil=True)
 def coarsen_axis(
-    levels: Array, depth: int, cells: Index, shares: Array, bends: Array, slopes: Array, masses: Array
+    levels: Array, axis: int, cells: Index, shares: Single, bends: Array, slopes: Array, masses: Array
 ) -> None:
     """Fill, for each of `depth` ever coarser versions of an axis, what it interpolates with and its penalties.
 
-    cells: (depth − 1, N); shares: (depth − 1, 2, N); bends, slopes: (depth, N, 3) and masses: (depth, N), as
-    `stencil.couple` takes them.
+    cells: (depth − 1, 3, N); shares: (depth − 1, 3, 2, N); bends, slopes: (depth, 3, N, 3) and masses: (depth, 3, N),
+    as `stencil.couple` takes them.
     """
-    count = len(levels)
-    rows = second_difference(levels)
-    bend, slope, mass = rows.T @ rows, np.zeros((count, count)), np.ones(count)
+    count, depth = len(levels), len(masses)
+    bend, slope, mass = bending(levels), np.zeros((count, count)), np.ones(count)
     for node in range(count - 1):
         slope[node, node] += 1.0
         slope[node + 1, node + 1] += 1.0
@@ -72,16 +72,16 @@ def coarsen_axis(
         slope[node + 1, node] -= 1.0
     for level in range(depth):
         for node in range(count):
-            masses[level, node] = mass[node]
+            masses[level, axis, node] = mass[node]
             for offset in range(3):
                 if node + offset < count:
-                    bends[level, node, offset] = bend[node, node + offset]
+                    bends[level, axis, node, offset] = bend[node, node + offset]
                 if 0 <= node + offset - 1 < count:
-                    slopes[level, node, offset] = slope[node, node + offset - 1]
+                    slopes[level, axis, node, offset] = slope[node, node + offset - 1]
         if level == depth - 1:
             break
         kept = coarse_count(count)
-        coarse, cell, share = np.empty(kept), cells[level, :count], shares[level, :, :count]
+        coarse, cell, share = np.empty(kept), cells[level, axis], shares[level, axis]
         interpolation(levels, coarse, cell, share)
         bend, slope = _projected(bend, cell, share, kept), _projected(slope, cell, share, kept)
         # What is diagonal stays so: the row sums of P'MP, which are at least as stiff as P'MP itself.
@@ -93,20 +93,20 @@ def coarsen_axis(
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _galerkin(fine: Array, cell: Index, share: Array, coarse: Array, first: int, least: int) -> None:
+def _galerkin(fine: Array, cell: Index, share: Single, coarse: Array) -> None:
     """Add P'AP of one axis: fine (a, 3, b, N, c) and coarse (a, 3, b, N_coarse, c), the offset along it second; only of
-    `first` ≤ a and the coarse offsets from `least` on."""
-    count, long = fine.shape[3], fine.shape[4] > 1
-    for a in range(first, fine.shape[0]):
+    the later half of the offsets along it and the axes before, a: A is symmetric."""
+    count, long, half = fine.shape[3], fine.shape[4] > 1, fine.shape[0] // 2
+    for a in range(half, fine.shape[0]):
         for d in range(3):
             for i in range(max(0, 1 - d), min(count, count + 1 - d)):
                 other = i + d - 1
                 for p in range(2):
                     row = cell[i] + p
                     for q in range(2):
-                        w = share[p, i] * share[q, other]
+                        w = np.float64(share[p, i]) * share[q, other]
                         offset = cell[other] + q - row + 1
-                        if w == 0.0 or offset < least:
+                        if w == 0.0 or (half == 0 and offset == 0):
                             continue
                         if long:
                             for b in range(fine.shape[2]):
@@ -120,30 +120,32 @@ def _galerkin(fine: Array, cell: Index, share: Array, coarse: Array, first: int,
 
 
 @njit(cache=True, nogil=True)
-def coarse_stencil(half: Array, cells: Index, shares: Array, kr: int, kg: int, kb: int) -> Array:
+def coarse_stencil(half: Array, cells: Index, shares: Single, kr: int, kg: int, kb: int) -> Array:
     """P'AP of a 27-point stencil A, (14, N_r, N_g, N_b), one axis after the other; one of (14, kr, kg, kb) again.
 
     cells, shares: (3, N or more) and (3, 2, N or more) of the axes.
     """
     nr, ng, nb = half.shape[1:]
     full = np.zeros((27, nr, ng, nb))
-    full[13:] = half
-    for t in range(1, 14):
+    for t in range(14):
         dr, dg, db = (t + 13) // 9 - 1, (t + 13) // 3 % 3 - 1, (t + 13) % 3 - 1
         step = (dr * ng + dg) * nb + db
-        ahead, behind = half[t].reshape(-1), full[13 - t].reshape(-1)
-        behind[step:] = ahead[: len(ahead) - step]
+        source, ahead, behind = half[t].reshape(-1), full[13 + t].reshape(-1), full[13 - t].reshape(-1)
+        for p in range(len(source)):
+            ahead[p] = source[p]
+        for p in range(len(source) - step):
+            behind[p + step] = source[p]
     one = np.zeros((1, 3, 9, kr, ng * nb))
-    _galerkin(full.reshape((1, 3, 9, nr, ng * nb)), cells[0], shares[0], one, 0, 1)
+    _galerkin(full.reshape((1, 3, 9, nr, ng * nb)), cells[0], shares[0], one)
     two = np.zeros((3, 3, 3 * kr, kg, nb))
-    _galerkin(one.reshape((3, 3, 3 * kr, ng, nb)), cells[1], shares[1], two, 1, 0)
+    _galerkin(one.reshape((3, 3, 3 * kr, ng, nb)), cells[1], shares[1], two)
     three = np.zeros((9, 3, kr * kg, kb, 1))
-    _galerkin(two.reshape((9, 3, kr * kg, nb, 1)), cells[2], shares[2], three, 4, 0)
+    _galerkin(two.reshape((9, 3, kr * kg, nb, 1)), cells[2], shares[2], three)
     return three.reshape((27, kr, kg, kb))[13:].copy()
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def restrict(fine: Real, cells: Index, shares: Real, coarse: Real, first: int, last: int) -> None:
+def restrict(fine: Single, cells: Index, shares: Single, coarse: Single, first: int, last: int) -> None:
     """coarse = P' fine of the outputs first … last − 1, one axis after the other.
 
     fine, coarse: (3, N_r + 2 FAR, N_g, N_b), planes of zeros on both sides.
@@ -182,7 +184,7 @@ def restrict(fine: Real, cells: Index, shares: Real, coarse: Real, first: int, l
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def prolong_add(coarse: Real, cells: Index, shares: Real, fine: Real, first: int, last: int) -> None:
+def prolong_add(coarse: Single, cells: Index, shares: Single, fine: Single, first: int, last: int) -> None:
     """fine += P coarse of the same."""
     nr, ng, nb = fine.shape[1:]
     kr, kg = coarse.shape[1:3]

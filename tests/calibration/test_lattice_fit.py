@@ -1,11 +1,11 @@
 """The lattice fit on a simulated camera, whose truth is known, and on samples that say too little."""
 
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # it has no type information
 
+from lutforge import threads as shared
 from lutforge.calibration.continuation import continuation
 from lutforge.calibration.lattice import fit_samples, folds
 from lutforge.calibration.lattice_result import LatticeResult
@@ -154,17 +154,15 @@ def test_folds_leave_whole_shots_out_once() -> None:
 def test_threads_do_not_change_a_bit(inverse: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """So many samples that the sums over them, too, are shared between threads."""
     x, y = colours_in_gamut(45_000, 12)
-    found, most = [], numba.get_num_threads()
+    found = []
     for threads in (1, 2):
-        for module in (multigrid, normal_equations):
+        for module in (multigrid, normal_equations, shared):
             monkeypatch.setattr(module, "cores", lambda threads=threads: threads)
         monkeypatch.setattr(multigrid, "SMALL", 500)
         monkeypatch.setattr(multigrid, "NODES_PER_THREAD", 200)
-        numba.set_num_threads(min(threads, most))
         with threadpool_limits(threads, user_api="blas"):
             source, target = (y, x) if inverse else (x, y)
             found.append(fit(source, target, 9, inverse=inverse).lattice)
-    numba.set_num_threads(most)
     np.testing.assert_array_equal(found[0].values, found[1].values)
     for one, two in zip(found[0].levels, found[1].levels, strict=True):
         np.testing.assert_array_equal(one, two)

@@ -23,10 +23,10 @@ Array = NDArray[np.float64]
 SIZE, COARSE = (9, 6, 3), (5, 4, 3)
 
 
-def matrix(levels: Array) -> tuple[Array, Array, NDArray[np.int64], Array]:
+def matrix(levels: Array) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.float32]]:
     """The coarse levels, P (N, N_coarse), and what it is made of: cells and shares."""
     coarse = np.empty(coarse_count(len(levels)))
-    cell, share = np.empty(len(levels), dtype=np.int64), np.empty((2, len(levels)))
+    cell, share = np.empty(len(levels), dtype=np.int64), np.empty((2, len(levels)), dtype=np.float32)
     interpolation(levels, coarse, cell, share)
     dense = np.zeros((len(levels), len(coarse)))
     rows = np.arange(len(levels))
@@ -35,10 +35,10 @@ def matrix(levels: Array) -> tuple[Array, Array, NDArray[np.int64], Array]:
     return coarse, dense, cell, share
 
 
-def transfer(levels: Levels) -> tuple[Array, NDArray[np.int64], Array]:
+def transfer(levels: Levels) -> tuple[Array, NDArray[np.int64], NDArray[np.float32]]:
     """P of a whole lattice (nodes, coarse nodes), cells and shares."""
     r, g, b = (matrix(axis) for axis in levels)
-    cells, shares = np.zeros((3, 9), dtype=np.int64), np.zeros((3, 2, 9))
+    cells, shares = np.zeros((3, 9), dtype=np.int64), np.zeros((3, 2, 9), dtype=np.float32)
     for axis, part in enumerate((r, g, b)):
         cells[axis, : len(part[2])], shares[axis, :, : len(part[2])] = part[2], part[3]
     return np.kron(np.kron(r[1], g[1]), b[1]), cells, shares
@@ -54,16 +54,21 @@ def test_coarse_levels_are_levels_and_interpolate_linear_functions(count: int) -
     np.testing.assert_allclose(dense @ (2 * coarse + 1), 2 * levels + 1, atol=1e-12)
 
 
+def single(values: Array, *shape: int) -> NDArray[np.float32]:
+    """Node values as the cycle takes them, (3, planes, N_g, N_b)."""
+    return planar(values).reshape(3, *shape).astype(np.float32)
+
+
 def test_there_and_back_are_transposed() -> None:
     rng = np.random.default_rng(0)
     dense, cells, shares = transfer(random_levels(rng, SIZE))
     fine, coarse = rng.normal(size=(*SIZE, 3)), rng.normal(size=(*COARSE, 3))
-    padded, to = planar(fine).reshape(3, 13, 6, 3), planar(coarse).reshape(3, 9, 4, 3)
+    padded, to = single(fine, 13, 6, 3), single(coarse, 9, 4, 3)
     prolong_add(to, cells, shares, padded, 0, 3)
     wanted = fine.reshape(-1, 3) + dense @ coarse.reshape(-1, 3)
-    np.testing.assert_allclose(from_planar(padded, SIZE).reshape(-1, 3), wanted, atol=1e-12)
-    restrict(planar(fine).reshape(3, 13, 6, 3), cells, shares, to, 0, 3)
-    np.testing.assert_allclose(from_planar(to, COARSE).reshape(-1, 3), dense.T @ fine.reshape(-1, 3), atol=1e-12)
+    np.testing.assert_allclose(from_planar(padded, SIZE).reshape(-1, 3), wanted, atol=1e-5)
+    restrict(single(fine, 13, 6, 3), cells, shares, to, 0, 3)
+    np.testing.assert_allclose(from_planar(to, COARSE).reshape(-1, 3), dense.T @ fine.reshape(-1, 3), atol=1e-5)
 
 
 def test_coarse_data_terms_are_the_projected_fine_ones() -> None:
@@ -88,15 +93,15 @@ def test_coarse_data_terms_are_the_projected_fine_ones() -> None:
 def test_penalties_of_a_coarse_axis_are_the_projected_fine_ones() -> None:
     levels = random_levels(np.random.default_rng(2), (9, 2, 2))[0]
     _, dense, *_ = matrix(levels)
-    cells, shares = np.zeros((2, 9), dtype=np.int64), np.zeros((2, 2, 9))
-    bends, slopes, masses = np.zeros((3, 9, 3)), np.zeros((3, 9, 3)), np.zeros((3, 9))
-    coarsen_axis(levels, 3, cells, shares, bends, slopes, masses)
+    cells, shares = np.zeros((2, 3, 9), dtype=np.int64), np.zeros((2, 3, 2, 9), dtype=np.float32)
+    bends, slopes, masses = np.zeros((3, 3, 9, 3)), np.zeros((3, 3, 9, 3)), np.zeros((3, 3, 9))
+    coarsen_axis(levels, 1, cells, shares, bends, slopes, masses)
     rows, first = second_difference(levels) @ dense, np.diff(np.eye(9), axis=0) @ dense
     bend, slope = rows.T @ rows, first.T @ first
     for offset in range(3):
-        np.testing.assert_allclose(bends[1, : 5 - offset, offset], np.diagonal(bend, offset), atol=1e-12)
+        np.testing.assert_allclose(bends[1, 1, : 5 - offset, offset], np.diagonal(bend, offset), atol=1e-12)
     for offset in (-1, 0, 1):
         wanted = np.diagonal(slope, offset)
-        np.testing.assert_allclose(slopes[1, max(0, -offset) : 5 - max(0, offset), offset + 1], wanted, atol=1e-12)
-    np.testing.assert_allclose(masses[1, :5], dense.sum(axis=0), atol=1e-12)  # lumped
-    assert masses[2, :3].sum() == pytest.approx(9.0)
+        np.testing.assert_allclose(slopes[1, 1, max(0, -offset) : 5 - max(0, offset), offset + 1], wanted, atol=1e-12)
+    np.testing.assert_allclose(masses[1, 1, :5], dense.sum(axis=0), atol=1e-12)  # lumped
+    assert masses[2, 1, :3].sum() == pytest.approx(9.0)

@@ -15,7 +15,7 @@ def cores() -> int:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(cores(), thread_name_prefix="regression")
+    return ThreadPoolExecutor(cores(), thread_name_prefix="kernel")
 
 
 def slabs(start: int, stop: int, step: int, most: int) -> list[tuple[int, int]]:
@@ -24,6 +24,15 @@ def slabs(start: int, stop: int, step: int, most: int) -> list[tuple[int, int]]:
     parts = max(1, min(most, count))
     edges = [start + step * (count * part // parts) for part in range(parts)] + [stop]
     return list(pairwise(edges))
+
+
+def shares(count: int, least: int) -> list[tuple[int, int]]:
+    """range(count) in as many parts as there are cores, of at least `least` each."""
+    return slabs(0, count, 1, min(cores(), count // least))
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not live on there
 
 
 def run(task: Callable[[int, int], object], parts: Iterable[tuple[int, int]]) -> None:
