@@ -18,6 +18,9 @@ OUTSIDE = 0.3
 """Slope of the residual beyond the RAW range and beyond the ends of the response, where the render itself is flat."""
 BARELY = 0.02
 """Of a lattice value beyond the end of the response: the farther, the less a clipped channel is held from returning."""
+MARGIN = 1e-3
+"""Of a lattice value beyond the end of the response, for a channel that is clipped to stay so between
+the nodes."""
 CHUNKS = 4
 """Parts whose sums are taken apart: as many on every machine, so that the result does not depend on its cores."""
 
@@ -94,10 +97,13 @@ def residuals(
                     steep = (response[place + 1, c] - response[place, c]) * last
                     encoded = response[place, c] + (y[c] * last - place) * (response[place + 1, c] - response[place, c])
                 rest = jpeg[n, c] - encoded
-                if (jpeg[n, c] >= 1 - CLIPPED and y[c] >= 1) or (jpeg[n, c] <= CLIPPED and y[c] <= 0):
+                side = 1 if jpeg[n, c] >= 1 - CLIPPED else (-1 if jpeg[n, c] <= CLIPPED else 0)
+                if side != 0 and side * (y[c] - 0.5) >= 0.5 + MARGIN:
                     rest = 0.0  # clipped, as it should be
                     if abs(beyond) > BARELY:
                         steep = OUTSIDE * BARELY / abs(beyond)
+                else:
+                    rest += side * steep * MARGIN
                 out = raw[c] - inside[c]
                 left[n, c] = rest - OUTSIDE * out
                 steeps[n, c] = steep

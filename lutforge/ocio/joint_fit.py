@@ -87,9 +87,9 @@ def refine(
 ) -> Cubes:
     """Cubes that bring the JPEG colours (n, 3) at `at` nearer to themselves than `start` does.
 
-    prior: towards which the change of `back` is smooth, and the values that the render is held to; free: (M, M, M),
-    which of its nodes may move, and hold how firmly it is held beside a colour; power: how much more large residuals
-    count. O(n + N³ + M³) a step.
+    prior: towards which the change of `back` is smooth, and the values that the render is held to; free: (N³ + M³,),
+    which nodes of both may move, the linearization's first; hold: how firmly the render is held beside a colour; power:
+    how much more large residuals count. O(n + N³ + M³) a step.
     """
     problem = _Problem.of(render, jpeg, at, prior, free, hold)
     state = problem.state(np.concatenate([start.back.reshape(-1, 3), start.render.reshape(-1, 3)]))
@@ -133,8 +133,8 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """What stays the same from step to step. origin: (N³ + M³, 3), what both cubes are held to; free: (M³, 1), 1 or 0;
-    sizes: N and M; node_steep: (M³, 3), slope of the response at the render's nodes; hold: of these."""
+    """What stays the same from step to step. origin: (N³ + M³, 3), what both cubes are held to; free: (N³ + M³, 1), 1
+    or 0; sizes: N and M; node_steep: (M³, 3), slope of the response at the render's nodes; hold: of these."""
 
     render: Render
     jpeg: Array
@@ -156,7 +156,7 @@ class _Problem:
         steep = np.take_along_axis(rise, np.clip((y * last).astype(np.int64), 0, last - 1), axis=0)
         steep = np.where((y < 0) | (y > 1), OUTSIDE, np.maximum(steep, OUTSIDE))
         sizes = (len(prior.back), len(prior.render))
-        return cls(render, jpeg, at, origin, free.reshape(-1, 1).astype(np.float64), sizes, steep, hold)
+        return cls(render, jpeg, at, origin, free[:, None].astype(np.float64), sizes, steep, hold)
 
     @property
     def count(self) -> int:
@@ -179,14 +179,17 @@ class _Problem:
         """The equations of a step from there; emphasis: weights (n,)."""
         root = np.sqrt(emphasis)
         slopes, steep = state.slopes * root[:, None, None], state.steep * root[:, None]
-        n, m = self.sizes
         square = float(np.sum(slopes * slopes)) / 3
-        colours = len(self.jpeg) / m**3
+        a_node, colours = (  # to a node that may move
+            total / max(float(np.sum(part)), 1.0)
+            for total, part in ((square, self.free[: self.count]), (len(self.jpeg), self.free[self.count :]))
+        )
+        n, m = self.sizes
         bands = (
-            _bands(n, SMOOTHNESS * square / n**3),
+            _bands(n, SMOOTHNESS * a_node),
             _bands(m, RENDER_SMOOTHNESS * colours * float(np.mean(self.node_steep**2))),
         )
-        hold = np.full_like(self.origin, HOLD * square / n**3)
+        hold = np.full_like(self.origin, HOLD * a_node)
         moved = (state.values - self.origin)[self.count :] * self.node_steep
         firmer = 1.0 + np.einsum("ni,ni->n", moved, moved)[:, None] / TOLERATED**2
         hold[self.count :] = self.hold * colours * self.node_steep**2 * firmer
@@ -224,8 +227,7 @@ class _System:
         total = np.zeros_like(self.hold)
         weighted = left * self.root[:, None]
         gather(at.nodes, at.weights, state.nodes, state.weights, self.slopes, self.steep, weighted, total)
-        total[self.problem.count :] *= self.problem.free
-        return total
+        return total * self.problem.free
 
     def penalty(self, change: Array) -> Array:
         """(λ S'S + hold) change."""
@@ -235,12 +237,11 @@ class _System:
             shape = (*(len(bands),) * 3, 3)
             add_smoothness(bands, change[begin:end].reshape(shape), result[begin:end].reshape(shape))
             begin = end
-        result[count:] *= self.problem.free
-        return result
+        return result * self.problem.free
 
     def solve(self, right: Array, caution: Array, most: int = 30, goal: float = 1e-3) -> Array:
         """Conjugate gradients; right (N³ + M³, 3) → step; caution: (n,)."""
-        at, state, count = self.problem.at, self.state, self.problem.count
+        at, state = self.problem.at, self.state
         hold = caution * self.root**2 * self.square
         blocks, single, extra = self._diagonal(hold, caution)
         step, residual = np.zeros_like(right), right.copy()
@@ -254,7 +255,7 @@ class _System:
             there = (at.nodes, at.weights, state.nodes, state.weights)
             through_and_back(*there, self.slopes, self.steep, hold, caution, direction, sums)
             image = sums.sum(axis=0)
-            image[count:] *= self.problem.free
+            image *= self.problem.free
             image += self.penalty(direction) + extra * direction
             length = rho / float(np.sum(direction * image))
             step += length * direction

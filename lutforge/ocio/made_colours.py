@@ -41,6 +41,11 @@ def spread(count: int, seed: int) -> Array:
     )  # fmt: skip
 
 
+def as_8_bit(jpeg: Array) -> Array:
+    """The nearest 8-bit codes of colours in [0, 1], in [0, 1]."""
+    return np.asarray(np.rint(jpeg * 255) / 255)
+
+
 def climbed(error: Callable[[Array], Array], x: Array, errors: Array, seed: int) -> Array:
     """Up to CLIMBERS colours (n, 3) of larger error near those of the largest: so that no narrow peak is overlooked.
 
@@ -84,6 +89,11 @@ class MadeColours:
         curve[0], curve[-1] = 0.0, 1.0
         jpeg = render(raw) if model is None else np.clip(model(raw), 0.0, 1.0)
         return cls(render, curve, raw, jpeg, through(curve, jpeg))
+
+    def as_8_bit(self) -> "MadeColours":
+        """The 8-bit codes nearest to them, which may be just outside of the gamut."""
+        jpeg = as_8_bit(self.jpeg)
+        return replace(self, jpeg=jpeg, inner=through(self.curve, jpeg))
 
     def chosen(self, which: Index) -> "MadeColours":
         """Some of them."""

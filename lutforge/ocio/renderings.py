@@ -16,8 +16,9 @@ from lutforge.model.transform import LatticeTransform, LinearizeChain, RenderCha
 from lutforge.ocio.cameras import Camera
 from lutforge.ocio.lut_files import compact
 from lutforge.ocio.made_colours import climbed, spread
+from lutforge.ocio.mutual_inverses import consistent
 from lutforge.ocio.names import UniqueNames, file_stem
-from lutforge.ocio.round_trip import consistent, rounded_up
+from lutforge.ocio.round_trip import rounded_up
 from lutforge.settings import Selector
 
 Array = NDArray[np.float64]

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from lutforge.interpolation import Interpolation, through
 from lutforge.luts.lut import Lut
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.ocio import round_trip
+from lutforge.ocio import mutual_inverses
 from lutforge.ocio.lut_files import compact
 from lutforge.ocio.made_colours import spread
+from lutforge.ocio.mutual_inverses import consistent
 from lutforge.ocio.preimage import as_render, curve_inverse, preimages
-from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL, consistent, measure, rounded_up
+from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL, measure, rounded_up
 
 Array = NDArray[np.float64]
 
@@ -105,8 +106,8 @@ def test_a_render_gives_way_where_it_folds() -> None:
 
 def test_the_fit_is_the_same_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a small lattice, that no pool is too small for."""
-    monkeypatch.setattr(round_trip, "SIZES", (9,))
-    monkeypatch.setattr(round_trip, "POOL", 1 << 12)
+    monkeypatch.setattr(mutual_inverses, "SIZES", (9,))
+    monkeypatch.setattr(mutual_inverses, "POOL", 1 << 12)
     first, second = (consistent(folding_lut(), own_linearization()) for _ in range(2))
     assert not np.array_equal(first[0].cube, folding_lut().cube)
     for one, other in zip(first[:2], second[:2], strict=True):

@@ -1,0 +1,253 @@
+"""Make the render and the linearization of a config each other's inverse, where a profile's own directions disagree.
+
+A profile fits both directions to the same samples, each for the least error of its own output, so JPEG → scene → JPEG
+comes back only as near as both fits allow. In a config every program goes there and back, so its linearization is made
+anew as the inverse of the baked render: its axes run through the inverse of the render's response, on which a camera is
+nearly linear; each colour that the render makes is taken back exactly (`ocio.preimage`), to the scene next to the
+profile's own answer where several make it; the lattice is fitted to these, then for what is left after the render
+(`ocio.joint_fit`): at first all of it, then only around the cells that still lose most, with more colours there. The
+change from the profile's own answer is kept smooth, which continues it to colours that the render never makes.
+
+A channel that is clipped says only that the scene is beyond: codes of 0 and 1 have a layer of nodes of their own, which
+may lie far enough beyond to stay clipped between them, while the codes beside do not move.
+
+Just inside the rim of its gamut, among colours that no sample showed, a fitted render folds: two scenes make one
+colour, and the way back would have to jump between them, which no continuous lattice does, however fine. So the
+render's own nodes give way there, by a few codes at most, while neutrals stay as they are.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from lutforge.interpolation import Levels, interpolate
+from lutforge.luts.lut import Lut
+from lutforge.model.lattice import grid, uniform_levels
+from lutforge.model.transform import Transform
+from lutforge.ocio.joint_fit import Cubes, places, refine
+from lutforge.ocio.lut_files import CURVE_SIZE, compact, rounded
+from lutforge.ocio.made_colours import MadeColours, cells, climbed, tetrahedra, thinned
+from lutforge.ocio.preimage import Render, as_render, preimages
+from lutforge.ocio.round_trip import MAX_GOAL, RoundTrip, measure, summary
+from lutforge.regression.lattice_regression import Prior, Regularisation, fit_lattice
+from lutforge.regression.node_levels import equidistributed_levels, resized_levels, snap_levels
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+MARGIN, ENOUGH = 0.65, 0.9
+"""Share of the goals at which the fit is content, since other colours than its own will be tried, and at which it tries
+no larger size."""
+SIZES = (33, 49)
+"""Nodes per axis that are tried."""
+LAYER = 8
+"""Entry of the shaper at which the second level stands, within half an 8-bit code of the first; likewise at the end."""
+ROUNDS = (0.3, 0.1, 0.03)
+"""How firmly the render is held, which gives way last, in each of the rounds over all colours at the first size."""
+REPAIRS = 8
+"""Most rounds around what loses most that follow."""
+NEAR = 1.5
+"""Share of the goals up to which the next size is tried: beyond it, it would not reach them either."""
+STEPS, POWER = 4, 0.5
+"""Most Gauss–Newton steps of a round, and how much more large residuals count."""
+POOL = 1 << 15
+"""Colours of a pool, see `made_colours.spread`: of one that stays, and of another in each round; and 8-bit codes."""
+WORST, WORST_PER_TETRAHEDRON = 0.3, 3
+"""Share of the largest goal above which a colour of the pool takes part, up to so many between the same four nodes."""
+HOT = 0.4
+"""Share of the largest goal above which a repair is made around a colour."""
+PER_TETRAHEDRON = 8
+"""Most colours between the same four nodes in a repair."""
+SMOOTHNESS = Regularisation(smoothness=1e-4, twist=1e-4, anchor=0.0, thin_plate=0.0)
+HOLD = 1e-4
+"""Of the exact fit: how firmly a node is held to the profile's own answer beside one colour."""
+MEASURED = 1 << 15
+
+
+def consistent(render: Lut, linearize: Lut, model: Transform | None = None) -> tuple[Lut, Lut, RoundTrip]:
+    """A render and a linearization that are each other's inverse, and what is left.
+
+    Both compact; render: white-balanced RAW → JPEG, linearize: back; model: what the render was baked from, whose
+    colours shall come back, too. The given ones come back where they meet the goals by far, or where no fit is nearer.
+    Time O(size³), ten seconds for 33³.
+    """
+    best, reached = (render, linearize), measure(render, linearize)
+    if reached.worth <= MARGIN:
+        return render, linearize, reached
+    pool = MadeColours.of(as_render(_clamped(render)), POOL, 5, model)
+    pool = pool.joined(pool.as_8_bit())
+    levels = before = None
+    for size in SIZES:
+        levels = resized_levels(levels, size - 2) if levels else _even_levels(pool, size - 2)
+        for candidate, trip in _fits(pool, linearize, levels, before):
+            levels, before = _unlayered(candidate[1].levels), candidate
+            if trip.worth < reached.worth:
+                best, reached = candidate, trip
+            if reached.worth <= MARGIN:
+                break
+        if best[1] is not linearize:  # more colours than the fits looked at
+            held = measure(*best, count=4 * MEASURED)
+            reached = RoundTrip(max(reached.mean, held.mean), max(reached.maximum, held.maximum))
+        if reached.worth <= ENOUGH or reached.worth > NEAR:
+            break
+    if best[1] is linearize:
+        return render, linearize, reached
+    jpeg = pool.jpeg[:: max(len(pool.jpeg) // MEASURED, 1)]
+    departure = float(np.linalg.norm(best[1](jpeg) - linearize(jpeg), axis=1).mean())
+    return *best, replace(reached, departure=departure)
+
+
+def _clamped(render: Lut) -> Lut:
+    """With a response, behind which a cube may leave the range: so clips are sharp between its nodes."""
+    return render if render.response is not None else replace(render, response=np.repeat([[0.0], [1.0]], 3, axis=1))
+
+
+def _fits(
+    pool: MadeColours, own: Lut, levels: Levels, before: tuple[Lut, Lut] | None
+) -> Iterator[tuple[tuple[Lut, Lut], RoundTrip]]:
+    """Ever nearer pairs of one size, render and linearization, each as its file holds it, and their round trip.
+
+    levels: without those of clipped channels; before: a pair to begin from, of another size.
+    """
+    first = pool.render
+    if before is None:
+        levels, back = _first(pool, own, levels)
+        cubes, rounds = Cubes(back, first.values), list(ROUNDS)
+    else:
+        levels = _layered(levels)
+        cubes, rounds = Cubes(before[1](grid(levels)), before[0].cube), [ROUNDS[-1]]
+    knots, prior = pool.knots(levels), Cubes(own(grid(levels)), first.values)
+    movable = np.concatenate([np.ones(cubes.back.size // 3, dtype=np.bool_), _movable(first)])
+    pool = pool.rendered(cubes.render)
+    colours = pool.few(knots).filled(knots, cubes.back, 0)
+    some, free = colours, movable
+    for number in range(len(rounds) + REPAIRS):
+        hold = rounds[min(number, len(rounds) - 1)]
+        cubes = refine(first, some.jpeg, places(some.inner, knots), cubes, prior, free, STEPS, POWER, hold)
+        pool = pool.rendered(rounded(cubes.render))
+        seen, lost = _seen(pool, knots, cubes.back, number)
+        yield (pool.render.lut, _as_lut(own, pool, levels, cubes.back)), summary(lost)
+        worst = np.flatnonzero(lost > WORST * MAX_GOAL)
+        worst = worst[np.argsort(-lost[worst], kind="stable")]
+        worst = worst[thinned(tetrahedra(seen.inner[worst], knots), WORST_PER_TETRAHEDRON)]
+        colours = colours.joined(seen.chosen(worst)).filled(knots, cubes.back, number + 1)
+        some, free = colours, movable
+        if number + 1 >= len(rounds):
+            some, near = _around(seen, lost, colours, knots, cubes)
+            free = movable & near
+
+
+def _seen(pool: MadeColours, knots: Levels, values: Array, seed: int) -> tuple[MadeColours, Array]:
+    """The pool, other colours, and those near the worst of these that are worse, and what is left of each."""
+
+    def left(raw: Array) -> Array:
+        return MadeColours.made(pool.render, raw).left(knots, values)
+
+    others = MadeColours.of(pool.render, POOL, 100 + seed)
+    errors = others.left(knots, values)
+    peaks = MadeColours.made(pool.render, climbed(left, others.raw, errors, seed))
+    codes = others.as_8_bit()
+    parts = [peaks.left(knots, values), errors, codes.left(knots, values), pool.left(knots, values)]
+    return peaks.joined(others).joined(codes).joined(pool), np.concatenate(parts)
+
+
+def _around(
+    seen: MadeColours, lost: Array, more: MadeColours, knots: Levels, cubes: Cubes
+) -> tuple[MadeColours, NDArray[np.bool_]]:
+    """The colours near those of the seen that lose most (n,), in the JPEG or where they lead, and which nodes of both
+    cubes, (N³ + M³,), are next to these. more: other colours."""
+    hot = np.concatenate([lost > HOT * MAX_GOAL, np.zeros(len(more.jpeg), dtype=np.bool_)])
+    colours = seen.joined(more)
+    raw = np.clip(interpolate(colours.inner, knots, cubes.back, "tetrahedral"), 0.0, 1.0)
+    touched, free, cube = np.zeros(len(hot), dtype=np.bool_), [], np.ones((3, 3, 3))
+    for x, axes in ((colours.inner, knots), (raw, tuple(colours.render.levels))):
+        size = len(axes[0])
+        cell = cells(x, axes)
+        near = np.zeros((size - 1) ** 3, dtype=np.bool_)
+        near[cell[hot]] = True
+        near = binary_dilation(near.reshape((size - 1,) * 3), cube)
+        nodes = np.zeros((size,) * 3, dtype=np.bool_)
+        nodes[:-1, :-1, :-1] = near
+        free.append(binary_dilation(nodes, np.ones((2, 2, 2)), origin=-1).ravel())
+        touched |= binary_dilation(near, cube).ravel()[cell]
+    which = np.flatnonzero(touched)
+    which = which[thinned(tetrahedra(colours.inner[which], knots), PER_TETRAHEDRON)]
+    return colours.chosen(which), np.concatenate(free)
+
+
+def _movable(render: Render) -> NDArray[np.bool_]:
+    """Nodes of a render that may move, (M³,): none of a cell that neutrals run through, black to white."""
+    grey = np.linspace(0.0, 1.0, 4 * CURVE_SIZE)
+    r, g, b = (np.clip(np.searchsorted(axis, grey, side="right") - 1, 0, len(axis) - 2) for axis in render.levels)
+    free = np.ones(render.values.shape[:3], dtype=np.bool_)
+    for corner in range(8):
+        free[r + (corner >> 2), g + ((corner >> 1) & 1), b + (corner & 1)] = False
+    return free.ravel()
+
+
+def _first(pool: MadeColours, own: Lut, levels: Levels) -> tuple[Levels, Array]:
+    """The fit to exact inverses, and node levels moved to where it is worst."""
+    levels = _layered(levels)
+    knots = pool.knots(levels)
+    colours = pool.few(knots)
+    values = _exact(colours, knots, own(colours.jpeg), own(grid(levels)))
+    error = colours.left(knots, values) ** 2
+    moved = equidistributed_levels(colours.inner, error, pool.knots(_unlayered(levels)))
+    levels = _layered(pool.encoded(moved))
+    old, knots = knots, pool.knots(levels)
+    start = interpolate(grid(knots), old, values, "tetrahedral")
+    colours = pool.few(knots).filled(knots, start, len(levels[0]))
+    return levels, _exact(colours, knots, interpolate(colours.inner, old, values, "tetrahedral"), own(grid(levels)))
+
+
+def _exact(colours: MadeColours, knots: Levels, start: Array, prior: Array) -> Array:
+    """Node values fitted to the RAW of each colour, searched from `start` (n, 3)."""
+    raw, found = preimages(colours.render, colours.inner, colours.jpeg, start)
+    raw[~found] = colours.raw[~found]
+    return fit_lattice(
+        colours.inner, raw, knots, SMOOTHNESS, method="tetrahedral", prior=Prior(prior, np.full(prior.shape, HOLD)),
+        tolerance=1e-4,
+    ).values  # fmt: skip
+
+
+def _as_lut(own: Lut, colours: MadeColours, levels: Levels, values: Array) -> Lut:
+    curve = None if len(colours.render.response) == 2 else colours.curve
+    return compact(
+        replace(
+            own,
+            levels=levels,
+            cube=values,
+            matrix=np.eye(3),
+            shaper_size=CURVE_SIZE,
+            interpolation="tetrahedral",
+            curve=curve,
+            response=None,
+        )
+    )
+
+
+def _even_levels(colours: MadeColours, size: int) -> Levels:
+    """Node levels of the JPEG, most of them evenly spread on it, the rest on the axes of the lattice."""
+    even = np.linspace(0.0, 1.0, size)
+    bent = colours.encoded(uniform_levels(size))
+    r, g, b = (0.75 * even + 0.25 * axis for axis in bent)
+    return (r, g, b)
+
+
+def _layered(levels: Levels) -> Levels:
+    """Snapped to the shaper, with two levels more: next to the first and next to the last."""
+    step = LAYER / (CURVE_SIZE - 1)
+    r, g, b = (
+        np.concatenate([[0.0, step], np.clip(axis[1:-1], 1.5 * step, 1 - 1.5 * step), [1 - step, 1.0]])
+        for axis in levels
+    )
+    return (snap_levels(r, CURVE_SIZE), snap_levels(g, CURVE_SIZE), snap_levels(b, CURVE_SIZE))
+
+
+def _unlayered(levels: Levels) -> Levels:
+    """Without these two."""
+    r, g, b = (np.delete(axis, [1, -2]) for axis in levels)
+    return (r, g, b)
