@@ -1,7 +1,5 @@
 """The RBF fit: exactness, smoothing, the greedy choice, coincident points, speed and memory."""
 
-import time
-
 import numpy as np
 import pytest
 from scipy.interpolate import RBFInterpolator
@@ -90,10 +88,8 @@ def test_colours_in_a_plane_are_refused() -> None:
         GamutMapOptions(tolerance=0.0)
 
 
-def test_many_samples_take_seconds() -> None:
+def test_many_samples_take_the_most_centres() -> None:
     x = RNG.uniform(size=(50_000, 3))
     y = _curved(x) + 0.002 * RNG.standard_normal(x.shape)
-    start = time.perf_counter()
     fit = fit_gamut_map(x, y, GamutMapOptions(tolerance=1e-6, most=1500, nugget=1e-3))
     assert len(fit.gamut_map.centres) == 1500
-    assert time.perf_counter() - start < 20.0  # a second on an idle machine; tests/benchmarks has 100,000 and 4,000

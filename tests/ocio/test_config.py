@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -311,18 +310,15 @@ def test_ociocheck_passes_every_version_without_warnings(tmp_path: Path, version
     assert wanted <= set(config.getColorSpaceNames())
 
 
-def test_a_config_of_many_cameras_loads_fast() -> None:
-    """31 cameras × 4 styles × 7 white balances; CPU time, so that a busy machine counts no one else's work."""
+def test_a_config_of_many_cameras() -> None:
+    """31 cameras × 4 styles × 7 white balances; how long it takes to load is in tests/benchmarks."""
     balances = ("daylight", "cloudy", "shade", "flash", "tungsten", "fluorescent", "auto")
     profiles = []
     for number in range(31):
         one = plain_profile(f"Maker Model {number}", balances=balances)
         styles = dict.fromkeys(("standard", "vivid", "neutral", "landscape"), one.styles["standard"])
         profiles.append(CameraProfile(one.camera, MATRIX + 0.001 * number, one.white_balances, styles))
-    text = build_config(profiles).serialize()
-    start = time.process_time()
-    config = OCIO.Config.CreateFromStream(text)
-    assert time.process_time() - start < 1.5
+    config = OCIO.Config.CreateFromStream(build_config(profiles).serialize())
     assert len(list(config.getColorSpaceNames())) > 31 * (4 * 7 + 8)
 
 
