@@ -6,9 +6,13 @@ others, not 26), and the others kept in float32, in which it stays symmetric. Su
 per plane and then over the planes, so that the same input gives the same bytes on any number of cores.
 """
 
+from functools import partial
+
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
+
+from lutforge.threads import cores, run, slabs
 
 Array = NDArray[np.float64]
 Half = NDArray[np.float32]
@@ -24,16 +28,28 @@ def solve(stencil: Array, right: Array, start: Array, goal: float, most_steps: i
     inverse = _padded(1 / stencil[0])
     b = _padded(np.moveaxis(start, 3, 0))
     image, direction = np.zeros_like(b), np.zeros_like(b)
-    _image(half, offsets, b, image)
+    planes, sums = slabs(1, b.shape[1] - 1, 1, cores()), np.zeros((b.shape[1], 3))
+
+    def applied(lattices: Array) -> Array:
+        """S times them into image; their product with it, (3,)."""
+        run(lambda first, last: _image(half, offsets, lattices, image, sums, first, last), planes)
+        return np.asarray(sums.sum(axis=0))
+
+    def moved(step: Array) -> Array:
+        """One step along the direction; residual · D⁻¹ residual, (3,)."""
+        run(lambda first, last: _move(inverse, residual, step, image, direction, b, sums, first, last), planes)
+        return np.asarray(sums.sum(axis=0))
+
+    applied(b)
     residual = _padded(np.moveaxis(right, 3, 0)) - image
-    rho = _precondition(inverse, residual, np.zeros(3), image, direction, b)
+    rho = moved(np.zeros(3))
     least, beta = goal**2 * rho, np.zeros(3)
     for _ in range(most_steps):
         if np.all(rho <= least):
             break
-        _advance(inverse, residual, beta, direction)
-        step = rho / np.maximum(_image(half, offsets, direction, image), 1e-300)
-        rho, previous = _precondition(inverse, residual, step, image, direction, b), rho
+        run(partial(_turn, inverse, residual, beta, direction), planes)
+        step = rho / np.maximum(applied(direction), 1e-300)
+        rho, previous = moved(step), rho
         beta = rho / np.maximum(previous, 1e-300)
     return np.ascontiguousarray(np.moveaxis(b[:, 1:-1, 1:-1, 1:-1], 0, 3))
 
@@ -53,13 +69,12 @@ def _padded(values: Array) -> Array:
     return np.ascontiguousarray(np.pad(values, width))
 
 
-@njit(cache=True, parallel=True, fastmath=True)
-def _image(half: Half, offsets: Offsets, b: Array, image: Array) -> Array:
-    """image = S b; returns b·image per output."""
-    planes, length = b.shape[1], b.shape[3] - 2
-    sums = np.zeros((planes, 3))
-    for plane in prange(1, planes - 1):
-        i = np.int64(plane)  # the loop variable of prange is unsigned
+@njit(cache=True, nogil=True, fastmath=True)
+def _image(half: Half, offsets: Offsets, b: Array, image: Array, sums: Array, first: int, last: int) -> None:
+    """image = S b of some planes; sums: of b·image, per plane and output."""
+    length = b.shape[3] - 2
+    for i in range(first, last):
+        sums[i] = 0.0
         for j in range(1, b.shape[2] - 1):
             for c in range(3):
                 row, here, middle = image[c, i, j, 1:-1], b[c, i, j, 1:-1], half[0, i, j, 1:-1]
@@ -75,17 +90,23 @@ def _image(half: Half, offsets: Offsets, b: Array, image: Array) -> Array:
                 total = 0.0
                 for k in range(length):
                     total += row[k] * here[k]
-                sums[plane, c] += total
-    summed: Array = sums.sum(axis=0)
-    return summed
+                sums[i, c] += total
 
 
-@njit(cache=True, parallel=True, fastmath=True)
-def _precondition(inverse: Array, residual: Array, step: Array, image: Array, direction: Array, b: Array) -> Array:
-    """b += step · direction, residual −= step · image; returns residual·D⁻¹ residual per output."""
-    planes = b.shape[1]
-    sums = np.zeros((planes, 3))
-    for i in prange(1, planes - 1):
+@njit(cache=True, nogil=True, fastmath=True)
+def _move(
+    inverse: Array,
+    residual: Array,
+    step: Array,
+    image: Array,
+    direction: Array,
+    b: Array,
+    sums: Array,
+    first: int,
+    last: int,
+) -> None:
+    """b += step · direction, residual −= step · image; sums: of residual·D⁻¹ residual, per plane and output."""
+    for i in range(first, last):
         for c in range(3):
             total = 0.0
             for j in range(1, b.shape[2] - 1):
@@ -95,14 +116,12 @@ def _precondition(inverse: Array, residual: Array, step: Array, image: Array, di
                     residual[c, i, j, k] = r
                     total += r * r * inverse[i, j, k]
             sums[i, c] = total
-    summed: Array = sums.sum(axis=0)
-    return summed
 
 
-@njit(cache=True, parallel=True, fastmath=True)
-def _advance(inverse: Array, residual: Array, beta: Array, direction: Array) -> None:
+@njit(cache=True, nogil=True, fastmath=True)
+def _turn(inverse: Array, residual: Array, beta: Array, direction: Array, first: int, last: int) -> None:
     """direction = D⁻¹ residual + beta · direction."""
-    for i in prange(1, direction.shape[1] - 1):
+    for i in range(first, last):
         for c in range(3):
             for j in range(1, direction.shape[2] - 1):
                 for k in range(1, direction.shape[3] - 1):
