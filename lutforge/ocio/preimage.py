@@ -6,13 +6,15 @@ lattice is at or beyond the end of its curve there.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from lutforge.interpolation import locate, through
 from lutforge.luts.lut import Lut
+from lutforge.threads import run, slabs
 
 Array = NDArray[np.float64]
 
@@ -21,6 +23,8 @@ CLIPPED = 1e-7
 FOUND = 1e-3
 """Residual, encoded, up to which a RAW counts as one that makes the colour."""
 STEPS = 40
+BLOCK = 1024
+"""Colours that a thread takes at once: some need many more steps than others."""
 LEAST_SLOPE = 0.05
 """Of the curve, so that a flat part of it does not hide how far a lattice value is off."""
 
@@ -71,7 +75,9 @@ def preimages(render: Render, inner: Array, jpeg: Array, start: Array) -> tuple[
     slope = np.maximum((through(render.response, high) - through(render.response, low)) / (high - low), LEAST_SLOPE)
     side = np.where(jpeg >= 1 - CLIPPED, 1, np.where(jpeg <= CLIPPED, -1, 0)).astype(np.int64)
     raw = np.ascontiguousarray(start).copy()
-    left = _search(render.values, render.levels, render.tetrahedral, inner, slope, side, raw)
+    left = np.empty(len(raw))
+    search = partial(_search, render.values, render.levels, render.tetrahedral, inner, slope, side, raw, left)
+    run(search, slabs(0, len(raw), BLOCK, len(raw)))
     return raw, left <= FOUND
 
 
@@ -148,7 +154,43 @@ def _left(
     return total
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
+def _normal(slope: Array, left: Array, x: Array, gradient: Array, square: Array) -> None:
+    """J'r into gradient and J'J into square, without the axes of x that are at an end and drawn beyond it."""
+    for axis in range(3):
+        pull = 0.0
+        for c in range(3):
+            pull += slope[c, axis] * left[c]
+        stays = (x[axis] <= 0 and pull < 0) or (x[axis] >= 1 and pull > 0)
+        gradient[axis] = 0.0 if stays else pull
+        if stays:
+            slope[:, axis] = 0.0
+    for p in range(3):
+        for q in range(p + 1):
+            total = 0.0
+            for c in range(3):
+                total += slope[c, p] * slope[c, q]
+            square[p, q] = total
+
+
+@njit(cache=True, nogil=True)
+def _moved(square: Array, gradient: Array, x: Array, trial: Array) -> None:
+    """x + square⁻¹ gradient within [0, 1], into trial; square: (3, 3), its lower half, positive definite (Cholesky)."""
+    a = np.sqrt(square[0, 0])
+    b, d = square[1, 0] / a, square[2, 0] / a
+    e = np.sqrt(max(square[1, 1] - b * b, 1e-300))
+    f = (square[2, 1] - d * b) / e
+    g = max(square[2, 2] - d * d - f * f, 1e-300)
+    u = gradient[0] / a
+    v = (gradient[1] - b * u) / e
+    z = (gradient[2] - d * u - f * v) / g
+    y = (v - f * z) / e
+    trial[0] = min(max(x[0] + (u - b * y - d * z) / a, 0.0), 1.0)
+    trial[1] = min(max(x[1] + y, 0.0), 1.0)
+    trial[2] = min(max(x[2] + z, 0.0), 1.0)
+
+
+@njit(cache=True, nogil=True)
 def _search(
     values: Array,
     levels: Array,
@@ -157,44 +199,39 @@ def _search(
     weights: Array,
     sides: NDArray[np.int64],
     raw: Array,
-) -> Array:
-    """Levenberg–Marquardt within [0, 1]³ for each target, in place; returns the norms that are left (n,)."""
-    count = len(targets)
-    remains = np.empty(count)
-    block = 1024
-    for start in prange((count + block - 1) // block):
-        left, other, slope, steep = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-        for n in range(start * block, min(count, (start + 1) * block)):
-            x = np.minimum(np.maximum(raw[n], 0.0), 1.0)
-            target, weight, side = targets[n], weights[n], sides[n]
-            cost = _left(values, levels, tetrahedral, x, target, weight, side, left, slope)
-            damping, moved = 1e-4, False
-            for _ in range(STEPS):
-                if cost < 1e-12:
+    remains: Array,
+    first: int,
+    last: int,
+) -> None:
+    """Levenberg–Marquardt within [0, 1]³ for some of the targets, in place; remains: the norms that are left (n,)."""
+    x, trial, gradient, square = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    left, other, slope, steep = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    for n in range(first, last):
+        for c in range(3):
+            x[c] = min(max(raw[n, c], 0.0), 1.0)
+        target, weight, side = targets[n], weights[n], sides[n]
+        cost = _left(values, levels, tetrahedral, x, target, weight, side, left, slope)
+        damping, moved = 1e-4, False
+        for _ in range(STEPS):
+            if cost < 1e-12:
+                break
+            _normal(slope, left, x, gradient, square)
+            scale = (square[0, 0] + square[1, 1] + square[2, 2]) / 3
+            better = False
+            for _ in range(8):
+                for axis in range(3):
+                    square[axis, axis] += damping * scale + 1e-12
+                _moved(square, gradient, x, trial)
+                reached = _left(values, levels, tetrahedral, trial, target, weight, side, other, steep)
+                if reached < cost:
+                    better = True
                     break
-                gradient = slope.T @ left
-                for axis in range(3):  # at an end of the range, and drawn beyond: this axis stays
-                    if (x[axis] <= 0 and gradient[axis] < 0) or (x[axis] >= 1 and gradient[axis] > 0):
-                        slope[:, axis] = 0.0
-                        gradient[axis] = 0.0
-                square = slope.T @ slope
-                scale = (square[0, 0] + square[1, 1] + square[2, 2]) / 3
-                better = False
-                for _ in range(8):
-                    for axis in range(3):
-                        square[axis, axis] += damping * scale + 1e-12
-                    trial = np.minimum(np.maximum(x + np.linalg.solve(square, gradient), 0.0), 1.0)
-                    reached = _left(values, levels, tetrahedral, trial, target, weight, side, other, steep)
-                    if reached < cost:
-                        better = True
-                        break
-                    damping *= 8
-                if not better:
-                    break
-                x, cost, moved = trial, reached, True
-                left[:], slope[:] = other, steep
-                damping *= 0.1
-            if moved:
-                raw[n] = x
-            remains[n] = np.sqrt(cost)
-    return remains
+                damping *= 8
+            if not better:
+                break
+            cost, moved = reached, True
+            x[:], left[:], slope[:] = trial, other, steep
+            damping *= 0.1
+        if moved:
+            raw[n] = x
+        remains[n] = np.sqrt(cost)
