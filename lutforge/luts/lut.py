@@ -108,6 +108,10 @@ class Lut:
             y = through(self.response, y)
         return y @ self.matrix.T
 
+    def inner(self, x: ArrayLike) -> Array:
+        """The same in front of response and matrix."""
+        return replace(self, response=None, matrix=np.eye(3))(x)
+
     def stretched(self, x: Array) -> Array:
         """Inputs (…, 3) in [0, 1], behind the gain, on the axes of the cube."""
         return x if self.curve is None else through(self.curve, x)
@@ -218,7 +222,7 @@ def lut_from_lattice(lattice: Lattice, gain: Array | None = None, matrix: Array 
     gain: (3,) in front; matrix: (3, 3) behind.
     """
     size = max(lattice.size)
-    r, g, b = (_padded(axis, size) for axis in lattice.levels)
+    r, g, b = (padded_levels(axis, size) for axis in lattice.levels)
     fitting = (entries for entries in SHAPER_SIZES if all(on_grid(axis, entries) for axis in (r, g, b)))
     shaper_size = next(fitting, SHAPER_SIZE)
     even = all(np.allclose(axis, np.linspace(0, 1, size), rtol=0, atol=1e-12) for axis in (r, g, b))
@@ -237,7 +241,7 @@ def lut_from_lattice(lattice: Lattice, gain: Array | None = None, matrix: Array 
     )
 
 
-def _padded(axis: Array, size: int) -> Array:
+def padded_levels(axis: Array, size: int) -> Array:
     """Levels with midpoints of the widest cells added until there are `size` of them."""
     while len(axis) < size:
         widest = int(np.argmax(np.diff(axis)))

@@ -29,7 +29,7 @@ def compact(lut: Lut) -> Lut:
     """The LUT as its file holds it: node levels and curves on CURVE_SIZE points, numbers rounded; no gain."""
     if not lut.is_uniform and lut.shaper_size != CURVE_SIZE:
         r, g, b = (snap_levels(axis, CURVE_SIZE) for axis in lut.levels)
-        at_nodes = replace(lut, response=None, matrix=np.eye(3))(grid((r, g, b)))
+        at_nodes = lut.inner(grid((r, g, b)))
         lut = replace(lut, levels=(r, g, b), cube=at_nodes, shaper_size=CURVE_SIZE)
     even = np.repeat(np.linspace(0.0, 1.0, CURVE_SIZE)[:, None], 3, axis=1)
     if lut.curve is not None:

@@ -56,12 +56,22 @@ def climbed(error: Callable[[Array], Array], x: Array, errors: Array, seed: int)
     at = x[worst[np.sort(thinned((x[worst] * 32).astype(np.int64) @ np.array([1089, 33, 1]), 1))]][:CLIMBERS]
     reach = FIRST_STEP
     for _ in range(CLIMBS):
-        near = at[:, None] + reach * (0.1 + at[:, None]) * rng.uniform(-1, 1, (len(at), TRIES, 3))
-        near[:, 0] = at
-        near = np.clip(near, 0.0, 1.0)
+        near = _around(at, reach, rng)
         at = near[np.arange(len(at)), error(near.reshape(-1, 3)).reshape(len(at), TRIES).argmax(axis=1)]
         reach /= 2
     return at
+
+
+def scattered(x: Array, seed: int) -> Array:
+    """TRIES colours around each of x (n, 3) in [0, 1]: (TRIES n, 3)."""
+    return _around(x, FIRST_STEP / 2, np.random.default_rng(seed)).reshape(-1, 3)
+
+
+def _around(x: Array, reach: float, rng: np.random.Generator) -> Array:
+    """(n, TRIES, 3), the first of each being itself."""
+    near = x[:, None] + reach * (0.1 + x[:, None]) * rng.uniform(-1, 1, (len(x), TRIES, 3))
+    near[:, 0] = x
+    return np.asarray(np.clip(near, 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from lutforge.interpolation import Levels, interpolate
-from lutforge.luts.lut import Lut
+from lutforge.luts.lut import Lut, padded_levels
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.transform import Transform
 from lutforge.ocio.joint_fit import Cubes, places, refine
 from lutforge.ocio.lut_files import CURVE_SIZE, compact, rounded
-from lutforge.ocio.made_colours import MadeColours, cells, climbed, tetrahedra, thinned
+from lutforge.ocio.made_colours import MadeColours, cells, climbed, scattered, tetrahedra, thinned
 from lutforge.ocio.preimage import Render, as_render, preimages
 from lutforge.ocio.round_trip import MAX_GOAL, RoundTrip, measure, summary
 from lutforge.regression.lattice_regression import Prior, Regularisation, fit_lattice
@@ -38,18 +38,17 @@ from lutforge.regression.node_levels import equidistributed_levels, resized_leve
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-MARGIN, ENOUGH = 0.65, 0.9
-"""Share of the goals at which the fit is content, since other colours than its own will be tried, and at which it tries
-no larger size."""
-SIZES = (33, 49)
-"""Nodes per axis that are tried."""
+MARGIN, ENOUGH = 0.75, 0.9
+"""Share of the goals at which the fit tries other colours than its own, and that these may reach."""
+SIZES = ((33, 0), (49, 49))
+"""Nodes per axis that are tried: of the linearization, and of the render, at least, by more between its own."""
 LAYER = 8
 """Entry of the shaper at which the second level stands, within half an 8-bit code of the first; likewise at the end."""
-ROUNDS = (0.3, 0.1, 0.03)
+ROUNDS: tuple[float, ...] = (0.3, 0.1)
 """How firmly the render is held, which gives way last, in each of the rounds over all colours at the first size."""
-REPAIRS = 8
-"""Most rounds around what loses most that follow."""
-NEAR = 1.5
+REPAIRS = (0.03, 0.03, 0.01, 0.01, 0.003, 0.003, 0.001, 0.001)
+"""The same in the rounds around what loses most, which follow."""
+NEAR = 2.5
 """Share of the goals up to which the next size is tried: beyond it, it would not reach them either."""
 STEPS, POWER = 4, 0.5
 """Most Gauss–Newton steps of a round, and how much more large residuals count."""
@@ -59,8 +58,8 @@ WORST, WORST_PER_TETRAHEDRON = 0.3, 3
 """Share of the largest goal above which a colour of the pool takes part, up to so many between the same four nodes."""
 HOT = 0.4
 """Share of the largest goal above which a repair is made around a colour."""
-PER_TETRAHEDRON = 8
-"""Most colours between the same four nodes in a repair."""
+FROM_TETRAHEDRON, PER_TETRAHEDRON = 2, 8
+"""In a repair: colours between the same four nodes that others are scattered around, and most of all kinds."""
 SMOOTHNESS = Regularisation(smoothness=1e-4, twist=1e-4, anchor=0.0, thin_plate=0.0)
 HOLD = 1e-4
 """Of the exact fit: how firmly a node is held to the profile's own answer beside one colour."""
@@ -80,29 +79,40 @@ def consistent(render: Lut, linearize: Lut, model: Transform | None = None) -> t
     pool = MadeColours.of(as_render(_clamped(render)), POOL, 5, model)
     pool = pool.joined(pool.as_8_bit())
     levels = before = None
-    for size in SIZES:
+    for size, of_render in SIZES:
+        pool = replace(pool, render=finer(pool.render, of_render))
         levels = resized_levels(levels, size - 2) if levels else _even_levels(pool, size - 2)
         for candidate, trip in _fits(pool, linearize, levels, before):
             levels, before = _unlayered(candidate[1].levels), candidate
+            content = trip.worth <= MARGIN
+            if content:  # so far: more colours than the fit looked at
+                trip = trip.or_worse(measure(*candidate, count=4 * MEASURED))
             if trip.worth < reached.worth:
                 best, reached = candidate, trip
-            if reached.worth <= MARGIN:
+            if content and trip.worth <= ENOUGH:
                 break
-        if best[1] is not linearize:  # more colours than the fits looked at
-            held = measure(*best, count=4 * MEASURED)
-            reached = RoundTrip(max(reached.mean, held.mean), max(reached.maximum, held.maximum))
         if reached.worth <= ENOUGH or reached.worth > NEAR:
             break
     if best[1] is linearize:
         return render, linearize, reached
+    seen = measure(*best, count=4 * MEASURED)
     jpeg = pool.jpeg[:: max(len(pool.jpeg) // MEASURED, 1)]
     departure = float(np.linalg.norm(best[1](jpeg) - linearize(jpeg), axis=1).mean())
-    return *best, replace(reached, departure=departure)
+    return *best, RoundTrip(seen.mean, max(seen.maximum, reached.maximum), departure)
 
 
 def _clamped(render: Lut) -> Lut:
     """With a response, behind which a cube may leave the range: so clips are sharp between its nodes."""
     return render if render.response is not None else replace(render, response=np.repeat([[0.0], [1.0]], 3, axis=1))
+
+
+def finer(render: Render, size: int) -> Render:
+    """The same with at least so many nodes per axis, by more between those it has."""
+    if render.lut.size >= size:
+        return render
+    r, g, b = (snap_levels(padded_levels(axis, size), CURVE_SIZE) for axis in render.lut.levels)
+    cube = render.lut.inner(grid((r, g, b)))
+    return as_render(compact(replace(render.lut, levels=(r, g, b), cube=cube, shaper_size=CURVE_SIZE)))
 
 
 def _fits(
@@ -115,52 +125,53 @@ def _fits(
     first = pool.render
     if before is None:
         levels, back = _first(pool, own, levels)
-        cubes, rounds = Cubes(back, first.values), list(ROUNDS)
+        cubes, rounds = Cubes(back, first.values), ROUNDS
     else:
         levels = _layered(levels)
-        cubes, rounds = Cubes(before[1](grid(levels)), before[0].cube), [ROUNDS[-1]]
+        moved = before[0].inner(grid(first.lut.levels))
+        cubes, rounds = Cubes(before[1](grid(levels)), moved), ROUNDS[-1:]
     knots, prior = pool.knots(levels), Cubes(own(grid(levels)), first.values)
     movable = np.concatenate([np.ones(cubes.back.size // 3, dtype=np.bool_), _movable(first)])
     pool = pool.rendered(cubes.render)
     colours = pool.few(knots).filled(knots, cubes.back, 0)
     some, free = colours, movable
-    for number in range(len(rounds) + REPAIRS):
-        hold = rounds[min(number, len(rounds) - 1)]
+    for number, hold in enumerate(rounds + REPAIRS):
         cubes = refine(first, some.jpeg, places(some.inner, knots), cubes, prior, free, STEPS, POWER, hold)
         pool = pool.rendered(rounded(cubes.render))
-        seen, lost = _seen(pool, knots, cubes.back, number)
+        colours = colours.rendered(pool.render.values)
+        seen, lost = _seen(pool.joined(colours), knots, cubes.back, number)
         yield (pool.render.lut, _as_lut(own, pool, levels, cubes.back)), summary(lost)
         worst = np.flatnonzero(lost > WORST * MAX_GOAL)
         worst = worst[np.argsort(-lost[worst], kind="stable")]
         worst = worst[thinned(tetrahedra(seen.inner[worst], knots), WORST_PER_TETRAHEDRON)]
         colours = colours.joined(seen.chosen(worst)).filled(knots, cubes.back, number + 1)
         some, free = colours, movable
-        if number + 1 >= len(rounds):
-            some, near = _around(seen, lost, colours, knots, cubes)
+        if number + 1 >= len(rounds) and lost.max() > HOT * MAX_GOAL:
+            some, near = _around(seen, lost, knots, cubes)
             free = movable & near
 
 
-def _seen(pool: MadeColours, knots: Levels, values: Array, seed: int) -> tuple[MadeColours, Array]:
-    """The pool, other colours, and those near the worst of these that are worse, and what is left of each."""
+def _seen(known: MadeColours, knots: Levels, values: Array, seed: int) -> tuple[MadeColours, Array]:
+    """Known colours, other ones, and those near the worst of both that are worse, and what is left of each."""
 
     def left(raw: Array) -> Array:
-        return MadeColours.made(pool.render, raw).left(knots, values)
+        return MadeColours.made(known.render, raw).left(knots, values)
 
-    others = MadeColours.of(pool.render, POOL, 100 + seed)
-    errors = others.left(knots, values)
-    peaks = MadeColours.made(pool.render, climbed(left, others.raw, errors, seed))
-    codes = others.as_8_bit()
-    parts = [peaks.left(knots, values), errors, codes.left(knots, values), pool.left(knots, values)]
-    return peaks.joined(others).joined(codes).joined(pool), np.concatenate(parts)
+    others = MadeColours.of(known.render, POOL, 100 + seed)
+    seen = others.as_8_bit().joined(others).joined(known)
+    errors = seen.left(knots, values)
+    peaks = MadeColours.made(known.render, climbed(left, seen.raw, errors, seed))
+    return peaks.joined(seen), np.concatenate([peaks.left(knots, values), errors])
 
 
-def _around(
-    seen: MadeColours, lost: Array, more: MadeColours, knots: Levels, cubes: Cubes
-) -> tuple[MadeColours, NDArray[np.bool_]]:
-    """The colours near those of the seen that lose most (n,), in the JPEG or where they lead, and which nodes of both
-    cubes, (N³ + M³,), are next to these. more: other colours."""
-    hot = np.concatenate([lost > HOT * MAX_GOAL, np.zeros(len(more.jpeg), dtype=np.bool_)])
-    colours = seen.joined(more)
+def _around(seen: MadeColours, lost: Array, knots: Levels, cubes: Cubes) -> tuple[MadeColours, NDArray[np.bool_]]:
+    """Colours near those of the seen that lose most (n,), in the JPEG or where they lead, and which nodes of both
+    cubes, (N³ + M³,), are next to these."""
+    worst = np.flatnonzero(lost > HOT * MAX_GOAL)
+    some = worst[thinned(tetrahedra(seen.inner[worst], knots), FROM_TETRAHEDRON)]
+    colours = seen.joined(MadeColours.made(seen.render, scattered(seen.raw[some], len(some))))
+    hot = np.zeros(len(colours.jpeg), dtype=np.bool_)
+    hot[worst] = True
     raw = np.clip(interpolate(colours.inner, knots, cubes.back, "tetrahedral"), 0.0, 1.0)
     touched, free, cube = np.zeros(len(hot), dtype=np.bool_), [], np.ones((3, 3, 3))
     for x, axes in ((colours.inner, knots), (raw, tuple(colours.render.levels))):

@@ -37,6 +37,10 @@ class RoundTrip:
         """Within the goals."""
         return self.worth <= 1
 
+    def or_worse(self, other: "RoundTrip") -> "RoundTrip":
+        """The larger of both errors."""
+        return replace(self, mean=max(self.mean, other.mean), maximum=max(self.maximum, other.maximum))
+
     def __str__(self) -> str:
         text = f"round trip mean {rounded_up(self.mean)}, max {rounded_up(self.maximum)}"
         if self.departure:

@@ -4,11 +4,11 @@
 
 Printed per rendering: nodes per axis of both LUTs; the round trip's mean and largest RGB norm, encoded, over at least a
 million colours: what the Python model makes of RAW colours (the whole range, its faces, edges and darks, RAW that white
-balance pushes beyond saturation, near neutrals), what the render's own file makes of the same, and the 8-bit codes of
-the camera's photographs, where there are such, that the model makes (compression makes others); the change of the
-render from the model, on all of these, and its largest as the config states it; seconds. The published D40 and the
-S40's shots need LUTFORGE_TEST_DATA and are left out without. A "!" stands beside what is beyond the goals: mean 0.002,
-largest 0.02.
+balance pushes beyond saturation, near neutrals), what the render's own file makes of the same, the 8-bit codes nearest
+to both, and those of the camera's photographs, where there are such, that the model makes (compression makes others);
+the change of the render from the model, on all of these, and its largest as the config states it; seconds. The
+published D40 and the S40's shots need LUTFORGE_TEST_DATA and are left out without. A "!" stands beside what is beyond
+the goals: mean 0.002, largest 0.02.
 """
 
 import os
@@ -22,7 +22,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
-from unseen_cameras import photographed, simulated, unseen_camera
+from unseen_cameras import Logarithm, UnseenCamera, photographed, simulated, unseen_camera
 
 import lutforge as lf
 from lutforge.calibration.options import CalibrationOptions
@@ -31,12 +31,13 @@ from lutforge.interpolation import through
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.cameras import name_cameras
 from lutforge.ocio.lut_files import CURVE_SIZE, compact
-from lutforge.ocio.made_colours import spread
+from lutforge.ocio.made_colours import as_8_bit, spread
 from lutforge.ocio.preimage import as_render, curve_inverse, preimages
 from lutforge.ocio.renderings import Rendering, baked, renderings
 from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL
-from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.camera import SimulatedStyle, SimulatedWhiteBalance, _fit_matrix, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.demo import demo_shots
+from lutforge.simulate.spectra import WAVELENGTHS, light
 
 Array = NDArray[np.float64]
 
@@ -87,6 +88,12 @@ def unseen_ones(unseen: int) -> Iterator[tuple[str, CameraProfile, list[Path]]]:
     for base, style in ((sigma_sd_merrill(), "vivid"), (sigma_sd_merrill(), "landscape"), (nikon_d5100(), "landscape")):
         camera = simulated(base, style, 140)
         yield f"{camera.model}", lf.calibrate(photographed(camera, True, 0), CalibrationOptions(size=33)), []
+    overlapping, vivid = overlapping_filters(), simulated(sigma_sd_merrill(), "vivid", 24)
+    yield overlapping.model, lf.calibrate(photographed(overlapping, True, 0), CalibrationOptions(size=33)), []
+    weak = (CalibrationOptions(model="rbf"), CalibrationOptions(size=9))
+    for options in weak:
+        name = f"{vivid.model}, 24 patches, {options.model} {options.size}"
+        yield name, lf.calibrate(photographed(vivid, True, 0), options), []
     for seed in range(unseen):
         camera = unseen_camera(seed)
         size = (17, 33, 25)[seed % 3]
@@ -94,6 +101,25 @@ def unseen_ones(unseen: int) -> Iterator[tuple[str, CameraProfile, list[Path]]]:
         options = CalibrationOptions(size=size, model=model)
         name = f"unseen {seed}, {model} {size}, {camera.patches} patches"
         yield name, lf.calibrate(photographed(camera, True, 0), options), []
+
+
+def overlapping_filters() -> UnseenCamera:
+    """A hard case: filters that overlap, so that the matrix amplifies sixfold, no gamut map, a logarithm that clips."""
+
+    def bell(centre: float, width: float) -> Array:
+        return np.asarray(np.exp(-0.5 * ((WAVELENGTHS - centre) / width) ** 2))
+
+    filters = np.stack([0.9 * bell(590, 45), bell(545, 48) + 0.05 * bell(650, 30), 0.6 * bell(470, 40)], axis=1)
+    lights = {"daylight": light(5200.0), "tungsten": light("A"), "shade": light(7500.0)}
+    balances = {}
+    for name, spectrum in lights.items():
+        r, g, b = spectrum @ filters
+        balances[name] = SimulatedWhiteBalance((g / r, 1.0, g / b), 5000.0)
+    style = SimulatedStyle("standard", np.asarray, Logarithm(30.0))  # type: ignore[arg-type]  # any h and f do
+    return UnseenCamera(
+        "LutForge", "Overlapping filters, log, clipped", filters, _fit_matrix(filters), balances, {"standard": style},
+        lights=lights, patches=280,
+    )  # fmt: skip
 
 
 def row(name: str, rendering: Rendering, jpegs: list[Path]) -> tuple[str, float, float]:
@@ -108,7 +134,8 @@ def row(name: str, rendering: Rendering, jpegs: list[Path]) -> tuple[str, float,
     by_file = np.clip(render(raw), 0.0, 1.0)
     mean = largest = 0.0
     own = [shot for shot in jpegs if rendering.style in shot.name or "IMG" in shot.name]
-    for jpeg in (by_model, by_file, *([made(photographs(own), rendering)] if own else [])):
+    codes = (as_8_bit(by_model), as_8_bit(by_file))
+    for jpeg in (by_model, by_file, *codes, *([made(photographs(own), rendering)] if own else [])):
         error = np.linalg.norm(np.clip(render(linearize(jpeg)), 0.0, 1.0) - jpeg, axis=1)
         mean, largest = max(mean, float(error.mean())), max(largest, float(error.max()))
     change = np.linalg.norm(by_file - by_model, axis=1)

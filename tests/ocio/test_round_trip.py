@@ -12,7 +12,7 @@ from lutforge.luts.lut import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.ocio import mutual_inverses
 from lutforge.ocio.lut_files import compact
-from lutforge.ocio.made_colours import spread
+from lutforge.ocio.made_colours import as_8_bit, spread
 from lutforge.ocio.mutual_inverses import consistent
 from lutforge.ocio.preimage import as_render, curve_inverse, preimages
 from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL, measure, rounded_up
@@ -62,15 +62,23 @@ def test_what_the_render_never_makes_is_not_found() -> None:
     assert not found.any()
 
 
-def test_a_linearization_becomes_the_inverse_and_stays_smooth() -> None:
-    """Within the goals on colours of other seeds; neutral and rising on neutrals, without jumps beyond the gamut."""
-    render, own = render_lut(), own_linearization()
-    assert not measure(render, own).met
-    moved, inverse, trip = consistent(render, own)
+@pytest.fixture(scope="module")
+def pair() -> tuple[Lut, Lut]:
+    """Of the camera that clips."""
+    *pair, trip = consistent(render_lut(), own_linearization())
     assert trip.met
+    return pair[0], pair[1]
+
+
+def test_a_linearization_becomes_the_inverse_and_stays_smooth(pair: tuple[Lut, Lut]) -> None:
+    """Within the goals on colours of other seeds; neutral and rising on neutrals, without jumps beyond the gamut."""
+    assert not measure(render_lut(), own_linearization()).met
+    moved, inverse = pair
     other = measure(moved, inverse, seed=77)
     assert other.mean <= MEAN_GOAL
     assert other.maximum <= MAX_GOAL
+    codes = as_8_bit(moved(spread(1 << 12, seed=78)))
+    assert np.linalg.norm(moved(inverse(codes)) - codes, axis=1).max() <= MAX_GOAL
     grey = np.linspace(0.02, 1, 200)
     back = inverse(np.repeat(grey[:, None], 3, axis=1))
     assert np.ptp(back, axis=1).max() < 2e-3  # this render's neutrals are neutral
@@ -92,8 +100,8 @@ def test_a_render_gives_way_where_it_folds() -> None:
     before = folding_lut()
     render, inverse, trip = consistent(before, own_linearization())
     assert trip.met
-    for one in (render, before):
-        jpeg = one(spread(1 << 14, seed=5))
+    of_both = [one(spread(1 << 12, seed=5)) for one in (render, before)]
+    for jpeg in (*of_both, *map(as_8_bit, of_both)):
         error = np.linalg.norm(render(inverse(jpeg)) - jpeg, axis=1)
         assert error.mean() <= MEAN_GOAL
         assert error.max() <= MAX_GOAL
@@ -104,9 +112,49 @@ def test_a_render_gives_way_where_it_folds() -> None:
     np.testing.assert_array_equal(render(grey), before(grey))
 
 
+def test_clipped_codes_stay_clipped(pair: tuple[Lut, Lut]) -> None:
+    """A layer of nodes of their own is beyond the clip, and the codes beside it are not drawn along."""
+    render, inverse = pair
+    jpeg = as_8_bit(render(spread(1 << 13, seed=8)))
+    back = render(inverse(jpeg))
+    for end in (0.0, 1.0):
+        clipped = jpeg == end
+        assert clipped.sum() > 1000
+        assert np.abs(back - end)[clipped].max() < 0.01
+    one = np.any(jpeg == 1 / 255, axis=1)
+    assert one.sum() > 100
+    assert np.abs(back - jpeg)[one].max() < 0.01
+
+
+@pytest.mark.parametrize("method", ["tetrahedral", "trilinear"])
+def test_a_finer_render_is_the_same(method: Interpolation) -> None:
+    """Between twice as many nodes: to the rounding of the files."""
+    lut = render_lut(17, method)
+    finer = mutual_inverses.finer(as_render(lut), 33).lut
+    assert finer.size == 33
+    assert mutual_inverses.finer(as_render(lut), 17).lut is lut
+    raw = spread(1 << 12, seed=9)
+    # Files hold five digits of values beyond 1, and levels on the shaper, half a step from the middle of some cells.
+    assert np.abs(finer.inner(raw) - lut.inner(raw)).max() < (3e-4 if method == "tetrahedral" else 6e-5)
+
+
+def test_a_render_without_a_response_comes_back_where_it_clips(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its nodes may leave the range behind a response that clamps."""
+    monkeypatch.setattr(mutual_inverses, "SIZES", ((17, 0),))
+    monkeypatch.setattr(mutual_inverses, "POOL", 1 << 13)
+    bare = replace(render_lut(), response=None, cube=np.clip(render_lut().cube, 0.0, 1.0))
+    render, inverse, trip = consistent(bare, own_linearization())
+    assert trip.met
+    raw = spread(1 << 12, seed=10)
+    jpeg = render(raw)
+    assert np.array_equal(jpeg, np.clip(jpeg, 0.0, 1.0))
+    assert np.abs(jpeg - bare(raw)).mean() < 1e-3
+    assert np.linalg.norm(render(inverse(jpeg)) - jpeg, axis=1).max() <= MAX_GOAL
+
+
 def test_the_fit_is_the_same_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a small lattice, that no pool is too small for."""
-    monkeypatch.setattr(mutual_inverses, "SIZES", (9,))
+    monkeypatch.setattr(mutual_inverses, "SIZES", ((9, 0),))
     monkeypatch.setattr(mutual_inverses, "POOL", 1 << 12)
     first, second = (consistent(folding_lut(), own_linearization()) for _ in range(2))
     assert not np.array_equal(first[0].cube, folding_lut().cube)
