@@ -242,8 +242,8 @@ def fit_direction(
 ) -> LatticeResult:
     """One lattice of a style: inverse is linearize, else render, with a response behind where the options have it."""
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
-    guess = continuation(base, x, y, inverse=inverse, size=options.size)
     curve = None if inverse else output_curve(base.response)
+    guess = continuation(base, x, y, inverse=inverse, size=options.size, curve=curve)
     return fit_samples(
         x, y, data.shot, guess, options, clips=not inverse, curve=curve, smoothness=smoothness, tolerance=tolerance
     )

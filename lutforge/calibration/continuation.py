@@ -1,12 +1,11 @@
-"""What a lattice continues where it has no samples: matrix, response, and a smooth gamut map between them.
+"""What a lattice continues where it has no samples: matrix, response, and what the samples say beyond them.
 
-render: f(h(Ts x)), linearize: Ts⁻¹ h⁻¹(f⁻¹(I)). The gamut map is (4.7) with few centres spread over the samples, fitted
-to all of them by least squares (`radial_basis`), so that noise and a stray sample do not bend it. Weights make errors
-count in encoded values, and less where they are large (Cauchy).
-
-A camera clips what its output cannot hold, or presses it into its gamut; where few samples show that, a straight
-continuation would leave the gamut. So h may end in a soft floor, and h⁻¹ begin with its inverse: as soft as the samples
-show it, and not at all where the camera clips.
+To render, the values that a cube with a curve behind it holds: c(Ts x) + r(e(Ts x)), where c is the curve's own
+continuation of linear light across the clipping. To linearize, RAW: Ts⁻¹ e⁻¹(z + r(z)) with z = e(f⁻¹(I)). e is the
+even scale of `model.gamut_map`, on which dark colours lie as far apart as they look, and r are radial basis functions
+with few centres spread over the samples, fitted to all of them by least squares (`radial_basis`), so that noise and a
+stray sample do not bend it; weights are less where errors are large (Cauchy). Beyond the samples r runs on as smoothly
+as it can.
 """
 
 from collections.abc import Sequence
@@ -17,102 +16,79 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
 from lutforge.calibration.matrix_and_response import MatrixAndResponse
-from lutforge.calibration.radial_basis import RadialBasisFit, RadialBasisProblem, spread
-from lutforge.calibration.soft_floor import floor_width, lowered, raised
-from lutforge.errors import ProfileError
-from lutforge.interpolation import through
-from lutforge.model.gamut_map import GamutMap
+from lutforge.calibration.output_curve import OutputCurve, output_curve
+from lutforge.calibration.radial_basis import RadialBasis, RadialBasisProblem, spread
+from lutforge.model.gamut_map import even_slope, from_even, to_even
 from lutforge.regression.blas import one_blas_thread
 
 Array = NDArray[np.float64]
 
+OFFSET = 0.005
+"""ε of the even scale."""
 CENTRES = 200
 CENTRES_PER_FACE_NODE = 2 / 3
 """A small lattice cannot follow so many: a guess for one has at most this many per node of its face."""
 MOST_SAMPLES = 3_000
-FEW_CENTRES = 64
+FEW_CENTRES = 100
 """So many, the first as they are spread, tell the outliers before all are fitted."""
 FEWEST_COLOURS = 30
-"""Fewer distinct ones do not bend a gamut map: matrix and response alone are continued."""
-ROUNDS = 3
-LEAST_SCALE = 4.0 / 255.0
-SOFTNESSES = ((0.0, 0.05, 0.1, 0.2), (0.0, 0.05, 0.1))
-"""Softnesses of the floor that are tried, to render and to linearize. The way back is steep where the floor is flat:
-with a softer one it would run away beyond the samples."""
-SOFT_ENOUGH = 0.9
-"""A floor must leave at most this share of the squared error without one: what is gained by chance is not a floor."""
+"""Fewer distinct ones do not bend a guess: matrix and response alone are continued."""
+ROUNDS = 4
+OUTLIER_SCALE = 4.0
+"""A sample whose error is this many times the median counts half (Cauchy)."""
+LEAST_OUTLIER = 4.0 / 255.0
 LEAST_SPREAD = 1e-3
-"""Samples whose smallest principal deviation is below this lie in a plane, and tell no gamut map."""
+"""Samples whose smallest principal deviation is below this lie in a plane, and bend no guess."""
 
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """A guess of one direction: inverse is linearize, else render; gamut_map: h or h⁻¹, None where it is not known.
+    """A guess of one direction. curve: what stands behind the cube, to render; None to linearize.
 
-    softness: of the floor behind h or before h⁻¹, 0 for none.
+    bend: r, None where the samples cannot tell it; half: the error with which a sample counted half in its fit.
     """
 
     base: MatrixAndResponse
-    inverse: bool
-    gamut_map: GamutMap | None = None
-    softness: float = 0.0
+    curve: OutputCurve | None
+    bend: RadialBasis | None = None
+    half: float = np.inf
 
     def __call__(self, x: Array) -> Array:
-        """The guess at x (…, 3)."""
-        mapped = self.mapped(x)
-        if self.inverse:
-            return mapped @ np.linalg.inv(self.base.matrix).T
-        return self.base.response.encode(mapped)
+        """The guess at x (…, 3): encoded, or RAW."""
+        values = self.values(x)
+        return values if self.curve is None else self.curve.leave(values)
 
-    def mapped(self, x: Array) -> Array:
-        """Linear light of the guess at x (…, 3), after the gamut map; not clipped."""
+    def values(self, x: Array) -> Array:
+        """What a cube should hold at x (…, 3): values before the curve, or RAW; not clipped."""
         linear = self._linear(x)
-        if self.gamut_map is None:
-            return linear
-        mapped = self.gamut_map(self._entered(linear))
-        return mapped if self.inverse or not self.softness else raised(mapped, floor_width(linear, self.softness))
+        if self.curve is not None:
+            values = self.curve.continued(linear)
+            return values if self.bend is None else values + self.bend(to_even(linear, OFFSET))
+        if self.bend is not None:
+            even = to_even(linear, OFFSET)
+            linear = from_even(even + self.bend(even), OFFSET)
+        return np.asarray(linear @ np.linalg.inv(self.base.matrix).T)
 
     def refit(self, x: Array, y: Array, most_centres: int = CENTRES) -> "Continuation":
-        """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response.
-
-        Its softness is the one that leaves the least error on them.
-        """
+        """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response."""
         rows = _rows(len(x))
         x, y = x[rows], y[rows]
-        straight = Continuation(self.base, self.inverse)
-        linear = self._linear(x)
+        straight, linear = replace(self, bend=None), self._linear(x)
         if not _fills_space(linear):
             return straight
-        centres = spread(linear, min(most_centres, len(linear) // 2))
-        tried: list[tuple[float, Continuation]] = []
-        robust, scale = np.ones(len(x)), 0.0
-        system: RadialBasisProblem | None = None
-        fit: RadialBasisFit | None = None
-        for softness in SOFTNESSES[self.inverse]:
-            candidate = replace(straight, softness=softness)
-            target, slope = candidate._wanted(linear, y)
-            try:  # the first fit tells the outliers for those after it
-                if system is None or self.inverse:
-                    source = candidate._entered(linear)
-                    system = RadialBasisProblem(source, source[centres])
-                elif fit and _error(system.like(fit, target), slope, scale) >= tried[-1][0]:
-                    break
-                if not tried:
-                    few = RadialBasisProblem(source, source[centres[:FEW_CENTRES]])
-                    for _ in range(ROUNDS - 1):
-                        _, robust = _fit(few, target, slope, robust)
-                fit, robust = _fit(system, target, slope, robust)
-            except (LinAlgError, ProfileError):  # colours that coincide
-                break
-            scale = scale or 4.0 * float(np.median(np.linalg.norm(fit.residual * slope, axis=1))) + LEAST_SCALE
-            tried.append((_error(fit.residual, slope, scale), replace(candidate, gamut_map=fit.gamut_map)))
-            if len(tried) > 1 and tried[-1][0] >= tried[-2][0]:
-                break
-        if not tried:
+        source, target, weight = self._wanted(linear, y)
+        centres = source[spread(source, min(most_centres, len(source) // 2))]
+        robust = np.ones(len(x))
+        try:
+            few = RadialBasisProblem(source, centres[:FEW_CENTRES])
+            for _ in range(ROUNDS):
+                error = _error(few.fit(target, weight * robust)[1], weight)
+                half = max(OUTLIER_SCALE * float(np.median(error)), LEAST_OUTLIER)
+                robust = _robust(error, half)
+            bend, _ = RadialBasisProblem(source, centres).fit(target, weight * robust)
+        except LinAlgError:  # colours that coincide
             return straight
-        least, best = min(tried, key=lambda entry: entry[0])
-        none, without = tried[0]
-        return best if least < SOFT_ENOUGH * none else without
+        return replace(straight, bend=bend, half=half)
 
     def leave_out(self, x: Array, y: Array, held: Sequence[NDArray[np.bool_]]) -> "list[Continuation]":
         """The guesses of the samples x → y (n, 3) less those of each mask (n,), where this is the guess of them all.
@@ -121,64 +97,56 @@ class Continuation:
         """
         rows = _rows(len(x))
         x, y = x[rows], y[rows]
-        if self.gamut_map is None:
+        if self.bend is None:
             return [self] * len(held)
-        linear = self._linear(x)
-        source = self._entered(linear)
-        target, slope = self._wanted(linear, y)
-        system = RadialBasisProblem(source, self.gamut_map.centres)
-        weight = _sample_weight(slope) * _robust(self.gamut_map(source) - target, slope)
+        source, target, weight = self._wanted(self._linear(x), y)
+        system = RadialBasisProblem(source, self.bend.centres)
+        weight = weight * _robust(_error(self.bend(source) - target, weight), self.half)
         masks = [mask[rows] for mask in held]
         parts = [system.equations(target, weight, mask) for mask in (*masks, ~np.any(masks, axis=0))]
         total = np.sum(parts, axis=0)
         guesses = []
         for mine in parts[: len(held)]:
             try:
-                guess = replace(self, gamut_map=system.solve(total - mine)[0])
-            except (LinAlgError, ProfileError):
-                guess = replace(self, gamut_map=None, softness=0.0)
+                guess = replace(self, bend=system.solve(total - mine)[0])
+            except LinAlgError:
+                guess = replace(self, bend=None)
             guesses.append(guess)
         return guesses
 
     def _linear(self, x: Array) -> Array:
-        return self.base.response.linearize(x) if self.inverse else x @ self.base.matrix.T
+        """Linear light that matrix or response alone make of x (…, 3)."""
+        return np.asarray(self.base.response.linearize(x) if self.curve is None else x @ self.base.matrix.T)
 
-    def _entered(self, linear: Array) -> Array:
-        """What the centres are compared with (n, 3)."""
-        if not self.inverse or not self.softness:
-            return linear
-        return lowered(linear, floor_width(linear, self.softness))[0]
-
-    def _wanted(self, linear: Array, y: Array) -> tuple[Array, Array]:
-        """What the centres should make of linear light (n, 3), before the floor, and the slopes that turn errors of
-        that into encoded ones; both (n, 3)."""
-        if self.inverse:
-            return y @ self.base.matrix.T, np.ones_like(y)
-        target, slope = through(self.base.response.inverse, y), _encoding_slope(self.base, y)
-        if not self.softness:
-            return target, slope
-        below, rate = lowered(target, floor_width(linear, self.softness))
-        return below, slope / rate
+    def _wanted(self, linear: Array, y: Array) -> tuple[Array, Array, Array]:
+        """e of linear light (n, 3), what r should be there (n, 3), and how much its error counts (n,)."""
+        source = to_even(linear, OFFSET)
+        if self.curve is not None:
+            return source, self.curve.enter(y) - self.curve.continued(linear), np.ones(len(y))
+        wanted = y @ self.base.matrix.T
+        slope = 1.0 / even_slope(wanted, OFFSET).mean(axis=1)  # errors count in linear light
+        return source, to_even(wanted, OFFSET) - source, (slope / np.median(slope)) ** 2
 
 
 @one_blas_thread
 def continuation(
-    base: MatrixAndResponse, x: Array, y: Array, *, inverse: bool, size: int | None = None
+    base: MatrixAndResponse,
+    x: Array,
+    y: Array,
+    *,
+    inverse: bool,
+    size: int | None = None,
+    curve: OutputCurve | None = None,
 ) -> Continuation:
-    """Fit the gamut map of one direction to samples x → y (n, 3), given matrix and response.
+    """Fit the guess of one direction to samples x → y (n, 3), given matrix and response.
 
-    size: nodes per axis of the lattice that it is for, where that is known.
+    size: nodes per axis of the lattice that it is for, where that is known; curve: `output_curve(base.response)`,
+    where that is made already.
     """
     most = CENTRES if size is None else min(CENTRES, int(CENTRES_PER_FACE_NODE * size**2))
-    return Continuation(base, inverse).refit(x, y, most)
-
-
-def _encoding_slope(base: MatrixAndResponse, encoded: Array) -> Array:
-    """df/d(linear) at encoded values (n, 3), bounded as in the fit of matrix and response."""
-    step = 1.0 / 255.0
-    low, high = (through(base.response.inverse, encoded + move) for move in (-step, step))
-    slope: Array = 1.0 / np.maximum((high - low) / (2 * step), 0.05)
-    return slope
+    if not inverse and curve is None:
+        curve = output_curve(base.response)
+    return Continuation(base, None if inverse else curve).refit(x, y, most)
 
 
 def _rows(count: int) -> NDArray[np.intp]:
@@ -198,30 +166,11 @@ def _fills_space(source: Array) -> bool:
     return len(np.unique(key)) >= FEWEST_COLOURS and bool(spread >= LEAST_SPREAD * len(source) ** 0.5)
 
 
-def _sample_weight(slope: Array) -> Array:
-    mean = slope.mean(axis=1)
-    weight: Array = (mean / np.median(mean)) ** 2
-    return weight
+def _error(residual: Array, weight: Array) -> Array:
+    """(n,): the lengths of residuals (n, 3), which count by weight (n,)."""
+    return np.asarray(np.sqrt(np.einsum("nc,nc->n", residual, residual) * weight))
 
 
-def _robust(residual: Array, slope: Array) -> Array:
-    """Cauchy weights in [0, 1] of samples with these residuals and slopes (n, 3)."""
-    error = np.linalg.norm(residual, axis=1) * slope.mean(axis=1)
-    scale = max(4.0 * float(np.median(error)), LEAST_SCALE)
-    weight: Array = 1.0 / (1.0 + (error / scale) ** 2)
-    return weight
-
-
-def _error(residual: Array, slope: Array, scale: float) -> float:
-    """The robust sum of squared errors (Cauchy)."""
-    squares = np.sum((residual * slope) ** 2, axis=1)
-    return float(np.sum(squares / (1.0 + squares / scale**2)))
-
-
-def _fit(system: RadialBasisProblem, target: Array, slope: Array, robust: Array) -> tuple[RadialBasisFit, Array]:
-    """h to targets (n, 3), and the robust weights (n,) that its residuals make; robust: those to fit with.
-
-    slope: (n, 3), turns residuals into the units they are judged in.
-    """
-    fit = system.fit(target, _sample_weight(slope) * robust)
-    return fit, _robust(fit.residual, slope)
+def _robust(error: Array, half: float) -> Array:
+    """Cauchy weights in [0, 1] of samples with these errors (n,)."""
+    return np.asarray(1.0 / (1.0 + (error / half) ** 2))

@@ -85,9 +85,8 @@ class LatticeProblem:
 
     @cached_property
     def grey(self) -> Array:
-        """What the cube should give on GREY: neutral, as bright as matrix and response make it on average."""
-        plain = replace(self.guess, gamut_map=None) if isinstance(self.guess, Continuation) else self.guess
-        values = np.clip(plain(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
+        """What the cube should give on GREY: neutral, as bright as the guess makes it on average."""
+        values = np.clip(self.guess(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
         return values if self.curve is None else self.curve.enter(values)
 
     def at(self, levels: Levels) -> "PlacedProblem":
@@ -142,7 +141,7 @@ class PlacedProblem:
         if problem.curve is None:
             values = np.clip(problem.guess(positions), 0.0, 1.0)
         elif isinstance(problem.guess, Continuation):
-            values = np.clip(problem.curve.continued(problem.guess.mapped(positions)), *FARTHEST)
+            values = np.clip(problem.guess.values(positions), *FARTHEST)
         else:
             values = problem.curve.enter(np.clip(problem.guess(positions), 0.0, 1.0))
         hold = np.full_like(values, LEAST_HOLD)

@@ -1,7 +1,8 @@
-"""A gamut map h with few centres, fitted to many samples by penalised least squares (not through the centres).
+"""Radial basis functions with few centres, fitted to many samples by penalised least squares (not through the centres).
 
-min Σ w ‖Σ λ_i φ(‖X − X_i‖) + a·[1, X] − X'‖² − μ λ'Φλ,  Σ λ_i [1, X_i] = 0.   −Φ is positive there, as φ(r) = r is
-conditionally negative definite. (4.7) of the thesis is the same without w and μ, through every sample.
+min Σ w ‖Σ λ_i φ(‖z − z_i‖) + a·[1, z] − t‖² + μ λ'Φλ,  Σ λ_i [1, z_i] = 0.   Φ is positive there, as φ(r) = r³ is
+conditionally positive definite of order 2 (Duchon 1977). The kink of φ(r) = r at every centre, which (4.7) of the
+thesis has, costs accuracy between samples, and its slope beyond the outermost ones is theirs alone; r³ has neither.
 """
 
 from dataclasses import dataclass
@@ -10,32 +11,43 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
-from scipy.linalg.lapack import dgeqrf, dposv, dpotrs
+from scipy.linalg.lapack import dgeqrf, dposv
 
-from lutforge.model.gamut_map import GamutMap
 from lutforge.regression.stencil import REASSOCIATED
 from lutforge.threads import run, slabs
 
 Array = NDArray[np.float64]
 
-SMOOTHNESS = 1e-2
-"""μ, per sample of weight 1."""
+SMOOTHNESS = 1e-3
+"""μ, per sample of weight 1: so little that noise is averaged by how few the centres are, enough for centres that no
+sample is near."""
+DISTANCES_PER_PART = 1_000_000
 PRODUCTS_PER_PART = 10_000_000
 """Normal equations of more products than this are summed in two parts, at once where there are two cores."""
 
 
 @dataclass(frozen=True, eq=False)
-class RadialBasisFit:
-    """h, its residuals (n, 3), and what it was fitted with: its normal matrix's Cholesky factor, and weights (n,)."""
+class RadialBasis:
+    """Σ_i λ_i ‖z − z_i‖³ + a·[1, z]. centres: z_i (m, 3); coefficients: λ (m, 3); polynomial: a (4, 3)."""
 
-    gamut_map: GamutMap
-    residual: Array
-    factor: Array
-    weight: Array
+    centres: Array
+    coefficients: Array
+    polynomial: Array
+
+    def __call__(self, z: Array) -> Array:
+        """Values at z (…, 3). Time O(points · centres)."""
+        points = np.ascontiguousarray(z.reshape(-1, 3))
+        values = np.empty_like(points)
+
+        def evaluate(first: int, last: int) -> None:
+            _evaluate(points[first:last], self.centres, self.coefficients, self.polynomial, values[first:last])
+
+        run(evaluate, slabs(0, len(points), 1, 2 if len(points) * len(self.centres) > DISTANCES_PER_PART else 1))
+        return values.reshape(z.shape)
 
 
 class RadialBasisProblem:
-    """The least-squares problem of h at samples source (n, 3), with its centres (m, 3).
+    """The least-squares problem of radial basis functions at samples source (n, 3), with their centres (m, 3).
 
     Unknowns are the four of the polynomial, then λ in the space that it leaves: orthogonal to 1 and the coordinates of
     the centres, whose basis Q is kept as I − V T V', the Householder reflectors that span it. Time O(n m²).
@@ -49,7 +61,7 @@ class RadialBasisProblem:
         inner = _projected(centres, np.ascontiguousarray(centres.T), self._v, self._t)
         inner -= self._v.T @ (self._t.T @ (self._v @ inner))
         self.bending = np.zeros_like(inner)
-        self.bending[4:, 4:] = -inner[4:, 4:]
+        self.bending[4:, 4:] = inner[4:, 4:]
 
     def equations(self, target: Array, weight: Array, rows: NDArray[np.bool_] | None = None) -> Array:
         """The normal matrix of some rows and beside it their right sides, (m, m + 3), without the bending term."""
@@ -65,29 +77,23 @@ class RadialBasisProblem:
         run(add, slabs(0, count, 1, 2 if count * unknowns**2 > PRODUCTS_PER_PART else 1))
         return np.asarray(np.sum([parts[first] for first in sorted(parts)], axis=0))
 
-    def fit(self, target: Array, weight: Array) -> RadialBasisFit:
-        """h to targets (n, 3) of weights (n,). Raises LinAlgError where the equations are singular."""
-        gamut_map, unknowns, factor = self.solve(self.equations(target, weight))
-        return RadialBasisFit(gamut_map, self.design @ unknowns - target, factor, weight)
-
-    def like(self, fit: RadialBasisFit, target: Array) -> Array:
-        """The residual (n, 3) of a fit to another target with the normal matrix and the weights of this one: near
-        enough to tell whether that target can be better."""
-        right = self.design.T @ (fit.weight[:, None] * target)
-        return np.asarray(self.design @ dpotrs(fit.factor, right)[0] - target)
-
-    def solve(self, equations: Array) -> tuple[GamutMap, Array, Array]:
-        """h, the unknowns (4 + …, 3), and the Cholesky factor of the normal matrix.
+    def fit(self, target: Array, weight: Array) -> tuple[RadialBasis, Array]:
+        """The functions for targets (n, 3) of weights (n,), and their residuals (n, 3).
 
         Raises LinAlgError where the equations are singular.
         """
-        factor, unknowns, singular = dposv(equations[:, :-3] + SMOOTHNESS * self.bending, equations[:, -3:])
-        if singular:
-            raise LinAlgError("the equations of the gamut map are singular")
+        functions, unknowns = self.solve(self.equations(target, weight))
+        return functions, self.design @ unknowns - target
+
+    def solve(self, equations: Array) -> tuple[RadialBasis, Array]:
+        """The functions, and the unknowns (4 + …, 3). Raises LinAlgError where the equations are singular."""
+        _, unknowns, singular = dposv(equations[:, :-3] + SMOOTHNESS * self.bending, equations[:, -3:])
+        if singular or not np.all(np.isfinite(unknowns)):
+            raise LinAlgError("the equations of the radial basis functions are singular")
         padded = unknowns.copy()
         padded[:4] = 0.0
         coefficients = padded - self._v.T @ (self._t @ (self._v @ padded))
-        return GamutMap(self.centres, coefficients, unknowns[:4].copy()), unknowns, factor
+        return RadialBasis(self.centres, coefficients, unknowns[:4].copy()), unknowns
 
 
 def _reflectors(matrix: Array) -> tuple[Array, Array]:
@@ -104,14 +110,15 @@ def _reflectors(matrix: Array) -> tuple[Array, Array]:
 
 @njit(cache=True, nogil=True, fastmath=REASSOCIATED)
 def _projected(source: Array, centres: Array, v: Array, t: Array) -> Array:
-    """‖source − centre‖ of all pairs, times Q, (n, m); source: (n, 3), centres: (3, m)."""
+    """‖source − centre‖³ of all pairs, times Q, (n, m); source: (n, 3), centres: (3, m)."""
     count, kept = centres.shape[1], len(v)
     result, sums, share = np.empty((len(source), count)), np.empty(kept), np.empty(kept)
     for n in range(len(source)):
         row = result[n]
         r, g, b = source[n, 0], source[n, 1], source[n, 2]
         for i in range(count):
-            row[i] = np.sqrt((centres[0, i] - r) ** 2 + (centres[1, i] - g) ** 2 + (centres[2, i] - b) ** 2)
+            square = (centres[0, i] - r) ** 2 + (centres[1, i] - g) ** 2 + (centres[2, i] - b) ** 2
+            row[i] = square * np.sqrt(square)
         for k in range(kept):
             total = 0.0
             for i in range(count):
@@ -125,6 +132,27 @@ def _projected(source: Array, centres: Array, v: Array, t: Array) -> Array:
             for i in range(count):
                 row[i] -= share[k] * v[k, i]
     return result
+
+
+@njit(cache=True, nogil=True, fastmath=REASSOCIATED)
+def _evaluate(z: Array, centres: Array, coefficients: Array, polynomial: Array, values: Array) -> None:
+    """Fills values (n, 3) at z (n, 3)."""
+    count = len(centres)
+    x, y, w = centres[:, 0].copy(), centres[:, 1].copy(), centres[:, 2].copy()
+    u, v, t = coefficients[:, 0].copy(), coefficients[:, 1].copy(), coefficients[:, 2].copy()
+    for n in range(len(z)):
+        r, g, b = z[n]
+        first, second, third = 0.0, 0.0, 0.0
+        for i in range(count):
+            square = (x[i] - r) ** 2 + (y[i] - g) ** 2 + (w[i] - b) ** 2
+            cube = square * np.sqrt(square)
+            first += u[i] * cube
+            second += v[i] * cube
+            third += t[i] * cube
+        p = polynomial
+        values[n, 0] = first + p[0, 0] + p[1, 0] * r + p[2, 0] * g + p[3, 0] * b
+        values[n, 1] = second + p[0, 1] + p[1, 1] * r + p[2, 1] * g + p[3, 1] * b
+        values[n, 2] = third + p[0, 2] + p[1, 2] * r + p[2, 2] * g + p[3, 2] * b
 
 
 @njit(cache=True, nogil=True)

@@ -108,6 +108,29 @@ def test_plain(published: PublishedModel, rbf_maxima: dict[int, float], size: in
     assert ratio <= 1.2
 
 
+@pytest.mark.parametrize(
+    ("where", "mean", "most"), [("chroma", 0.0085, 0.055), ("hue", 0.0060, 0.030), ("bright", 0.0095, 0.080)]
+)
+def test_farther_out_than_any_sample(published: PublishedModel, where: str, mean: float, most: float) -> None:
+    """Held out: the most saturated tenth of the pairs, the outer 40 % of each sixth of the hues, the brightest tenth."""
+    x, y = published.balanced, published.encoded
+    share = x / x.sum(axis=1, keepdims=True)
+    plane = (share - np.median(share, axis=0)) @ np.linalg.svd(np.ones((1, 3)))[2][1:].T
+    radius, sixth = np.hypot(*plane.T), np.floor(np.arctan2(*plane.T[::-1]) / (np.pi / 3))
+    if where == "chroma":
+        masks = [radius > np.quantile(radius, 0.9)]
+    elif where == "bright":
+        masks = [x.max(axis=1) > np.quantile(x.max(axis=1), 0.9)]
+    else:
+        masks = [(sixth == one) & (radius > np.quantile(radius[sixth == one], 0.6)) for one in range(-3, 3)]
+    found = []
+    for held in masks:
+        predicted = np.clip(fit(x[~held], y[~held], CalibrationOptions(size=17)).lattice(x[held]), 0.0, 1.0)
+        error = np.linalg.norm(predicted - y[held], axis=1)
+        found.append((error.mean(), error.max()))
+    assert tuple(np.mean(found, axis=0) <= (mean, most)) == (True, True), np.mean(found, axis=0)
+
+
 def test_plain_nodes_are_colours(published: PublishedModel) -> None:
     x, y, _, _ = split(published, 1)
     values = fit(x, y, CalibrationOptions(size=24, response=False)).lattice.values
