@@ -29,7 +29,7 @@ COUNTS, MOST_COUNTED = 0.2, 2.0
 """What a point of the lattice with a curve counts beside a sample: many samples speak for themselves. And how much all
 of them count at most beside all samples."""
 NEIGHBOURS = 4
-SPREAD = 0.5
+SPREAD = 0.7
 """Standard deviation of the points around a sample, in distances to its NEIGHBOURS-th neighbour."""
 MOST_CENTRES = 5_000
 SEARCH_SAMPLES = 50_000

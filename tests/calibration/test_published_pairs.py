@@ -112,7 +112,7 @@ def test_plain(published: PublishedModel, rbf_maxima: dict[int, float], size: in
     ("where", "mean", "most"), [("chroma", 0.0085, 0.055), ("hue", 0.0060, 0.030), ("bright", 0.0095, 0.080)]
 )
 def test_farther_out_than_any_sample(published: PublishedModel, where: str, mean: float, most: float) -> None:
-    """Held out: the most saturated tenth of the pairs, the outer 40 % of each sixth of the hues, the brightest tenth."""
+    """Held out: the most saturated tenth of the pairs, the outer 40 % of each sixth of hues, or the brightest tenth."""
     x, y = published.balanced, published.encoded
     share = x / x.sum(axis=1, keepdims=True)
     plane = (share - np.median(share, axis=0)) @ np.linalg.svd(np.ones((1, 3)))[2][1:].T
