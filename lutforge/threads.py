@@ -1,7 +1,7 @@
 """Numba kernels that release the GIL, on all cores, in slabs whose results do not depend on how many there are."""
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
@@ -20,6 +20,8 @@ def _pool() -> ThreadPoolExecutor:
 
 def slabs(start: int, stop: int, step: int, most: int) -> list[tuple[int, int]]:
     """range(start, stop, step) in up to `most` contiguous parts, as (start, stop); a part begins on the range."""
+    if most <= 1:
+        return [(start, stop)]
     count = max(0, -(-(stop - start) // step))
     parts = max(1, min(most, count))
     edges = [start + step * (count * part // parts) for part in range(parts)] + [stop]
@@ -35,9 +37,8 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not live on there
 
 
-def run(task: Callable[[int, int], object], parts: Iterable[tuple[int, int]]) -> None:
+def run(task: Callable[[int, int], object], parts: Sequence[tuple[int, int]]) -> None:
     """Call task(start, stop) for each part: at once where there are several, else right here."""
-    parts = list(parts)
     if len(parts) == 1:
         task(*parts[0])
         return

@@ -20,8 +20,8 @@ from lutforge.calibration.lattice_thesis import fit_thesis
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import OutputCurve
 from lutforge.calibration.plain_lattice import fit_plain
-from lutforge.interpolation import Levels, interpolate
-from lutforge.model.lattice import grid, uniform_levels
+from lutforge.interpolation import Levels
+from lutforge.model.lattice import uniform_levels
 from lutforge.regression.blas import one_blas_thread
 from lutforge.regression.node_levels import equidistributed_levels, resized_levels
 
@@ -31,11 +31,13 @@ DEFAULT_SMOOTHNESS = 3e-3
 """λ_S of the search lattice where there is one shot only, and nothing to cross-validate on."""
 SMOOTHNESS_STEP = 10**0.5
 SMOOTHNESS_RANGE = (1e-4, 10.0)
-SEARCH_SAMPLES = 50_000
+SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE = 50_000, 4
+"""Levels and λ_S are searched with at most so many samples, and so many per node of the lattice."""
 TOLERANCE = 1e-6
 MEASURING_TOLERANCE = 1e-4
 """Of fits whose only use is to measure an error: within 1e-4 of the exact ones on every sample."""
-ROUNDS = 6
+ROUNDS, SMALL_ROUNDS = 6, 3
+"""Of the search for node levels: a lattice no larger than that which it is done on gains nothing from more of them."""
 FOLDS = 5
 SEARCH_FOLDS = 2
 """More of them choose the same λ_S: its steps are wide."""
@@ -68,10 +70,11 @@ def fit_samples(
     weight = np.ones(len(x)) if curve is None else curve_weights(curve, y)
     chosen = DEFAULT_SMOOTHNESS if smoothness is None else smoothness
     problem = LatticeProblem(x, y, target, weight, guess, options, clips, chosen, curve)
-    rows = _subset(len(x))
+    rows = _subset(len(x), options.size)
     search = problem.select(rows, guess)
     first = search.first_robust
-    levels = search.levels(uniform_levels(min(SEARCH_SIZE, options.size)), ROUNDS)
+    rounds = SMALL_ROUNDS if options.size <= SEARCH_SIZE else ROUNDS
+    levels = search.levels(uniform_levels(min(SEARCH_SIZE, options.size)), rounds)
     if smoothness is None:
         search = replace(search, smoothness=_choose_smoothness(search, groups[rows], levels))
         problem = replace(problem, smoothness=search.smoothness)
@@ -82,20 +85,19 @@ def fit_samples(
     robust = robust_weights(error if len(rows) == len(x) else problem.at(levels).squared_error(fit))
     if options.nonuniform:
         levels = equidistributed_levels(search.x, error, levels)
-    levels = snapped(levels, options)
-    start = interpolate(grid(levels), fit.levels, fit.values)
-    final = problem.at(levels).rising_fit(robust, start, tolerance)
-    lattice = problem.lattice(final)
+    placed = problem.at(snapped(levels, options))
+    lattice = problem.lattice(placed.rising_fit(robust, placed.moved(fit).values, tolerance))
     if curve is not None and not options.response:
         return fit_plain(x, y, lattice, options, problem.smoothness)
     return result(lattice, x, y, problem.smoothness)
 
 
-def _subset(count: int) -> NDArray[np.intp]:
-    """At most SEARCH_SAMPLES of the samples, the same ones every time."""
-    if count <= SEARCH_SAMPLES:
+def _subset(count: int, size: int) -> NDArray[np.intp]:
+    """The samples to search with, the same ones every time."""
+    most = min(SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE * size**3)
+    if count <= most:
         return np.arange(count)
-    return np.random.default_rng(0).permutation(count)[:SEARCH_SAMPLES]
+    return np.random.default_rng(0).choice(count, most, replace=False, shuffle=False)
 
 
 def folds(groups: NDArray[np.str_], most: int = FOLDS) -> Iterator[NDArray[np.bool_]]:
@@ -103,11 +105,11 @@ def folds(groups: NDArray[np.str_], most: int = FOLDS) -> Iterator[NDArray[np.bo
 
     Shots are dealt out in order of their sample counts, so that folds are of like size.
     """
-    names, counts = np.unique(groups, return_counts=True)
-    order = names[np.argsort(-counts, kind="stable")]
-    count = min(most, len(order))
+    names, member, counts = np.unique(groups, return_inverse=True, return_counts=True)
+    place = np.argsort(np.argsort(-counts, kind="stable"))
+    count = min(most, len(names))
     for fold in range(count):
-        yield np.isin(groups, order[fold::count])
+        yield (place % count == fold)[member]
 
 
 def _choose_smoothness(problem: LatticeProblem, groups: NDArray[np.str_], levels: Levels) -> float:

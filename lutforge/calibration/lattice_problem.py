@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from lutforge.calibration.continuation import Continuation
+from lutforge.calibration.matrix_and_response import median
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import OutputCurve
 from lutforge.calibration.rising_axis import with_rising_axis
@@ -173,9 +174,13 @@ class PlacedProblem:
         regularisation = Regularisation(smoothness, twist=smoothness, anchor=0.0, thin_plate=0.0)
         return solve_lattice(equations, self.levels, regularisation, prior=prior, start=start, tolerance=tolerance)
 
+    def moved(self, fit: LatticeFit) -> LatticeFit:
+        """A fit at other levels, at these."""
+        return LatticeFit(self.levels, interpolate(grid(self.levels), fit.levels, fit.values), 0)
+
     def fit(self, weight: Array, tolerance: float, like: LatticeFit | None = None) -> LatticeFit:
         """The fit; like: one at other levels, to start from."""
-        start = None if like is None else interpolate(grid(self.levels), like.levels, like.values)
+        start = None if like is None else self.moved(like).values
         equations = self.with_grey(self.equations(weight), self.problem.grey, GREY_WEIGHTS)
         return self.solve(equations, self.prior, self.problem.smoothness, start, tolerance)
 
@@ -208,11 +213,11 @@ def curve_weights(curve: OutputCurve, y: Array) -> Array:
     codes = np.linspace(0.0, 1.0, SLOPES)[:, None].repeat(3, axis=1)
     slope = through(curve.slope(codes), y)  # tabulated: y may hold millions
     square = np.einsum("nc,nc->n", slope, slope)
-    return np.asarray(square / np.median(square))
+    return np.asarray(square / median(square))
 
 
 def robust_weights(squared_error: Array) -> Array:
     """Cauchy weights in [0, 1] of samples with these squared errors (n,)."""
-    scale = max(OUTLIER_SCALE * float(np.sqrt(np.median(squared_error))), LEAST_OUTLIER)
+    scale = max(OUTLIER_SCALE * median(squared_error) ** 0.5, LEAST_OUTLIER)
     weight: Array = 1.0 / (1.0 + squared_error / scale**2)
     return weight

@@ -17,7 +17,7 @@ from lutforge.threads import run, shares
 Array = NDArray[np.float64]
 
 
-BLOCK = 128
+BLOCK = 64
 """Centres per block of the evaluation."""
 POINTS_PER_THREAD = 2_000
 POWER = 1 / 2.4

@@ -62,11 +62,16 @@ searches, which do not shrink with the lattice, are most of the time."""
 pytestmark = pytest.mark.skipif("--benchmark-only" not in sys.argv, reason="run with --benchmark-only")
 
 
+def shot_names(count: int) -> NDArray[np.str_]:
+    """Of ten shots in turn."""
+    return np.array([f"shot {shot}" for shot in range(10)])[np.arange(count) % 10]
+
+
 def lattice(folder: Path, options: CalibrationOptions) -> Fit:
     """LutForge's fit, matrix and response included, through a CLF file."""
 
     def fit(x: Array, y: Array) -> Predictor:
-        shots = np.array([f"shot {row % 10}" for row in range(len(x))])
+        shots = shot_names(len(x))
         base = fit_matrix_and_response(x, y)
         curve = output_curve(base.response)
         guess = continuation(base, x, y, inverse=False, size=options.size)
@@ -223,7 +228,7 @@ def test_speed(benchmark: BenchmarkFixture, count: int, size: int, goal: float) 
     gain = camera.multipliers("daylight")
     x = np.random.default_rng(0).random((count, 3)) ** 2
     y = camera.render(x / gain, "standard", "daylight")
-    shots = np.array([f"shot {row % 10}" for row in range(count)])
+    shots = shot_names(count)
     base = fit_matrix_and_response(x[:5000], y[:5000])
     guess, curve = continuation(base, x, y, inverse=False), output_curve(base.response)
 
