@@ -34,7 +34,9 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import output_curve
 from lutforge.luts.lut import lut_from_lattice
 from lutforge.luts.processor import evaluate, file_processor
+from lutforge.model.lattice import uniform_levels
 from lutforge.model.published_model import read_published_model
+from lutforge.regression.lattice_regression import Regularisation, fit_lattice
 from lutforge.simulate.camera import nikon_d5100
 
 Array = NDArray[np.float64]
@@ -55,9 +57,9 @@ LARGEST_RATIO = 1.2
 """Of the maximum to that of radial basis functions."""
 REPEATS, LONG = 7, 1.0
 """Of a fit that is timed, the least counts: so many, but no more once they took so many seconds."""
-NEVER_SLOWER_FROM = 13
-"""Nodes per axis from which a fit may not take longer than camera-match's. Below, matrix, response, gamut map and the
-searches, which do not shrink with the lattice, are most of the time."""
+NEVER_SLOWER_FROM, MANY = 13, 100_000
+"""Nodes per axis, or samples, from which a fit may not take longer than camera-match's. Below, matrix, response, gamut
+map and the searches, which do not shrink with the lattice, are most of the time."""
 
 pytestmark = pytest.mark.skipif("--benchmark-only" not in sys.argv, reason="run with --benchmark-only")
 
@@ -219,6 +221,44 @@ def test_published_pairs(benchmark: BenchmarkFixture, shared_data: Path, tmp_pat
         if mine is not None and theirs is not None:
             print(f"{size}³: {mine[-1] / theirs[-1]:.2f} of camera-match's time")
             assert not idle or size < NEVER_SLOWER_FROM or mine[-1] <= theirs[-1], size
+
+
+@pytest.mark.parametrize("size", [9, 13])
+@pytest.mark.parametrize("count", [1_500, 10_000, 100_000])
+def test_small_lattices(benchmark: BenchmarkFixture, tmp_path: Path, count: int, size: int) -> None:
+    """Beside camera-match in turn, on a simulated camera; and the floor: what any search for levels and λ adds to."""
+    pytest.importorskip("camera_match")
+    camera = nikon_d5100()
+    x = np.random.default_rng(0).random((count, 3)) ** 2
+    y = camera.render(x / camera.multipliers("daylight"), "standard", "daylight")
+    base = fit_matrix_and_response(x, y)
+    fits: list[Callable[[], object]] = [
+        lambda: lattice(tmp_path, CalibrationOptions(size=size))(x, y),
+        lambda: camera_match(size)(x, y),
+        lambda: fit_matrix_and_response(x, y),
+        lambda: continuation(base, x, y, inverse=False, size=size),
+        lambda: fit_lattice(x, y, uniform_levels(size), Regularisation(0.01, 0.01, 0.0, 0.0), tolerance=1e-6),
+    ]
+    seconds = np.full((REPEATS, len(fits)), np.inf)
+
+    def measure() -> None:
+        for fit in fits:
+            fit()  # compiled before it is timed
+        for row in seconds:
+            for method, fit in enumerate(fits):
+                start = time.perf_counter()
+                fit()
+                row[method] = time.perf_counter() - start
+
+    benchmark.pedantic(measure, rounds=1)  # type: ignore[no-untyped-call]  # no types
+    mine, theirs, *floor = seconds.min(axis=0)
+    load = os.getloadavg()[0]
+    print(
+        f"\n{size}³ from {count}: {mine:.3f} s, {mine / theirs:.2f} of camera-match's; load {load:.1f}. Floor:", end=" "
+    )
+    print("matrix and response {:.4f}, what continues them {:.4f}, one fit at given levels {:.4f} s".format(*floor))
+    if load <= 1.2 * (os.cpu_count() or 1) and (size >= NEVER_SLOWER_FROM or count >= MANY):
+        assert mine <= theirs
 
 
 @pytest.mark.parametrize(("count", "size", "goal"), [(10_000, 24, 0.5), (1_000_000, 33, 2.0), (1_000_000, 65, 15.0)])
