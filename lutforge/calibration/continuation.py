@@ -25,10 +25,11 @@ Array = NDArray[np.float64]
 
 OFFSET = 0.005
 """ε of the even scale."""
-CENTRES = 200
+CENTRES, MOST_CENTRES = 200, 600
 CENTRES_PER_FACE_NODE = 2 / 3
-"""A small lattice cannot follow so many: a guess for one has at most this many per node of its face."""
-MOST_SAMPLES = 3_000
+"""What a lattice can follow: a guess for one has this many per node of its face, MOST_CENTRES at most."""
+MOST_SAMPLES, MOST_SPREAD = 3_000, 20_000
+"""Samples that are fitted, and those among which the centres are spread; the centres themselves are always fitted."""
 FEW_CENTRES = 100
 """So many, the first as they are spread, tell the outliers before all are fitted."""
 FEWEST_COLOURS = 30
@@ -71,14 +72,16 @@ class Continuation:
 
     def refit(self, x: Array, y: Array, most_centres: int = CENTRES) -> "Continuation":
         """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response."""
-        rows = _rows(len(x))
-        x, y = x[rows], y[rows]
-        straight, linear = replace(self, bend=None), self._linear(x)
+        rows = _rows(len(x), MOST_SPREAD)
+        linear, straight = self._linear(x[rows]), replace(self, bend=None)
         if not _fills_space(linear):
             return straight
-        source, target, weight = self._wanted(linear, y)
-        centres = source[spread(source, min(most_centres, len(source) // 2))]
-        robust = np.ones(len(x))
+        even = to_even(linear, OFFSET)
+        chosen = spread(even, min(most_centres, len(even) // 2))
+        centres = even[chosen]
+        kept = np.union1d(chosen, np.arange(min(len(rows), MOST_SAMPLES)))  # the outermost samples among them
+        source, target, weight = self._wanted(linear[kept], y[rows[kept]])
+        robust = np.ones(len(kept))
         try:
             few = RadialBasisProblem(source, centres[:FEW_CENTRES])
             for _ in range(ROUNDS):
@@ -95,10 +98,10 @@ class Continuation:
 
         Masks are disjoint. The same centres serve them all, so that the data term is summed once, mask by mask.
         """
-        rows = _rows(len(x))
-        x, y = x[rows], y[rows]
         if self.bend is None:
             return [self] * len(held)
+        rows = _rows(len(x), MOST_SAMPLES)
+        x, y = x[rows], y[rows]
         source, target, weight = self._wanted(self._linear(x), y)
         system = RadialBasisProblem(source, self.bend.centres)
         weight = weight * _robust(_error(self.bend(source) - target, weight), self.half)
@@ -143,17 +146,17 @@ def continuation(
     size: nodes per axis of the lattice that it is for, where that is known; curve: `output_curve(base.response)`,
     where that is made already.
     """
-    most = CENTRES if size is None else min(CENTRES, int(CENTRES_PER_FACE_NODE * size**2))
+    most = CENTRES if size is None else min(MOST_CENTRES, int(CENTRES_PER_FACE_NODE * size**2))
     if not inverse and curve is None:
         curve = output_curve(base.response)
     return Continuation(base, None if inverse else curve).refit(x, y, most)
 
 
-def _rows(count: int) -> NDArray[np.intp]:
-    """At most MOST_SAMPLES of the samples, the same ones every time."""
-    if count <= MOST_SAMPLES:
+def _rows(count: int, most: int) -> NDArray[np.intp]:
+    """At most so many of the samples, the same ones every time."""
+    if count <= most:
         return np.arange(count)
-    return np.random.default_rng(0).permutation(count)[:MOST_SAMPLES]
+    return np.random.default_rng(0).permutation(count)[:most]
 
 
 def _fills_space(source: Array) -> bool:

@@ -42,7 +42,7 @@ def figures(camera: SimulatedCamera, style: str, count: int, draw: int) -> tuple
     unseen, wanted = colours(camera, style, UNSEEN, 10 * draw + 2)
     shots = np.array([f"shot {row % 10}" for row in range(len(x))])
     base = fit_matrix_and_response(x, y)
-    guess = continuation(base, x, y, inverse=False)
+    guess = continuation(base, x, y, inverse=False, size=SIZE)
     options, curve = CalibrationOptions(size=SIZE), output_curve(base.response)
     lattice = fit_samples(x, y, shots, guess, options, clips=True, curve=curve).lattice
     difference = delta_e_2000(np.clip(lattice(unseen), 0.0, 1.0), wanted)
