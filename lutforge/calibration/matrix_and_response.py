@@ -199,7 +199,7 @@ def _fit_channel(
     normal += SMOOTHNESS * total * BENDING
     right += SMOOTHNESS * total * (BENDING[:, 1:KNOTS] @ np.diff(shape))
     normal[KNOTS:, KNOTS:] += RIDGE * total * np.eye(2)
-    solution = _bounded(normal, right)
+    solution = bounded(normal, right)
     table = solution[0] + np.concatenate([[0.0], np.cumsum(solution[1:KNOTS])])
     row = np.zeros(3)
     row[[c for c in range(3) if c != channel]] = solution[KNOTS:]
@@ -214,7 +214,7 @@ UPPER = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])
 PIVOTINGS = 20
 
 
-def _bounded(normal: Array, right: Array) -> Array:
+def bounded(normal: Array, right: Array) -> Array:
     """min u'Nu − 2 r'u with LOWER ≤ u ≤ UPPER, for N positive semidefinite.
 
     Guess which bounds hold, solve for the rest, exchange all that are wrong (Kunisch & Rendl, SIAM J. Optim. 14, 2003).
