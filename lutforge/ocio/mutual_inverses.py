@@ -71,7 +71,7 @@ def consistent(render: Lut, linearize: Lut, model: Transform | None = None) -> t
 
     Both compact; render: white-balanced RAW → JPEG, linearize: back; model: what the render was baked from, whose
     colours shall come back, too. The given ones come back where they meet the goals by far, or where no fit is nearer.
-    Time O(size³), ten seconds for 33³.
+    O(size³) a round, of at most 20.
     """
     best, reached = (render, linearize), measure(render, linearize)
     if reached.worth <= MARGIN:
