@@ -10,8 +10,9 @@ from lutforge.calibration.consistency import check_agreement, thin_colours, thin
 from lutforge.calibration.continuation import continuation
 from lutforge.calibration.errors_table import ErrorFigures, error_figures
 from lutforge.calibration.lattice import MEASURING_TOLERANCE, TOLERANCE, fit_samples, folds
-from lutforge.calibration.lattice_result import LatticeResult
+from lutforge.calibration.lattice_result import LatticeResult, result
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
+from lutforge.calibration.monochrome import inverse_of_greys, is_monochrome
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import output_curve
 from lutforge.calibration.physical import GamutMaps, fit_gamut_maps, fit_stages, linearize, render
@@ -34,16 +35,22 @@ CODE = 1.0 / 255.0
 
 @dataclass(frozen=True, eq=False)
 class StyleData:
-    """The fitting samples of one style. balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,); samples: their rows."""
+    """The fitting samples of one style. balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,); samples: their rows.
+
+    monochrome: the style is black and white.
+    """
 
     balanced: Array
     encoded: Array
     shot: NDArray[np.str_]
     samples: SampleSet
+    monochrome: bool = False
 
     def select(self, rows: NDArray[np.bool_]) -> "StyleData":
         """The rows of a mask."""
-        return StyleData(self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows))
+        return StyleData(
+            self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows), self.monochrome
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +94,7 @@ def calibrate(
     styles, matrices = {}, {}
     for index, (name, style) in enumerate(data.items()):
         share = index / len(data)
-        notes = (*notes, *thin_colours(style.encoded, name))
+        notes = (*notes, *thin_colours(style.encoded, name, monochrome=style.monochrome))
         notes = (*notes, *check_agreement(style.balanced, style.encoded, style.shot, name))
         progress(f"{name}: fitting", share)
         fit = fit_style(style, options)
@@ -102,10 +109,10 @@ def calibrate(
             errors=errors,
             coverage={"render": fit.render.coverage, "linearize": fit.linearize.coverage},
         )
-        matrices[name] = (len(style.shot), fit.base.matrix)
+        matrices[name] = (not style.monochrome, len(style.shot), fit.base.matrix)
     progress("done", 1.0)
     if matrix is None:
-        matrix = max(matrices.values(), key=lambda entry: entry[0])[1]
+        matrix = max(matrices.values(), key=lambda entry: entry[:2])[2]
     matrix = matrix / matrix.sum(axis=1, keepdims=True)
     return CameraProfile(
         camera=str(samples.camera[0]),
@@ -121,8 +128,14 @@ def calibrate(
 def _fit_physical(
     samples: SampleSet, multipliers: Array, options: CalibrationOptions
 ) -> tuple[Array, Array, dict[str, GamutMaps]]:
-    """Ts, the multipliers (n, 3) of all samples, and by style the physical model."""
-    usable = unclipped(samples, multipliers)
+    """Ts, the multipliers (n, 3) of all samples, and by style the physical model, of all but black-and-white ones."""
+    without = [name for name, style in style_data(samples, multipliers)[0].items() if style.monochrome]
+    usable = unclipped(samples, multipliers) & ~np.isin(samples.style, without)
+    if not usable.any():
+        raise CalibrationError(
+            f'style "{without[0]}" is black and white: its JPEGs hold no colour to fit the physical model to: '
+            'use the "lattice" model, or add shots in another style'
+        )
     inside, known = samples.select(usable), np.all(np.isfinite(samples.wb), axis=1)
     stages = fit_stages(inside, multipliers[usable], known[usable], options.preset)
     completed = multipliers.copy()
@@ -198,11 +211,14 @@ def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleD
     enough, _ = styles_with_enough(samples, multipliers)
     balanced = samples.raw * multipliers
     usable = unclipped(samples, multipliers) & enough
-    result = {}
+    styles = {}
     for name in np.unique(samples.style[enough]):
         rows = usable & (samples.style == name)
-        result[str(name)] = StyleData(balanced[rows], samples.srgb[rows], samples.shot[rows], samples.select(rows))
-    return result, int((enough & ~usable).sum())
+        monochrome = is_monochrome(balanced[rows], samples.srgb[rows])
+        styles[str(name)] = StyleData(
+            balanced[rows], samples.srgb[rows], samples.shot[rows], samples.select(rows), monochrome
+        )
+    return styles, int((enough & ~usable).sum())
 
 
 def data_by_style(samples: SampleSet) -> dict[str, StyleData]:
@@ -227,6 +243,8 @@ def fit_style(
     base = base or fit_matrix_and_response(data.balanced, data.encoded)
     chosen = smoothness or (None, None)
     render = fit_direction(data, options, base, inverse=False, smoothness=chosen[0], tolerance=tolerance)
+    if data.monochrome:
+        return StyleFit(base, render, _linearize_greys(data, options, render))
     linearize = fit_direction(data, options, base, inverse=True, smoothness=chosen[1], tolerance=tolerance)
     return StyleFit(base, render, linearize)
 
@@ -240,13 +258,24 @@ def fit_direction(
     smoothness: float | None = None,
     tolerance: float = TOLERANCE,
 ) -> LatticeResult:
-    """One lattice of a style: inverse is linearize, else render, with a response behind where the options have it."""
+    """One lattice of a style: inverse is linearize, else render, with a response behind where the options have it.
+
+    Of a black-and-white style linearize is the inverse of render's greys, with the smoothness of that.
+    """
+    if inverse and data.monochrome:
+        render = fit_direction(data, options, base, inverse=False, smoothness=smoothness, tolerance=tolerance)
+        return _linearize_greys(data, options, render)
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     curve = None if inverse else output_curve(base.response)
     guess = continuation(base, x, y, inverse=inverse, size=options.size, curve=curve)
     return fit_samples(
         x, y, data.shot, guess, options, clips=not inverse, curve=curve, smoothness=smoothness, tolerance=tolerance
     )
+
+
+def _linearize_greys(data: StyleData, options: CalibrationOptions, render: LatticeResult) -> LatticeResult:
+    """What linearizes a black-and-white style whose rendering is fitted."""
+    return result(inverse_of_greys(render.lattice, options), data.encoded, data.balanced, render.smoothness)
 
 
 def _render_with_plain(data: StyleData, fit: StyleFit, options: CalibrationOptions) -> Lattice:
@@ -334,8 +363,9 @@ def _held_out(
 def _figures(held: HeldOut, data: StyleData) -> dict[str, float]:
     figures: dict[str, ErrorFigures] = {
         "render": error_figures(held.rendered, data.encoded, display=True),
-        "linearize": error_figures(held.linearized, data.balanced, display=False),
     }
+    if not data.monochrome:  # else the colour that its JPEGs do not hold would count
+        figures["linearize"] = error_figures(held.linearized, data.balanced, display=False)
     errors = {}
     for direction, values in figures.items():
         errors[f"{direction}_mean"] = values.mean

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.calibration.monochrome import monochrome_note
 from lutforge.calibration.response_from_raw import fit_response_to_raw
 from lutforge.calibration.unsaturated import BETA, LEAST_UNSATURATED, saturation
 from lutforge.errors import CalibrationError
@@ -79,8 +80,8 @@ def thin_settings(samples: SampleSet) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def thin_colours(encoded: Array, style: str) -> tuple[str, ...]:
-    """Notes on the colours that a style's unclipped samples (n, 3) lack."""
+def thin_colours(encoded: Array, style: str, *, monochrome: bool = False) -> tuple[str, ...]:
+    """Notes on the colours that a style's unclipped samples (n, 3) lack; monochrome: the style is black and white."""
     notes = []
     if (saturation(encoded) < BETA).sum() < LEAST_UNSATURATED:
         notes.append(
@@ -93,6 +94,8 @@ def thin_colours(encoded: Array, style: str) -> tuple[str, ...]:
             f'style "{style}": no sample is brighter than {brightest:.0%} of white, so brighter tones are guessed, '
             "and the errors do not show it: expose more"
         )
+    if monochrome:
+        return (*notes, monochrome_note(style))
     shares = encoded / encoded.sum(axis=1, keepdims=True)
     spread = np.linalg.svd(shares - shares.mean(axis=0), compute_uv=False)
     if spread[1] < LEAST_SPREAD * np.sqrt(len(encoded)):

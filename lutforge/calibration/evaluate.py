@@ -12,6 +12,7 @@ from lutforge.calibration.errors_table import error_figures
 from lutforge.calibration.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
 from lutforge.calibration.held_out import RBF, Predictions, predict
 from lutforge.calibration.linearisation import linearisation_errors
+from lutforge.calibration.monochrome import monochrome_note
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.refinish_errors import refinish_errors
 from lutforge.calibration.white_balance import complete_multipliers
@@ -83,7 +84,7 @@ def evaluate(
             most_folds=MOST_FOLDS_OF_TABLES if tables else MOST_FOLDS,
             progress=report,
         )
-        notes = (*notes, *predictions[name].notes)
+        notes = (*notes, *predictions[name].notes, *([monochrome_note(name)] if style.monochrome else []))
     progress("done", 1.0)
     rows = (row for name, found in predictions.items() for row in error_rows(name, found))
     return Evaluation(
