@@ -30,9 +30,9 @@ from lutforge.regression.smoothness import second_difference, to_bands
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-SMOOTHNESS, HOLD = 1e-2, 1e-6
-"""Weights of the second differences of the change from the prior, and of the change itself, beside the data's. A
-linearization that bends to where a render folds loses its neighbours: the render is to give way there instead."""
+SMOOTHNESS = 1e-2
+"""Weight of the second differences of the change from the prior, beside the data's. A linearization that bends to where
+a render folds loses its neighbours: the render is to give way there instead."""
 RENDER_SMOOTHNESS = 1e-2
 """The same of the render, beside as many colours as there are to a node, in encoded values."""
 TOLERATED = 0.02
@@ -81,6 +81,8 @@ def refine(
     start: Cubes,
     prior: Cubes,
     free: NDArray[np.bool_],
+    held: Array,
+    aim: Array,
     steps: int,
     power: float,
     hold: float,
@@ -88,10 +90,11 @@ def refine(
     """Cubes that bring the JPEG colours (n, 3) at `at` nearer to themselves than `start` does.
 
     prior: towards which the change of `back` is smooth, and the values that the render is held to; free: (N³ + M³,),
-    which nodes of both may move, the linearization's first; hold: how firmly the render is held beside a colour; power:
-    how much more large residuals count. O(n + N³ + M³) a step.
+    which nodes of both may move, the linearization's first; held: (N³,), how firmly each of these is held beside the
+    colours of a node, and aim: (N, N, N, 3), to what; hold: the render, beside a colour; power: how much more large
+    residuals count. O(n + N³ + M³) a step.
     """
-    problem = _Problem.of(render, jpeg, at, prior, free, hold)
+    problem = _Problem.of(render, jpeg, at, prior, free, held, aim, hold)
     state = problem.state(np.concatenate([start.back.reshape(-1, 3), start.render.reshape(-1, 3)]))
     caution = np.full(len(jpeg), CAUTION)
     for _ in range(steps):
@@ -99,7 +102,7 @@ def refine(
         emphasis = (np.sqrt(squares) + EMPHASIS) ** power
         emphasis /= emphasis.mean()
         system = problem.system(state, emphasis)
-        right = system.gathered(state.left) - system.penalty(state.values - problem.origin)
+        right = system.gathered(state.left) - system.penalty(state.values - problem.origin) + system.drawn
         cost = problem.cost(state, emphasis, system)
         for _ in range(TRIALS):
             trial = problem.state(state.values + system.solve(right, caution))
@@ -134,7 +137,8 @@ class _State:
 @dataclass(frozen=True, eq=False)
 class _Problem:
     """What stays the same from step to step. origin: (N³ + M³, 3), what both cubes are held to; free: (N³ + M³, 1), 1
-    or 0; sizes: N and M; node_steep: (M³, 3), slope of the response at the render's nodes; hold: of these."""
+    or 0; sizes: N and M; node_steep: (M³, 3), slope of the response at the render's nodes; hold: of these; held:
+    (N³, 1), of the linearization's; aim: (N³ + M³, 3), from the origin to where the hold draws."""
 
     render: Render
     jpeg: Array
@@ -143,11 +147,21 @@ class _Problem:
     free: Array
     sizes: tuple[int, int]
     node_steep: Array
+    held: Array
+    aim: Array
     hold: float
 
     @classmethod
     def of(
-        cls, render: Render, jpeg: Array, at: Places, prior: Cubes, free: NDArray[np.bool_], hold: float
+        cls,
+        render: Render,
+        jpeg: Array,
+        at: Places,
+        prior: Cubes,
+        free: NDArray[np.bool_],
+        held: Array,
+        aim: Array,
+        hold: float,
     ) -> "_Problem":
         origin = np.concatenate([prior.back.reshape(-1, 3), prior.render.reshape(-1, 3)])
         last = len(render.response) - 1
@@ -156,7 +170,10 @@ class _Problem:
         steep = np.take_along_axis(rise, np.clip((y * last).astype(np.int64), 0, last - 1), axis=0)
         steep = np.where((y < 0) | (y > 1), OUTSIDE, np.maximum(steep, OUTSIDE))
         sizes = (len(prior.back), len(prior.render))
-        return cls(render, jpeg, at, origin, free[:, None].astype(np.float64), sizes, steep, hold)
+        aims = np.zeros_like(origin)
+        aims[: len(held)] = (aim - prior.back).reshape(-1, 3)
+        moves = free[:, None].astype(np.float64)
+        return cls(render, jpeg, at, origin, moves, sizes, steep, held[:, None], aims, hold)
 
     @property
     def count(self) -> int:
@@ -189,7 +206,8 @@ class _Problem:
             _bands(n, SMOOTHNESS * a_node),
             _bands(m, RENDER_SMOOTHNESS * colours * float(np.mean(self.node_steep**2))),
         )
-        hold = np.full_like(self.origin, HOLD * a_node)
+        hold = np.empty_like(self.origin)
+        hold[: self.count] = self.held * a_node
         moved = (state.values - self.origin)[self.count :] * self.node_steep
         firmer = 1.0 + np.einsum("ni,ni->n", moved, moved)[:, None] / TOLERATED**2
         hold[self.count :] = self.hold * colours * self.node_steep**2 * firmer
@@ -199,7 +217,8 @@ class _Problem:
         """What a step is to bring down."""
         change = state.values - self.origin
         data = float(np.einsum("ni,ni,n->", state.left, state.left, emphasis))
-        return data + float(np.sum(change * system.penalty(change)))
+        drawn = float(np.sum(system.drawn * (self.aim - 2 * change)))
+        return data + drawn + float(np.sum(change * system.penalty(change)))
 
 
 def _bands(size: int, weight: float) -> Array:
@@ -220,6 +239,11 @@ class _System:
     bands: tuple[Array, Array]
     hold: Array
     square: float
+
+    @property
+    def drawn(self) -> Array:
+        """hold aim: (N³ + M³, 3)."""
+        return self.hold * self.problem.aim * self.problem.free
 
     def gathered(self, left: Array) -> Array:
         """J'Ω left: (N³ + M³, 3)."""

@@ -11,6 +11,10 @@ change from the profile's own answer is kept smooth, which continues it to colou
 A channel that is clipped says only that the scene is beyond: codes of 0 and 1 have a layer of nodes of their own, which
 may lie far enough beyond to stay clipped between them, while the codes beside do not move.
 
+Where a render is flat, in black, in a shoulder and beyond white, it does not tell which scene it shows, and the fit
+would be free to tint greys. So the nodes around neutrals are held, lightly, to the profile's own answer, brightened or
+darkened where the render disagrees; black and white are these themselves.
+
 Just inside the rim of its gamut, among colours that no sample showed, a fitted render folds: two scenes make one
 colour, and the way back would have to jump between them, which no continuous lattice does, however fine. So the
 render's own nodes give way there, by a few codes at most, while neutrals stay as they are.
@@ -23,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from lutforge.interpolation import Levels, interpolate
+from lutforge.interpolation import Levels, interpolate, through
 from lutforge.luts.lut import Lut, padded_levels
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.transform import Transform
@@ -63,6 +67,12 @@ FROM_TETRAHEDRON, PER_TETRAHEDRON = 2, 8
 SMOOTHNESS = Regularisation(smoothness=1e-4, twist=1e-4, anchor=0.0, thin_plate=0.0)
 HOLD = 1e-4
 """Of the exact fit: how firmly a node is held to the profile's own answer beside one colour."""
+HELD, NEUTRAL_HELD = 1e-6, 1e-4
+"""Of the joint fit: how firmly a node of the linearization is held to the profile's own answer, and one of a cell that
+neutrals run through, beside the colours of a node: the render decides where it is steep, the profile where it is flat.
+"""
+HALF_CODE = 0.5 / 255
+"""Of an 8-bit code."""
 MEASURED = 1 << 15
 
 
@@ -77,7 +87,7 @@ def consistent(render: Lut, linearize: Lut, model: Transform | None = None) -> t
     if reached.worth <= MARGIN:
         return render, linearize, reached
     pool = MadeColours.of(as_render(_clamped(render)), POOL, 5, model)
-    pool = pool.joined(pool.as_8_bit())
+    pool = _greys(pool, linearize).joined(pool).joined(pool.as_8_bit())
     levels = before = None
     for size, of_render in SIZES:
         pool = replace(pool, render=finer(pool.render, of_render))
@@ -131,12 +141,19 @@ def _fits(
         moved = before[0].inner(grid(first.lut.levels))
         cubes, rounds = Cubes(before[1](grid(levels)), moved), ROUNDS[-1:]
     knots, prior = pool.knots(levels), Cubes(own(grid(levels)), first.values)
-    movable = np.concatenate([np.ones(cubes.back.size // 3, dtype=np.bool_), _movable(first)])
+    neutral, aim, fixed = _neutral(levels), prior.back.copy(), np.zeros(cubes.back.shape[:3], dtype=np.bool_)
+    aim[neutral] = _told(first, own, grid(levels)[neutral])
+    aim[0, 0, 0] = prior.back[0, 0, 0]
+    fixed[0, 0, 0] = fixed[-1, -1, -1] = True
+    cubes.back[fixed] = aim[fixed]
+    of_render = _neutral((first.levels[0], first.levels[1], first.levels[2]))
+    movable = ~np.concatenate([fixed.ravel(), of_render.ravel()])
+    held = np.where(neutral, NEUTRAL_HELD, HELD).ravel()
     pool = pool.rendered(cubes.render)
     colours = pool.few(knots).filled(knots, cubes.back, 0)
     some, free = colours, movable
     for number, hold in enumerate(rounds + REPAIRS):
-        cubes = refine(first, some.jpeg, places(some.inner, knots), cubes, prior, free, STEPS, POWER, hold)
+        cubes = refine(first, some.jpeg, places(some.inner, knots), cubes, prior, free, held, aim, STEPS, POWER, hold)
         pool = pool.rendered(rounded(cubes.render))
         colours = colours.rendered(pool.render.values)
         seen, lost = _seen(pool.joined(colours), knots, cubes.back, number)
@@ -189,14 +206,35 @@ def _around(seen: MadeColours, lost: Array, knots: Levels, cubes: Cubes) -> tupl
     return colours.chosen(which), np.concatenate(free)
 
 
-def _movable(render: Render) -> NDArray[np.bool_]:
-    """Nodes of a render that may move, (M³,): none of a cell that neutrals run through, black to white."""
+def _neutral(levels: Levels) -> NDArray[np.bool_]:
+    """The nodes of all cells that neutrals run through, black to white, (N, N, N)."""
     grey = np.linspace(0.0, 1.0, 4 * CURVE_SIZE)
-    r, g, b = (np.clip(np.searchsorted(axis, grey, side="right") - 1, 0, len(axis) - 2) for axis in render.levels)
-    free = np.ones(render.values.shape[:3], dtype=np.bool_)
+    r, g, b = (np.clip(np.searchsorted(axis, grey, side="right") - 1, 0, len(axis) - 2) for axis in levels)
+    there = np.zeros(tuple(len(axis) for axis in levels), dtype=np.bool_)
     for corner in range(8):
-        free[r + (corner >> 2), g + ((corner >> 1) & 1), b + (corner & 1)] = False
-    return free.ravel()
+        there[r + (corner >> 2), g + ((corner >> 1) & 1), b + (corner & 1)] = True
+    return there
+
+
+def _greys(pool: MadeColours, own: Lut) -> MadeColours:
+    """The neutral 8-bit codes that the render makes."""
+    jpeg = np.repeat(np.linspace(0.0, 1.0, 256)[:, None], 3, axis=1)
+    inner = through(pool.curve, jpeg)
+    raw, found = preimages(pool.render, inner, jpeg, own(jpeg))
+    return replace(pool, raw=raw[found], jpeg=jpeg[found], inner=inner[found])
+
+
+def _told(render: Render, own: Lut, jpeg: Array) -> Array:
+    """The scenes of JPEG colours (n, 3): the profile's own answer; where the render does not take that to the colour,
+    brighter or darker by as little as brings it as near as can be, no more tinted."""
+    answer, steps = own(jpeg), np.geomspace(1e-5, 1.0, 200)
+    best, nearest = answer.copy(), np.full(len(jpeg), np.inf)
+    for step in (0.0, *np.stack([steps, -steps], axis=1).ravel()):
+        scene = np.clip(answer + step, np.minimum(answer, 0.0), np.maximum(answer, 1.0))
+        away = np.maximum(np.linalg.norm(render(scene) - jpeg, axis=1), HALF_CODE)
+        nearer = away < nearest
+        best[nearer], nearest[nearer] = scene[nearer], away[nearer]
+    return best
 
 
 def _first(pool: MadeColours, own: Lut, levels: Levels) -> tuple[Levels, Array]:

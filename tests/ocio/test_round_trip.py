@@ -112,6 +112,29 @@ def test_a_render_gives_way_where_it_folds() -> None:
     np.testing.assert_array_equal(render(grey), before(grey))
 
 
+def flat_ended_lut() -> Lut:
+    """A camera with a toe and a shoulder so flat that black and white say little of their scenes."""
+    lut = render_lut()
+    linear = np.linspace(0, 1, 4096)
+    flat = linear**2 * (3 - 2 * linear)
+    return replace(lut, response=np.repeat(flat[:, None], 3, axis=1))
+
+
+def test_greys_are_the_profiles_where_the_render_does_not_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Black exactly; white, too, which the render takes it to; between, all channels rise and none is tinted."""
+    monkeypatch.setattr(mutual_inverses, "SIZES", ((17, 0),))
+    monkeypatch.setattr(mutual_inverses, "POOL", 1 << 12)
+    own = own_linearization()
+    render, inverse, _ = consistent(flat_ended_lut(), own)
+    assert inverse is not own
+    codes = np.repeat(np.linspace(0, 1, 256)[:, None], 3, axis=1)
+    back, said = inverse(codes), own(codes)
+    np.testing.assert_array_equal(back[[0, -1]], said[[0, -1]])
+    assert np.diff(back, axis=0).min() > 0
+    assert np.ptp(back, axis=1).max() < np.ptp(said, axis=1).max() + 2e-3
+    assert np.abs(render(back) - codes).max() < 0.004
+
+
 def test_clipped_codes_stay_clipped(pair: tuple[Lut, Lut]) -> None:
     """A layer of nodes of their own is beyond the clip, and the codes beside it are not drawn along."""
     render, inverse = pair
