@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from lutforge.calibration.continuation import Continuation
-from lutforge.calibration.matrix_and_response import median
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import OutputCurve
 from lutforge.calibration.rising_axis import with_rising_axis
@@ -213,11 +212,11 @@ def curve_weights(curve: OutputCurve, y: Array) -> Array:
     codes = np.linspace(0.0, 1.0, SLOPES)[:, None].repeat(3, axis=1)
     slope = through(curve.slope(codes), y)  # tabulated: y may hold millions
     square = np.einsum("nc,nc->n", slope, slope)
-    return np.asarray(square / median(square))
+    return np.asarray(square / np.median(square))
 
 
 def robust_weights(squared_error: Array) -> Array:
     """Cauchy weights in [0, 1] of samples with these squared errors (n,)."""
-    scale = max(OUTLIER_SCALE * median(squared_error) ** 0.5, LEAST_OUTLIER)
+    scale = max(OUTLIER_SCALE * float(np.median(squared_error)) ** 0.5, LEAST_OUTLIER)
     weight: Array = 1.0 / (1.0 + squared_error / scale**2)
     return weight

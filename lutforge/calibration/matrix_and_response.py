@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
-from scipy.optimize import lsq_linear
 
+from lutforge.calibration.bounded_least_squares import bounded_least_squares
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.regression.blas import one_blas_thread
@@ -30,8 +29,6 @@ SMOOTHNESS = 1e-3
 """Weight of the squared second difference of f⁻¹ less that of sRGB's own curve, relative to the number of samples."""
 RIDGE = 1e-5
 """Weight of the squared entries of Ts off its diagonal: what colours cannot tell stays the identity."""
-RANK_TOLERANCE = 1e-14
-"""Eigenvalues below this share of the largest are rounding errors."""
 LEAST_SCALE = 2.0 / 255.0
 """The Cauchy scale is never below this: two JPEG codes."""
 
@@ -94,16 +91,9 @@ def _rounds(
 def _weights(x: Array, encoded: Array, tables: Array, rows: Array, slope: Array) -> tuple[Array, float]:
     """Cauchy weights (n,) of samples, and the rms of their residuals with these; fills the slopes (n, 3)."""
     residual = _residual(x @ rows.T, encoded, tables, slope)
-    scale = max(4.0 * median(residual), LEAST_SCALE)
+    scale = max(4.0 * float(np.median(residual)), LEAST_SCALE)
     weight = 1.0 / (1.0 + (residual / scale) ** 2)
     return weight, float(np.sqrt((residual**2 @ weight) / weight.sum()))
-
-
-def median(values: Array) -> float:
-    """Of values (n,): NumPy's own takes several times as long for a few thousand."""
-    low, high = (len(values) - 1) // 2, len(values) // 2
-    ordered = np.partition(values, (low, high))
-    return float(0.5 * (ordered[low] + ordered[high]))
 
 
 @njit(cache=True, nogil=True)
@@ -199,7 +189,7 @@ def _fit_channel(
     normal += SMOOTHNESS * total * BENDING
     right += SMOOTHNESS * total * (BENDING[:, 1:KNOTS] @ np.diff(shape))
     normal[KNOTS:, KNOTS:] += RIDGE * total * np.eye(2)
-    solution = bounded(normal, right)
+    solution = bounded_least_squares(normal, right, LOWER, UPPER)
     table = solution[0] + np.concatenate([[0.0], np.cumsum(solution[1:KNOTS])])
     row = np.zeros(3)
     row[[c for c in range(3) if c != channel]] = solution[KNOTS:]
@@ -209,35 +199,3 @@ def _fit_channel(
 
 LOWER = np.concatenate([[0.0], LEAST_STEP * np.diff(_srgb_decoded(np.linspace(0.0, 1.0, KNOTS))), [-3.0, -3.0]])
 UPPER = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])
-
-
-PIVOTINGS = 20
-
-
-def bounded(normal: Array, right: Array) -> Array:
-    """min u'Nu − 2 r'u with LOWER ≤ u ≤ UPPER, for N positive semidefinite.
-
-    Guess which bounds hold, solve for the rest, exchange all that are wrong (Kunisch & Rendl, SIAM J. Optim. 14, 2003).
-    """
-    low = high = np.zeros(len(right), dtype=np.bool_)
-    for _ in range(PIVOTINGS):
-        held = low | high
-        at = np.where(low, LOWER, np.where(high, UPPER, 0.0))
-        system, target = normal.copy(), right - normal @ at
-        system[held], system[:, held] = 0.0, 0.0
-        system[held, held], target[held] = 1.0, at[held]
-        _, u, singular = dposv(system, target)
-        if singular:
-            break
-        slope = normal @ u - right
-        below, above = np.where(low, slope > 0.0, u < LOWER), np.where(high, slope < 0.0, u > UPPER)
-        if np.array_equal(below, low) and np.array_equal(above, high):
-            return np.asarray(u)
-        low, high = below, above
-    # The samples do not tell every unknown, or it goes round in circles.
-    values, vectors = np.linalg.eigh(normal)
-    told = values > RANK_TOLERANCE * values[-1]
-    root = np.sqrt(values[told])[:, None]
-    return np.asarray(
-        lsq_linear(root * vectors[:, told].T, (vectors[:, told].T @ right) / root[:, 0], (LOWER, UPPER)).x
-    )

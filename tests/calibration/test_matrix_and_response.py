@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from lutforge.calibration.continuation import continuation
-from lutforge.calibration.matrix_and_response import LOWER, UPPER, bounded, fit_matrix_and_response
+from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.errors import CalibrationError
 
 Array = NDArray[np.float64]
@@ -92,14 +91,3 @@ def test_the_continuation_of_a_plane_of_colours_is_matrix_and_response() -> None
     base = fit_matrix_and_response(*samples(2000, 1))
     grey = np.linspace(0.01, 0.9, 80)[:, None].repeat(3, axis=1)
     assert continuation(base, grey, encode(grey), inverse=False).bend is None
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_bounded_least_squares_finds_the_bounds_that_hold(seed: int) -> None:
-    """As a general solver does: scipy's, which is slower by far."""
-    rng = np.random.default_rng(seed)
-    design, right = rng.normal(size=(60, len(LOWER))), rng.normal(size=60)
-    found = bounded(design.T @ design, design.T @ right)
-    wanted = lsq_linear(design, right, (LOWER, UPPER), method="bvls", tol=1e-14).x
-    assert np.any(found == LOWER)
-    np.testing.assert_allclose(found, wanted, atol=1e-9)
