@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.calibrate import Progress, _silent, style_data, styles_with_enough
+from lutforge.calibration.calibrate import Progress, _silent
 from lutforge.calibration.errors_table import error_figures
 from lutforge.calibration.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
 from lutforge.calibration.held_out import RBF, Predictions, predict
@@ -15,6 +15,7 @@ from lutforge.calibration.linearisation import linearisation_errors
 from lutforge.calibration.monochrome import monochrome_note
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.refinish_errors import refinish_errors
+from lutforge.calibration.style_data import style_data, styles_with_enough
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
-from lutforge.calibration.calibrate import LEAST_SAMPLES, StyleData, fit_direction, refit_physical
 from lutforge.calibration.lattice import MEASURING_TOLERANCE, folds
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import conventional, linearize, render
+from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
+from lutforge.calibration.style_fit import fit_direction, refit_physical
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import PhysicalModel, PictureStyle
 

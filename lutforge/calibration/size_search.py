@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from lutforge.calibration.calibrate import LEAST_SAMPLES, StyleData, fit_direction
 from lutforge.calibration.lattice import MEASURING_TOLERANCE, folds
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
+from lutforge.calibration.style_fit import fit_direction
 from lutforge.errors import CalibrationError
 
 SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)

@@ -8,13 +8,14 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.calibrate import StyleData, fit_style
 from lutforge.calibration.evaluate import evaluate
 from lutforge.calibration.evaluation import Evaluation, EvaluationRow
 from lutforge.calibration.held_out import COLOUR_POLYNOMIAL, LATTICE, MATRIX_AND_RESPONSE, RBF
 from lutforge.calibration.next_shots import colour_gaps
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.refinish_errors import RefinishError
+from lutforge.calibration.style_data import StyleData
+from lutforge.calibration.style_fit import fit_style
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.regression.node_levels import error_histogram
 from lutforge.report.error_maps import error_maps, error_maps_figure

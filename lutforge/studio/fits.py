@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.calibrate import fit_direction, style_data, unclipped
 from lutforge.calibration.exposure_pairs import pairs_of_samples
 from lutforge.calibration.gamut_map import identity_gamut_map
 from lutforge.calibration.lattice import MEASURING_TOLERANCE
@@ -15,6 +14,8 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import fit_stages
 from lutforge.calibration.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.response_from_raw import fit_response_to_raw
+from lutforge.calibration.style_data import style_data, unclipped
+from lutforge.calibration.style_fit import fit_direction
 from lutforge.calibration.white_balance import complete_multipliers, named_white_balances
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle

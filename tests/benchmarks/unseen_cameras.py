@@ -25,9 +25,9 @@ sys.path.append(str(Path(__file__).parents[1] / "calibration"))
 
 from samples_simulated import chart_140, photograph_patches, surfaces
 
-from lutforge.calibration.calibrate import unclipped
 from lutforge.calibration.options import Preset
 from lutforge.calibration.physical import fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.style_data import unclipped
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet

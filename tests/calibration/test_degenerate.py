@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from samples_simulated import chart_140, photograph_patches
 
-from lutforge.calibration.calibrate import calibrate, unclipped
+from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.evaluate import evaluate
 from lutforge.calibration.options import CalibrationOptions, Preset
+from lutforge.calibration.style_data import unclipped
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import ModelName
 from lutforge.samples.sample_set import SampleSet, concatenate

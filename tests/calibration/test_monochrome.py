@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from samples_simulated import chart_140, photograph_patches
 
-from lutforge.calibration.calibrate import calibrate, style_data
+from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.style_data import style_data
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.sample_set import SampleSet, concatenate

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from samples_simulated import BALANCES, chart_140, photograph_patches, surfaces
 
-from lutforge.calibration.calibrate import calibrate, unclipped
+from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.exposure_pairs import pairs_of_samples
 from lutforge.calibration.linearisation import model_delta
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.style_data import unclipped
 from lutforge.calibration.unsaturated import untouched
 from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.model.camera_profile import CameraProfile, PictureStyle

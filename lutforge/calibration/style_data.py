@@ -1,0 +1,78 @@
+"""The samples that the fits of a style see: unclipped, and balanced by the multipliers of their setting."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.monochrome import is_monochrome
+from lutforge.errors import CalibrationError
+from lutforge.samples.sample_set import SampleSet
+
+Array = NDArray[np.float64]
+
+LEAST_SAMPLES = 10
+CODE = 1.0 / 255.0
+
+
+@dataclass(frozen=True, eq=False)
+class StyleData:
+    """The fitting samples of one style. balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,); samples: their rows.
+
+    monochrome: the style is black and white.
+    """
+
+    balanced: Array
+    encoded: Array
+    shot: NDArray[np.str_]
+    samples: SampleSet
+    monochrome: bool = False
+
+    def select(self, rows: NDArray[np.bool_]) -> "StyleData":
+        """The rows of a mask."""
+        return StyleData(
+            self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows), self.monochrome
+        )
+
+
+def unclipped(samples: SampleSet, multipliers: Array) -> NDArray[np.bool_]:
+    """(n,): no JPEG channel at 0 or 255, RAW neither saturated nor at black, nor beyond 1 after white balance."""
+    usable: NDArray[np.bool_] = (
+        np.all((samples.srgb >= 0.5 * CODE) & (samples.srgb <= 1 - 0.5 * CODE), axis=1)
+        & np.all((samples.raw > 0.0) & (samples.raw < 0.999), axis=1)
+        & np.all(samples.raw * multipliers < 1.0, axis=1)
+    )
+    return usable
+
+
+def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """(n,): samples of styles with enough unclipped ones to fit, and a note for each style that is left out.
+
+    Raises CalibrationError where no style has enough.
+    """
+    usable = unclipped(samples, multipliers)
+    counts = {str(name): int((usable & (samples.style == name)).sum()) for name in np.unique(samples.style)}
+    few = {name: count for name, count in counts.items() if count < LEAST_SAMPLES}
+    advice = "add shots with more colours, exposed so that neither the JPEG nor the RAW clips"
+    notes = tuple(
+        f'style "{name}": {count} unclipped samples; at least {LEAST_SAMPLES} are needed: {advice}'
+        for name, count in few.items()
+    )
+    if len(few) == len(counts):
+        raise CalibrationError(notes[0])
+    return ~np.isin(samples.style, list(few)), tuple(f"left out: {note}" for note in notes)
+
+
+def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleData], int]:
+    """The unclipped samples of each style that has enough, white-balanced, and how many are clipped."""
+    enough, _ = styles_with_enough(samples, multipliers)
+    balanced = samples.raw * multipliers
+    usable = unclipped(samples, multipliers) & enough
+    styles = {}
+    for name in np.unique(samples.style[enough]):
+        rows = usable & (samples.style == name)
+        monochrome = is_monochrome(balanced[rows], samples.srgb[rows])
+        styles[str(name)] = StyleData(
+            balanced[rows], samples.srgb[rows], samples.shot[rows], samples.select(rows), monochrome
+        )
+    return styles, int((enough & ~usable).sum())
