@@ -3,6 +3,8 @@
 For RawTherapee, darktable, G'MIC and ImageMagick; 16 bits per channel, PNG or TIFF.
 """
 
+import struct
+import zlib
 from math import isqrt
 from pathlib import Path
 
@@ -10,6 +12,8 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.errors import LutError
+from lutforge.luts.contents import LutContents
+from lutforge.luts.formats.lines import red_fastest
 from lutforge.luts.formats.text import plain
 from lutforge.luts.lut import Lut
 
@@ -34,3 +38,53 @@ def write(lut: Lut, path: Path) -> None:
             raise LutError(f"{path}: cannot be written: {output.geterror()}")
     finally:
         output.close()
+
+
+def read(path: Path, data: bytes) -> LutContents:
+    """Read it through OpenImageIO, after its size is known to be a Hald's. Raises LutError."""
+    magic = (b"\x89PNG", b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")
+    if not data.startswith(magic):
+        raise LutError(f"{path}: neither a PNG nor a TIFF image")
+    if data.startswith(b"\x89PNG"):
+        _check_png(path, data)
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise LutError(f"{path}: cannot be read as an image: {' '.join(oiio.geterror().split())[:200]}")
+    try:
+        spec = source.spec()
+        level = next((level for level in range(2, 13) if level**3 == spec.width), None)
+        if level is None or spec.height != spec.width or spec.depth > 1:
+            raise LutError(
+                f"{path}: {spec.width} × {spec.height} pixels; a Hald image is square, of 8, 27, 64, 125, 216, 343, "
+                "512 … pixels a side"
+            )
+        if not 3 <= spec.nchannels <= 4:
+            raise LutError(f"{path}: {spec.nchannels} channels; a Hald image has three")
+        bits = {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype)
+        title = str(spec.get_string_attribute("ImageDescription"))[:200]
+        pixels = source.read_image(oiio.FLOAT)
+        if pixels is None:
+            raise LutError(f"{path}: damaged: {' '.join(source.geterror().split())[:200]}")
+    finally:
+        source.close()
+    table = np.asarray(pixels, dtype=np.float64).reshape(spec.width**2, -1)[:, :3]
+    if not np.all(np.isfinite(table)):
+        raise LutError(f"{path}: a pixel is not a finite number")
+    size = level * level
+    return LutContents("Hald image", f"level {level}", title, cube=red_fastest(table, (size, size, size)), bits=bits)
+
+
+def _check_png(path: Path, data: bytes) -> None:
+    """Refuse a PNG whose chunks are damaged: libpng would say so on the terminal."""
+    at, number = 8, 0
+    while at + 12 <= len(data):
+        (length,) = struct.unpack_from(">I", data, at)
+        kind, end = data[at + 4 : at + 8], at + 8 + length
+        if end + 4 > len(data) or zlib.crc32(data[at + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
+            break
+        if (kind == b"IHDR") != (number == 0) or (number == 0 and length != 13):
+            break
+        if kind == b"IEND":
+            return
+        at, number = end + 4, number + 1
+    raise LutError(f"{path}, byte {min(at, len(data))}: damaged or cut PNG file")

@@ -105,3 +105,8 @@ def red_fastest(table: Array, size: tuple[int, int, int]) -> Array:
     """Rows whose red index advances first → (N_r, N_g, N_b, 3)."""
     r, g, b = size
     return np.ascontiguousarray(table.reshape(b, g, r, 3).transpose(2, 1, 0, 3))
+
+
+def is_numeric(text: str) -> bool:
+    """True where a line begins like a number."""
+    return not text.endswith("{") and (text[0] in "+-.0123456789" or text[:3].lower() in ("nan", "inf"))

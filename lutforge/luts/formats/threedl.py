@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError
+from lutforge.luts.contents import LutContents
+from lutforge.luts.formats.lines import MAX_SIZE, Lines, is_numeric
 from lutforge.luts.formats.text import comment_lines
 from lutforge.luts.lut import Lut
 
@@ -24,3 +26,28 @@ def write(lut: Lut, path: Path) -> None:
     header = [*comment_lines(lut.title, lut.comments), " ".join(map(str, mesh.tolist()))]
     body = ("%d %d %d\n" * len(codes)) % tuple(codes.ravel().tolist())
     path.write_text("\n".join(header) + "\n" + body, encoding="ascii", newline="\n")
+
+
+def read(path: Path, data: bytes) -> LutContents:
+    """Read one. Raises LutError: file, line, text and cause in one line."""
+    lines = Lines(path, data)
+    index = 0
+    while index < len(lines) and lines.texts[index].split()[0].upper() in ("3DMESH", "MESH"):  # Lustre's header
+        index += 1
+    if index < len(lines) and not is_numeric(lines.texts[index]):
+        raise lines.wrong(index, "not a line of .3dl files")
+    mesh = lines.at(index, "the mesh line").split()
+    size = len(mesh)
+    if not 2 <= size <= MAX_SIZE or size == 3:
+        raise lines.wrong(index, f"the mesh line has {size} numbers")
+    lines.integers(index, mesh, 0, 1 << 20, "the mesh")
+    table = lines.table(index + 1, size**3, 3, "the cube")
+    if np.any(table < 0) or np.any(table != np.rint(table)):
+        row = int(np.flatnonzero(np.any((table < 0) | (table != np.rint(table)), axis=1))[0])
+        raise lines.wrong(index + 1 + row, "a .3dl holds whole numbers from 0")
+    top = float(table.max())
+    bits = next((depth for depth in (8, 10, 12, 16) if top < 2**depth), None)
+    if bits is None:
+        raise LutError(f"{path}: a value of {top:g}; a .3dl holds up to 16 bits")
+    cube = table.reshape(size, size, size, 3) / (2**bits - 1)
+    return LutContents(".3dl", "3D, integers", comments=tuple(lines.comments), cube=cube, bits=bits)

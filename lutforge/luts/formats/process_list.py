@@ -16,7 +16,7 @@ MOST_STAGES = 100
 SCALES = {"8i": 255.0, "10i": 1023.0, "12i": 4095.0, "16i": 65535.0, "16f": 1.0, "32f": 1.0}
 
 
-def read_process_list(path: Path, data: bytes) -> LutContents:
+def read(path: Path, data: bytes) -> LutContents:
     """Read a process list: its cubes and curves, and the other stages by name. Raises LutError."""
     head = data[:4096].lower()
     if b"<!doctype" in data.lower() or b"<!entity" in data.lower():
