@@ -36,8 +36,6 @@ SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE = 50_000, 4
 TOLERANCE = 1e-6
 MEASURING_TOLERANCE = 1e-4
 """Of fits whose only use is to measure an error: within 1e-4 of the exact ones on every sample."""
-ROUNDS, SMALL_ROUNDS = 6, 3
-"""Of the search for node levels: a lattice no larger than that which it is done on gains nothing from more of them."""
 FOLDS = 5
 SEARCH_FOLDS = 2
 """More of them choose the same λ_S: its steps are wide."""
@@ -73,8 +71,7 @@ def fit_samples(
     rows = _subset(len(x), options.size)
     search = problem.select(rows, guess)
     first = search.first_robust
-    rounds = SMALL_ROUNDS if options.size <= SEARCH_SIZE else ROUNDS
-    levels = search.levels(uniform_levels(min(SEARCH_SIZE, options.size)), rounds)
+    levels = search.levels(uniform_levels(min(SEARCH_SIZE, options.size)))
     if smoothness is None:
         search = replace(search, smoothness=_choose_smoothness(search, groups[rows], levels))
         problem = replace(problem, smoothness=search.smoothness)

@@ -25,6 +25,8 @@ Guess = Callable[[Array], Array]
 SEARCH_SIZE = 13
 """Levels and λ_S are searched on a lattice of this size first: the best levels hardly depend on their number."""
 SEARCH_TOLERANCE = 1e-2
+ROUNDS, STALLED = 6, 0.97
+"""Of the search for node levels, and the share of the least error above which a round's is no gain."""
 HOLD = 1e3
 """Weight that holds black to 0, and white to 1 where the camera clips: no sample can lie there."""
 LEAST_HOLD = 1e-5
@@ -80,8 +82,12 @@ class LatticeProblem:
     @cached_property
     def first_robust(self) -> Array:
         """(n,): robust weights before any lattice is fitted, from the guess, which no stray sample bends."""
-        error = np.clip(self.guess(self.x), 0.0, 1.0) - self.y
-        return robust_weights(np.asarray(np.einsum("nc,nc->n", error, error)))
+        return robust_weights(_squares(np.clip(self.guessed, 0.0, 1.0) - self.y))
+
+    @cached_property
+    def guessed(self) -> Array:
+        """(n, 3): the guess at the samples."""
+        return self.guess(self.x)
 
     @cached_property
     def grey(self) -> Array:
@@ -93,17 +99,16 @@ class LatticeProblem:
         """The problem at given node levels."""
         return PlacedProblem(self, levels, InterpolationMatrix(self.x, levels, self.options.interpolation))
 
-    def levels(self, start: Levels, rounds: int) -> Levels:
-        """Better node levels by rounds of equidistribution, samples weighted by their error; the best round's."""
-        levels, weight, best = start, self.first_robust, (np.inf, start)
-        fit: LatticeFit | None = None
-        for _ in range(rounds + 1):
-            placed = self.at(levels)
-            fit = placed.fit(weight, SEARCH_TOLERANCE, fit)
-            error = placed.squared_error(fit)
-            weight = robust_weights(error)
-            mean = float(np.mean(weight * error))
-            stalled = mean > 0.97 * best[0]
+    def levels(self, start: Levels) -> Levels:
+        """Better node levels: rounds of equidistribution of what the guess loses between nodes; the best round's.
+
+        The guess has no noise, and no lattice has to be fitted to tell where it bends.
+        """
+        levels, best = start, (np.inf, start)
+        for _ in range(ROUNDS):
+            error = self.at(levels).lost()
+            mean = float(np.mean(error))
+            stalled = mean > STALLED * best[0]
             best = min(best, (mean, levels), key=lambda entry: entry[0])
             if stalled:
                 break
@@ -202,9 +207,21 @@ class PlacedProblem:
 
     def squared_error(self, fit: LatticeFit) -> Array:
         """(n,) of the output, behind the curve, of a fit at these levels."""
-        values, curve = self.matrix @ fit.values, self.problem.curve
-        error = (values if curve is None else curve.leave(values)) - self.problem.y
-        return np.asarray(np.einsum("nc,nc->n", error, error))
+        return _squares(self._output(fit.values) - self.problem.y)
+
+    def lost(self) -> Array:
+        """(n,): the squared error that interpolating the guess between these nodes makes, as samples count."""
+        return self.problem.first_robust * _squares(self._output(self.prior.values) - self.problem.guessed)
+
+    def _output(self, values: Array) -> Array:
+        """(n, 3): what node values make of the samples, behind the curve."""
+        between, curve = self.matrix @ values, self.problem.curve
+        return between if curve is None else curve.leave(between)
+
+
+def _squares(difference: Array) -> Array:
+    """(n,): the squared lengths of differences (n, 3)."""
+    return np.asarray(np.einsum("nc,nc->n", difference, difference))
 
 
 def curve_weights(curve: OutputCurve, y: Array) -> Array:

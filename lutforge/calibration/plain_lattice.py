@@ -35,7 +35,6 @@ MOST_CENTRES = 5_000
 SEARCH_SAMPLES = 50_000
 LARGEST_SEARCH = 33
 """Nodes per axis up to which levels are searched at the size itself."""
-ROUNDS = 3
 SEARCH_SWEEPS, SWEEPS = 6, 12
 KINKED = 2
 """The squared error of a cell of width h that a clip crosses grows like h^KINKED."""
@@ -58,14 +57,19 @@ def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, 
         rows = np.random.default_rng(0).permutation(len(x))[:SEARCH_SAMPLES]
         search = _problem(x[rows], y[rows], curved, options, smoothness)
     levels = resized_levels(curved.levels, min(options.size, LARGEST_SEARCH))
-    free, colours = (BoundedProblem.at(search, levels, bounds, SEARCH_SWEEPS) for bounds in (FREE, COLOURS))
-    costs = float(colours.error(colours.search_fit()).mean()) - float(free.error(free.search_fit()).mean())
-    placed = colours if costs <= BOUND_COST else free
-    start, levels = placed.search_fit(), curved.levels
     if options.nonuniform:
-        start = placed.with_even_error()
-        levels = snapped(resized_levels(start.levels, options.size), options)
-    fit = BoundedProblem.at(problem, levels, placed.bounds, SWEEPS).followed(start)
+        levels = equidistributed_levels(search.x, search.at(levels).lost(), levels, KINKED)
+    free, colours = (BoundedProblem.at(search, levels, bounds, SEARCH_SWEEPS) for bounds in (FREE, COLOURS))
+    fits = free.search_fit(), colours.search_fit()
+    costs = float(colours.error(fits[1]).mean()) - float(free.error(fits[0]).mean())
+    placed, fit = (colours, fits[1]) if costs <= BOUND_COST else (free, fits[0])
+    if options.nonuniform:
+        squares = search.weight * search.first_robust * placed.error(fit) ** 2
+        levels = equidistributed_levels(search.x, squares, levels, KINKED)
+        levels = snapped(resized_levels(levels, options.size), options)
+    else:
+        levels = curved.levels
+    fit = BoundedProblem.at(problem, levels, placed.bounds, SWEEPS).followed(fit)
     return result(problem.lattice(fit), x, y, smoothness)
 
 
@@ -97,19 +101,6 @@ class BoundedProblem(PlacedProblem):
     def error(self, fit: LatticeFit) -> Array:
         """(n,), of the codes, which clip."""
         return np.asarray(np.linalg.norm(np.clip(self.matrix @ fit.values, 0.0, 1.0) - self.problem.y, axis=1))
-
-    def with_even_error(self) -> LatticeFit:
-        """A fit at node levels that share its squared error out evenly, found in ROUNDS; the best round's."""
-        problem, placed, fit = self.problem, self, self.search_fit()
-        best: tuple[float, LatticeFit] = np.inf, fit
-        for rest in range(ROUNDS, -1, -1):
-            squares = problem.weight * problem.first_robust * placed.error(fit) ** 2
-            best = min(best, (float(squares.mean()), fit), key=lambda entry: entry[0])
-            if rest:
-                levels = equidistributed_levels(problem.x, squares, fit.levels, KINKED)
-                placed = BoundedProblem.at(problem, levels, self.bounds, self.sweeps)
-                fit = placed.search_fit(fit)
-        return best[1]
 
     def followed(self, like: LatticeFit) -> LatticeFit:
         """The fit with weights that follow its errors (Lawson 1961); like: one at other levels, to start from."""
