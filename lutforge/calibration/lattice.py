@@ -23,6 +23,7 @@ from lutforge.calibration.plain_lattice import fit_plain
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import uniform_levels
 from lutforge.regression.blas import one_blas_thread
+from lutforge.regression.lattice_regression import LatticeFit
 from lutforge.regression.node_levels import equidistributed_levels, resized_levels
 
 Array = NDArray[np.float64]
@@ -71,17 +72,20 @@ def fit_samples(
     rows = _subset(len(x), options.size)
     search = problem.select(rows, guess)
     first = search.first_robust
-    levels = search.levels(uniform_levels(min(SEARCH_SIZE, options.size)))
+    levels = search.levels(min(SEARCH_SIZE, options.size))
     if smoothness is None:
         search = replace(search, smoothness=_choose_smoothness(search, groups[rows], levels))
         problem = replace(problem, smoothness=search.smoothness)
-    levels = resized_levels(levels, options.size) if options.nonuniform else uniform_levels(options.size)
-    placed = search.at(levels)
-    fit = placed.fit(first, SEARCH_TOLERANCE)
-    error = placed.squared_error(fit)
-    robust = robust_weights(error if len(rows) == len(x) else problem.at(levels).squared_error(fit))
-    if options.nonuniform:
-        levels = equidistributed_levels(search.x, error, levels)
+    fit: LatticeFit | None = None
+    for size in sorted({min(SEARCH_SIZE, options.size), options.size}):
+        levels = resized_levels(levels, size) if options.nonuniform else uniform_levels(size)
+        placed = search.at(levels)
+        fit = placed.fit(first, SEARCH_TOLERANCE, fit)
+        error = placed.squared_error(fit)
+        if options.nonuniform:
+            levels = equidistributed_levels(search.x, error, levels)
+    assert fit is not None
+    robust = robust_weights(error if len(rows) == len(x) else problem.at(fit.levels).squared_error(fit))
     placed = problem.at(snapped(levels, options))
     lattice = problem.lattice(placed.rising_fit(robust, placed.moved(fit).values, tolerance))
     if curve is not None and not options.response:

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
-from lutforge.calibration.continuation import Continuation
+from lutforge.calibration.continuation import OFFSET, Continuation
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import OutputCurve
 from lutforge.calibration.rising_axis import with_rising_axis
 from lutforge.interpolation import Levels, interpolate, through
+from lutforge.model.gamut_map import from_even
 from lutforge.model.lattice import Lattice, grid
 from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, solve_lattice
 from lutforge.regression.node_levels import equidistributed_levels
@@ -25,7 +26,7 @@ Guess = Callable[[Array], Array]
 SEARCH_SIZE = 13
 """Levels and λ_S are searched on a lattice of this size first: the best levels hardly depend on their number."""
 SEARCH_TOLERANCE = 1e-2
-ROUNDS, STALLED = 6, 0.97
+ROUNDS, STALLED = 6, 0.9
 """Of the search for node levels, and the share of the least error above which a round's is no gain."""
 HOLD = 1e3
 """Weight that holds black to 0, and white to 1 where the camera clips: no sample can lie there."""
@@ -99,12 +100,14 @@ class LatticeProblem:
         """The problem at given node levels."""
         return PlacedProblem(self, levels, InterpolationMatrix(self.x, levels, self.options.interpolation))
 
-    def levels(self, start: Levels) -> Levels:
-        """Better node levels: rounds of equidistribution of what the guess loses between nodes; the best round's.
+    def levels(self, size: int) -> Levels:
+        """Good node levels: rounds of equidistribution of what the guess loses between nodes; the best round's.
 
-        The guess has no noise, and no lattice has to be fitted to tell where it bends.
+        The guess has no noise, and no lattice has to be fitted to tell where it bends. They begin even to the eye.
         """
-        levels, best = start, (np.inf, start)
+        even = np.linspace(0.0, 1.0, size)
+        start = even if self.curve is None else from_even(even, OFFSET)
+        levels, best = (start, start, start), (np.inf, (start, start, start))
         for _ in range(ROUNDS):
             error = self.at(levels).lost()
             mean = float(np.mean(error))

@@ -6,18 +6,21 @@ bends and clamps: dI/dv ∝ 1 + f', half way between encoded values (dI/dv = 1) 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from lutforge.interpolation import locate, through
+from lutforge.interpolation import through
 from lutforge.model.response import Response
 
 Array = NDArray[np.float64]
 
 ENTRIES = 4096
+STEPS = 1024
+"""Of linear light whose place among the entries is noted."""
 STEEPEST = 8.0
 """Bound on f' with respect to the whole range of linear light. A fitted f can be arbitrarily steep at the very foot,
 where saturated colours stay away from black: errors of the cube must not be multiplied by that."""
@@ -54,8 +57,15 @@ class OutputCurve:
     def continued(self, linear: Array) -> Array:
         """v of linear light (…, 3), which runs on straight where the camera clips."""
         points = np.ascontiguousarray(linear, dtype=np.float64)
-        found = _continued(self.linear.T.copy(), self.values, self.ends, points.reshape(-1, 3))
+        found = _continued(*self._by_linear, self.values, self.ends, points.reshape(-1, 3))
         return np.asarray(found).reshape(points.shape)
+
+    @cached_property
+    def _by_linear(self) -> tuple[Array, NDArray[np.int64]]:
+        """f⁻¹ (3, n), and which of its cells even steps of linear light from its start to its end lie in."""
+        axes = np.ascontiguousarray(self.linear.T)
+        cells = [np.searchsorted(axis[1:-1], np.linspace(axis[0], axis[-1], STEPS), side="right") for axis in axes]
+        return axes, np.array(cells)
 
 
 @njit(cache=True, nogil=True)
@@ -79,16 +89,24 @@ def _enter(table: Array, values: Array, encoded: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def _continued(known: Array, values: Array, ends: Array, linear: Array) -> Array:
-    """v (n, 3) of linear light; known: (3, m), f⁻¹ at the even steps of I that values (m, 3) are at."""
-    result = np.empty_like(linear)
+def _continued(known: Array, cells: NDArray[np.int64], values: Array, ends: Array, linear: Array) -> Array:
+    """v (n, 3) of linear light; known: (3, m), f⁻¹ at the even steps of I that values (m, 3) are at; cells: (3, k)."""
+    result, last = np.empty_like(linear), cells.shape[1] - 1
     for c in range(3):
         axis = known[c]
+        first, span = axis[0], axis[-1] - axis[0]
         for n in range(len(linear)):
             at = linear[n, c]
-            cell, fraction = locate(axis, at)
-            inside = values[cell, c] + fraction * (values[cell + 1, c] - values[cell, c])
-            result[n, c] = inside + min(at - axis[0], 0.0) * ends[0, c] + max(at - axis[-1], 0.0) * ends[1, c]
+            below, above = min(at - first, 0.0), max(at - axis[-1], 0.0)
+            inside = at - below - above
+            step = (inside - first) / span * last
+            cell = cells[c, int(step)] if step > 0.0 else 0  # NaN, too
+            while cell < len(axis) - 2 and inside >= axis[cell + 1]:
+                cell += 1
+            width = axis[cell + 1] - axis[cell]
+            part = (inside - axis[cell]) / width if width > 0.0 else 1.0
+            value = values[cell, c] + part * (values[cell + 1, c] - values[cell, c])
+            result[n, c] = value + below * ends[0, c] + above * ends[1, c]
     return result
 
 

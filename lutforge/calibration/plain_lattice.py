@@ -31,11 +31,13 @@ of them count at most beside all samples."""
 NEIGHBOURS = 4
 SPREAD = 0.7
 """Standard deviation of the points around a sample, in distances to its NEIGHBOURS-th neighbour."""
-MOST_CENTRES = 5_000
+POINTS_PER_CENTRE, MOST_NEIGHBOURS = 4, 5_000
 SEARCH_SAMPLES = 50_000
 LARGEST_SEARCH = 33
 """Nodes per axis up to which levels are searched at the size itself."""
-SEARCH_SWEEPS, SWEEPS = 6, 12
+ROUNDS, SMALL_ROUNDS = 3, 1
+"""Of the search for node levels, on lattices of up to SEARCH_SIZE nodes the latter."""
+SWEEPS = 6
 KINKED = 2
 """The squared error of a cell of width h that a clip crosses grows like h^KINKED."""
 POWER = 1.0
@@ -57,19 +59,19 @@ def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, 
         rows = np.random.default_rng(0).permutation(len(x))[:SEARCH_SAMPLES]
         search = _problem(x[rows], y[rows], curved, options, smoothness)
     levels = resized_levels(curved.levels, min(options.size, LARGEST_SEARCH))
-    if options.nonuniform:
-        levels = equidistributed_levels(search.x, search.at(levels).lost(), levels, KINKED)
-    free, colours = (BoundedProblem.at(search, levels, bounds, SEARCH_SWEEPS) for bounds in (FREE, COLOURS))
+    free, colours = (BoundedProblem.at(search, levels, bounds) for bounds in (FREE, COLOURS))
     fits = free.search_fit(), colours.search_fit()
     costs = float(colours.error(fits[1]).mean()) - float(free.error(fits[0]).mean())
     placed, fit = (colours, fits[1]) if costs <= BOUND_COST else (free, fits[0])
-    if options.nonuniform:
+    rounds = SMALL_ROUNDS if options.size <= SEARCH_SIZE else ROUNDS
+    for rest in reversed(range(rounds if options.nonuniform else 0)):
         squares = search.weight * search.first_robust * placed.error(fit) ** 2
         levels = equidistributed_levels(search.x, squares, levels, KINKED)
-        levels = snapped(resized_levels(levels, options.size), options)
-    else:
-        levels = curved.levels
-    fit = BoundedProblem.at(problem, levels, placed.bounds, SWEEPS).followed(fit)
+        if rest:
+            placed = BoundedProblem.at(search, levels, placed.bounds)
+            fit = placed.search_fit(fit)
+    levels = snapped(resized_levels(levels, options.size), options) if options.nonuniform else curved.levels
+    fit = BoundedProblem.at(problem, levels, placed.bounds).followed(fit)
     return result(problem.lattice(fit), x, y, smoothness)
 
 
@@ -78,12 +80,11 @@ class BoundedProblem(PlacedProblem):
     """The problem of samples and points of the lattice with a curve, with bounds of node values."""
 
     bounds: Bounds
-    sweeps: int
 
     @classmethod
-    def at(cls, problem: LatticeProblem, levels: Levels, bounds: Bounds, sweeps: int) -> "BoundedProblem":
+    def at(cls, problem: LatticeProblem, levels: Levels, bounds: Bounds) -> "BoundedProblem":
         matrix = InterpolationMatrix(problem.x, levels, problem.options.interpolation)
-        return cls(problem, levels, matrix, bounds, sweeps)
+        return cls(problem, levels, matrix, bounds)
 
     def solve(
         self, equations: NormalEquations, prior: Prior, smoothness: float, start: Array | None, tolerance: float
@@ -91,8 +92,8 @@ class BoundedProblem(PlacedProblem):
         """smoothness: λ_S of a lattice of SEARCH_SIZE nodes. The sweeps are always as many."""
         smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
         values = prior.values if start is None else start
-        values = solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, self.sweeps)
-        return LatticeFit(self.levels, values, self.sweeps)
+        values = solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, SWEEPS)
+        return LatticeFit(self.levels, values, SWEEPS)
 
     def search_fit(self, like: LatticeFit | None = None) -> LatticeFit:
         """A fit to search with; like: one at other levels, to start from."""
@@ -128,8 +129,9 @@ def _around(x: Array, count: int) -> Array:
     """`count` points around samples x (n, 3) in [0, 1], the same ones every time, spread as samples are on the square
     root of linear light, which is near to even for noise and eye."""
     rng = np.random.default_rng(0)
-    centres = np.sqrt(x if len(x) <= MOST_CENTRES else x[rng.permutation(len(x))[:MOST_CENTRES]])
-    distance = cKDTree(centres).query(centres, np.minimum([NEIGHBOURS + 1], len(centres)))[0]
-    chosen = rng.integers(0, len(centres), count)
+    samples = np.sqrt(x[rng.permutation(len(x))[:MOST_NEIGHBOURS]])
+    centres = samples[: count // POINTS_PER_CENTRE]
+    distance = cKDTree(samples).query(centres, np.minimum([NEIGHBOURS + 1], len(samples)))[0]
+    chosen = np.arange(count) % len(centres)
     spread: Array = centres[chosen] + SPREAD * distance[chosen] * rng.normal(size=(count, 3))
     return np.clip(spread, 0.0, 1.0) ** 2

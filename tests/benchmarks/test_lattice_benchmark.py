@@ -76,7 +76,7 @@ def lattice(folder: Path, options: CalibrationOptions) -> Fit:
         shots = shot_names(len(x))
         base = fit_matrix_and_response(x, y)
         curve = output_curve(base.response)
-        guess = continuation(base, x, y, inverse=False, size=options.size)
+        guess = continuation(base, x, y, inverse=False, size=options.size, curve=curve)
         fitted = fit_samples(x, y, shots, guess, options, clips=True, curve=curve).lattice
 
         def predict(points: Array) -> Array:
