@@ -34,7 +34,7 @@ SMOOTHNESS_STEP = 10**0.5
 SMOOTHNESS_RANGE = (1e-4, 10.0)
 SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE = 50_000, 4
 """Levels and λ_S are searched with at most so many samples, and so many per node of the lattice."""
-TOLERANCE = 1e-6
+TOLERANCE = 1e-5
 MEASURING_TOLERANCE = 1e-4
 """Of fits whose only use is to measure an error: within 1e-4 of the exact ones on every sample."""
 FOLDS = 5
@@ -70,7 +70,7 @@ def fit_samples(
     chosen = DEFAULT_SMOOTHNESS if smoothness is None else smoothness
     problem = LatticeProblem(x, y, target, weight, guess, options, clips, chosen, curve)
     rows = _subset(len(x), options.size)
-    search = problem.select(rows, guess)
+    search = problem if len(rows) == len(x) else problem.select(rows, guess)
     first = search.first_robust
     levels = search.levels(min(SEARCH_SIZE, options.size))
     if smoothness is None:

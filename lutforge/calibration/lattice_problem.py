@@ -40,7 +40,6 @@ GREY_WEIGHTS = np.full(len(GREY), 0.02)
 RISING_WEIGHT = 30.0
 """What it counts where the fit would fall along the axis."""
 RISING_ROUNDS = 4
-RISING_TOLERANCE = 1e-5
 LEAST_FALL = 1e-6
 OUTLIER_SCALE = 10.0
 """A sample whose error is this many times the median counts half (Cauchy)."""
@@ -205,7 +204,7 @@ class PlacedProblem:
             rising = np.stack([isotonic_regression(channel).x for channel in axis.T], axis=1)
             falls = np.any(np.abs(rising - axis) > 0.1 * LEAST_FALL, axis=1)
             values[falls], grey_weight[falls] = rising[falls], RISING_WEIGHT
-            start, tolerance = fit.values, max(tolerance, RISING_TOLERANCE)
+            start = fit.values
         return fit
 
     def squared_error(self, fit: LatticeFit) -> Array:

@@ -31,7 +31,7 @@ of them count at most beside all samples."""
 NEIGHBOURS = 4
 SPREAD = 0.7
 """Standard deviation of the points around a sample, in distances to its NEIGHBOURS-th neighbour."""
-POINTS_PER_CENTRE, MOST_NEIGHBOURS = 4, 5_000
+POINTS_PER_CENTRE, MOST_NEIGHBOURS = 8, 5_000
 SEARCH_SAMPLES = 50_000
 LARGEST_SEARCH = 33
 """Nodes per axis up to which levels are searched at the size itself."""
