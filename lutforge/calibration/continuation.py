@@ -165,8 +165,10 @@ def _fills_space(source: Array) -> bool:
         return False
     centred = source - source.mean(axis=0)
     spread = float(np.sqrt(max(np.linalg.eigvalsh(centred.T @ centred)[0], 0.0)))
+    if spread < LEAST_SPREAD * len(source) ** 0.5:
+        return False
     key = np.rint(source * 1e3).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40])
-    return len(np.unique(key)) >= FEWEST_COLOURS and bool(spread >= LEAST_SPREAD * len(source) ** 0.5)
+    return any(len(np.unique(part)) >= FEWEST_COLOURS for part in (key[: 10 * FEWEST_COLOURS], key))  # most soon show
 
 
 def _error(residual: Array, weight: Array) -> Array:

@@ -14,6 +14,7 @@ from lutforge.calibration.lattice_problem import (
     LatticeProblem,
     curve_weights,
     robust_weights,
+    search_rows,
 )
 from lutforge.calibration.lattice_result import LatticeResult, result, snapped
 from lutforge.calibration.lattice_thesis import fit_thesis
@@ -32,8 +33,6 @@ DEFAULT_SMOOTHNESS = 3e-3
 """λ_S of the search lattice where there is one shot only, and nothing to cross-validate on."""
 SMOOTHNESS_STEP = 10**0.5
 SMOOTHNESS_RANGE = (1e-4, 10.0)
-SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE = 50_000, 4
-"""Levels and λ_S are searched with at most so many samples, and so many per node of the lattice."""
 TOLERANCE = 1e-5
 MEASURING_TOLERANCE = 1e-4
 """Of fits whose only use is to measure an error: within 1e-4 of the exact ones on every sample."""
@@ -69,7 +68,7 @@ def fit_samples(
     weight = np.ones(len(x)) if curve is None else curve_weights(curve, y)
     chosen = DEFAULT_SMOOTHNESS if smoothness is None else smoothness
     problem = LatticeProblem(x, y, target, weight, guess, options, clips, chosen, curve)
-    rows = _subset(len(x), options.size)
+    rows = search_rows(len(x), options.size)
     search = problem if len(rows) == len(x) else problem.select(rows, guess)
     first = search.first_robust
     levels = search.levels(min(SEARCH_SIZE, options.size))
@@ -91,14 +90,6 @@ def fit_samples(
     if curve is not None and not options.response:
         return fit_plain(x, y, lattice, options, problem.smoothness)
     return result(lattice, x, y, problem.smoothness)
-
-
-def _subset(count: int, size: int) -> NDArray[np.intp]:
-    """The samples to search with, the same ones every time."""
-    most = min(SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE * size**3)
-    if count <= most:
-        return np.arange(count)
-    return np.random.default_rng(0).choice(count, most, replace=False, shuffle=False)
 
 
 def folds(groups: NDArray[np.str_], most: int = FOLDS) -> Iterator[NDArray[np.bool_]]:

@@ -25,6 +25,8 @@ Guess = Callable[[Array], Array]
 
 SEARCH_SIZE = 13
 """Levels and λ_S are searched on a lattice of this size first: the best levels hardly depend on their number."""
+SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE = 50_000, 4
+"""They are searched with at most so many samples, and so many per node of the lattice."""
 SEARCH_TOLERANCE = 1e-2
 ROUNDS, STALLED = 6, 0.9
 """Of the search for node levels, and the share of the least error above which a round's is no gain."""
@@ -224,6 +226,14 @@ class PlacedProblem:
 def _squares(difference: Array) -> Array:
     """(n,): the squared lengths of differences (n, 3)."""
     return np.asarray(np.einsum("nc,nc->n", difference, difference))
+
+
+def search_rows(count: int, size: int) -> NDArray[np.intp]:
+    """The samples to search with, the same ones every time, for a lattice of `size` nodes per axis."""
+    most = min(SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE * size**3)
+    if count <= most:
+        return np.arange(count)
+    return np.random.default_rng(0).choice(count, most, replace=False, shuffle=False)
 
 
 def curve_weights(curve: OutputCurve, y: Array) -> Array:

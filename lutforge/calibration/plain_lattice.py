@@ -11,7 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lutforge.calibration.lattice_problem import SEARCH_SIZE, SEARCH_TOLERANCE, LatticeProblem, PlacedProblem
+from lutforge.calibration.lattice_problem import (
+    SEARCH_SIZE,
+    SEARCH_TOLERANCE,
+    LatticeProblem,
+    PlacedProblem,
+    search_rows,
+)
 from lutforge.calibration.lattice_result import LatticeResult, result, snapped
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels
@@ -32,7 +38,6 @@ NEIGHBOURS = 4
 SPREAD = 0.7
 """Standard deviation of the points around a sample, in distances to its NEIGHBOURS-th neighbour."""
 POINTS_PER_CENTRE, MOST_NEIGHBOURS = 8, 5_000
-SEARCH_SAMPLES = 50_000
 LARGEST_SEARCH = 33
 """Nodes per axis up to which levels are searched at the size itself."""
 ROUNDS, SMALL_ROUNDS = 3, 1
@@ -53,11 +58,11 @@ BOUND_COST = 0.25 / 255.0
 
 def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, smoothness: float) -> LatticeResult:
     """The plain form of `curved`, a lattice with a curve that renders samples x → y (n, 3), with its λ_S."""
-    problem = _problem(x, y, curved, options, smoothness)
-    search = problem
-    if len(x) > SEARCH_SAMPLES:
-        rows = np.random.default_rng(0).permutation(len(x))[:SEARCH_SAMPLES]
-        search = _problem(x[rows], y[rows], curved, options, smoothness)
+    near = _around(x, min(POINTS_PER_NODE * options.size**3, MOST_POINTS))
+    rows = search_rows(len(x), options.size)
+    search = problem = _problem(x, y, near, curved, options, smoothness)
+    if len(rows) < len(x):
+        search = _problem(x[rows], y[rows], near, curved, options, smoothness)
     levels = resized_levels(curved.levels, min(options.size, LARGEST_SEARCH))
     free, colours = (BoundedProblem.at(search, levels, bounds) for bounds in (FREE, COLOURS))
     fits = free.search_fit(), colours.search_fit()
@@ -115,9 +120,10 @@ class BoundedProblem(PlacedProblem):
         return self.rising_fit(weight, fit.values, SEARCH_TOLERANCE)
 
 
-def _problem(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, smoothness: float) -> LatticeProblem:
-    """Of the samples, and of points around them."""
-    near = _around(x, min(POINTS_PER_NODE * options.size**3, MOST_POINTS))
+def _problem(
+    x: Array, y: Array, near: Array, curved: Lattice, options: CalibrationOptions, smoothness: float
+) -> LatticeProblem:
+    """Of the samples, and of points near them."""
     points, values = np.concatenate([x, near]), np.concatenate([y, curved(near)])
     weight = np.ones(len(points))
     weight[len(x) :] = min(COUNTS, MOST_COUNTED * len(x) / len(near))

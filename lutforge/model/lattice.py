@@ -78,4 +78,7 @@ def uniform_levels(size: int) -> Levels:
 
 def grid(levels: Levels) -> NDArray[np.float64]:
     """All node positions, (N_r, N_g, N_b, 3)."""
-    return np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1)
+    r, g, b = levels
+    positions = np.empty((len(r), len(g), len(b), 3))
+    positions[..., 0], positions[..., 1], positions[..., 2] = r[:, None, None], g[:, None], b
+    return positions
