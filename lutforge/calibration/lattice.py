@@ -86,7 +86,7 @@ def fit_samples(
     assert fit is not None
     robust = robust_weights(error if len(rows) == len(x) else problem.at(fit.levels).squared_error(fit))
     placed = problem.at(snapped(levels, options))
-    lattice = problem.lattice(placed.rising_fit(robust, placed.moved(fit).values, tolerance))
+    lattice = placed.lattice(placed.rising_fit(robust, placed.moved(fit).values, tolerance))
     if curve is not None and not options.response:
         return fit_plain(x, y, lattice, options, problem.smoothness)
     return result(lattice, x, y, problem.smoothness)

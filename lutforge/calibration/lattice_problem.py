@@ -17,7 +17,7 @@ from lutforge.model.gamut_map import from_even
 from lutforge.model.lattice import Lattice, grid
 from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, solve_lattice
 from lutforge.regression.node_levels import equidistributed_levels
-from lutforge.regression.normal_equations import InterpolationMatrix, NormalEquations, normal_equations
+from lutforge.regression.normal_equations import InterpolationMatrix, NormalEquations
 
 Array = NDArray[np.float64]
 Guess = Callable[[Array], Array]
@@ -119,21 +119,6 @@ class LatticeProblem:
             levels = equidistributed_levels(self.x, error, levels)
         return best[1]
 
-    def lattice(self, fit: LatticeFit) -> Lattice:
-        """The fit, as profiles keep it."""
-        method = self.options.interpolation
-        values = fit.values.copy()
-        values[0, 0, 0] = 0.0  # what the weight that holds them leaves over
-        if self.clips:
-            values[-1, -1, -1] = 1.0 if self.curve is None else np.maximum(values[-1, -1, -1], 1.0)
-        if self.curve is not None:
-            return Lattice(fit.levels, with_rising_axis(values, fit.levels, method), method, self.curve.table)
-        # A node that no sample touches may not leave the range of colours; the others carry on across the clipping,
-        # which the camera does after the smooth function that they describe.
-        touched = normal_equations(self.x, np.ones_like(self.x), fit.levels, method).right > 0
-        values = np.where(touched, values, np.clip(values, 0.0, 1.0))
-        return Lattice(fit.levels, with_rising_axis(values, fit.levels, method), method)
-
 
 @dataclass(frozen=True, eq=False)
 class PlacedProblem:
@@ -208,6 +193,20 @@ class PlacedProblem:
             values[falls], grey_weight[falls] = rising[falls], RISING_WEIGHT
             start = fit.values
         return fit
+
+    def lattice(self, fit: LatticeFit) -> Lattice:
+        """A fit at these levels, as profiles keep it."""
+        problem, values = self.problem, fit.values.copy()
+        curve, method = problem.curve, problem.options.interpolation
+        values[0, 0, 0] = 0.0  # what the weight that holds them leaves over
+        if problem.clips:
+            values[-1, -1, -1] = 1.0 if curve is None else np.maximum(values[-1, -1, -1], 1.0)
+        if curve is not None:
+            return Lattice(fit.levels, with_rising_axis(values, fit.levels, method), method, curve.table)
+        # A node that no sample touches may not leave the range of colours; the others carry on across the clipping,
+        # which the camera does after the smooth function that they describe.
+        values = np.where(self.matrix.touched[..., None], values, np.clip(values, 0.0, 1.0))
+        return Lattice(fit.levels, with_rising_axis(values, fit.levels, method), method)
 
     def squared_error(self, fit: LatticeFit) -> Array:
         """(n,) of the output, behind the curve, of a fit at these levels."""

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.interpolation import Levels
+from lutforge.interpolation import Levels, through
 from lutforge.model.lattice import Lattice
 from lutforge.regression.node_levels import snap_levels
-from lutforge.regression.normal_equations import normal_equations
+from lutforge.regression.normal_equations import InterpolationMatrix
 
 Array = NDArray[np.float64]
 
@@ -36,6 +36,9 @@ def snapped(levels: Levels, options: CalibrationOptions) -> Levels:
 
 def result(lattice: Lattice, x: Array, y: Array, smoothness: float) -> LatticeResult:
     """The result of a fit of x → y (n, 3)."""
-    coverage = normal_equations(x, np.ones_like(x), lattice.levels, lattice.interpolation).right[..., 0]
-    rms = float(np.sqrt(np.mean(np.sum((lattice(x) - y) ** 2, axis=1))))
+    matrix = InterpolationMatrix(x, lattice.levels, lattice.interpolation)
+    coverage = matrix.normal_equations(np.ones_like(x)).right[..., 0]
+    values = matrix @ lattice.values
+    difference = (values if lattice.response is None else through(lattice.response, values)) - y
+    rms = float(np.sqrt(np.einsum("nc,nc->", difference, difference) / len(y)))
     return LatticeResult(lattice, np.ascontiguousarray(coverage), smoothness, rms)

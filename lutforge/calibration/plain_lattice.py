@@ -76,8 +76,8 @@ def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, 
             placed = BoundedProblem.at(search, levels, placed.bounds)
             fit = placed.search_fit(fit)
     levels = snapped(resized_levels(levels, options.size), options) if options.nonuniform else curved.levels
-    fit = BoundedProblem.at(problem, levels, placed.bounds).followed(fit)
-    return result(problem.lattice(fit), x, y, smoothness)
+    placed = BoundedProblem.at(problem, levels, placed.bounds)
+    return result(placed.lattice(placed.followed(fit)), x, y, smoothness)
 
 
 @dataclass(frozen=True, eq=False)
