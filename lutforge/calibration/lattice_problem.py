@@ -25,7 +25,7 @@ Guess = Callable[[Array], Array]
 
 SEARCH_SIZE = 13
 """Levels and λ_S are searched on a lattice of this size first: the best levels hardly depend on their number."""
-SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE = 50_000, 4
+SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE = 50_000, 2
 """They are searched with at most so many samples, and so many per node of the lattice."""
 SEARCH_TOLERANCE = 1e-2
 ROUNDS, STALLED = 6, 0.9
