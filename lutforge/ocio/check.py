@@ -1,5 +1,6 @@
 """Check a config of any origin: valid, complete, and every transform in it used on real pixels and there and back."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -35,6 +36,9 @@ _PIXELS = np.array(
     [[0, 0, 0], [0.18, 0.18, 0.18], [1, 1, 1], [0.5, 0.2, 0.1], [0.1, 0.4, 0.7], [-0.01, 0.5, 1.2]],
     dtype=np.float32,
 )
+
+_NUMBER = r"(\d+(?:\.\d+)?(?:e-?\d+)?)"
+_STATED = re.compile(rf"round trip mean {_NUMBER}, max {_NUMBER}", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -95,11 +99,17 @@ def check_config(config: OCIO.Config) -> list[Finding]:
 
 
 def _lossy_round_trips(config: OCIO.Config) -> Iterator[Finding]:
-    """One finding for all colour spaces that lose the same: white balances of a style share their files."""
+    """One finding for all colour spaces that lose the same: white balances of a style share their files.
+
+    What a description states was searched for by more colours: the larger counts.
+    """
     spaces: dict[str, list[str]] = {}
     for trip in round_trips(config):
-        if trip.mean > MEAN_GOAL or trip.maximum > MAX_GOAL:
-            spaces.setdefault(f"mean {trip.mean:.2g}, max {trip.maximum:.2g}", []).append(trip.space)
+        said = _STATED.search(config.getColorSpace(trip.space).getDescription())
+        mean, largest = (float(number) for number in said.groups()) if said else (0.0, 0.0)
+        mean, largest = max(mean, trip.mean), max(largest, trip.maximum)
+        if mean > MEAN_GOAL or largest > MAX_GOAL:
+            spaces.setdefault(f"mean {mean:.2g}, max {largest:.2g}", []).append(trip.space)
     for found, names in spaces.items():
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
         yield Finding("warning", f"colour space {names[0]}{others}", f"to the reference and back: {found}")

@@ -5,7 +5,7 @@ samples are taken in one order whatever the number of threads.
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from lutforge.interpolation import locate
@@ -25,7 +25,7 @@ CHUNKS = 4
 """Parts whose sums are taken apart: as many on every machine, so that the result does not depend on its cores."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _corners(levels: Array, tetrahedral: bool, x: Array, fraction: Array, nodes: Index, weights: Array) -> None:
     """The nodes around x (3,), four of a tetrahedron or eight of a cell, and their weights."""
     size = levels.shape[1]
@@ -50,17 +50,15 @@ def _corners(levels: Array, tetrahedral: bool, x: Array, fraction: Array, nodes:
     nodes[3], weights[3] = node, rest
 
 
-@njit(cache=True, parallel=True)
-def locate_in_tetrahedra(x: Array, levels: Array, nodes: Index, weights: Array) -> None:
-    """Fill the four nodes (n, 4) around each x (n, 3), and their weights (n, 4)."""
-    count, block = len(x), 4096
-    for start in prange((count + block - 1) // block):
-        fraction = np.empty(3)
-        for n in range(start * block, min(count, (start + 1) * block)):
-            _corners(levels, True, x[n], fraction, nodes[n], weights[n])
+@njit(cache=True, nogil=True)
+def locate_in_tetrahedra(x: Array, levels: Array, nodes: Index, weights: Array, first: int, last: int) -> None:
+    """Fill the four nodes (n, 4) around some of x (n, 3), and their weights (n, 4)."""
+    fraction = np.empty(3)
+    for n in range(first, last):
+        _corners(levels, True, x[n], fraction, nodes[n], weights[n])
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def residuals(
     values: Array,
     levels: Array,
@@ -75,42 +73,44 @@ def residuals(
     steeps: Array,
     render_nodes: Index,
     render_weights: Array,
+    begin: int,
+    end: int,
 ) -> None:
-    """left (n, 3): JPEG − render(lattice), rising on where the render is flat; slopes (n, 3, 3): its change by RAW."""
-    last, count, block = len(response) - 1, len(jpeg), 1024
-    for start in prange((count + block - 1) // block):
-        raw, inside, y, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
-        for n in range(start * block, min(count, (start + 1) * block)):
-            for c in range(3):
-                raw[c] = 0.0
-                for corner in range(4):
-                    raw[c] += weights[n, corner] * lattice[nodes[n, corner], c]
-                inside[c] = min(max(raw[c], 0.0), 1.0)
-            value_and_slope(values, levels, tetrahedral, inside, y, slope)
-            _corners(levels, tetrahedral, inside, steeps[n], render_nodes[n], render_weights[n])
-            for c in range(3):
-                beyond = min(y[c], 0.0) + max(y[c] - 1.0, 0.0)
-                if beyond != 0.0:
-                    encoded, steep = response[0 if beyond < 0 else last, c] + OUTSIDE * beyond, OUTSIDE
-                else:
-                    place = min(int(y[c] * last), last - 1)
-                    steep = (response[place + 1, c] - response[place, c]) * last
-                    encoded = response[place, c] + (y[c] * last - place) * (response[place + 1, c] - response[place, c])
-                rest = jpeg[n, c] - encoded
-                side = 1 if jpeg[n, c] >= 1 - CLIPPED else (-1 if jpeg[n, c] <= CLIPPED else 0)
-                if side != 0 and side * (y[c] - 0.5) >= 0.5 + MARGIN:
-                    rest = 0.0  # clipped, as it should be
-                    if abs(beyond) > BARELY:
-                        steep = OUTSIDE * BARELY / abs(beyond)
-                else:
-                    rest += side * steep * MARGIN
-                out = raw[c] - inside[c]
-                left[n, c] = rest - OUTSIDE * out
-                steeps[n, c] = steep
-                for axis in range(3):
-                    slopes[n, c, axis] = steep * slope[c, axis] if raw[axis] == inside[axis] else 0.0
-                if out != 0.0:
-                    slopes[n, c, c] += OUTSIDE
+    """left (n, 3), of some samples: JPEG − render(lattice), rising on where the render is flat; slopes (n, 3, 3): its
+    change by RAW."""
+    last = len(response) - 1
+    raw, inside, y, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    for n in range(begin, end):
+        for c in range(3):
+            raw[c] = 0.0
+            for corner in range(4):
+                raw[c] += weights[n, corner] * lattice[nodes[n, corner], c]
+            inside[c] = min(max(raw[c], 0.0), 1.0)
+        value_and_slope(values, levels, tetrahedral, inside, y, slope)
+        _corners(levels, tetrahedral, inside, steeps[n], render_nodes[n], render_weights[n])
+        for c in range(3):
+            beyond = min(y[c], 0.0) + max(y[c] - 1.0, 0.0)
+            if beyond != 0.0:
+                encoded, steep = response[0 if beyond < 0 else last, c] + OUTSIDE * beyond, OUTSIDE
+            else:
+                place = min(int(y[c] * last), last - 1)
+                steep = (response[place + 1, c] - response[place, c]) * last
+                encoded = response[place, c] + (y[c] * last - place) * (response[place + 1, c] - response[place, c])
+            rest = jpeg[n, c] - encoded
+            side = 1 if jpeg[n, c] >= 1 - CLIPPED else (-1 if jpeg[n, c] <= CLIPPED else 0)
+            if side != 0 and side * (y[c] - 0.5) >= 0.5 + MARGIN:
+                rest = 0.0  # clipped, as it should be
+                if abs(beyond) > BARELY:
+                    steep = OUTSIDE * BARELY / abs(beyond)
+            else:
+                rest += side * steep * MARGIN
+            out = raw[c] - inside[c]
+            left[n, c] = rest - OUTSIDE * out
+            steeps[n, c] = steep
+            for axis in range(3):
+                slopes[n, c, axis] = steep * slope[c, axis] if raw[axis] == inside[axis] else 0.0
+            if out != 0.0:
+                slopes[n, c, c] += OUTSIDE
 
 
 @njit(cache=True)
@@ -155,14 +155,14 @@ def own_diagonal(nodes: Index, weights: Array, steep: Array, own: Array) -> None
                 own[nodes[n, corner], c] += (weights[n, corner] * steep[n, c]) ** 2
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def through_and_back(
     nodes: Index, weights: Array, render_nodes: Index, render_weights: Array, slopes: Array, steep: Array,
-    hold: Array, caution: Array, direction: Array, sums: Array,
+    hold: Array, caution: Array, direction: Array, sums: Array, begin: int, end: int,
 ) -> None:  # fmt: skip
-    """J'J direction, in CHUNKS sums."""
+    """J'J direction, in some of CHUNKS sums."""
     count, corners = len(nodes), render_nodes.shape[1]
-    for chunk in prange(CHUNKS):
+    for chunk in range(begin, end):
         total, x, z, t = sums[chunk], np.empty(3), np.empty(3), np.empty(3)
         for n in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
             for c in range(3):

@@ -8,6 +8,7 @@ where it takes two scenes to one colour and nothing could take both back. O(n + 
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from lutforge.ocio.joint_equations import (
 )
 from lutforge.ocio.preimage import Render
 from lutforge.regression.smoothness import second_difference, to_bands
+from lutforge.threads import run, slabs
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -45,6 +47,8 @@ NOTABLE, WORSE = 1e-3, 1.5
 """A residual above this that grows, its square by this factor, makes for more caution."""
 DAMPING = 1e-5
 """Of the diagonal, so that nodes without data have a place."""
+BLOCK = 4096
+"""Samples that a thread takes at once."""
 TRIALS = 6
 """Most attempts at a step."""
 ENOUGH = 0.97
@@ -70,7 +74,8 @@ class Cubes:
 def places(x: Array, levels: Levels) -> Places:
     """Where x (n, 3) lies in a lattice."""
     nodes, weights = np.empty((len(x), 4), dtype=np.int64), np.empty((len(x), 4))
-    locate_in_tetrahedra(np.ascontiguousarray(x), np.stack(levels), nodes, weights)
+    locate = partial(locate_in_tetrahedra, np.ascontiguousarray(x), np.stack(levels), nodes, weights)
+    run(locate, slabs(0, len(x), BLOCK, len(x)))
     return Places(nodes, weights)
 
 
@@ -186,10 +191,11 @@ class _Problem:
         left, slopes, steep = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
         nodes, weights = np.empty((n, corners), dtype=np.int64), np.empty((n, corners))
         cube = values[self.count :].reshape(*(self.sizes[1],) * 3, 3)
-        residuals(
-            cube, self.render.levels, self.render.tetrahedral, self.render.response, self.jpeg,
+        fill = partial(
+            residuals, cube, self.render.levels, self.render.tetrahedral, self.render.response, self.jpeg,
             self.at.nodes, self.at.weights, values, left, slopes, steep, nodes, weights,
         )  # fmt: skip
+        run(fill, slabs(0, n, BLOCK, n))
         return _State(values, left, slopes, steep, nodes + self.count, weights)
 
     def system(self, state: _State, emphasis: Array) -> "_System":
@@ -272,12 +278,13 @@ class _System:
         towards = _preconditioned(blocks, single, residual)
         direction = towards.copy()
         rho = first = float(np.sum(residual * towards))
+        chunks = slabs(0, CHUNKS, 1, CHUNKS)
         for _ in range(most):
             if rho <= goal * first:
                 break
             sums = np.zeros((CHUNKS, *right.shape))
             there = (at.nodes, at.weights, state.nodes, state.weights)
-            through_and_back(*there, self.slopes, self.steep, hold, caution, direction, sums)
+            run(partial(through_and_back, *there, self.slopes, self.steep, hold, caution, direction, sums), chunks)
             image = sums.sum(axis=0)
             image *= self.problem.free
             image += self.penalty(direction) + extra * direction

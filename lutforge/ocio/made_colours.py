@@ -103,7 +103,7 @@ class MadeColours:
     def as_8_bit(self) -> "MadeColours":
         """The 8-bit codes nearest to them, which may be just outside of the gamut."""
         jpeg = as_8_bit(self.jpeg)
-        return replace(self, jpeg=jpeg, inner=through(self.curve, jpeg))
+        return replace(self, jpeg=jpeg, inner=self.on_axes(jpeg))
 
     def chosen(self, which: Index) -> "MadeColours":
         """Some of them."""
@@ -124,6 +124,10 @@ class MadeColours:
         raw = interpolate(self.inner, knots, values, "tetrahedral")
         return np.asarray(np.linalg.norm(self.render(raw) - self.jpeg, axis=1))
 
+    def on_axes(self, jpeg: Array) -> Array:
+        """JPEG colours (…, 3) on the axes of the lattice."""
+        return through(self.curve, jpeg)
+
     def knots(self, levels: Levels) -> Levels:
         """Node levels of the JPEG on the axes of the lattice."""
         r, g, b = through(self.curve, np.stack(levels, axis=1)).T
@@ -134,9 +138,10 @@ class MadeColours:
         r, g, b = through(self.render.response, np.stack(inner, axis=1)).T
         return (r, g, b)
 
-    def few(self, knots: Levels) -> "MadeColours":
-        """PER_CELL of each cell of the lattice."""
-        return self.chosen(thinned(8 * cells(self.inner, knots) + _clipped(self.inner), PER_CELL))
+    def few(self, knots: Levels, crowd: int = 1) -> "MadeColours":
+        """PER_CELL of each cell of the lattice, `crowd` times as many with each clipped channel."""
+        most = crowded(PER_CELL, self.inner, crowd)
+        return self.chosen(thinned(8 * cells(self.inner, knots) + _clipped(self.inner), most))
 
     def filled(self, knots: Levels, values: Array, seed: int) -> "MadeColours":
         """With more colours in the cells that have few, as far as the render makes such: at the rim of its gamut."""
@@ -171,13 +176,18 @@ def _clipped(x: Array) -> Index:
     return np.asarray(4 * r + 2 * g + b, dtype=np.int64)
 
 
-def thinned(cell: Index, most: int) -> Index:
-    """Which to keep so that no cell (n,) has more than `most`: the first of each."""
+def crowded(most: int, x: Array, crowd: int) -> Index:
+    """How many of the kind of each colour (n, 3) may stay: `crowd` times as many with each clipped channel."""
+    return np.asarray(most * crowd ** ((x <= 0.0) | (x >= 1.0)).sum(axis=1), dtype=np.int64)
+
+
+def thinned(cell: Index, most: int | Index) -> Index:
+    """Which to keep so that no cell (n,) has more than `most`, one number or that of each (n,): the first of each."""
     order = np.argsort(cell, kind="stable")
     begins = np.diff(cell[order], prepend=-1) != 0
     number = np.arange(len(cell))
     first = np.maximum.accumulate(np.where(begins, number, 0))
-    return np.asarray(order[number - first < most])
+    return np.asarray(order[number - first < np.broadcast_to(most, len(cell))[order]])
 
 
 def _located(x: Array, knots: Levels) -> tuple[Index, Array]:

@@ -26,6 +26,8 @@ Progress = Callable[[str, float], None]
 
 CHECKED = 1 << 15
 """Colours of each spread that a LUT is compared with its model on."""
+UNCLIPPED = 0.5 / 255
+"""From the ends of the encoded range: what an 8-bit file does not clip."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,11 @@ class Rendering:
     stem: str
     render: Transform | None
     linearize: Transform | None
+
+    @property
+    def support(self) -> Array | None:
+        """What samples weigh at each node of the lattice that `render` is, if it is one."""
+        return self.camera.profile.styles[self.style].coverage.get("render")
 
     @property
     def render_file(self) -> str:
@@ -97,7 +104,7 @@ def baked(rendering: Rendering) -> BakedRendering:
     if rendering.linearize is not None:
         linearize = compact(bake(rendering.linearize, title=f"{title} linearize"))
     if render is not None and linearize is not None:
-        render, linearize, trip = consistent(render, linearize, rendering.render)
+        render, linearize, trip = consistent(render, linearize, rendering.render, rendering.support)
     luts: dict[str, Lut] = {}
     said = []
     if rendering.render is not None and render is not None:
@@ -114,18 +121,27 @@ def baked(rendering: Rendering) -> BakedRendering:
 
 
 def _error(lut: Lut, transform: Transform, made_by: Transform | None = None) -> str:
-    """Of a LUT against its transform, over its whole input, the rim and the darks, and over the colours that another
-    transform makes of these, whichever has more: RGB norm, rounded up."""
+    """Of a LUT against its transform: RGB norm, rounded up.
+
+    max: over its whole input, the rim and the darks, and over the colours that another transform makes of these; mean:
+    the largest of those over each, over what is evenly spread of it, and over what is not clipped of that, where any
+    LUT is right.
+    """
 
     def error(x: Array) -> Array:
         return np.asarray(np.linalg.norm(lut(x) - transform(x), axis=1))
 
     x = spread(CHECKED, seed=7)
-    inputs = [x] if made_by is None else [x, np.clip(made_by(x), 0.0, 1.0)]
-    errors = [error(colours) for colours in inputs]
-    climbing = [error(climbed(error, *pair, seed=7)) for pair in zip(inputs, errors, strict=True)]
-    largest = max(float(e.max()) for e in (*errors, *climbing))
-    return f"mean {rounded_up(max(float(e.mean()) for e in errors))}, max {rounded_up(largest)}"
+    made = x if made_by is None else np.clip(made_by(x), 0.0, 1.0)
+    means, largest = [], 0.0
+    for colours in (x,) if made_by is None else (x, made):
+        errors = error(colours)
+        jpeg = np.clip(transform(x), 0.0, 1.0) if made_by is None else colours
+        unclipped = np.all((jpeg > UNCLIPPED) & (jpeg < 1 - UNCLIPPED), axis=1)[:CHECKED]
+        parts = (errors, errors[:CHECKED], errors[:CHECKED][unclipped])
+        means += [float(part.mean()) for part in parts if len(part)]
+        largest = max(largest, float(errors.max()), float(error(climbed(error, colours, errors, seed=7)).max()))
+    return f"mean {rounded_up(max(means))}, max {rounded_up(largest)}"
 
 
 def _shaped(transform: Transform) -> LatticeTransform | RenderChain | LinearizeChain:

@@ -46,7 +46,7 @@ class RoundTrip:
         if self.departure:
             text += f", by LUTs fitted to each other (mean change of linearize {self.departure:.2g} of saturation)"
         if not self.met:
-            text += f": beyond {MEAN_GOAL:g} and {MAX_GOAL:g}, since the render takes different scenes to one colour"
+            text += f": beyond {MEAN_GOAL:g} and {MAX_GOAL:g}, where the render folds or its gamut ends"
         return text
 
 

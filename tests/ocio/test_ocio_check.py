@@ -71,6 +71,9 @@ def test_a_space_that_does_not_come_back_is_a_warning(path: Path) -> None:
     )
     config.addColorSpace(space)
     assert said(config).startswith("warning: colour space one way: to the reference and back: mean 0.0")
+    space.setDescription("It says: round trip mean 0.0002, max 0.25, of more colours")
+    config.addColorSpace(space)
+    assert said(config).endswith(", max 0.25")
     trip = next(trip for trip in round_trips(config) if trip.space == "one way")
     assert trip.maximum == pytest.approx(0.05 * 0.95 * np.sqrt(3), rel=0.05)
 

@@ -11,11 +11,14 @@ from lutforge.interpolation import Interpolation, through
 from lutforge.luts.lut import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.ocio import mutual_inverses
+from lutforge.ocio.exact_inverse import exact_inverse
+from lutforge.ocio.layered_levels import neutral_nodes
 from lutforge.ocio.lut_files import compact
-from lutforge.ocio.made_colours import as_8_bit, spread
+from lutforge.ocio.made_colours import MadeColours, as_8_bit, spread
 from lutforge.ocio.mutual_inverses import consistent
 from lutforge.ocio.preimage import as_render, curve_inverse, preimages
 from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL, measure, rounded_up
+from lutforge.ocio.unfolding import folded_share, unfolded
 
 Array = NDArray[np.float64]
 
@@ -122,7 +125,7 @@ def flat_ended_lut() -> Lut:
 
 def test_greys_are_the_profiles_where_the_render_does_not_tell(monkeypatch: pytest.MonkeyPatch) -> None:
     """Black exactly; white, too, which the render takes it to; between, all channels rise and none is tinted."""
-    monkeypatch.setattr(mutual_inverses, "SIZES", ((17, 0),))
+    monkeypatch.setattr(mutual_inverses, "SIZE", 17)
     monkeypatch.setattr(mutual_inverses, "POOL", 1 << 12)
     own = own_linearization()
     render, inverse, _ = consistent(flat_ended_lut(), own)
@@ -163,7 +166,7 @@ def test_a_finer_render_is_the_same(method: Interpolation) -> None:
 
 def test_a_render_without_a_response_comes_back_where_it_clips(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its nodes may leave the range behind a response that clamps."""
-    monkeypatch.setattr(mutual_inverses, "SIZES", ((17, 0),))
+    monkeypatch.setattr(mutual_inverses, "SIZE", 17)
     monkeypatch.setattr(mutual_inverses, "POOL", 1 << 13)
     bare = replace(render_lut(), response=None, cube=np.clip(render_lut().cube, 0.0, 1.0))
     render, inverse, trip = consistent(bare, own_linearization())
@@ -177,7 +180,7 @@ def test_a_render_without_a_response_comes_back_where_it_clips(monkeypatch: pyte
 
 def test_the_fit_is_the_same_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a small lattice, that no pool is too small for."""
-    monkeypatch.setattr(mutual_inverses, "SIZES", ((9, 0),))
+    monkeypatch.setattr(mutual_inverses, "SIZE", 9)
     monkeypatch.setattr(mutual_inverses, "POOL", 1 << 12)
     first, second = (consistent(folding_lut(), own_linearization()) for _ in range(2))
     assert not np.array_equal(first[0].cube, folding_lut().cube)
@@ -195,3 +198,40 @@ def test_an_inverse_is_left_alone() -> None:
     *kept, trip = consistent(same, same)
     assert kept == [same, same]
     assert trip.departure == 0
+
+
+@pytest.mark.parametrize("method", ["tetrahedral", "trilinear"])
+def test_an_unfolded_render_is_one_to_one_and_stays_where_samples_are(method: Interpolation) -> None:
+    """A wide fold is taken out; kept nodes and a render without folds do not move; samples draw the change away."""
+    sound = as_render(render_lut(9, method))
+    none = np.zeros((9, 9, 9), dtype=np.bool_)
+    assert folded_share(sound) == 0
+    np.testing.assert_allclose(unfolded(sound, None, none), sound.values, atol=1e-3)
+    cube = sound.values.copy()
+    cube[3, :, :, 0] = cube[5, :, :, 0]
+    folded = as_render(compact(replace(sound.lut, cube=cube)))
+    assert folded_share(folded) > 0.05
+    r, g, b = folded.levels
+    fixed = neutral_nodes((r, g, b))
+    cube[fixed] = sound.values[fixed]
+    folded = as_render(compact(replace(sound.lut, cube=cube)))
+    kept = unfolded(folded, None, fixed)
+    np.testing.assert_array_equal(kept[fixed], folded.values[fixed])
+    seen = np.zeros((9, 9, 9))
+    seen[3] = np.all((folded.values[3] > 0) & (folded.values[3] < 1), axis=-1)
+    free, held = (unfolded(folded, support, none) for support in (None, seen))
+    for values in (kept, free, held):
+        assert folded_share(as_render(compact(replace(folded.lut, cube=values)))) < 0.05 * folded_share(folded)
+    moved, moved_least = (np.abs(values - folded.values)[seen > 0].mean() for values in (free, held))
+    assert moved_least < 0.2 * moved
+
+
+def test_an_exact_inverse_runs_on_beyond_the_gamut() -> None:
+    """Within it, the render takes it to the codes again, clipped ones too; beyond, it keeps rising."""
+    pool = MadeColours.of(as_render(render_lut()), 1 << 10, 3)
+    jpeg = as_8_bit(pool.jpeg)
+    back = exact_inverse(pool, pool.on_axes(jpeg), jpeg, np.full_like(jpeg, 0.3))
+    assert np.quantile(np.linalg.norm(pool.render(back) - jpeg, axis=1), 0.99) < 0.004
+    ramp = np.stack([np.linspace(0.6, 0.9, 30), np.zeros(30), np.full(30, 0.2)], axis=1)
+    red = exact_inverse(pool, pool.on_axes(ramp), ramp, np.full_like(ramp, 0.3))[:, 0]
+    assert np.diff(red).min() > 0
