@@ -5,7 +5,10 @@ continuation of linear light across the clipping. To linearize, RAW: Ts⁻¹ e�
 even scale of `model.gamut_map`, on which dark colours lie as far apart as they look, and r are radial basis functions
 with few centres spread over the samples, fitted to all of them by least squares (`radial_basis`), so that noise and a
 stray sample do not bend it; weights are less where errors are large (Cauchy). Beyond the samples r runs on as smoothly
-as it can.
+as it can, to nothing at black.
+
+Ts is that of unsaturated colours where r is clearly simpler then, as of a gamut map that leaves most colours alone;
+else that which suits all colours, from which r runs on more safely.
 """
 
 from collections.abc import Sequence
@@ -15,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
-from lutforge.calibration.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.calibration.output_curve import OutputCurve, output_curve
 from lutforge.calibration.radial_basis import RadialBasis, RadialBasisProblem, spread
 from lutforge.model.gamut_map import even_slope, from_even, to_even
@@ -25,19 +28,25 @@ Array = NDArray[np.float64]
 
 OFFSET = 0.005
 """ε of the even scale."""
-CENTRES, MOST_CENTRES = 200, 600
+CENTRES, MOST_CENTRES = 200, 1_000
 CENTRES_PER_FACE_NODE = 2 / 3
 """What a lattice can follow: a guess for one has this many per node of its face, MOST_CENTRES at most."""
 MOST_SAMPLES, MOST_SPREAD = 3_000, 20_000
 """Samples that are fitted, and those among which the centres are spread; the centres themselves are always fitted."""
-FEW_CENTRES = 100
-"""So many, the first as they are spread, tell the outliers before all are fitted."""
+FEW_CENTRES, TRIAL_SAMPLES = 100, 1_000
+"""So many, the first as they are spread, tell the outliers before all are fitted, and of so many samples the matrix."""
 FEWEST_COLOURS = 30
 """Fewer distinct ones do not bend a guess: matrix and response alone are continued."""
+CLEARER = 0.85
+"""The matrix of the unsaturated colours is continued where few functions then leave less than this share of what they
+leave with the matrix of all colours, which is the safer one beyond the samples."""
 ROUNDS = 4
 OUTLIER_SCALE = 4.0
 """A sample whose error is this many times the median counts half (Cauchy)."""
 LEAST_OUTLIER = 4.0 / 255.0
+GREYS = np.linspace(0.0, 0.3, 11)[:, None].repeat(3, axis=1)
+GREY_WEIGHT = 1.0
+"""What each of these dark greys, black the first, counts beside a sample: the gamut map leaves them alone."""
 LEAST_SPREAD = 1e-3
 """Samples whose smallest principal deviation is below this lie in a plane, and bend no guess."""
 
@@ -72,26 +81,44 @@ class Continuation:
 
     def refit(self, x: Array, y: Array, most_centres: int = CENTRES) -> "Continuation":
         """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response."""
-        rows = _rows(len(x), MOST_SPREAD)
-        linear, straight = self._linear(x[rows]), replace(self, bend=None)
-        if not _fills_space(linear):
+        straight = replace(self, bend=None)
+        pairs = self._pairs(x, y, most_centres)
+        if pairs is None:
             return straight
-        even = to_even(linear, OFFSET)
-        chosen = spread(even, min(most_centres, len(even) // 2))
-        centres = even[chosen]
-        kept = np.union1d(chosen, np.arange(min(len(rows), MOST_SAMPLES)))  # the outermost samples among them
-        source, target, weight = self._wanted(linear[kept], y[rows[kept]])
-        robust = np.ones(len(kept))
         try:
-            few = RadialBasisProblem(source, centres[:FEW_CENTRES])
-            for _ in range(ROUNDS):
-                error = _error(few.fit(target, weight * robust)[1], weight)
-                half = max(OUTLIER_SCALE * float(np.median(error)), LEAST_OUTLIER)
-                robust = _robust(error, half)
-            bend, _ = RadialBasisProblem(source, centres).fit(target, weight * robust)
+            robust, half, _ = pairs.robust()
+            bend, _ = RadialBasisProblem(pairs.source, pairs.centres).fit(pairs.target, pairs.weight * robust)
         except LinAlgError:  # colours that coincide
             return straight
         return replace(straight, bend=bend, half=half)
+
+    def unexplained(self, x: Array, y: Array) -> float:
+        """How far samples x → y (n, 3) are from what few functions make of this matrix and response; inf where they
+        tell no functions."""
+        pairs = self._pairs(x, y, FEW_CENTRES)
+        try:
+            return np.inf if pairs is None else pairs.robust()[2]
+        except LinAlgError:
+            return np.inf
+
+    def _pairs(self, x: Array, y: Array, most_centres: int) -> "_Pairs | None":
+        """What r is fitted to; None where the samples cannot tell it."""
+        rows = _rows(len(x), MOST_SPREAD)
+        linear = self._linear(x[rows])
+        if not _fills_space(linear):
+            return None
+        even = to_even(linear, OFFSET)
+        chosen = spread(even, min(most_centres, len(even) // 2))
+        kept = np.union1d(chosen, np.arange(min(len(rows), MOST_SAMPLES)))  # the outermost samples among them
+        return _Pairs(even[chosen], *self._with_greys(*self._wanted(linear[kept], y[rows[kept]])))
+
+    def _with_greys(self, source: Array, target: Array, weight: Array) -> tuple[Array, Array, Array]:
+        """Samples as `_wanted` makes them, and behind them greys, which nothing moves."""
+        return (
+            np.concatenate([source, GREYS]),
+            np.concatenate([target, np.zeros_like(GREYS)]),
+            np.concatenate([weight, np.full(len(GREYS), GREY_WEIGHT)]),
+        )
 
     def leave_out(self, x: Array, y: Array, held: Sequence[NDArray[np.bool_]]) -> "list[Continuation]":
         """The guesses of the samples x → y (n, 3) less those of each mask (n,), where this is the guess of them all.
@@ -102,10 +129,10 @@ class Continuation:
             return [self] * len(held)
         rows = _rows(len(x), MOST_SAMPLES)
         x, y = x[rows], y[rows]
-        source, target, weight = self._wanted(self._linear(x), y)
+        source, target, weight = self._with_greys(*self._wanted(self._linear(x), y))
         system = RadialBasisProblem(source, self.bend.centres)
         weight = weight * _robust(_error(self.bend(source) - target, weight), self.half)
-        masks = [mask[rows] for mask in held]
+        masks = [np.concatenate([mask[rows], np.zeros(len(GREYS), dtype=np.bool_)]) for mask in held]
         parts = [system.equations(target, weight, mask) for mask in (*masks, ~np.any(masks, axis=0))]
         total = np.sum(parts, axis=0)
         guesses = []
@@ -149,13 +176,41 @@ def continuation(
     most = CENTRES if size is None else min(MOST_CENTRES, int(CENTRES_PER_FACE_NODE * size**2))
     if not inverse and curve is None:
         curve = output_curve(base.response)
-    return Continuation(base, None if inverse else curve).refit(x, y, most)
+    rows = _rows(len(x), TRIAL_SAMPLES)
+    few_x, few_y = x[rows], y[rows]
+    raw, encoded = (few_y, few_x) if inverse else (few_x, few_y)
+    own, best = (
+        Continuation(matrix, None if inverse else curve) for matrix in (base, with_matrix_of_all(base, raw, encoded))
+    )
+    clearer = own.unexplained(few_x, few_y) < CLEARER * best.unexplained(few_x, few_y)
+    return (own if clearer else best).refit(x, y, most)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """centres: (m, 3); source, target: (n, 3), e of linear light and what r should be there; weight: (n,)."""
+
+    centres: Array
+    source: Array
+    target: Array
+    weight: Array
+
+    def robust(self) -> tuple[Array, float, float]:
+        """Weights (n,) that tell the outliers, the error that counts half, and the root mean square of the others.
+
+        Raises LinAlgError where colours coincide.
+        """
+        robust = np.ones(len(self.source))
+        few = RadialBasisProblem(self.source, self.centres[:FEW_CENTRES])
+        for _ in range(ROUNDS):
+            error = _error(few.fit(self.target, self.weight * robust)[1], self.weight)
+            half = max(OUTLIER_SCALE * float(np.median(error)), LEAST_OUTLIER)
+            robust = _robust(error, half)
+        return robust, half, float(np.sqrt(robust @ error**2 / robust.sum()))
 
 
 def _rows(count: int, most: int) -> NDArray[np.intp]:
-    """At most so many of the samples, the same ones every time."""
-    if count <= most:
-        return np.arange(count)
+    """At most so many of the samples in random order, the same ones every time: of fewer, the first of more."""
     return np.random.default_rng(0).permutation(count)[:most]
 
 

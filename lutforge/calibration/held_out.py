@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lutforge.calibration.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
 from lutforge.calibration.lattice import MEASURING_TOLERANCE, folds
-from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
+from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response, with_matrix_of_all
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import conventional, linearize, render
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
@@ -234,8 +234,8 @@ class _Fitter:
 
     def baselines(self, train: StyleData, base: MatrixAndResponse | None = None) -> dict[str, Fit]:
         """The plain methods."""
-        base = base or fit_matrix_and_response(train.balanced, train.encoded)
         x, y = train.balanced, train.encoded
+        base = with_matrix_of_all(base or fit_matrix_and_response(x, y), x, y)
         return {
             MATRIX_AND_RESPONSE: Fit(base.render, base.linearize),
             CHANNEL_POLYNOMIALS: Fit(channel_polynomials(x, y), mixed_channel_polynomials(y, x)),

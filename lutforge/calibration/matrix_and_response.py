@@ -2,17 +2,21 @@
 
 f⁻¹(I) = Ts x with x = Tw E holds where the gamut map leaves a colour alone. It is linear in Ts and in the table of
 f⁻¹, so each round is a small bounded least-squares problem: f⁻¹ as a sum of non-negative steps (monotone by
-construction), Ts with rows that sum to 1 (neutrals stay neutral). Rounds re-weight by the slope of f, so that the
-error counts in JPEG values, and by the residual (Cauchy, four times its median), so that a stray sample does not.
+construction), Ts with rows that sum to 1 (neutrals stay neutral). Which colours the gamut map moves is not known; it
+moves grey ones least, so a sample counts by its saturation (`untouched_odds`) and by its residual, on a scale that
+shrinks to that of the noise: from all colours alike, where most are saturated, f is tens of codes off. Rounds also
+re-weight by the slope of f, so that the error counts in JPEG values. What no sample tells is the curve that the
+channels have in common, and the shape of sRGB's.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from lutforge.calibration.bounded_least_squares import bounded_least_squares
+from lutforge.calibration.unsaturated import saturation, untouched_odds
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.regression.blas import one_blas_thread
@@ -21,16 +25,32 @@ Array = NDArray[np.float64]
 
 KNOTS = 33
 """Entries of the fitted f⁻¹ per channel; between them it is linear."""
-ROUNDS, FEW, LAST_ROUNDS = 8, 3_000, 2
-"""Of more than FEW samples, so many go through all rounds, and all through the last ones."""
+BETA, LEAST_UNSATURATED = 0.2, 100
+"""Saturation of the RAW values at which a sample counts a quarter; more where fewer samples than this lie below."""
+REACH = 3.0
+"""Samples of more than so many times that saturation count nothing."""
+FEW, CANDIDATES = 3_000, 50_000
+"""Samples that are fitted at most, and those among which they are chosen."""
+ROUNDS = 14
+NOISE_SCALE = 3.0
+"""A residual of so many times the median of the unsaturated counts a quarter (Geman-McClure) …"""
+FIRST_SCALE, SHRINKING, LEAST_SCALE = 32.0 / 255.0, 0.6, 0.5 / 255.0
+"""… but not one below this, which shrinks from round to round: where a stray sample bends the first fits, those that it
+bends away from are not yet lost."""
 LEAST_STEP = 0.05
 """f⁻¹ rises at least at this share of the rate of sRGB's own curve."""
-SMOOTHNESS = 1e-3
-"""Weight of the squared second difference of f⁻¹ less that of sRGB's own curve, relative to the number of samples."""
-RIDGE = 1e-5
+FLATTEST = 0.05
+"""Slopes of f⁻¹ below this count as this, so that no dark sample outweighs all others."""
+SMOOTHNESS = 3e-3
+"""Weight, beside that of one sample, of the squared change of f⁻¹'s slope from knot to knot, relative to that slope,
+beyond that of the channels' common curve: about 3 % a knot counts as much as the noise of one sample."""
+ALIKE = 1e-2
+"""The same of each knot's difference from the common curve."""
+RIDGE = 1e-7
 """Weight of the squared entries of Ts off its diagonal: what colours cannot tell stays the identity."""
-LEAST_SCALE = 2.0 / 255.0
-"""The Cauchy scale is never below this: two JPEG codes."""
+OUTLIER_SCALE, LEAST_OUTLIER = 4.0, 2.0 / 255.0
+"""Of all samples one with so many times their median residual, and at least two codes, counts half (Cauchy)."""
+MATRIX_ROUNDS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,58 +81,95 @@ def fit_matrix_and_response(x: Array, encoded: Array) -> MatrixAndResponse:
     if count < 10:
         raise CalibrationError(f"{count} samples cannot determine a matrix and a response; at least 10 are needed")
     x, encoded = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(encoded, dtype=np.float64)
-    weight, slope = np.ones(count), np.ones((count, 3))
-    tables, rows = np.zeros((KNOTS, 3)), np.eye(3)
-    shape = _srgb_decoded(np.linspace(0.0, 1.0, KNOTS))
-    rounds = ROUNDS
-    if count > FEW:
-        few = np.random.default_rng(0).choice(count, FEW, replace=False, shuffle=False)
-        shape, *_ = _rounds(x[few], encoded[few], np.ones(FEW), np.ones((FEW, 3)), tables, rows, shape, ROUNDS)
-        weight, _ = _weights(x, encoded, tables, rows, slope)
-        rounds = LAST_ROUNDS
-    _, weight, rms = _rounds(x, encoded, weight, slope, tables, rows, shape, rounds)
-    return MatrixAndResponse(rows.copy(), Response(tables), weight, rms)
+    few, odds = _unsaturated(x)
+    tables, rows = _rounds(x[few], encoded[few], odds)
+    residual, _ = _residual(x @ rows.T, encoded, tables)
+    weight = _cauchy(residual)
+    rms = float(np.sqrt((residual**2 @ weight) / weight.sum()))
+    return MatrixAndResponse(rows, Response(tables), weight, rms)
 
 
-def _rounds(
-    x: Array, encoded: Array, weight: Array, slope: Array, tables: Array, rows: Array, shape: Array, rounds: int
-) -> tuple[Array, Array, float]:
-    """Improve tables (KNOTS, 3) and matrix rows (3, 3) in place; returns the curve that channels without samples bend
-    by, the weights (n,), and their rms."""
-    rms = 0.0
-    for _ in range(rounds):
+@one_blas_thread
+def with_matrix_of_all(base: MatrixAndResponse, x: Array, encoded: Array) -> MatrixAndResponse:
+    """The same response with the matrix that suits all samples best, saturated ones too; as in the fit, x and encoded
+    are (n, 3)."""
+    x, encoded = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(encoded, dtype=np.float64)
+    linear, tables = base.response.linearize(encoded), np.ascontiguousarray(base.response.inverse)
+    rows = base.matrix.copy()
+    residual, slope = _residual(x @ rows.T, encoded, tables)
+    for _ in range(MATRIX_ROUNDS):
+        weight = _cauchy(residual)
         for channel in range(3):
-            tables[:, channel], rows[channel] = _fit_channel(x, encoded, channel, weight, slope, shape)
-        shape = tables.mean(axis=1)  # where one channel has no samples, it bends as the others do
-        weight, rms = _weights(x, encoded, tables, rows, slope)
-    return shape, weight, rms
+            others = [c for c in range(3) if c != channel]
+            differences = x[:, others] - x[:, [channel]]
+            weighted = differences * (weight * slope[:, channel] ** 2)[:, None]
+            normal = weighted.T @ differences + RIDGE * float(weight.sum()) * np.eye(2)
+            rows[channel, others] = np.linalg.solve(normal, weighted.T @ (linear[:, channel] - x[:, channel]))
+            rows[channel, channel] = 1.0 - rows[channel, others].sum()
+        residual, slope = _residual(x @ rows.T, encoded, tables)
+    weight = _cauchy(residual)
+    return replace(base, matrix=rows, inlier=weight, rms=float(np.sqrt((residual**2 @ weight) / weight.sum())))
 
 
-def _weights(x: Array, encoded: Array, tables: Array, rows: Array, slope: Array) -> tuple[Array, float]:
-    """Cauchy weights (n,) of samples, and the rms of their residuals with these; fills the slopes (n, 3)."""
-    residual = _residual(x @ rows.T, encoded, tables, slope)
-    scale = max(4.0 * float(np.median(residual)), LEAST_SCALE)
-    weight = 1.0 / (1.0 + (residual / scale) ** 2)
-    return weight, float(np.sqrt((residual**2 @ weight) / weight.sum()))
+def _unsaturated(x: Array) -> tuple[NDArray[np.intp], Array]:
+    """The samples to fit, of x (n, 3), and their odds of being untouched by the gamut map, squared."""
+    rng, rows = np.random.default_rng(0), np.arange(len(x))
+    if len(x) > CANDIDATES:
+        rows = rng.choice(len(x), CANDIDATES, replace=False, shuffle=False)
+    chroma = saturation(x[rows])
+    place = min(LEAST_UNSATURATED, len(rows)) - 1
+    beta = max(BETA, float(np.partition(chroma, place)[place]))
+    near = np.flatnonzero(chroma < REACH * beta)
+    if len(near) > FEW:
+        near = rng.choice(near, FEW, replace=False, shuffle=False)
+    return rows[near], untouched_odds(chroma[near], beta) ** 2
+
+
+def _rounds(x: Array, encoded: Array, odds: Array) -> tuple[Array, Array]:
+    """Tables of f⁻¹ (KNOTS, 3) and matrix rows (3, 3)."""
+    tables, rows = np.zeros((KNOTS, 3)), np.eye(3)
+    common, alike = _srgb_decoded(np.linspace(0.0, 1.0, KNOTS)), 0.0
+    weight, slope, least = odds, np.ones_like(x), FIRST_SCALE
+    for _ in range(ROUNDS):
+        for channel in range(3):
+            tables[:, channel], rows[channel] = _fit_channel(x, encoded, channel, weight, slope, common, alike)
+        common, alike = tables.mean(axis=1), ALIKE
+        residual, slope = _residual(x @ rows.T, encoded, tables)
+        scale = max(NOISE_SCALE * _weighted_median(residual, odds), least)
+        weight = odds / (1.0 + (residual / scale) ** 2) ** 2
+        least = max(SHRINKING * least, LEAST_SCALE)
+    return tables, rows
+
+
+def _weighted_median(values: Array, weight: Array) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weight[order])
+    return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
+
+
+def _cauchy(residual: Array) -> Array:
+    """Weights (n,) of all samples by their residuals (n,), in JPEG values."""
+    scale = max(OUTLIER_SCALE * float(np.median(residual)), LEAST_OUTLIER)
+    return np.asarray(1.0 / (1.0 + (residual / scale) ** 2))
 
 
 @njit(cache=True, nogil=True)
-def _residual(linear: Array, encoded: Array, tables: Array, slope: Array) -> Array:
+def _residual(linear: Array, encoded: Array, tables: Array) -> tuple[Array, Array]:
     """(n,): the distance of f(linear) from the encoded values, (n, 3), with f⁻¹ as tables (KNOTS, 3).
 
-    slope: filled with df/d(linear) at these, (n, 3), bounded so that no dark sample outweighs all others.
+    And df/d(linear) at these, (n, 3), bounded so that no dark sample outweighs all others.
     """
     rise = np.empty((KNOTS, 3))
     for knot in range(KNOTS):
         low, high = max(knot - 1, 0), min(knot + 1, KNOTS - 1)
         for c in range(3):
             rise[knot, c] = (tables[high, c] - tables[low, c]) * ((KNOTS - 1) / (high - low))
-    residual = np.empty(len(linear))
+    residual, slope = np.empty(len(linear)), np.empty_like(linear)
     for n in range(len(linear)):
         total = 0.0
         for c in range(3):
             cell, fraction = _cell(encoded[n, c])
-            slope[n, c] = 1.0 / max(rise[cell, c] + fraction * (rise[cell + 1, c] - rise[cell, c]), 0.05)
+            slope[n, c] = 1.0 / max(rise[cell, c] + fraction * (rise[cell + 1, c] - rise[cell, c]), FLATTEST)
             value = linear[n, c]
             while cell > 0 and value < tables[cell, c]:  # from where the fit should have it
                 cell -= 1
@@ -122,7 +179,7 @@ def _residual(linear: Array, encoded: Array, tables: Array, slope: Array) -> Arr
             part = (value - tables[cell, c]) / width if width > 0.0 else 1.0
             total += ((cell + min(max(part, 0.0), 1.0)) / (KNOTS - 1) - encoded[n, c]) ** 2
         residual[n] = np.sqrt(total)
-    return residual
+    return residual, slope
 
 
 @njit(cache=True, nogil=True)
@@ -139,13 +196,13 @@ def _srgb_decoded(encoded: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def _equations(x: Array, encoded: Array, channel: int, weight: Array, slope: Array) -> tuple[Array, float]:
+def _equations(x: Array, encoded: Array, channel: int, weight: Array, slope: Array) -> Array:
     """The symmetric (KNOTS + 3, KNOTS + 3) products, over all samples, of weighted rows of
-    [f⁻¹'s interpolation between its knots, −differences to the two other channels, what they should sum to], and the
-    sum of the weights. The weight of a sample is weight · slope², of the channel.
+    [f⁻¹'s interpolation between its knots, −differences to the two other channels, what they should sum to]. The weight
+    of a sample is weight · slope², of the channel.
     """
     total = np.zeros((KNOTS + 3, KNOTS + 3))
-    one, two, weights = (channel == 0) + 0, 2 - (channel == 2), 0.0
+    one, two = (channel == 0) + 0, 2 - (channel == 2)
     value = np.empty(5)
     for n in range(len(x)):
         cell, fraction = _cell(encoded[n, channel])
@@ -160,41 +217,45 @@ def _equations(x: Array, encoded: Array, channel: int, weight: Array, slope: Arr
                     total[row, cell + q] += scaled * value[q]
             for q in range(max(p, 2), 5):
                 total[row, KNOTS + q - 2] += scaled * value[q]
-        weights += w
     for row in range(KNOTS + 3):
         for column in range(row):
             total[row, column] = total[column, row]
-    return total, weights
+    return total
 
 
 STEPS = np.eye(KNOTS + 3)
 """From the values of f⁻¹ at its knots to its start and its steps."""
 STEPS[:KNOTS, :KNOTS] = np.tri(KNOTS)
-BEND = np.zeros((KNOTS - 2, KNOTS + 2))
-"""The second difference of f⁻¹ at unit spacing of encoded values, of its steps."""
-BEND[:, 1:KNOTS] = np.diff(np.eye(KNOTS - 1), axis=0) * (KNOTS - 1)
-BENDING = BEND.T @ BEND
 
 
 def _fit_channel(
-    x: Array, encoded: Array, channel: int, weight: Array, slope: Array, shape: Array
+    x: Array, encoded: Array, channel: int, weight: Array, slope: Array, common: Array, alike: float
 ) -> tuple[Array, Array]:
     """f⁻¹ (KNOTS,) and the matrix row (3,) of one channel: minimise Σ w (f⁻¹(I) − m·x)², Σ m = 1.
 
-    shape (KNOTS,): the curve whose second differences f⁻¹ takes where there are no samples.
+    common (KNOTS,): the curve whose relative changes of slope f⁻¹ takes where there are no samples, and with the weight
+    alike its values; black is black, as surely as if one sample told it.
     """
-    products, total = _equations(x, encoded, channel, weight, slope)
-    products = STEPS.T @ products @ STEPS
+    products = STEPS.T @ _equations(x, encoded, channel, weight, slope) @ STEPS
     normal, right = products[:-1, :-1], products[:-1, -1].copy()
-    normal += SMOOTHNESS * total * BENDING
-    right += SMOOTHNESS * total * (BENDING[:, 1:KNOTS] @ np.diff(shape))
-    normal[KNOTS:, KNOTS:] += RIDGE * total * np.eye(2)
+    rate = np.maximum(np.gradient(common) * (KNOTS - 1), FLATTEST)
+    steps = np.diff(common)
+    change = np.diff(steps) / np.maximum(steps[1:] + steps[:-1], 1e-9)
+    bend, knot = np.zeros((KNOTS - 2, KNOTS)), np.arange(KNOTS - 2)
+    bend[knot, 1 + knot], bend[knot, 2 + knot] = -1.0 - change, 1.0 - change
+    bend *= ((KNOTS - 1) / rate[1:-1])[:, None]
+    normal[:KNOTS, :KNOTS] += SMOOTHNESS * (bend.T @ bend)
+    values = STEPS[:KNOTS, :KNOTS] / rate[:, None]
+    normal[:KNOTS, :KNOTS] += alike * (values.T @ values)
+    right[:KNOTS] += alike * (values.T @ (common / rate))
+    normal[0, 0] += 1.0 / rate[0] ** 2
+    normal[KNOTS:, KNOTS:] += RIDGE * float(weight @ slope[:, channel] ** 2) * np.eye(2)
     solution = bounded_least_squares(normal, right, LOWER, UPPER)
     table = solution[0] + np.concatenate([[0.0], np.cumsum(solution[1:KNOTS])])
-    row = np.zeros(3)
-    row[[c for c in range(3) if c != channel]] = solution[KNOTS:]
-    row[channel] = 1.0 - row.sum()
-    return table, row
+    mix = np.zeros(3)
+    mix[[c for c in range(3) if c != channel]] = solution[KNOTS:]
+    mix[channel] = 1.0 - mix.sum()
+    return table, mix
 
 
 LOWER = np.concatenate([[0.0], LEAST_STEP * np.diff(_srgb_decoded(np.linspace(0.0, 1.0, KNOTS))), [-3.0, -3.0]])

@@ -18,7 +18,7 @@ from lutforge.threads import run, slabs
 
 Array = NDArray[np.float64]
 
-SMOOTHNESS = 1e-3
+SMOOTHNESS = 3e-4
 """μ, per sample of weight 1: so little that noise is averaged by how few the centres are, enough for centres that no
 sample is near."""
 DISTANCES_PER_PART = 1_000_000
