@@ -18,7 +18,8 @@ darkened where the render disagrees; black and white are these themselves.
 Among colours that no sample showed, a fitted render folds: two scenes make one colour, and the way back would have to
 jump between them, which no continuous lattice does, however fine. Where it folds by a few codes at most, its own nodes
 give way in the fit. Where that is not enough, the render is unfolded first (`ocio.unfolding`), least where samples are,
-and the linearization begins as its exact inverse (`ocio.exact_inverse`). Neutrals stay as they are.
+and the linearization begins as its exact inverse (`ocio.exact_inverse`); unless that took the render too far from its
+profile: then the fit goes on as it is, with more nodes. Neutrals stay as they are.
 """
 
 from dataclasses import replace
@@ -39,7 +40,7 @@ from lutforge.ocio.preimage import Render, as_render, preimages
 from lutforge.ocio.round_trip import RoundTrip, measure
 from lutforge.ocio.unfolding import unfolded
 from lutforge.regression.lattice_regression import Prior, Regularisation, fit_lattice
-from lutforge.regression.node_levels import equidistributed_levels, snap_levels
+from lutforge.regression.node_levels import equidistributed_levels, resized_levels, snap_levels
 
 Array = NDArray[np.float64]
 
@@ -56,6 +57,8 @@ UNFOLDED_ROUNDS, UNFOLDED_REPAIRS = (0.1, 0.03, 0.01), (0.01, 0.003, 0.003, 0.00
 """Both where the render is unfolded."""
 CROWD = 4
 """There: times as many colours with each clipped channel. They are few kinds, and much of a gamut."""
+FARTHEST = 0.01
+"""Mean change of a render, encoded, up to which it is unfolded."""
 HOPELESS, TRIED = 2.5, 4
 """Share of the goals beyond which a fit to the render as it folds is not carried on, after so many rounds."""
 POOL = 1 << 15
@@ -82,7 +85,7 @@ def consistent(
     pool = MadeColours.of(clamped, POOL, 5, model)
     pool = _greys(pool, linearize).joined(pool).joined(pool.as_8_bit())
     start = _nearest_own(pool, linearize)
-    for _ in range(2):
+    for first in (True, False):
         for number, (candidate, trip) in enumerate(descent(start, linearize)):
             content = trip.worth <= MARGIN
             if content:  # so far: more colours than the fit looked at
@@ -91,11 +94,12 @@ def consistent(
                 best, reached = candidate, trip
             if content and trip.worth <= ENOUGH:
                 break
-            if start.crowd == 1 and number + 1 >= TRIED and trip.worth > HOPELESS:
+            if first and number + 1 >= TRIED and trip.worth > HOPELESS:
                 break
-        if reached.worth <= ENOUGH or start.crowd != 1:
+        if reached.worth <= ENOUGH:
             break
-        start = _foldless(pool, linearize, support)
+        if first:
+            start = _foldless(pool, linearize, support) or _with_more_nodes(start, linearize, candidate)
     if best[1] is linearize:
         return render, linearize, reached
     seen = measure(*best, count=4 * MEASURED)
@@ -154,12 +158,26 @@ def _exact(colours: MadeColours, knots: Levels, start: Array, prior: Array) -> A
     ).values  # fmt: skip
 
 
-def _foldless(pool: MadeColours, own: Lut, support: Array | None) -> Beginning:
-    """The render without folds, and its exact inverse at the nodes."""
-    axes = pool.render.levels
-    cube = unfolded(pool.render, support, neutral_nodes((axes[0], axes[1], axes[2])))
-    render = finer(as_render(compact(replace(pool.render.lut, cube=cube))), FINER)
+def _with_more_nodes(start: Beginning, own: Lut, reached: tuple[Lut, Lut]) -> Beginning:
+    """The pair that a descent from `start` reached, on finer lattices."""
+    pool = replace(start.pool, render=finer(start.pool.render, FINER))
+    levels = layered(resized_levels(unlayered(start.levels), FINER - 2))
+    codes, moved = grid(levels), reached[0].inner(grid(pool.render.lut.levels))
+    return Beginning(pool, levels, reached[1](codes), own(codes), ROUNDS[-1:], REPAIRS, moved=moved)
+
+
+def _foldless(pool: MadeColours, own: Lut, support: Array | None) -> Beginning | None:
+    """The render without folds, and its exact inverse at the nodes; none where that changes the render by too much."""
+    fitted = finer(pool.render, SIZE)
+    axes = fitted.levels
+    if support is not None and support.shape == pool.render.values.shape[:3]:
+        weights = np.repeat(support[..., None], 3, axis=-1)
+        support = interpolate(grid((axes[0], axes[1], axes[2])), pool.render.lut.knots, weights, "trilinear")[..., 0]
+    cube = unfolded(fitted, support, neutral_nodes((axes[0], axes[1], axes[2])))
+    render = finer(as_render(compact(replace(fitted.lut, cube=cube))), FINER)
     made = MadeColours.of(render, POOL, 5)
+    if np.linalg.norm(made.jpeg - pool.render(made.raw), axis=1).mean() > FARTHEST:
+        return None
     pool = replace(pool, render=render).joined(made).joined(made.as_8_bit())
     levels = layered(even_levels(pool, FINER - 2))
     inner, codes = grid(pool.knots(levels)), grid(levels)

@@ -48,7 +48,8 @@ class Beginning:
     back, prior: its node values (N, N, N, 3), and those that its change from is to be smooth.
 
     rounds: how firmly the render is held in each of the rounds over all colours; repairs: in those around what loses
-    most; crowd: how many times as many colours may take part with each channel that is clipped.
+    most; crowd: how many times as many colours may take part with each channel that is clipped; moved: node values of
+    the render to begin from, where they are not those that it is held to.
     """
 
     pool: MadeColours
@@ -58,6 +59,7 @@ class Beginning:
     rounds: tuple[float, ...]
     repairs: tuple[float, ...]
     crowd: int = 1
+    moved: Array | None = None
 
 
 def descent(start: Beginning, own: Lut) -> Iterator[tuple[tuple[Lut, Lut], RoundTrip]]:
@@ -65,7 +67,8 @@ def descent(start: Beginning, own: Lut) -> Iterator[tuple[tuple[Lut, Lut], Round
     linearization."""
     pool, levels, crowd = start.pool, start.levels, start.crowd
     first, knots = pool.render, pool.knots(levels)
-    cubes, prior = Cubes(start.back.copy(), first.values), Cubes(start.prior, first.values)
+    moved = first.values if start.moved is None else start.moved
+    cubes, prior = Cubes(start.back.copy(), moved), Cubes(start.prior, first.values)
     neutral, aim, fixed = neutral_nodes(levels), prior.back.copy(), np.zeros(cubes.back.shape[:3], dtype=np.bool_)
     aim[neutral] = _told(first, own, grid(levels)[neutral])
     aim[0, 0, 0] = own(np.zeros(3))

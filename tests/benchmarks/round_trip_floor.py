@@ -31,7 +31,7 @@ from lutforge.ocio.unfolding import folded_share, unfolded
 
 Array = NDArray[np.float64]
 
-NODES = (33, 49, 65, 97, 129)
+NODES = (33, 49, 65, 97)
 
 
 def rows(rendering: Rendering) -> Iterator[str]:
@@ -52,13 +52,13 @@ def rows(rendering: Rendering) -> Iterator[str]:
 
 def exactly(render: Render, own: lf.Lut) -> Iterator[tuple[float, float]]:
     """The round trip through exact inverses of ever more nodes."""
-    pool = MadeColours.of(render, 1 << 15, 5)
+    pool = MadeColours.of(render, 1 << 13, 5)
     for size in NODES:
         levels = layered(even_levels(pool, size - 2))
         codes = grid(levels).reshape(-1, 3)
         inner = grid(pool.knots(levels)).reshape(-1, 3)
         back = exact_inverse(pool, inner, codes, own(codes)).reshape(size, size, size, 3)
-        trip = measure(render.lut, linearization_lut(own, pool, levels, back))
+        trip = measure(render.lut, linearization_lut(own, pool, levels, back), count=1 << 13)
         yield trip.mean, trip.maximum
 
 
