@@ -40,12 +40,12 @@ SPREAD = 0.7
 POINTS_PER_CENTRE, MOST_NEIGHBOURS = 8, 5_000
 LARGEST_SEARCH = 33
 """Nodes per axis up to which levels are searched at the size itself."""
-ROUNDS, SMALL_ROUNDS = 3, 1
+ROUNDS, SMALL_ROUNDS = 2, 1
 """Of the search for node levels, on lattices of up to SEARCH_SIZE nodes the latter."""
 SWEEPS = 6
 KINKED = 2
 """The squared error of a cell of width h that a clip crosses grows like h^KINKED."""
-POWER = 1.0
+POWER = 1.25
 """With which weights follow errors: an Lp norm of p = 2 + POWER, between the mean error and the largest."""
 REWEIGHTED = 2
 LEAST_FOLLOWED, MOST_FOLLOWED = 0.1, 20.0
