@@ -60,7 +60,8 @@ CROWD = 4
 FARTHEST = 0.01
 """Mean change of a render, encoded, up to which it is unfolded."""
 HOPELESS, TRIED = 2.5, 4
-"""Share of the goals beyond which a fit to the render as it folds is not carried on, after so many rounds."""
+"""Share of the goals beyond which a fit to the render as it folds is not carried on, after so many rounds: what is
+nearer gets there with more nodes, at less change of the render."""
 POOL = 1 << 15
 """Colours of a pool, see `made_colours.spread`: of one that stays; and 8-bit codes."""
 SMOOTHNESS = Regularisation(smoothness=1e-4, twist=1e-4, anchor=0.0, thin_plate=0.0)
@@ -99,7 +100,8 @@ def consistent(
         if reached.worth <= ENOUGH:
             break
         if first:
-            start = _foldless(pool, linearize, support) or _with_more_nodes(start, linearize, candidate)
+            foldless = _foldless(pool, linearize, support) if reached.worth > HOPELESS else None
+            start = foldless or _with_more_nodes(start, linearize, candidate)
     if best[1] is linearize:
         return render, linearize, reached
     seen = measure(*best, count=4 * MEASURED)
