@@ -31,16 +31,18 @@ OFFSET = 0.005
 CENTRES, MOST_CENTRES = 200, 1_000
 CENTRES_PER_FACE_NODE = 2 / 3
 """What a lattice can follow: a guess for one has this many per node of its face, MOST_CENTRES at most."""
-MOST_SAMPLES, MOST_SPREAD = 3_000, 20_000
+SAMPLES_PER_CENTRE, MOST_SAMPLES, MOST_SPREAD = 20, 3_000, 20_000
 """Samples that are fitted, and those among which the centres are spread; the centres themselves are always fitted."""
-FEW_CENTRES, TRIAL_SAMPLES = 100, 1_000
-"""So many, the first as they are spread, tell the outliers before all are fitted, and of so many samples the matrix."""
+FEW_CENTRES, ROUNDS = 100, 2
+"""So many, the first as they are spread, tell the outliers in so many rounds before all are fitted."""
+TRIAL_CENTRES, TRIAL_SAMPLES = 50, 1_000
+"""So many tell, of so many samples, which matrix is continued."""
 FEWEST_COLOURS = 30
 """Fewer distinct ones do not bend a guess: matrix and response alone are continued."""
-CLEARER = 0.85
+CLEARER = 0.92
 """The matrix of the unsaturated colours is continued where few functions then leave less than this share of what they
-leave with the matrix of all colours, which is the safer one beyond the samples."""
-ROUNDS = 4
+leave with the matrix of all colours, which is the safer one beyond the samples; to render only, as to linearize they
+leave no less."""
 OUTLIER_SCALE = 4.0
 """A sample whose error is this many times the median counts half (Cauchy)."""
 LEAST_OUTLIER = 4.0 / 255.0
@@ -95,7 +97,7 @@ class Continuation:
     def unexplained(self, x: Array, y: Array) -> float:
         """How far samples x → y (n, 3) are from what few functions make of this matrix and response; inf where they
         tell no functions."""
-        pairs = self._pairs(x, y, FEW_CENTRES)
+        pairs = self._pairs(x, y, TRIAL_CENTRES)
         try:
             return np.inf if pairs is None else pairs.robust()[2]
         except LinAlgError:
@@ -109,7 +111,7 @@ class Continuation:
             return None
         even = to_even(linear, OFFSET)
         chosen = spread(even, min(most_centres, len(even) // 2))
-        kept = np.union1d(chosen, np.arange(min(len(rows), MOST_SAMPLES)))  # the outermost samples among them
+        kept = np.union1d(chosen, np.arange(min(len(rows), _enough(len(chosen)))))  # the outermost samples among them
         return _Pairs(even[chosen], *self._with_greys(*self._wanted(linear[kept], y[rows[kept]])))
 
     def _with_greys(self, source: Array, target: Array, weight: Array) -> tuple[Array, Array, Array]:
@@ -127,7 +129,7 @@ class Continuation:
         """
         if self.bend is None:
             return [self] * len(held)
-        rows = _rows(len(x), MOST_SAMPLES)
+        rows = _rows(len(x), _enough(len(self.bend.centres)))
         x, y = x[rows], y[rows]
         source, target, weight = self._with_greys(*self._wanted(self._linear(x), y))
         system = RadialBasisProblem(source, self.bend.centres)
@@ -174,16 +176,19 @@ def continuation(
     where that is made already.
     """
     most = CENTRES if size is None else min(MOST_CENTRES, int(CENTRES_PER_FACE_NODE * size**2))
-    if not inverse and curve is None:
+    if inverse:
+        curve = None
+    elif curve is None:
         curve = output_curve(base.response)
     rows = _rows(len(x), TRIAL_SAMPLES)
-    few_x, few_y = x[rows], y[rows]
-    raw, encoded = (few_y, few_x) if inverse else (few_x, few_y)
-    own, best = (
-        Continuation(matrix, None if inverse else curve) for matrix in (base, with_matrix_of_all(base, raw, encoded))
-    )
-    clearer = own.unexplained(few_x, few_y) < CLEARER * best.unexplained(few_x, few_y)
-    return (own if clearer else best).refit(x, y, most)
+    some_x, some_y = x[rows], y[rows]
+    safer = with_matrix_of_all(base, *((some_y, some_x) if inverse else (some_x, some_y)))
+    best = Continuation(safer, curve)
+    if not inverse:
+        own = Continuation(base, curve)
+        if own.unexplained(some_x, some_y) < CLEARER * best.unexplained(some_x, some_y):
+            best = own
+    return best.refit(x, y, most)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +217,11 @@ class _Pairs:
 def _rows(count: int, most: int) -> NDArray[np.intp]:
     """At most so many of the samples in random order, the same ones every time: of fewer, the first of more."""
     return np.random.default_rng(0).permutation(count)[:most]
+
+
+def _enough(centres: int) -> int:
+    """How many samples tell the functions of so many centres."""
+    return min(MOST_SAMPLES, SAMPLES_PER_CENTRE * centres)
 
 
 def _fills_space(source: Array) -> bool:

@@ -31,7 +31,7 @@ REACH = 3.0
 """Samples of more than so many times that saturation count nothing."""
 FEW, CANDIDATES = 3_000, 50_000
 """Samples that are fitted at most, and those among which they are chosen."""
-ROUNDS = 14
+ROUNDS = 10
 NOISE_SCALE = 3.0
 """A residual of so many times the median of the unsaturated counts a quarter (Geman-McClure) …"""
 FIRST_SCALE, SHRINKING, LEAST_SCALE = 32.0 / 255.0, 0.6, 0.5 / 255.0
@@ -97,15 +97,14 @@ def with_matrix_of_all(base: MatrixAndResponse, x: Array, encoded: Array) -> Mat
     linear, tables = base.response.linearize(encoded), np.ascontiguousarray(base.response.inverse)
     rows = base.matrix.copy()
     residual, slope = _residual(x @ rows.T, encoded, tables)
+    differences = x[:, OTHERS] - x[:, :, None]
     for _ in range(MATRIX_ROUNDS):
         weight = _cauchy(residual)
+        weighted = differences * (weight[:, None] * slope**2)[:, :, None]
         for channel in range(3):
-            others = [c for c in range(3) if c != channel]
-            differences = x[:, others] - x[:, [channel]]
-            weighted = differences * (weight * slope[:, channel] ** 2)[:, None]
-            normal = weighted.T @ differences + RIDGE * float(weight.sum()) * np.eye(2)
-            rows[channel, others] = np.linalg.solve(normal, weighted.T @ (linear[:, channel] - x[:, channel]))
-            rows[channel, channel] = 1.0 - rows[channel, others].sum()
+            normal = weighted[:, channel].T @ differences[:, channel] + RIDGE * float(weight.sum()) * np.eye(2)
+            mix = np.linalg.solve(normal, weighted[:, channel].T @ (linear[:, channel] - x[:, channel]))
+            rows[channel, OTHERS[channel]], rows[channel, channel] = mix, 1.0 - mix.sum()
         residual, slope = _residual(x @ rows.T, encoded, tables)
     weight = _cauchy(residual)
     return replace(base, matrix=rows, inlier=weight, rms=float(np.sqrt((residual**2 @ weight) / weight.sum())))
@@ -128,12 +127,12 @@ def _unsaturated(x: Array) -> tuple[NDArray[np.intp], Array]:
 def _rounds(x: Array, encoded: Array, odds: Array) -> tuple[Array, Array]:
     """Tables of f⁻¹ (KNOTS, 3) and matrix rows (3, 3)."""
     tables, rows = np.zeros((KNOTS, 3)), np.eye(3)
-    common, alike = _srgb_decoded(np.linspace(0.0, 1.0, KNOTS)), 0.0
+    prior = _prior(_srgb_decoded(np.linspace(0.0, 1.0, KNOTS)), 0.0)
     weight, slope, least = odds, np.ones_like(x), FIRST_SCALE
     for _ in range(ROUNDS):
         for channel in range(3):
-            tables[:, channel], rows[channel] = _fit_channel(x, encoded, channel, weight, slope, common, alike)
-        common, alike = tables.mean(axis=1), ALIKE
+            tables[:, channel], rows[channel] = _fit_channel(x, encoded, channel, weight, slope, prior)
+        prior = _prior(tables.mean(axis=1), ALIKE)
         residual, slope = _residual(x @ rows.T, encoded, tables)
         scale = max(NOISE_SCALE * _weighted_median(residual, odds), least)
         weight = odds / (1.0 + (residual / scale) ** 2) ** 2
@@ -223,39 +222,46 @@ def _equations(x: Array, encoded: Array, channel: int, weight: Array, slope: Arr
     return total
 
 
+OTHERS = np.array([[1, 2], [0, 2], [0, 1]])
+"""The other channels of each."""
 STEPS = np.eye(KNOTS + 3)
 """From the values of f⁻¹ at its knots to its start and its steps."""
 STEPS[:KNOTS, :KNOTS] = np.tri(KNOTS)
 
 
-def _fit_channel(
-    x: Array, encoded: Array, channel: int, weight: Array, slope: Array, common: Array, alike: float
-) -> tuple[Array, Array]:
-    """f⁻¹ (KNOTS,) and the matrix row (3,) of one channel: minimise Σ w (f⁻¹(I) − m·x)², Σ m = 1.
+def _prior(common: Array, alike: float) -> tuple[Array, Array]:
+    """N (KNOTS + 2, KNOTS + 2) and r (KNOTS + 2,) of u'Nu − 2 r'u, for u as `_fit_channel` has it.
 
     common (KNOTS,): the curve whose relative changes of slope f⁻¹ takes where there are no samples, and with the weight
     alike its values; black is black, as surely as if one sample told it.
     """
-    products = STEPS.T @ _equations(x, encoded, channel, weight, slope) @ STEPS
-    normal, right = products[:-1, :-1], products[:-1, -1].copy()
-    rate = np.maximum(np.gradient(common) * (KNOTS - 1), FLATTEST)
-    steps = np.diff(common)
+    rate, steps = np.maximum(np.gradient(common) * (KNOTS - 1), FLATTEST), np.diff(common)
     change = np.diff(steps) / np.maximum(steps[1:] + steps[:-1], 1e-9)
     bend, knot = np.zeros((KNOTS - 2, KNOTS)), np.arange(KNOTS - 2)
     bend[knot, 1 + knot], bend[knot, 2 + knot] = -1.0 - change, 1.0 - change
     bend *= ((KNOTS - 1) / rate[1:-1])[:, None]
-    normal[:KNOTS, :KNOTS] += SMOOTHNESS * (bend.T @ bend)
     values = STEPS[:KNOTS, :KNOTS] / rate[:, None]
-    normal[:KNOTS, :KNOTS] += alike * (values.T @ values)
-    right[:KNOTS] += alike * (values.T @ (common / rate))
+    normal, right = np.zeros((KNOTS + 2, KNOTS + 2)), np.zeros(KNOTS + 2)
+    normal[:KNOTS, :KNOTS] = SMOOTHNESS * (bend.T @ bend) + alike * (values.T @ values)
     normal[0, 0] += 1.0 / rate[0] ** 2
+    right[:KNOTS] = alike * (values.T @ (common / rate))
+    return normal, right
+
+
+def _fit_channel(
+    x: Array, encoded: Array, channel: int, weight: Array, slope: Array, prior: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """f⁻¹ (KNOTS,) and the matrix row (3,) of one channel: minimise Σ w (f⁻¹(I) − m·x)², Σ m = 1, and the prior.
+
+    Unknowns u are f⁻¹'s value at 0 and its steps, and the matrix entries of the two other channels.
+    """
+    products = STEPS.T @ _equations(x, encoded, channel, weight, slope) @ STEPS
+    normal, right = products[:-1, :-1] + prior[0], products[:-1, -1] + prior[1]
     normal[KNOTS:, KNOTS:] += RIDGE * float(weight @ slope[:, channel] ** 2) * np.eye(2)
     solution = bounded_least_squares(normal, right, LOWER, UPPER)
-    table = solution[0] + np.concatenate([[0.0], np.cumsum(solution[1:KNOTS])])
-    mix = np.zeros(3)
-    mix[[c for c in range(3) if c != channel]] = solution[KNOTS:]
-    mix[channel] = 1.0 - mix.sum()
-    return table, mix
+    mix = np.empty(3)
+    mix[OTHERS[channel]], mix[channel] = solution[KNOTS:], 1.0 - solution[KNOTS:].sum()
+    return np.cumsum(solution[:KNOTS]), mix
 
 
 LOWER = np.concatenate([[0.0], LEAST_STEP * np.diff(_srgb_decoded(np.linspace(0.0, 1.0, KNOTS))), [-3.0, -3.0]])
