@@ -49,14 +49,14 @@ def planar(values: Array) -> Array:
     """Node values (N_r, N_g, N_b, 3) as (3, nodes and FAR planes of zeros on both sides)."""
     r, g, b, _ = values.shape
     lattices = np.zeros((3, r + 2 * FAR, g, b))
-    lattices[:, FAR:-FAR] = np.moveaxis(values, 3, 0)
+    lattices[:, FAR:-FAR] = values.transpose(3, 0, 1, 2)
     return lattices.reshape(3, -1)
 
 
 def from_planar(lattices: Real, size: tuple[int, int, int]) -> Array:
     """The node values (N_r, N_g, N_b, 3) again."""
     r, g, b = size
-    values = np.moveaxis(lattices.reshape(3, r + 2 * FAR, g, b)[:, FAR:-FAR], 0, 3)
+    values = lattices.reshape(3, r + 2 * FAR, g, b)[:, FAR:-FAR].transpose(1, 2, 3, 0)
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
