@@ -180,15 +180,29 @@ def continuation(
         curve = None
     elif curve is None:
         curve = output_curve(base.response)
+    pairs = (y, x) if inverse else (x, y)
+    base = with_matrix_of_all(base, *_some(*pairs)) if inverse else with_clearer_matrix(base, *pairs, curve)
+    return Continuation(base, curve).refit(x, y, most)
+
+
+@one_blas_thread
+def with_clearer_matrix(
+    base: MatrixAndResponse, x: Array, encoded: Array, curve: OutputCurve | None = None
+) -> MatrixAndResponse:
+    """The same response with the matrix to continue: of unsaturated colours, where that is clearer than that of all.
+
+    x, encoded: (n, 3); curve: `output_curve(base.response)`, where that is made already. Raises CalibrationError.
+    """
+    x, encoded = _some(x, encoded)
+    curve, safer = curve or output_curve(base.response), with_matrix_of_all(base, x, encoded)
+    own, other = (Continuation(matrix, curve).unexplained(x, encoded) for matrix in (base, safer))
+    return base if own < CLEARER * other else safer
+
+
+def _some(x: Array, encoded: Array) -> tuple[Array, Array]:
+    """Samples that tell which matrix is continued."""
     rows = _rows(len(x), TRIAL_SAMPLES)
-    some_x, some_y = x[rows], y[rows]
-    safer = with_matrix_of_all(base, *((some_y, some_x) if inverse else (some_x, some_y)))
-    best = Continuation(safer, curve)
-    if not inverse:
-        own = Continuation(base, curve)
-        if own.unexplained(some_x, some_y) < CLEARER * best.unexplained(some_x, some_y):
-            best = own
-    return best.refit(x, y, most)
+    return x[rows], encoded[rows]
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,9 @@ LEAST_FOLLOWED, MOST_FOLLOWED = 0.1, 20.0
 COLOURS, FREE = (0.0, 1.0), (-0.25, 1.25)
 """Bounds of nodes that are colours, and of those with which a small lattice shows a clip between its nodes."""
 BOUND_COST = 0.25 / 255.0
-"""Nodes are colours where that costs no more than this of the mean error: a quarter of a code."""
+"""Nodes are colours where that costs no more than this of the mean error: a quarter of a code …"""
+ALWAYS_COLOURS = 24
+"""… and with so many nodes per axis or more."""
 
 
 def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, smoothness: float) -> LatticeResult:
@@ -64,10 +66,13 @@ def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, 
     if len(rows) < len(x):
         search = _problem(x[rows], y[rows], near, curved, options, smoothness)
     levels = resized_levels(curved.levels, min(options.size, LARGEST_SEARCH))
-    free, colours = (BoundedProblem.at(search, levels, bounds) for bounds in (FREE, COLOURS))
-    fits = free.search_fit(), colours.search_fit()
-    costs = float(colours.error(fits[1]).mean()) - float(free.error(fits[0]).mean())
-    placed, fit = (colours, fits[1]) if costs <= BOUND_COST else (free, fits[0])
+    placed = BoundedProblem.at(search, levels, COLOURS)
+    fit = placed.search_fit()
+    if options.size < ALWAYS_COLOURS:
+        free = BoundedProblem.at(search, levels, FREE)
+        freely = free.search_fit()
+        if float(placed.error(fit).mean()) - float(free.error(freely).mean()) > BOUND_COST:
+            placed, fit = free, freely
     rounds = SMALL_ROUNDS if options.size <= SEARCH_SIZE else ROUNDS
     for rest in reversed(range(rounds if options.nonuniform else 0)):
         squares = search.weight * search.first_robust * placed.error(fit) ** 2
@@ -85,11 +90,12 @@ class BoundedProblem(PlacedProblem):
     """The problem of samples and points of the lattice with a curve, with bounds of node values."""
 
     bounds: Bounds
+    sweeps: int
 
     @classmethod
-    def at(cls, problem: LatticeProblem, levels: Levels, bounds: Bounds) -> "BoundedProblem":
+    def at(cls, problem: LatticeProblem, levels: Levels, bounds: Bounds, sweeps: int = SWEEPS) -> "BoundedProblem":
         matrix = InterpolationMatrix(problem.x, levels, problem.options.interpolation)
-        return cls(problem, levels, matrix, bounds)
+        return cls(problem, levels, matrix, bounds, sweeps)
 
     def solve(
         self, equations: NormalEquations, prior: Prior, smoothness: float, start: Array | None, tolerance: float
@@ -97,8 +103,8 @@ class BoundedProblem(PlacedProblem):
         """smoothness: λ_S of a lattice of SEARCH_SIZE nodes. The sweeps are always as many."""
         smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
         values = prior.values if start is None else start
-        values = solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, SWEEPS)
-        return LatticeFit(self.levels, values, SWEEPS)
+        values = solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, self.sweeps)
+        return LatticeFit(self.levels, values, self.sweeps)
 
     def search_fit(self, like: LatticeFit | None = None) -> LatticeFit:
         """A fit to search with; like: one at other levels, to start from."""

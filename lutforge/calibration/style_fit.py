@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lutforge.calibration.continuation import continuation
+from lutforge.calibration.continuation import continuation, with_clearer_matrix
 from lutforge.calibration.lattice import TOLERANCE, fit_samples
 from lutforge.calibration.lattice_result import LatticeResult, result
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
@@ -19,7 +19,7 @@ from lutforge.model.lattice import Lattice
 
 @dataclass(frozen=True, eq=False)
 class StyleFit:
-    """base: the matrix and response that the lattices continue; render: Tw E → I; linearize: I → Tw E."""
+    """base: the matrix and response that render continues; render: Tw E → I; linearize: I → Tw E."""
 
     base: MatrixAndResponse
     render: LatticeResult
@@ -40,7 +40,7 @@ def fit_style(
     if data.monochrome:
         return StyleFit(base, render, _linearize_greys(data, options, render))
     linearize = fit_direction(data, options, base, inverse=True, smoothness=chosen[1], tolerance=tolerance)
-    return StyleFit(base, render, linearize)
+    return StyleFit(with_clearer_matrix(base, data.balanced, data.encoded), render, linearize)
 
 
 def fit_direction(

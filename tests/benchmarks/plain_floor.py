@@ -26,17 +26,17 @@ from lutforge.calibration.lattice_problem import GREY_WEIGHTS, LatticeProblem
 from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import output_curve
-from lutforge.calibration.plain_lattice import SEARCH_SWEEPS, BoundedProblem
-from lutforge.interpolation import interpolate
+from lutforge.calibration.plain_lattice import KINKED, BoundedProblem
+from lutforge.interpolation import Levels, interpolate
 from lutforge.model.lattice import Lattice
 from lutforge.model.published_model import PublishedModel, read_published_model
-from lutforge.regression.node_levels import resized_levels
+from lutforge.regression.node_levels import equidistributed_levels, resized_levels
 
 Array = NDArray[np.float64]
 
 SEEDS = (1, 2, 3, 4, 5)
 SIZES = (9, 13, 17, 24, 33)
-POINTS, SWEEPS, TRUTH_SIZE = 60_000, 300, 49
+POINTS, SWEEPS, LEVEL_SWEEPS, LEVEL_ROUNDS, TRUTH_SIZE = 60_000, 300, 24, 4, 49
 BOUNDS = {"in [0, 1]": (0.0, 1.0), "free": (-10.0, 10.0)}
 NORMS = (2, 3, 4)
 FOLLOWED = 4
@@ -68,11 +68,22 @@ def around(x: Array) -> Array:
     return np.asarray(np.clip(roots[chosen] + 0.5 * reach[chosen] * rng.normal(size=(POINTS, 3)), 0.0, 1.0) ** 2)
 
 
+def even_error(problem: LatticeProblem, size: int, bounds: tuple[float, float]) -> Levels:
+    """Node levels that share the squared error of their lattice out evenly, found in rounds; the best round's."""
+    assert isinstance(problem.guess, Lattice)
+    levels = resized_levels(problem.guess.levels, size)
+    best = (np.inf, levels)
+    for _ in range(LEVEL_ROUNDS):
+        placed = BoundedProblem.at(problem, levels, bounds, LEVEL_SWEEPS)
+        squares = problem.weight * placed.error(placed.search_fit()) ** 2
+        best = min(best, (float(squares.mean()), levels), key=lambda entry: entry[0])
+        levels = equidistributed_levels(problem.x, squares, levels, KINKED)
+    return best[1]
+
+
 def cubes(problem: LatticeProblem, size: int, bounds: tuple[float, float]) -> list[Lattice]:
     """One for each of NORMS, at node levels found with the answer."""
-    assert isinstance(problem.guess, Lattice)
-    start = BoundedProblem.at(problem, resized_levels(problem.guess.levels, size), bounds, 4 * SEARCH_SWEEPS)
-    levels = start.with_even_error().levels
+    levels = even_error(problem, size, bounds)
     placed = BoundedProblem.at(problem, levels, bounds, SWEEPS)
     result = []
     for norm in NORMS:
