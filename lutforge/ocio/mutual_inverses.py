@@ -97,11 +97,13 @@ def consistent(
                 break
             if first and number + 1 >= TRIED and trip.worth > HOPELESS:
                 break
+        if best[1] is not linearize:
+            reached = reached.or_worse(measure(*best, count=4 * MEASURED))
         if reached.worth <= ENOUGH:
             break
         if first:
             foldless = _foldless(pool, linearize, support) if reached.worth > HOPELESS else None
-            start = foldless or _with_more_nodes(start, linearize, candidate)
+            start = foldless or _with_more_nodes(start, linearize, best)
     if best[1] is linearize:
         return render, linearize, reached
     seen = measure(*best, count=4 * MEASURED)

@@ -68,6 +68,7 @@ def descent(start: Beginning, own: Lut) -> Iterator[tuple[tuple[Lut, Lut], Round
     pool, levels, crowd = start.pool, start.levels, start.crowd
     first, knots = pool.render, pool.knots(levels)
     moved = first.values if start.moved is None else start.moved
+    pool = pool.rendered(moved)
     cubes, prior = Cubes(start.back.copy(), moved), Cubes(start.prior, first.values)
     neutral, aim, fixed = neutral_nodes(levels), prior.back.copy(), np.zeros(cubes.back.shape[:3], dtype=np.bool_)
     aim[neutral] = _told(first, own, grid(levels)[neutral])
