@@ -174,7 +174,7 @@ def _physical_fits(model: PhysicalModel, seconds: float | None = None) -> dict[s
 
 
 class _Fitter:
-    """Fits all methods to one part of the shots after the other; what the first chose in smoothness serves the rest."""
+    """Fits all methods to one part of the shots after the other; what h chose in smoothness first serves the rest."""
 
     def __init__(
         self,
@@ -194,7 +194,6 @@ class _Fitter:
                     self.lattices[sized(size, nonuniform=nonuniform)] = sizes
         self.own_physical = bool(style.physical)
         self.physical = self.own_physical or tables
-        self.smoothness: tuple[float | None, float | None] = (None, None)
         self.nuggets: tuple[float | None, float | None] = (None, None)
 
     def fit(self, train: StyleData) -> dict[str, Fit]:
@@ -207,13 +206,9 @@ class _Fitter:
         results, seconds = [], []
         for inverse in (False, True):
             start = time.perf_counter()
-            result = fit_direction(
-                train, options, base,
-                inverse=inverse, smoothness=self.smoothness[inverse], tolerance=MEASURING_TOLERANCE,
-            )  # fmt: skip
+            result = fit_direction(train, options, base, inverse=inverse, tolerance=MEASURING_TOLERANCE)
             seconds.append(time.perf_counter() - start)
             results.append(result)
-        self.smoothness = (results[0].smoothness, results[1].smoothness)
         return Fit(results[0].lattice, results[1].lattice, seconds[0], seconds[1])
 
     def _physical(self, train: StyleData) -> dict[str, Fit]:
