@@ -47,8 +47,7 @@ Array = NDArray[np.float64]
 MARGIN, ENOUGH = 0.75, 0.9
 """Share of the goals at which the fit tries other colours than its own, and that these may reach."""
 SIZE, FINER = 33, 49
-"""Nodes per axis of the linearization; and where the render is unfolded, of both, the render's by more between its own.
-"""
+"""Nodes per axis of the linearization; and where that is not enough, of both, the render's by more between its own."""
 ROUNDS: tuple[float, ...] = (0.3, 0.1)
 """How firmly the render is held, which gives way last, in each of the rounds over all colours."""
 REPAIRS = (0.03, 0.03, 0.01, 0.01, 0.003, 0.003, 0.001, 0.001)
