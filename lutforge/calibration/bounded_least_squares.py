@@ -16,12 +16,15 @@ RANK_TOLERANCE = 1e-14
 """Eigenvalues below this share of the largest are rounding errors."""
 
 
-def bounded_least_squares(normal: Array, right: Array, lower: Array, upper: Array) -> Array:
+def bounded_least_squares(normal: Array, right: Array, lower: Array, upper: Array, like: Array | None = None) -> Array:
     """u (k,) that minimises u'Nu − 2 r'u with lower ≤ u ≤ upper.
 
-    normal: N (k, k), positive semidefinite; right: r (k,); lower, upper: (k,). Time O(k³) an exchange.
+    normal: N (k, k), positive semidefinite; right: r (k,); lower, upper: (k,); like: the solution of a like problem,
+    whose bounds are the first guess. Time O(k³) an exchange.
     """
     low = high = np.zeros(len(right), dtype=np.bool_)
+    if like is not None:
+        low, high = like <= lower, like >= upper
     for _ in range(MOST_EXCHANGES):
         held = low | high
         at = np.where(low, lower, np.where(high, upper, 0.0))

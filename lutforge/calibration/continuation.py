@@ -13,6 +13,7 @@ else that which suits all colours, from which r runs on more safely.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +36,8 @@ SAMPLES_PER_CENTRE, MOST_SAMPLES, MOST_SPREAD = 20, 3_000, 20_000
 """Samples that are fitted, and those among which the centres are spread; the centres themselves are always fitted."""
 FEW_CENTRES, ROUNDS = 100, 2
 """So many, the first as they are spread, tell the outliers in so many rounds before all are fitted."""
-TRIAL_CENTRES, TRIAL_SAMPLES = 50, 1_000
-"""So many tell, of so many samples, which matrix is continued."""
+TRIAL_CENTRES, TRIAL_SAMPLES = 54, 1_080
+"""So many tell, of so many samples, which matrix is continued: those of the guess for a lattice of 9 nodes per axis."""
 FEWEST_COLOURS = 30
 """Fewer distinct ones do not bend a guess: matrix and response alone are continued."""
 CLEARER = 0.92
@@ -57,13 +58,15 @@ LEAST_SPREAD = 1e-3
 class Continuation:
     """A guess of one direction. curve: what stands behind the cube, to render; None to linearize.
 
-    bend: r, None where the samples cannot tell it; half: the error with which a sample counted half in its fit.
+    bend: r, None where the samples cannot tell it; half: the error with which a sample counted half in its fit; left:
+    how far the others were from what few functions made of this matrix and response.
     """
 
     base: MatrixAndResponse
     curve: OutputCurve | None
     bend: RadialBasis | None = None
     half: float = np.inf
+    left: float = np.inf
 
     def __call__(self, x: Array) -> Array:
         """The guess at x (…, 3): encoded, or RAW."""
@@ -88,20 +91,11 @@ class Continuation:
         if pairs is None:
             return straight
         try:
-            robust, half, _ = pairs.robust()
-            bend, _ = RadialBasisProblem(pairs.source, pairs.centres).fit(pairs.target, pairs.weight * robust)
+            robust, half, left = pairs.robust()
+            bend, _ = pairs.problem.fit(pairs.target, pairs.weight * robust)
         except LinAlgError:  # colours that coincide
             return straight
-        return replace(straight, bend=bend, half=half)
-
-    def unexplained(self, x: Array, y: Array) -> float:
-        """How far samples x → y (n, 3) are from what few functions make of this matrix and response; inf where they
-        tell no functions."""
-        pairs = self._pairs(x, y, TRIAL_CENTRES)
-        try:
-            return np.inf if pairs is None else pairs.robust()[2]
-        except LinAlgError:
-            return np.inf
+        return replace(straight, bend=bend, half=half, left=left)
 
     def _pairs(self, x: Array, y: Array, most_centres: int) -> "_Pairs | None":
         """What r is fitted to; None where the samples cannot tell it."""
@@ -111,7 +105,8 @@ class Continuation:
             return None
         even = to_even(linear, OFFSET)
         chosen = spread(even, min(most_centres, len(even) // 2))
-        kept = np.union1d(chosen, np.arange(min(len(rows), _enough(len(chosen)))))  # the outermost samples among them
+        kept = np.arange(len(rows)) < _enough(len(chosen))
+        kept[chosen] = True  # the outermost samples among them
         return _Pairs(even[chosen], *self._with_greys(*self._wanted(linear[kept], y[rows[kept]])))
 
     def _with_greys(self, source: Array, target: Array, weight: Array) -> tuple[Array, Array, Array]:
@@ -177,12 +172,9 @@ def continuation(
     """
     most = CENTRES if size is None else min(MOST_CENTRES, int(CENTRES_PER_FACE_NODE * size**2))
     if inverse:
-        curve = None
-    elif curve is None:
-        curve = output_curve(base.response)
-    pairs = (y, x) if inverse else (x, y)
-    base = with_matrix_of_all(base, *_some(*pairs)) if inverse else with_clearer_matrix(base, *pairs, curve)
-    return Continuation(base, curve).refit(x, y, most)
+        return Continuation(with_matrix_of_all(base, *_some(y, x)), None).refit(x, y, most)
+    clearer = _clearer(base, x, y, curve or output_curve(base.response))
+    return clearer if most <= TRIAL_CENTRES else clearer.refit(x, y, most)
 
 
 @one_blas_thread
@@ -193,10 +185,15 @@ def with_clearer_matrix(
 
     x, encoded: (n, 3); curve: `output_curve(base.response)`, where that is made already. Raises CalibrationError.
     """
+    return _clearer(base, x, encoded, curve or output_curve(base.response)).base
+
+
+def _clearer(base: MatrixAndResponse, x: Array, encoded: Array, curve: OutputCurve) -> Continuation:
+    """The guess to render of few functions, with the matrix to continue."""
     x, encoded = _some(x, encoded)
-    curve, safer = curve or output_curve(base.response), with_matrix_of_all(base, x, encoded)
-    own, other = (Continuation(matrix, curve).unexplained(x, encoded) for matrix in (base, safer))
-    return base if own < CLEARER * other else safer
+    matrices = base, with_matrix_of_all(base, x, encoded)
+    own, safer = (Continuation(matrix, curve).refit(x, encoded, TRIAL_CENTRES) for matrix in matrices)
+    return own if own.left < CLEARER * safer.left else safer
 
 
 def _some(x: Array, encoded: Array) -> tuple[Array, Array]:
@@ -214,13 +211,19 @@ class _Pairs:
     target: Array
     weight: Array
 
+    @cached_property
+    def problem(self) -> RadialBasisProblem:
+        """Of all centres."""
+        return RadialBasisProblem(self.source, self.centres)
+
     def robust(self) -> tuple[Array, float, float]:
         """Weights (n,) that tell the outliers, the error that counts half, and the root mean square of the others.
 
         Raises LinAlgError where colours coincide.
         """
         robust = np.ones(len(self.source))
-        few = RadialBasisProblem(self.source, self.centres[:FEW_CENTRES])
+        all_few = len(self.centres) <= FEW_CENTRES
+        few = self.problem if all_few else RadialBasisProblem(self.source, self.centres[:FEW_CENTRES])
         for _ in range(ROUNDS):
             error = _error(few.fit(self.target, self.weight * robust)[1], self.weight)
             half = max(OUTLIER_SCALE * float(np.median(error)), LEAST_OUTLIER)
@@ -246,8 +249,13 @@ def _fills_space(source: Array) -> bool:
     spread = float(np.sqrt(max(np.linalg.eigvalsh(centred.T @ centred)[0], 0.0)))
     if spread < LEAST_SPREAD * len(source) ** 0.5:
         return False
-    key = np.rint(source * 1e3).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40])
-    return any(len(np.unique(part)) >= FEWEST_COLOURS for part in (key[: 10 * FEWEST_COLOURS], key))  # most soon show
+    return any(_distinct(part) >= FEWEST_COLOURS for part in (source[: 10 * FEWEST_COLOURS], source))  # most soon show
+
+
+def _distinct(source: Array) -> int:
+    """How many of the colours (n, 3) differ."""
+    key = np.sort(np.rint(source * 1e3).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40]))
+    return 1 + int(np.count_nonzero(key[1:] != key[:-1]))
 
 
 def _error(residual: Array, weight: Array) -> Array:

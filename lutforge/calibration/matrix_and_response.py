@@ -95,16 +95,10 @@ def with_matrix_of_all(base: MatrixAndResponse, x: Array, encoded: Array) -> Mat
     are (n, 3)."""
     x, encoded = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(encoded, dtype=np.float64)
     linear, tables = base.response.linearize(encoded), np.ascontiguousarray(base.response.inverse)
-    rows = base.matrix.copy()
+    rows = base.matrix
     residual, slope = _residual(x @ rows.T, encoded, tables)
-    differences = x[:, OTHERS] - x[:, :, None]
     for _ in range(MATRIX_ROUNDS):
-        weight = _cauchy(residual)
-        weighted = differences * (weight[:, None] * slope**2)[:, :, None]
-        for channel in range(3):
-            normal = weighted[:, channel].T @ differences[:, channel] + RIDGE * float(weight.sum()) * np.eye(2)
-            mix = np.linalg.solve(normal, weighted[:, channel].T @ (linear[:, channel] - x[:, channel]))
-            rows[channel, OTHERS[channel]], rows[channel, channel] = mix, 1.0 - mix.sum()
+        rows = _matrix(x, linear, _cauchy(residual), slope)
         residual, slope = _residual(x @ rows.T, encoded, tables)
     weight = _cauchy(residual)
     return replace(base, matrix=rows, inlier=weight, rms=float(np.sqrt((residual**2 @ weight) / weight.sum())))
@@ -127,12 +121,17 @@ def _unsaturated(x: Array) -> tuple[NDArray[np.intp], Array]:
 def _rounds(x: Array, encoded: Array, odds: Array) -> tuple[Array, Array]:
     """Tables of f⁻¹ (KNOTS, 3) and matrix rows (3, 3)."""
     tables, rows = np.zeros((KNOTS, 3)), np.eye(3)
-    prior = _prior(_srgb_decoded(np.linspace(0.0, 1.0, KNOTS)), 0.0)
-    weight, slope, least = odds, np.ones_like(x), FIRST_SCALE
+    common, alike, weight, slope, least = SRGB, 0.0, odds, np.ones_like(x), FIRST_SCALE
+    start: list[Array | None] = [None] * 3
     for _ in range(ROUNDS):
+        normal, right = _systems(x, encoded, weight, slope, *_prior(common, alike))
         for channel in range(3):
-            tables[:, channel], rows[channel] = _fit_channel(x, encoded, channel, weight, slope, prior)
-        prior = _prior(tables.mean(axis=1), ALIKE)
+            start[channel] = solution = bounded_least_squares(
+                normal[channel], right[channel], LOWER, UPPER, start[channel]
+            )
+            tables[:, channel], mix = np.cumsum(solution[:KNOTS]), solution[KNOTS:]
+            rows[channel, OTHERS[channel]], rows[channel, channel] = mix, 1.0 - mix.sum()
+        common, alike = tables.mean(axis=1), ALIKE
         residual, slope = _residual(x @ rows.T, encoded, tables)
         scale = max(NOISE_SCALE * _weighted_median(residual, odds), least)
         weight = odds / (1.0 + (residual / scale) ** 2) ** 2
@@ -195,17 +194,45 @@ def _srgb_decoded(encoded: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def _equations(x: Array, encoded: Array, channel: int, weight: Array, slope: Array) -> Array:
-    """The symmetric (KNOTS + 3, KNOTS + 3) products, over all samples, of weighted rows of
-    [f⁻¹'s interpolation between its knots, −differences to the two other channels, what they should sum to]. The weight
-    of a sample is weight · slope², of the channel.
+def _systems(
+    x: Array, encoded: Array, weight: Array, slope: Array, bending: Array, towards: Array
+) -> tuple[Array, Array]:
+    """N (3, KNOTS + 2, KNOTS + 2) and r (3, KNOTS + 2) of the u of each channel that minimises u'Nu − 2 r'u, which is
+    Σ weight slope² (f⁻¹(I) − m·x)², Σ m = 1, and what `_prior` has made.
+
+    u are f⁻¹'s value at 0 and its steps, and the matrix entries of the two other channels.
     """
-    total = np.zeros((KNOTS + 3, KNOTS + 3))
+    normal, right = np.empty((3, KNOTS + 2, KNOTS + 2)), np.empty((3, KNOTS + 2))
+    for channel in range(3):
+        total, ridge = _products(x, encoded, channel, weight, slope)
+        for column in range(KNOTS + 3):  # from values at the knots to steps
+            for row in range(KNOTS - 2, -1, -1):
+                total[row, column] += total[row + 1, column]
+        for row in range(KNOTS + 3):
+            for column in range(KNOTS - 2, -1, -1):
+                total[row, column] += total[row, column + 1]
+        for row in range(KNOTS + 2):
+            for column in range(KNOTS + 2):
+                normal[channel, row, column] = total[row, column] + bending[row, column]
+            right[channel, row] = total[row, KNOTS + 2] + towards[row]
+        for row in range(KNOTS, KNOTS + 2):
+            normal[channel, row, row] += RIDGE * ridge
+    return normal, right
+
+
+@njit(cache=True, nogil=True)
+def _products(x: Array, encoded: Array, channel: int, weight: Array, slope: Array) -> tuple[Array, float]:
+    """The symmetric (KNOTS + 3, KNOTS + 3) products, over all samples, of weighted rows of
+    [f⁻¹'s interpolation between its knots, −differences to the two other channels, what they should sum to], and the
+    sum of the weights, weight · slope² of the channel.
+    """
+    total, sum_of_weights = np.zeros((KNOTS + 3, KNOTS + 3)), 0.0
     one, two = (channel == 0) + 0, 2 - (channel == 2)
     value = np.empty(5)
     for n in range(len(x)):
         cell, fraction = _cell(encoded[n, channel])
         own, w = x[n, channel], weight[n] * slope[n, channel] ** 2
+        sum_of_weights += w
         value[0], value[1] = 1.0 - fraction, fraction
         value[2], value[3], value[4] = own - x[n, one], own - x[n, two], own
         for p in range(5):
@@ -219,50 +246,65 @@ def _equations(x: Array, encoded: Array, channel: int, weight: Array, slope: Arr
     for row in range(KNOTS + 3):
         for column in range(row):
             total[row, column] = total[column, row]
-    return total
+    return total, sum_of_weights
 
 
-OTHERS = np.array([[1, 2], [0, 2], [0, 1]])
-"""The other channels of each."""
-STEPS = np.eye(KNOTS + 3)
-"""From the values of f⁻¹ at its knots to its start and its steps."""
-STEPS[:KNOTS, :KNOTS] = np.tri(KNOTS)
-
-
+@njit(cache=True, nogil=True)
 def _prior(common: Array, alike: float) -> tuple[Array, Array]:
-    """N (KNOTS + 2, KNOTS + 2) and r (KNOTS + 2,) of u'Nu − 2 r'u, for u as `_fit_channel` has it.
+    """N (KNOTS + 2, KNOTS + 2) and r (KNOTS + 2,) of u'Nu − 2 r'u, for u as `_systems` has it.
 
     common (KNOTS,): the curve whose relative changes of slope f⁻¹ takes where there are no samples, and with the weight
     alike its values; black is black, as surely as if one sample told it.
     """
-    rate, steps = np.maximum(np.gradient(common) * (KNOTS - 1), FLATTEST), np.diff(common)
-    change = np.diff(steps) / np.maximum(steps[1:] + steps[:-1], 1e-9)
-    bend, knot = np.zeros((KNOTS - 2, KNOTS)), np.arange(KNOTS - 2)
-    bend[knot, 1 + knot], bend[knot, 2 + knot] = -1.0 - change, 1.0 - change
-    bend *= ((KNOTS - 1) / rate[1:-1])[:, None]
-    values = STEPS[:KNOTS, :KNOTS] / rate[:, None]
+    rate = np.empty(KNOTS)
+    for knot in range(KNOTS):
+        low, high = max(knot - 1, 0), min(knot + 1, KNOTS - 1)
+        rate[knot] = max((common[high] - common[low]) * ((KNOTS - 1) / (high - low)), FLATTEST)
     normal, right = np.zeros((KNOTS + 2, KNOTS + 2)), np.zeros(KNOTS + 2)
-    normal[:KNOTS, :KNOTS] = SMOOTHNESS * (bend.T @ bend) + alike * (values.T @ values)
+    for knot in range(1, KNOTS - 1):
+        first, second = common[knot] - common[knot - 1], common[knot + 1] - common[knot]
+        change, scale = (second - first) / max(first + second, 1e-9), (KNOTS - 1) / rate[knot]
+        left, after = (-1.0 - change) * scale, (1.0 - change) * scale
+        normal[knot, knot] += SMOOTHNESS * left * left
+        normal[knot, knot + 1] += SMOOTHNESS * left * after
+        normal[knot + 1, knot] += SMOOTHNESS * left * after
+        normal[knot + 1, knot + 1] += SMOOTHNESS * after * after
+    firmness = drawn = 0.0
+    for knot in range(KNOTS - 1, -1, -1):  # a step is in all values that follow
+        firmness += alike / rate[knot] ** 2
+        drawn += alike * common[knot] / rate[knot] ** 2
+        right[knot] = drawn
+        for other in range(knot + 1):
+            normal[knot, other] += firmness
+            normal[other, knot] += firmness * (other < knot)
     normal[0, 0] += 1.0 / rate[0] ** 2
-    right[:KNOTS] = alike * (values.T @ (common / rate))
     return normal, right
 
 
-def _fit_channel(
-    x: Array, encoded: Array, channel: int, weight: Array, slope: Array, prior: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """f⁻¹ (KNOTS,) and the matrix row (3,) of one channel: minimise Σ w (f⁻¹(I) − m·x)², Σ m = 1, and the prior.
+@njit(cache=True, nogil=True)
+def _matrix(x: Array, linear: Array, weight: Array, slope: Array) -> Array:
+    """Ts with rows that sum to 1, that minimises Σ weight slope² (linear − Ts x)², all (n, 3) but weight (n,)."""
+    rows, total = np.empty((3, 3)), weight.sum()
+    for channel in range(3):
+        one, two = (channel == 0) + 0, 2 - (channel == 2)
+        a, b, c, d, e = RIDGE * total, 0.0, RIDGE * total, 0.0, 0.0
+        for n in range(len(x)):
+            w = weight[n] * slope[n, channel] ** 2
+            first, second = x[n, one] - x[n, channel], x[n, two] - x[n, channel]
+            wanted = linear[n, channel] - x[n, channel]
+            a += w * first * first
+            b += w * first * second
+            c += w * second * second
+            d += w * first * wanted
+            e += w * second * wanted
+        whole = a * c - b * b
+        rows[channel, one], rows[channel, two] = (c * d - b * e) / whole, (a * e - b * d) / whole
+        rows[channel, channel] = 1.0 - rows[channel, one] - rows[channel, two]
+    return rows
 
-    Unknowns u are f⁻¹'s value at 0 and its steps, and the matrix entries of the two other channels.
-    """
-    products = STEPS.T @ _equations(x, encoded, channel, weight, slope) @ STEPS
-    normal, right = products[:-1, :-1] + prior[0], products[:-1, -1] + prior[1]
-    normal[KNOTS:, KNOTS:] += RIDGE * float(weight @ slope[:, channel] ** 2) * np.eye(2)
-    solution = bounded_least_squares(normal, right, LOWER, UPPER)
-    mix = np.empty(3)
-    mix[OTHERS[channel]], mix[channel] = solution[KNOTS:], 1.0 - solution[KNOTS:].sum()
-    return np.cumsum(solution[:KNOTS]), mix
 
-
-LOWER = np.concatenate([[0.0], LEAST_STEP * np.diff(_srgb_decoded(np.linspace(0.0, 1.0, KNOTS))), [-3.0, -3.0]])
+OTHERS = np.array([[1, 2], [0, 2], [0, 1]])
+"""The other channels of each."""
+SRGB = _srgb_decoded(np.linspace(0.0, 1.0, KNOTS))
+LOWER = np.concatenate([[0.0], LEAST_STEP * np.diff(SRGB), [-3.0, -3.0]])
 UPPER = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])

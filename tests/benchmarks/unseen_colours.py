@@ -86,7 +86,7 @@ def figures(rendering: Rendering, spread: str, count: int, draw: int) -> tuple[f
     base = fit_matrix_and_response(x, y)
     options, curve = CalibrationOptions(size=SIZE), output_curve(base.response)
     guess = continuation(base, x, y, inverse=False, size=SIZE)
-    known = Known(guess.base, curve, guess.bend, guess.half, rendering)
+    known = Known(guess.base, curve, guess.bend, guess.half, rendering=rendering)
     fit, floor = (fit_samples(x, y, shots, each, options, clips=True, curve=curve).lattice for each in (guess, known))
     off = 255.0 * (np.clip(fit(GREYS), 0.0, 1.0) - rendering(GREYS))
     return *errors(fit, unseen, wanted), *errors(floor, unseen, wanted), np.abs(off).max(), np.ptp(off, axis=1).max()
