@@ -38,7 +38,8 @@ MEASURING_TOLERANCE = 1e-4
 """Of fits whose only use is to measure an error: within 1e-4 of the exact ones on every sample."""
 FOLDS = 5
 SEARCH_FOLDS = 2
-"""More of them choose the same λ_S: its steps are wide."""
+"""More of them choose the same λ_S: its steps are wide. Of them a lattice smaller than that of the search holds one
+out, which chooses as well there, in half the time."""
 
 
 @one_blas_thread
@@ -107,7 +108,8 @@ def folds(groups: NDArray[np.str_], most: int = FOLDS) -> Iterator[NDArray[np.bo
 def _choose_smoothness(problem: LatticeProblem, groups: NDArray[np.str_], levels: Levels) -> float:
     """λ_S with the least error on held-out shots: from the default, downhill in steps of √10 while it gets better."""
     masks = [mask for mask in folds(groups, SEARCH_FOLDS) if 0 < mask.sum() < len(mask)]
-    if len(masks) < 2:
+    masks = masks[: 1 if problem.options.size < SEARCH_SIZE else SEARCH_FOLDS]
+    if not masks:
         return DEFAULT_SMOOTHNESS
     tests = [problem.select(mask, problem.guess).at(levels) for mask in masks]
     trains = [train.at(levels) for train in problem.leave_out(masks)]
