@@ -10,6 +10,7 @@ from scipy.linalg.lapack import dposv
 from scipy.optimize import lsq_linear
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 MOST_EXCHANGES = 20
 RANK_TOLERANCE = 1e-14
@@ -27,15 +28,14 @@ def bounded_least_squares(normal: Array, right: Array, lower: Array, upper: Arra
         low, high = like <= lower, like >= upper
     for _ in range(MOST_EXCHANGES):
         held = low | high
-        at = np.where(low, lower, np.where(high, upper, 0.0))
-        system, target = normal.copy(), right - normal @ at
-        system[held], system[:, held] = 0.0, 0.0
-        system[held, held], target[held] = 1.0, at[held]
+        system, target = (normal, right) if not held.any() else _with_fixed(normal, right, held, lower, upper, low)
         _, u, singular = dposv(system, target)
         if singular:
             break
-        slope = normal @ u - right
-        below, above = np.where(low, slope > 0.0, u < lower), np.where(high, slope < 0.0, u > upper)
+        below, above = u < lower, u > upper
+        if held.any():  # those stay whose bound still holds u back
+            slope = normal @ u - right
+            below, above = np.where(low, slope > 0.0, below), np.where(high, slope < 0.0, above)
         if np.array_equal(below, low) and np.array_equal(above, high):
             return np.asarray(u)
         low, high = below, above
@@ -45,3 +45,13 @@ def bounded_least_squares(normal: Array, right: Array, lower: Array, upper: Arra
     return np.asarray(
         lsq_linear(root * vectors[:, told].T, (vectors[:, told].T @ right) / root[:, 0], (lower, upper)).x
     )
+
+
+def _with_fixed(normal: Array, right: Array, held: Mask, lower: Array, upper: Array, low: Mask) -> tuple[Array, Array]:
+    """The equations with the held unknowns at their bounds: the lower one where low, else the upper."""
+    at = np.where(low, lower, upper)
+    at[~held] = 0.0
+    system, target = normal.copy(), right - normal @ at
+    system[held], system[:, held] = 0.0, 0.0
+    system[held, held], target[held] = 1.0, at[held]
+    return system, target

@@ -58,15 +58,13 @@ LEAST_SPREAD = 1e-3
 class Continuation:
     """A guess of one direction. curve: what stands behind the cube, to render; None to linearize.
 
-    bend: r, None where the samples cannot tell it; half: the error with which a sample counted half in its fit; left:
-    how far the others were from what few functions made of this matrix and response.
+    bend: r, None where the samples cannot tell it; half: the error with which a sample counted half in its fit.
     """
 
     base: MatrixAndResponse
     curve: OutputCurve | None
     bend: RadialBasis | None = None
     half: float = np.inf
-    left: float = np.inf
 
     def __call__(self, x: Array) -> Array:
         """The guess at x (…, 3): encoded, or RAW."""
@@ -86,16 +84,27 @@ class Continuation:
 
     def refit(self, x: Array, y: Array, most_centres: int = CENTRES) -> "Continuation":
         """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response."""
-        straight = replace(self, bend=None)
+        return self._bent(self._trial(x, y, most_centres))
+
+    def _trial(self, x: Array, y: Array, most_centres: int) -> "_Trial | None":
+        """What few functions make of samples; None where these cannot tell them."""
         pairs = self._pairs(x, y, most_centres)
-        if pairs is None:
-            return straight
         try:
-            robust, half, left = pairs.robust()
-            bend, _ = pairs.problem.fit(pairs.target, pairs.weight * robust)
+            return None if pairs is None else pairs.trial()
         except LinAlgError:  # colours that coincide
+            return None
+
+    def _bent(self, trial: "_Trial | None") -> "Continuation":
+        """The guess of all functions, fitted to the samples of a trial."""
+        straight = replace(self, bend=None, half=np.inf)
+        if trial is None:
             return straight
-        return replace(straight, bend=bend, half=half, left=left)
+        pairs = trial.pairs
+        try:
+            bend, _ = pairs.problem.fit(pairs.target, pairs.weight * trial.robust)
+        except LinAlgError:
+            return straight
+        return replace(straight, bend=bend, half=trial.half)
 
     def _pairs(self, x: Array, y: Array, most_centres: int) -> "_Pairs | None":
         """What r is fitted to; None where the samples cannot tell it."""
@@ -191,9 +200,10 @@ def with_clearer_matrix(
 def _clearer(base: MatrixAndResponse, x: Array, encoded: Array, curve: OutputCurve) -> Continuation:
     """The guess to render of few functions, with the matrix to continue."""
     x, encoded = _some(x, encoded)
-    matrices = base, with_matrix_of_all(base, x, encoded)
-    own, safer = (Continuation(matrix, curve).refit(x, encoded, TRIAL_CENTRES) for matrix in matrices)
-    return own if own.left < CLEARER * safer.left else safer
+    own, safer = (Continuation(each, curve) for each in (base, with_matrix_of_all(base, x, encoded)))
+    of_own, of_safer = (guess._trial(x, encoded, TRIAL_CENTRES) for guess in (own, safer))
+    clear = of_own is not None and (of_safer is None or of_own.left < CLEARER * of_safer.left)
+    return own._bent(of_own) if clear else safer._bent(of_safer)
 
 
 def _some(x: Array, encoded: Array) -> tuple[Array, Array]:
@@ -216,11 +226,8 @@ class _Pairs:
         """Of all centres."""
         return RadialBasisProblem(self.source, self.centres)
 
-    def robust(self) -> tuple[Array, float, float]:
-        """Weights (n,) that tell the outliers, the error that counts half, and the root mean square of the others.
-
-        Raises LinAlgError where colours coincide.
-        """
+    def trial(self) -> "_Trial":
+        """Fits of few functions, which tell the outliers. Raises LinAlgError where colours coincide."""
         robust = np.ones(len(self.source))
         all_few = len(self.centres) <= FEW_CENTRES
         few = self.problem if all_few else RadialBasisProblem(self.source, self.centres[:FEW_CENTRES])
@@ -228,7 +235,18 @@ class _Pairs:
             error = _error(few.fit(self.target, self.weight * robust)[1], self.weight)
             half = max(OUTLIER_SCALE * float(np.median(error)), LEAST_OUTLIER)
             robust = _robust(error, half)
-        return robust, half, float(np.sqrt(robust @ error**2 / robust.sum()))
+        return _Trial(self, robust, half, float(np.sqrt(robust @ error**2 / robust.sum())))
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """robust: weights (n,) that tell the outliers; half: the error that counts half; left: the root mean square of the
+    others."""
+
+    pairs: _Pairs
+    robust: Array
+    half: float
+    left: float
 
 
 def _rows(count: int, most: int) -> NDArray[np.intp]:

@@ -23,8 +23,9 @@ LEAST_TONES = 0.25
 
 def saturation(encoded: Array) -> Array:
     """HSV saturation 1 − min/max of encoded colours (n, 3) → (n,); black is 0."""
-    high = encoded.max(axis=1)
-    return np.asarray(1.0 - encoded.min(axis=1) / np.maximum(high, 1e-6))
+    r, g, b = encoded.T
+    high, low = np.maximum(np.maximum(r, g), b), np.minimum(np.minimum(r, g), b)
+    return np.asarray(1.0 - low / np.maximum(high, 1e-6))
 
 
 def untouched(encoded: Array, beta: float = BETA) -> NDArray[np.bool_]:
