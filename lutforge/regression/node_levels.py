@@ -52,11 +52,14 @@ def _smoothed(padded: Array, kernel: Array) -> Array:
     count = padded.shape[1] - len(kernel) + 1
     result = np.zeros((len(padded), count))
     for row in range(len(padded)):
-        to = result[row]
-        for k in range(len(kernel)):
-            weight, source = kernel[k], padded[row, k : k + count]
+        to, radius = result[row], len(kernel) // 2
+        for bin in range(count):
+            to[bin] = kernel[radius] * padded[row, radius + bin]
+        for k in range(radius):
+            weight, left = kernel[k], padded[row, k : k + count]
+            right = padded[row, len(kernel) - 1 - k : len(kernel) - 1 - k + count]
             for bin in range(count):
-                to[bin] += weight * source[bin]
+                to[bin] += weight * (left[bin] + right[bin])
     return result
 
 
