@@ -17,18 +17,19 @@ from lutforge.simulate.demo import demo_shots
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_04")
 
 shots = demo_shots(folder / "shots")
-profile = lf.calibrate(lf.sample(shots.calibration), lf.CalibrationOptions(size=17))
+standard = [shot for shot in shots.calibration if "standard" in shot.name]
+profile = lf.calibrate(lf.sample(standard), lf.CalibrationOptions(size=17))
 path = lf.write_config([profile], folder / "ocio", replace=True)
 
 config = OCIO.Config.CreateFromFile(str(path))
 camera = profile.camera
-source, target = f"{camera} standard tungsten", f"{camera} vivid daylight"
+source, target = f"{camera} standard tungsten", f"{camera} standard daylight"
 
 # From one of the camera's settings to another is a refinish; to ACEScg it is a linearization.
 pixels = np.array([[0.2, 0.4, 0.8]], dtype=np.float32)
 config.getProcessor(source, target).getDefaultCPUProcessor().applyRGB(pixels)
 print("refinished by the config:", np.round(pixels[0], 3), "by the model:",
-      np.round(profile.refinish("standard/tungsten", "vivid/daylight")([0.2, 0.4, 0.8]), 3))  # fmt: skip
+      np.round(profile.refinish("standard/tungsten", "standard/daylight")([0.2, 0.4, 0.8]), 3))  # fmt: skip
 
 oiiotool = shutil.which("oiiotool", path=str(Path(sys.executable).parent)) or shutil.which("oiiotool")
 if oiiotool:
