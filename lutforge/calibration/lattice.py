@@ -25,7 +25,7 @@ from lutforge.interpolation import Levels
 from lutforge.model.lattice import uniform_levels
 from lutforge.regression.blas import one_blas_thread
 from lutforge.regression.lattice_regression import LatticeFit
-from lutforge.regression.node_levels import equidistributed_levels, resized_levels
+from lutforge.regression.node_levels import resized_levels
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def fit_samples(
         fit = placed.fit(first, SEARCH_TOLERANCE, fit)
         error = placed.squared_error(fit)
         if options.nonuniform:
-            levels = equidistributed_levels(search.x, error, levels)
+            levels = search.moved_levels(levels, error)
     assert fit is not None
     robust = robust_weights(error if len(rows) == len(x) else problem.at(fit.levels).squared_error(fit))
     placed = problem.at(snapped(levels, options))

@@ -13,10 +13,10 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.output_curve import OutputCurve
 from lutforge.calibration.rising_axis import with_rising_axis
 from lutforge.interpolation import Levels, interpolate, through
-from lutforge.model.gamut_map import from_even
+from lutforge.model.gamut_map import from_even, to_even
 from lutforge.model.lattice import Lattice, grid
 from lutforge.regression.lattice_regression import LatticeFit, Prior, Regularisation, solve_lattice
-from lutforge.regression.node_levels import equidistributed_levels
+from lutforge.regression.node_levels import BINS, EVEN, equidistributed_levels
 from lutforge.regression.normal_equations import InterpolationMatrix, NormalEquations
 
 Array = NDArray[np.float64]
@@ -46,6 +46,11 @@ LEAST_FALL = 1e-6
 OUTLIER_SCALE = 10.0
 """A sample whose error is this many times the median counts half (Cauchy)."""
 LEAST_OUTLIER = 12.0 / 255.0
+EVEN_TO_THE_EYE = 0.1
+"""Share of the levels on RAW that stays even to the eye: where samples are bright, the first cell would else reach up
+to codes that any picture has."""
+FLOOR = EVEN + EVEN_TO_THE_EYE * np.diff(to_even(np.linspace(0.0, 1.0, BINS + 1), OFFSET))
+"""The density of levels that stay, these and those of any lattice."""
 SLOPES = 511
 """Entries of the table of the curve's slopes, which are taken over two codes of 255."""
 
@@ -116,8 +121,12 @@ class LatticeProblem:
             best = min(best, (mean, levels), key=lambda entry: entry[0])
             if stalled:
                 break
-            levels = equidistributed_levels(self.x, error, levels)
+            levels = self.moved_levels(levels, error)
         return best[1]
+
+    def moved_levels(self, levels: Levels, error: Array) -> Levels:
+        """Better node levels, from the squared errors (n,) of a lattice at `levels`."""
+        return equidistributed_levels(self.x, error, levels, floor=EVEN if self.curve is None else FLOOR)
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,15 +87,18 @@ DENSITY_SMOOTHING = 5.0
 BACKGROUND = 0.01
 """Share of the error that counts as even noise."""
 MIDDLES = (np.arange(BINS) + 0.5) / BINS
+EVEN = np.full(BINS, FLOOR / BINS)
+"""The density of those levels."""
 GAUSSIAN, DENSITY_GAUSSIAN = _gaussian(SMOOTHING, RADIUS), _gaussian(DENSITY_SMOOTHING, 20)
 
 
-def equidistributed_levels(x: Array, error: Array, levels: Levels, order: int = SMOOTH) -> Levels:
+def equidistributed_levels(x: Array, error: Array, levels: Levels, order: int = SMOOTH, floor: Array = EVEN) -> Levels:
     """Better node levels of the same number, from the squared errors (n,) of a lattice at `levels` over x (n, 3).
 
     Per axis the error histogram e(t) ≈ ρ κ² h⁴ gives ρ κ² = e / h⁴ with the present spacing h, and so the spacing that
     balances it. A few rounds converge; (5.6 – 5.9) is one such round with exponent 1, tempered by α.
-    order: the power of h that the error grows with, less where the function has kinks.
+    order: the power of h that the error grows with, less where the function has kinks; floor: (BINS,), the density of
+    the share of the levels that lies there whatever the errors.
     """
     densities = []
     for histogram, axis in zip(error_histogram(x, error), levels, strict=True):
@@ -105,7 +108,7 @@ def equidistributed_levels(x: Array, error: Array, levels: Levels, order: int = 
     density = np.array(densities)
     before, after = (density[:, [end]].repeat(radius, axis=1) for end in (0, -1))
     smooth = _smoothed(np.concatenate([before, density, after], axis=1), DENSITY_GAUSSIAN)
-    smooth = (1 - FLOOR) * smooth / smooth.sum(axis=1, keepdims=True) + FLOOR / BINS
+    smooth = (1 - floor.sum()) * smooth / smooth.sum(axis=1, keepdims=True) + floor
     r, g, b = (equidistribute(row, len(axis)) for row, axis in zip(smooth, levels, strict=True))
     return (r, g, b)
 
