@@ -6,7 +6,7 @@ from dense_lattice import interpolation_weights, mixed_differences, random_level
 from numpy.typing import NDArray
 
 from lutforge.errors import CalibrationError
-from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.interpolation import INTERPOLATIONS, Interpolation, Levels
 from lutforge.regression import multigrid as module
 from lutforge.regression.conjugate_gradients import solve
 from lutforge.regression.multigrid import Multigrid
@@ -18,17 +18,25 @@ Array = NDArray[np.float64]
 SIZE = (9, 6, 7)
 
 
-def make(method: Interpolation = "trilinear", size: tuple[int, int, int] = SIZE) -> tuple[Multigrid, Array]:
-    """A hierarchy over random samples, and the dense matrix (3, m, m) of its finest operator."""
+def samples(size: tuple[int, int, int]) -> tuple[Levels, Array, Array]:
+    """Random node levels, sample positions (300, 3) and an anchor."""
     rng = np.random.default_rng(0)
     levels = random_levels(rng, size)
-    x = rng.random((300, 3))
-    anchor = rng.random((*size, 3)) * 0.01
+    return levels, rng.random((300, 3)), rng.random((*size, 3)) * 0.01
+
+
+def hierarchy(method: Interpolation = "trilinear", size: tuple[int, int, int] = SIZE) -> Multigrid:
+    """Over random samples."""
+    levels, x, anchor = samples(size)
+    return Multigrid(levels, normal_equations(x, x, levels, method).stencil, anchor, 0.02, 0.03)
+
+
+def make(method: Interpolation = "trilinear", size: tuple[int, int, int] = SIZE) -> tuple[Multigrid, Array]:
+    """A hierarchy, and the dense matrix (3, m, m) of its finest operator."""
+    levels, x, anchor = samples(size)
     weights, s, t = interpolation_weights(x, levels, method), second_differences(levels), mixed_differences(size)
     dense = weights.T @ weights + 0.02 * s.T @ s + 0.03 * t.T @ t
-    matrices = np.stack([dense + np.diag(anchor[..., c].ravel()) for c in range(3)])
-    stencil = normal_equations(x, x, levels, method).stencil
-    return Multigrid(levels, stencil, anchor, 0.02, 0.03), matrices
+    return hierarchy(method, size), np.stack([dense + np.diag(anchor[..., c].ravel()) for c in range(3)])
 
 
 def product(multigrid: Multigrid, b: Array) -> Array:
@@ -86,12 +94,12 @@ def test_a_system_that_cannot_be_solved_is_said_so() -> None:
 def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     size = (17, 12, 14)
     right = np.random.default_rng(6).normal(size=(*size, 3))
-    in_one_call = solve(make(size=size)[0], right, np.zeros_like(right), 1e-12)[0]
+    in_one_call = solve(hierarchy(size=size), right, np.zeros_like(right), 1e-12)[0]
     monkeypatch.setattr(module, "SMALL", 500)
     monkeypatch.setattr(module, "NODES_PER_THREAD", 100)
     found = []
     for cores in (1, 2, 3):
         monkeypatch.setattr(module, "cores", lambda cores=cores: cores)
-        found.append(solve(make(size=size)[0], right, np.zeros_like(right), 1e-12)[0])
+        found.append(solve(hierarchy(size=size), right, np.zeros_like(right), 1e-12)[0])
         np.testing.assert_array_equal(found[-1], found[0])
     np.testing.assert_allclose(found[0], in_one_call, atol=1e-8)
