@@ -24,7 +24,8 @@ MAX_SIZE = 129
 
 @dataclass(frozen=True, eq=False)
 class Lut:
-    """y = matrix · response(cube(s(curve(clamp(gain · before · x / highest))))), s spreading the node levels evenly.
+    """y = matrix · response(cube(s(curve(clamp(i))))), i = (gain · before · x − lowest) / (highest − lowest), s
+    spreading the node levels evenly.
 
     gain: (3,) positive. levels: three axes of N node levels from 0, strictly increasing, each a multiple of
     1 / (shaper_size − 1), or evenly spaced on [0, 1] (then the file needs no shaper). The last is 1, save in
@@ -36,6 +37,7 @@ class Lut:
     its nodes, such as linear light for an encoded input. Files hold it in the shaper. response: (m, 3), the output at m
     even steps of [0, 1] of what the cube gives, clamped; none for none. Process lists (CLF, CTF) hold it.
     highest: inputs span 0 to this, scene-linear light often more than 1; files hold it as the range of the shaper.
+    lowest: 0, or below, from where on inputs span; process lists hold it.
     before: (3, 3), from a scene-linear space to the axes of the LUT, or none; process lists hold it.
     source: the function that the LUT was fitted to: formats that cannot hold this form of it are fitted anew.
     """
@@ -51,6 +53,7 @@ class Lut:
     curve: Array | None = None
     response: Array | None = None
     highest: float = 1.0
+    lowest: float = 0.0
     before: Array | None = None
     source: Transform | None = field(default=None, repr=False)
 
@@ -72,6 +75,8 @@ class Lut:
             raise LutError("LUT: the matrix is 3 × 3 finite numbers")
         if not 0 < self.highest < 65504:
             raise LutError(f"LUT: inputs up to {self.highest:g}; half floats end at 65504")
+        if not -65504 < self.lowest <= 0:
+            raise LutError(f"LUT: inputs from {self.lowest:g}; they begin at 0, or below, as far as half floats reach")
         if self.before is not None and (self.before.shape != (3, 3) or not np.all(np.isfinite(self.before))):
             raise LutError("LUT: the matrix in front is 3 × 3 finite numbers")
         if not np.all(np.isfinite(self.cube)):
@@ -102,7 +107,8 @@ class Lut:
         scene = checked_colours(x)
         if self.before is not None:
             scene = scene @ self.before.T
-        inside = np.clip(np.nan_to_num(scene * (self.gain / self.highest)), 0.0, 1.0)
+        span = self.highest - self.lowest
+        inside = np.clip(np.nan_to_num(scene * (self.gain / span)) - self.lowest / span, 0.0, 1.0)
         y = interpolate(self.stretched(inside), self.knots, self.cube, self.interpolation)
         if self.response is not None:
             y = through(self.response, y)
@@ -136,6 +142,7 @@ class Lut:
         return (
             self.curve is None
             and self.highest == 1
+            and self.lowest == 0
             and all(np.allclose(axis, even, rtol=0, atol=1e-12) for axis in self.levels)
         )
 
@@ -146,8 +153,8 @@ class Lut:
 
     @property
     def is_for_scenes(self) -> bool:
-        """True where inputs are scene-linear light, beyond 1 or through a matrix in front."""
-        return self.before is not None or self.highest != 1
+        """True where inputs are scene-linear light, beyond [0, 1] or through a matrix in front."""
+        return self.before is not None or self.highest != 1 or self.lowest != 0
 
     @property
     def has_matrix(self) -> bool:

@@ -187,7 +187,7 @@ def _in_form(lut: Lut, form: Format, program: Dialect | None, size: int | None) 
 
 def _for_scenes(lut: Lut, form: Format) -> tuple[Lut, str]:
     """A LUT of scene-linear light as a shaper on 0 to the highest value, and a cube."""
-    if form.writer not in HOLD_RANGES:
+    if form.writer not in HOLD_RANGES or lut.lowest:
         raise LutError(_NO_SCENES.format(form.name))
     if lut.before is None:
         return lut.folded(), ""

@@ -1,59 +1,136 @@
 """The exact inverse of a render at the nodes of a linearization, continued to codes that the render never makes.
 
-Behind the faces of the RAW range the render is continued by its mean slope on neutrals, so that the inverse runs on
-where its range ends. A channel that is clipped says only that the scene is beyond, and it may be far to one that the
-camera can take: the search begins from the profile's own answer, which is smooth from code to code, then from the scene
-of the nearest colour that the render makes.
+Beyond the RAW range the render is continued, so that the inverse runs on where its range ends. A channel that is
+clipped says only that the scene is beyond: of all scenes, the one is taken that is as little as can be outside of the
+RAW range, then of the least beyond the clip, so that the answer changes smoothly from code to code.
 """
 
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lutforge.ocio.joint_equations import MARGIN
 from lutforge.ocio.made_colours import MadeColours
-from lutforge.ocio.preimage import Render, preimages
-from lutforge.ocio.unfolding import frame
+from lutforge.ocio.preimage import CLIPPED, Render, preimages, value_and_slope
+from lutforge.ocio.unfolding import continued, frame
+from lutforge.threads import run, slabs
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 REACH = 1.0
 """How far beyond the RAW range it is continued."""
+STAGES = ((0.1, 0.01), (0.03, 0.001), (0.01, 0.0001))
+"""How much it counts to be outside of the RAW range, and beyond the clip, beside what is not clipped."""
+STEPS = 60
+BLOCK = 1024
+"""Colours that a thread takes at once."""
+BETTER = 0.9
+"""Share of what is left from one start, for the other to be taken: else codes side by side might go either way."""
 
 
-def exact_inverse(pool: MadeColours, inner: Array, jpeg: Array, start: Array) -> Array:
-    """RAW (n, 3), beyond [0, 1] where it must be, of JPEG colours (n, 3), `inner` in front of the response, for the
-    render of the pool, which holds colours that it makes; searched from start (n, 3)."""
-    render, beyond = pool.render, _continued(pool.render)
-
-    def search(which: NDArray[np.int64], begin: Array) -> tuple[Array, NDArray[np.bool_]]:
-        raw, found = preimages(beyond, inner[which], jpeg[which], (begin + REACH) / (1 + 2 * REACH))
-        return raw * (1 + 2 * REACH) - REACH, found
-
-    raw, reached = search(np.arange(len(jpeg)), np.clip(start, 0.0, 1.0))
-    left = np.flatnonzero(~(reached & np.all((raw >= 0) & (raw <= 1), axis=1)))
-    nearest = np.empty((0, 3))
-    for again in (False, True):
-        begin = pool.raw[cKDTree(pool.jpeg).query(jpeg[left])[1]] if again else np.clip(raw[left], 0.0, 1.0)
-        nearest, found = preimages(render, inner[left], jpeg[left], begin)
-        raw[left[found]] = nearest[found]
-        left, nearest = left[~found], nearest[~found]
-    other, found = search(left, np.clip(nearest, 0.0, 1.0))
-    better = found & ((_outside(other) < _outside(raw[left])) | ~reached[left])
-    raw[left[better]] = other[better]
+def exact_inverse(pool: MadeColours, beyond: Render, inner: Array, jpeg: Array, start: Array) -> Array:
+    """RAW (n, 3), beyond [0, 1] where it must be, of JPEG colours (n, 3), `inner` in front of the response, for one
+    that goes on beyond its range; searched from start (n, 3), and from the scenes of the pool's nearest colours."""
+    wide = continued(beyond, frame(beyond), REACH)
+    raw, reached = preimages(wide, inner, jpeg, np.clip(start, 0.0, 1.0))
+    side = np.where(jpeg >= 1 - CLIPPED, 1, np.where(jpeg <= CLIPPED, -1, 0)).astype(np.int64)
+    clipped = np.any(side != 0, axis=1)
+    again = np.flatnonzero(~reached | clipped)
+    near = pool.raw[cKDTree(pool.jpeg).query(jpeg[again])[1]]
+    other, found = preimages(wide, inner[again], jpeg[again], near)
+    better = found & ~reached[again]
+    raw[again[better]] = other[better]
+    raw[clipped] = _settled(wide, inner[clipped], side[clipped], (raw[clipped], near[clipped[again]]))
     return raw
 
 
-def _outside(raw: Array) -> Array:
-    return np.asarray(np.linalg.norm(raw - np.clip(raw, 0.0, 1.0), axis=1))
+def _settled(render: Render, target: Array, side: Index, starts: tuple[Array, Array]) -> Array:
+    """Scenes of clipped codes (n, 3), `target` in front of the response, from the better of two starts (n, 3)."""
+    answers, costs = [], []
+    for start in starts:
+        raw, cost = start.copy(), np.empty(len(start))
+        for outside, clip in STAGES:
+            settle = partial(
+                _settle, render.values, render.levels, render.tetrahedral, target, side, outside, clip, raw, cost
+            )
+            run(settle, slabs(0, len(raw), BLOCK, len(raw)))
+        answers.append(raw)
+        costs.append(cost)
+    return np.where((costs[1] < BETTER * costs[0])[:, None], answers[1], answers[0])
 
 
-def _continued(render: Render) -> Render:
-    """The render on [−REACH, 1 + REACH], scaled to [0, 1], straight on beyond the RAW range."""
-    levels = np.stack([np.concatenate([[-REACH], axis, [1 + REACH]]) for axis in render.levels])
-    ends = np.zeros(len(levels[0]))
-    ends[[0, -1]] = -REACH, REACH
-    off = np.stack(np.meshgrid(ends, ends, ends, indexing="ij"), axis=-1)
-    values = np.pad(render.values, [(1, 1)] * 3 + [(0, 0)], mode="edge") + off @ frame(render).T
-    return replace(render, levels=(levels + REACH) / (1 + 2 * REACH), values=values)
+@njit(cache=True, nogil=True)
+def _pulls(
+    values: Array,
+    levels: Array,
+    tetrahedral: bool,
+    x: Array,
+    target: Array,
+    side: Index,
+    outside: float,
+    clip: float,
+    left: Array,
+    slope: Array,
+) -> float:
+    """Fill left (6,), what is left of a clipped code and of being within RAW 0 and 1, and slope (6, 3); its square."""
+    y, total = np.empty(3), 0.0
+    value_and_slope(values, levels, tetrahedral, x, y, slope[:3])
+    for c in range(3):
+        left[c] = target[c] + side[c] * MARGIN - y[c]
+        if side[c] * left[c] < 0:
+            left[c] *= clip
+            slope[c] *= clip
+        out = x[c] - min(max(x[c], 0.0), 1.0)
+        left[3 + c] = -outside * out
+        slope[3 + c] = 0.0
+        slope[3 + c, c] = outside if out != 0.0 else 0.0
+        total += left[c] ** 2 + left[3 + c] ** 2
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _settle(
+    values: Array,
+    levels: Array,
+    tetrahedral: bool,
+    targets: Array,
+    sides: Index,
+    outside: float,
+    clip: float,
+    raw: Array,
+    costs: Array,
+    first: int,
+    last: int,
+) -> None:
+    """Levenberg–Marquardt for some of the targets, in place; costs: what is left, squared (n,)."""
+    left, other, slope, steep = np.empty(6), np.empty(6), np.empty((6, 3)), np.empty((6, 3))
+    trial = np.empty(3)
+    for n in range(first, last):
+        x, target, side = raw[n], targets[n], sides[n]
+        cost = _pulls(values, levels, tetrahedral, x, target, side, outside, clip, left, slope)
+        damping = 1e-6
+        for _ in range(STEPS):
+            square, gradient = slope.T @ slope, slope.T @ left
+            reached = cost
+            for _ in range(8):
+                for axis in range(3):
+                    square[axis, axis] += damping + 1e-12
+                trial[:] = x + np.linalg.solve(square, gradient)
+                for axis in range(3):
+                    trial[axis] = min(max(trial[axis], levels[axis, 0]), levels[axis, -1])
+                reached = _pulls(values, levels, tetrahedral, trial, target, side, outside, clip, other, steep)
+                if reached < cost:
+                    break
+                damping *= 10
+            if not reached < cost:
+                break
+            settled = reached > (1 - 1e-7) * cost
+            cost, damping = reached, damping * 0.1
+            x[:], left[:], slope[:] = trial, other, steep
+            if settled:
+                break
+        costs[n] = cost

@@ -85,7 +85,7 @@ def residuals(
             raw[c] = 0.0
             for corner in range(4):
                 raw[c] += weights[n, corner] * lattice[nodes[n, corner], c]
-            inside[c] = min(max(raw[c], 0.0), 1.0)
+            inside[c] = min(max(raw[c], levels[c, 0]), levels[c, -1])
         value_and_slope(values, levels, tetrahedral, inside, y, slope)
         _corners(levels, tetrahedral, inside, steeps[n], render_nodes[n], render_weights[n])
         for c in range(3):

@@ -154,6 +154,7 @@ class MadeColours:
         inner = np.stack([axis[p] + f * (axis[p + 1] - axis[p]) for axis, p, f in sides], axis=1)
         jpeg = through(self.render.response, inner)
         raw, found = preimages(self.render, inner, jpeg, interpolate(inner, knots, values, "tetrahedral"))
+        found &= np.all((raw >= 0) & (raw <= 1), axis=1)
         return self.joined(replace(self, raw=raw[found], jpeg=jpeg[found], inner=inner[found]))
 
 

@@ -17,9 +17,10 @@ darkened where the render disagrees; black and white are these themselves.
 
 Among colours that no sample showed, a fitted render folds: two scenes make one colour, and the way back would have to
 jump between them, which no continuous lattice does, however fine. Where it folds by a few codes at most, its own nodes
-give way in the fit. Where that is not enough, the render is unfolded first (`ocio.unfolding`), least where samples are,
-and the linearization begins as its exact inverse (`ocio.exact_inverse`); unless that took the render too far from its
-profile: then the fit goes on as it is, with more nodes. Neutrals stay as they are.
+give way in the fit. Where that is not enough, or much of it folds, the render is unfolded first (`ocio.unfolding`),
+least where samples are, and continued a little below RAW 0, where colours that it made before have their scenes; the
+linearization begins as its exact inverse (`ocio.exact_inverse`). Else the fit goes on with more nodes. Neutrals stay
+as they are.
 """
 
 from dataclasses import replace
@@ -38,7 +39,7 @@ from lutforge.ocio.made_colours import MadeColours
 from lutforge.ocio.pair_descent import Beginning, descent
 from lutforge.ocio.preimage import Render, as_render, preimages
 from lutforge.ocio.round_trip import RoundTrip, measure
-from lutforge.ocio.unfolding import unfolded
+from lutforge.ocio.unfolding import folded_share, share_of_samples, unfolded
 from lutforge.regression.lattice_regression import Prior, Regularisation, fit_lattice
 from lutforge.regression.node_levels import equidistributed_levels, resized_levels, snap_levels
 
@@ -52,12 +53,12 @@ ROUNDS: tuple[float, ...] = (0.3, 0.1)
 """How firmly the render is held, which gives way last, in each of the rounds over all colours."""
 REPAIRS = (0.03, 0.03, 0.01, 0.01, 0.003, 0.003, 0.001, 0.001)
 """The same in the rounds around what loses most, which follow."""
-UNFOLDED_ROUNDS, UNFOLDED_REPAIRS = (0.1, 0.03, 0.01), (0.01, 0.003, 0.003, 0.001)
-"""Both where the render is unfolded."""
+UNFOLDED_ROUNDS = (0.3, 0.1, 0.1, 0.1, 0.1)
+"""How firmly a render is held in the rounds where it is unfolded."""
 CROWD = 4
 """There: times as many colours with each clipped channel. They are few kinds, and much of a gamut."""
-FARTHEST = 0.01
-"""Mean change of a render, encoded, up to which it is unfolded."""
+WIDELY = 0.05
+"""Share of its range from which on a render that folds is unfolded at once."""
 HOPELESS, TRIED = 2.5, 4
 """Share of the goals beyond which a fit to the render as it folds is not carried on, after so many rounds: what is
 nearer gets there with more nodes, at less change of the render."""
@@ -84,7 +85,8 @@ def consistent(
     clamped = as_render(_clamped(render))
     pool = MadeColours.of(clamped, POOL, 5, model)
     pool = _greys(pool, linearize).joined(pool).joined(pool.as_8_bit())
-    start = _nearest_own(pool, linearize)
+    folds = folded_share(clamped) > WIDELY
+    start = _without_folds(pool, linearize, support) if folds else _nearest_own(pool, linearize)
     for first in (True, False):
         for number, (candidate, trip) in enumerate(descent(start, linearize)):
             content = trip.worth <= MARGIN
@@ -94,21 +96,22 @@ def consistent(
                 best, reached = candidate, trip
             if content and trip.worth <= ENOUGH:
                 break
-            if first and number + 1 >= TRIED and trip.worth > HOPELESS:
+            if first and not folds and number + 1 >= TRIED and trip.worth > HOPELESS:
                 break
         if best[1] is not linearize:
             reached = reached.or_worse(measure(*best, count=4 * MEASURED))
-        if reached.worth <= ENOUGH:
+        if folds or reached.worth <= ENOUGH:
             break
         if first:
-            foldless = _foldless(pool, linearize, support) if reached.worth > HOPELESS else None
-            start = foldless or _with_more_nodes(start, linearize, best)
+            folds = reached.worth > HOPELESS
+            start = _without_folds(pool, linearize, support) if folds else _with_more_nodes(start, linearize, best)
     if best[1] is linearize:
         return render, linearize, reached
     seen = measure(*best, count=4 * MEASURED)
     jpeg = pool.jpeg[:: max(len(pool.jpeg) // MEASURED, 1)]
     departure = float(np.linalg.norm(best[1](jpeg) - linearize(jpeg), axis=1).mean())
-    return *best, RoundTrip(seen.mean, max(seen.maximum, reached.maximum), departure)
+    moved = _moved(clamped, best[0], support) if best[0].lowest < 0 else 0.0
+    return *best, RoundTrip(seen.mean, max(seen.maximum, reached.maximum), departure, moved)
 
 
 def _clamped(render: Lut) -> Lut:
@@ -120,9 +123,10 @@ def finer(render: Render, size: int) -> Render:
     """The same with at least so many nodes per axis, by more between those it has."""
     if render.lut.size >= size:
         return render
-    r, g, b = (snap_levels(padded_levels(axis, size), CURVE_SIZE) for axis in render.lut.levels)
-    cube = render.lut.inner(grid((r, g, b)))
-    return as_render(compact(replace(render.lut, levels=(r, g, b), cube=cube, shaper_size=CURVE_SIZE)))
+    lut = render.lut
+    r, g, b = (snap_levels(padded_levels(axis, size), CURVE_SIZE) for axis in lut.levels)
+    cube = lut.inner(lut.lowest + (lut.highest - lut.lowest) * grid((r, g, b)))
+    return as_render(compact(replace(lut, levels=(r, g, b), cube=cube, shaper_size=CURVE_SIZE)))
 
 
 def _greys(pool: MadeColours, own: Lut) -> MadeColours:
@@ -169,21 +173,38 @@ def _with_more_nodes(start: Beginning, own: Lut, reached: tuple[Lut, Lut]) -> Be
     return Beginning(pool, levels, reached[1](codes), own(codes), ROUNDS[-1:], REPAIRS, moved=moved)
 
 
-def _foldless(pool: MadeColours, own: Lut, support: Array | None) -> Beginning | None:
-    """The render without folds, and its exact inverse at the nodes; none where that changes the render by too much."""
-    fitted = finer(pool.render, SIZE)
-    axes = fitted.levels
-    if support is not None and support.shape == pool.render.values.shape[:3]:
+def foldless(render: Render, support: Array | None) -> tuple[Render, Render]:
+    """The render without folds, from below RAW 0 to 1, as its file holds it; and as it goes on beyond 1."""
+    fitted = finer(render, SIZE)
+    axes = (fitted.levels[0], fitted.levels[1], fitted.levels[2])
+    if support is not None and support.shape == render.values.shape[:3]:
         weights = np.repeat(support[..., None], 3, axis=-1)
-        support = interpolate(grid((axes[0], axes[1], axes[2])), pool.render.lut.knots, weights, "trilinear")[..., 0]
-    cube = unfolded(fitted, support, neutral_nodes((axes[0], axes[1], axes[2])))
-    render = finer(as_render(compact(replace(fitted.lut, cube=cube))), FINER)
-    made = MadeColours.of(render, POOL, 5)
-    if np.linalg.norm(made.jpeg - pool.render(made.raw), axis=1).mean() > FARTHEST:
-        return None
-    pool = replace(pool, render=render).joined(made).joined(made.as_8_bit())
-    levels = layered(even_levels(pool, FINER - 2))
-    inner, codes = grid(pool.knots(levels)), grid(levels)
+        support = interpolate(grid(axes), render.lut.knots, weights, "trilinear")[..., 0]
+    beyond = unfolded(fitted, support, neutral_nodes(axes))
+    low = float(beyond.levels[0, 0])
+    r, g, b = (snap_levels((axis[:-1] - low) / (1 - low), CURVE_SIZE) for axis in beyond.levels)
+    old = (beyond.levels[0], beyond.levels[1], beyond.levels[2])
+    cube = interpolate(low + (1 - low) * grid((r, g, b)), old, beyond.values, fitted.lut.interpolation)
+    lut = compact(replace(fitted.lut, levels=(r, g, b), cube=cube, shaper_size=CURVE_SIZE, lowest=low))
+    return as_render(lut), beyond
+
+
+def _without_folds(pool: MadeColours, own: Lut, support: Array | None) -> Beginning:
+    """The render without folds, and its exact inverse at the nodes."""
+    without, beyond = foldless(pool.render, support)
+    made = MadeColours.of(finer(without, FINER), POOL, 5)
+    pool = replace(pool, render=made.render).joined(made).joined(made.as_8_bit())
+    levels = layered(even_levels(made, FINER - 2))
+    inner, codes = grid(made.knots(levels)), grid(levels)
     flat = (values.reshape(-1, 3) for values in (inner, codes, own(codes)))
-    back = exact_inverse(made, *flat).reshape(codes.shape)
-    return Beginning(pool, levels, back, back, UNFOLDED_ROUNDS, UNFOLDED_REPAIRS, CROWD)
+    back = exact_inverse(made, beyond, *flat).reshape(codes.shape)
+    return Beginning(pool, levels, back, back, UNFOLDED_ROUNDS, (), CROWD)
+
+
+def _moved(before: Render, after: Lut, support: Array | None) -> float:
+    """Mean change of a render where samples are, encoded; everywhere where nothing is known of these."""
+    raw = grid((before.levels[0], before.levels[1], before.levels[2])).reshape(-1, 3)
+    change = np.linalg.norm(np.clip(after(raw), 0.0, 1.0) - before(raw), axis=1)
+    known = support is not None and support.shape == before.values.shape[:3] and support.max() > 0
+    weights = share_of_samples(support).ravel() if known and support is not None else np.ones(len(raw))
+    return float(np.average(change, weights=weights))

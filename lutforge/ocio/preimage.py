@@ -31,9 +31,10 @@ LEAST_SLOPE = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Render:
-    """A render LUT without gain, input curve and matrix: RAW (…, 3) in [0, 1] → lattice → response → JPEG.
+    """A render LUT without gain, input curve and matrix: RAW (…, 3) → lattice → response → JPEG.
 
-    levels: (3, N); values: (N, N, N, 3); response: (m, 3), at m even steps of [0, 1], clamped.
+    levels: (3, N), in RAW, over at least [0, 1]; values: (N, N, N, 3); response: (m, 3), at m even steps of [0, 1],
+    clamped.
     """
 
     lut: Lut
@@ -50,7 +51,8 @@ class Render:
 def as_render(lut: Lut) -> Render:
     """The parts of a render LUT."""
     response = np.repeat([[0.0], [1.0]], 3, axis=1) if lut.response is None else lut.response
-    return Render(lut, np.stack(lut.knots), lut.cube, lut.interpolation == "tetrahedral", response)
+    levels = lut.lowest + (lut.highest - lut.lowest) * np.stack(lut.knots)
+    return Render(lut, levels, lut.cube, lut.interpolation == "tetrahedral", response)
 
 
 def curve_inverse(response: Array, size: int) -> Array:
@@ -68,7 +70,7 @@ def preimages(render: Render, inner: Array, jpeg: Array, start: Array) -> tuple[
     """RAW (n, 3) that the render takes to JPEG colours (n, 3), searched from `start` (n, 3), and which were found.
 
     inner: the same colours in front of the response. Where the start already makes the colour it is kept, even beyond
-    the RAW range, where the camera clips; every other result is within it. O(n) time.
+    the range of the lattice, where the camera clips; every other result is within it. O(n) time.
     """
     reach = 1e-3
     low, high = np.clip(inner - reach, 0.0, 1.0), np.clip(inner + reach, 0.0, 1.0)
@@ -155,13 +157,13 @@ def _left(
 
 
 @njit(cache=True, nogil=True)
-def _normal(slope: Array, left: Array, x: Array, gradient: Array, square: Array) -> None:
+def _normal(slope: Array, left: Array, x: Array, levels: Array, gradient: Array, square: Array) -> None:
     """J'r into gradient and J'J into square, without the axes of x that are at an end and drawn beyond it."""
     for axis in range(3):
         pull = 0.0
         for c in range(3):
             pull += slope[c, axis] * left[c]
-        stays = (x[axis] <= 0 and pull < 0) or (x[axis] >= 1 and pull > 0)
+        stays = (x[axis] <= levels[axis, 0] and pull < 0) or (x[axis] >= levels[axis, -1] and pull > 0)
         gradient[axis] = 0.0 if stays else pull
         if stays:
             slope[:, axis] = 0.0
@@ -174,8 +176,8 @@ def _normal(slope: Array, left: Array, x: Array, gradient: Array, square: Array)
 
 
 @njit(cache=True, nogil=True)
-def _moved(square: Array, gradient: Array, x: Array, trial: Array) -> None:
-    """x + square⁻¹ gradient within [0, 1], into trial; square: (3, 3), its lower half, positive definite (Cholesky)."""
+def _moved(square: Array, gradient: Array, x: Array, levels: Array, trial: Array) -> None:
+    """x + square⁻¹ gradient within the lattice, into trial; square: (3, 3), lower half, positive (Cholesky)."""
     a = np.sqrt(square[0, 0])
     b, d = square[1, 0] / a, square[2, 0] / a
     e = np.sqrt(max(square[1, 1] - b * b, 1e-300))
@@ -185,9 +187,9 @@ def _moved(square: Array, gradient: Array, x: Array, trial: Array) -> None:
     v = (gradient[1] - b * u) / e
     z = (gradient[2] - d * u - f * v) / g
     y = (v - f * z) / e
-    trial[0] = min(max(x[0] + (u - b * y - d * z) / a, 0.0), 1.0)
-    trial[1] = min(max(x[1] + y, 0.0), 1.0)
-    trial[2] = min(max(x[2] + z, 0.0), 1.0)
+    trial[0], trial[1], trial[2] = x[0] + (u - b * y - d * z) / a, x[1] + y, x[2] + z
+    for axis in range(3):
+        trial[axis] = min(max(trial[axis], levels[axis, 0]), levels[axis, -1])
 
 
 @njit(cache=True, nogil=True)
@@ -203,25 +205,25 @@ def _search(
     first: int,
     last: int,
 ) -> None:
-    """Levenberg–Marquardt within [0, 1]³ for some of the targets, in place; remains: the norms that are left (n,)."""
+    """Levenberg–Marquardt within the lattice for some of the targets, in place; remains: what is left of each (n,)."""
     x, trial, gradient, square = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     left, other, slope, steep = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
     for n in range(first, last):
         for c in range(3):
-            x[c] = min(max(raw[n, c], 0.0), 1.0)
+            x[c] = min(max(raw[n, c], levels[c, 0]), levels[c, -1])
         target, weight, side = targets[n], weights[n], sides[n]
         cost = _left(values, levels, tetrahedral, x, target, weight, side, left, slope)
         damping, moved = 1e-4, False
         for _ in range(STEPS):
             if cost < 1e-12:
                 break
-            _normal(slope, left, x, gradient, square)
+            _normal(slope, left, x, levels, gradient, square)
             scale = (square[0, 0] + square[1, 1] + square[2, 2]) / 3
             better = False
             for _ in range(8):
                 for axis in range(3):
                     square[axis, axis] += damping * scale + 1e-12
-                _moved(square, gradient, x, trial)
+                _moved(square, gradient, x, levels, trial)
                 reached = _left(values, levels, tetrahedral, trial, target, weight, side, other, steep)
                 if reached < cost:
                     better = True

@@ -21,11 +21,13 @@ MEASURED = 1 << 15
 @dataclass(frozen=True)
 class RoundTrip:
     """JPEG → RAW → JPEG on colours that the render makes: RGB norm of the encoded difference. departure: mean norm of
-    the change of the linearization from the profile's own, linear, 1 = saturation; 0 where it is the profile's own."""
+    the change of the linearization from the profile's own, linear, 1 = saturation; 0 where it is the profile's own;
+    moved: of the render, encoded, where samples are."""
 
     mean: float
     maximum: float
     departure: float = 0.0
+    moved: float = 0.0
 
     @property
     def worth(self) -> float:
@@ -44,7 +46,8 @@ class RoundTrip:
     def __str__(self) -> str:
         text = f"round trip mean {rounded_up(self.mean)}, max {rounded_up(self.maximum)}"
         if self.departure:
-            text += f", by LUTs fitted to each other (mean change of linearize {self.departure:.2g} of saturation)"
+            text += f", by LUTs fitted to each other (mean change of linearize {self.departure:.2g} of saturation"
+            text += f", of render where samples are {self.moved:.2g})" if self.moved else ")"
         if not self.met:
             text += f": beyond {MEAN_GOAL:g} and {MAX_GOAL:g}, where the render folds or its gamut ends"
         return text

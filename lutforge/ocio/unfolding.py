@@ -1,4 +1,4 @@
-"""A render without folds: the cube nearest to it that takes no two scenes to one colour.
+"""A render without folds: the cube nearest to it that takes no two scenes to one colour, a little beyond its range.
 
 Far from all samples, a fitted render turns back here and there, and there no linearization can be its inverse. Taken
 after the inverse of a frame, the camera's mean slope A on near neutrals, a colour rendering is nearly the identity;
@@ -6,13 +6,17 @@ where the symmetric part of its slope J A⁻¹ is positive definite everywhere, 
 range, and its inverse no steeper than 1 / LEAST. In a cell, trilinear or of tetrahedra, the slope is a mean of few that
 are linear in the nodes, so such cubes are a convex set. The nearest is found by minimising
 
-    Σ w ‖y − y₀‖² / μ + Σ v ‖(sym(J A⁻¹) − LEAST)₋‖²
+    (Σ w ‖y − y₀‖² + Σ b ‖y − ȳ‖²) / μ + Σ v ‖(sym(J A⁻¹) − LEAST)₋‖²
 
 for rising μ by L-BFGS: a change counts by what it changes encoded, by far the most where samples are, and least where
-a channel stays clipped. O(N³) an iteration.
+a channel stays clipped; where no samples are, so does a bend, from the line ȳ between two neighbours, as no inverse
+on nodes of its own follows it. The cube has a node more at each end, where it runs on without a bend; the one below
+RAW 0 stays: so the inverse has no kink there, and colours that the render made before keep a scene. What is beyond
+RAW 1 is saturated. O(N³) an iteration.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise, permutations, product
 
 import numpy as np
@@ -27,12 +31,16 @@ from lutforge.threads import run
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-LEAST = 0.05
+MARGIN = 1 / 12
+"""How far below RAW 0 it goes on: 0 stays on the grid of a shaper of 4096 entries from there to 1."""
+LEAST = 0.15
 """Least eigenvalue of the symmetric part of the slope, beside 1 at near neutrals."""
 SUPPORTED = 300.0
 """How much more a change counts at a node that half of those with samples have less of."""
 BEYOND = 1e-3
 """How much a change counts of a channel that was clipped and stays so."""
+BENDING, AROUND = 3.0, 1e-4
+"""How much a bend counts beside a change, where no samples are; and a change of the nodes beyond the range."""
 FIRMNESS, STEPS = (1.0, 10.0, 100.0), 120
 """μ, and most L-BFGS steps at each."""
 LEAST_SLOPE = 0.3
@@ -44,15 +52,24 @@ SLABS = 4
 
 
 @one_blas_thread
-def unfolded(render: Render, support: Array | None, fixed: NDArray[np.bool_]) -> Array:
-    """Node values (N, N, N, 3). support: what samples weigh at each node, (N, N, N), or none; fixed: nodes to keep."""
-    origin, edges = render.values, _edges(render.tetrahedral)
-    inverse: Array = np.asarray(np.linalg.inv(frame(render)), dtype=np.float64)
+def unfolded(render: Render, support: Array | None, fixed: NDArray[np.bool_]) -> Render:
+    """With a node more at each end of each axis. support: what samples weigh at each node, (N, N, N), or none; fixed:
+    nodes to keep, (N, N, N)."""
+    edges, mean = _edges(render.tetrahedral), frame(render)
+    inverse: Array = np.asarray(np.linalg.inv(mean), dtype=np.float64)
     weights = _encoded_slopes(render) ** 2
     weights = weights / weights.mean()
-    if support is not None and support.shape == origin.shape[:3] and support.max() > 0:
-        weights *= 1 + SUPPORTED * np.minimum(support / np.median(support[support > 0]), 1.0)[..., None]
-    low, high = origin < 0, origin > 1
+    bending = np.zeros_like(weights)
+    if support is not None and support.shape == render.values.shape[:3] and support.max() > 0:
+        there = share_of_samples(support)[..., None]
+        weights, bending = weights * (1 + SUPPORTED * there), BENDING * weights * (1 - there)
+    around = [(1, 1)] * 3 + [(0, 0)]
+    bending = np.pad(bending, around, mode="edge")
+    weights = np.pad(weights, around, constant_values=AROUND)
+    fixed = np.pad(fixed, 1)
+    render = continued(render, mean, MARGIN)
+    origin = render.values
+    low, high = origin <= 0, origin >= 1
     volumes = _volumes(render)
     volumes = volumes / (volumes.mean() * len(edges))
     limits = np.linspace(0, len(volumes), SLABS + 1).astype(np.int64)
@@ -66,21 +83,54 @@ def unfolded(render: Render, support: Array | None, fixed: NDArray[np.bool_]) ->
         change = np.where(low | high, change, y - origin)
         costs, gradients = np.zeros(len(parts)), [np.zeros(origin.shape) for _ in parts]
 
-        def folds(first: int, last: int) -> None:
-            k = parts.index((first, last))
-            costs[k] = _folds(y, render.levels, edges, inverse, volumes, first, last, gradients[k])
+        def folds(begin: int, end: int) -> None:
+            for k in range(begin, end):
+                costs[k] = _folds(y, render.levels, edges, inverse, volumes, *parts[k], gradients[k])
 
-        run(folds, parts)
-        slope = sum(gradients, start=np.zeros(())) + share * change / firmness
+        run(folds, list(pairwise(range(len(parts) + 1))))
+        bends, bend_slope = _bends(y, render.levels, bending)
+        slope = sum(gradients, start=np.zeros(())) + (share * change + bend_slope) / firmness
         slope[fixed] = 0.0
-        return float(costs.sum() + 0.5 * np.sum(share * change * change) / firmness), slope.ravel()
+        return float(costs.sum() + (0.5 * np.sum(share * change * change) + bends) / firmness), slope.ravel()
 
     values = origin.ravel()
     for firmness in FIRMNESS:
         values = minimize(
             cost, values, (firmness,), "L-BFGS-B", jac=True, options={"maxiter": STEPS, "maxcor": 20}
         ).x  # fmt: skip
-    return np.asarray(values.reshape(origin.shape), dtype=np.float64)
+    return replace(render, values=np.asarray(values.reshape(origin.shape), dtype=np.float64))
+
+
+def share_of_samples(support: Array) -> Array:
+    """What samples weigh at nodes, beside what half of those with samples have less of, at most 1."""
+    return np.asarray(np.minimum(support / np.median(support[support > 0]), 1.0))
+
+
+def continued(render: Render, slope: Array, reach: float) -> Render:
+    """With a node more at each end, `reach` beyond, on a slope (3, 3)."""
+    levels = np.pad(render.levels, [(0, 0), (1, 1)], mode="edge")
+    levels[:, 0] -= reach
+    levels[:, -1] += reach
+    ends = np.zeros(len(levels[0]))
+    ends[[0, -1]] = -reach, reach
+    off = np.stack(np.meshgrid(ends, ends, ends, indexing="ij"), axis=-1)
+    values = np.pad(render.values, [(1, 1)] * 3 + [(0, 0)], mode="edge") + off @ slope.T
+    return replace(render, levels=levels, values=values)
+
+
+def _bends(y: Array, levels: Array, weights: Array) -> tuple[float, Array]:
+    """½ Σ b ‖y − ȳ‖² along each axis, and its gradient."""
+    total, gradient = 0.0, np.zeros(y.shape)
+    for axis, nodes in enumerate(levels):
+        z, g, w = (np.moveaxis(a, axis, 0) for a in (y, gradient, weights))
+        share = ((nodes[1:-1] - nodes[:-2]) / (nodes[2:] - nodes[:-2]))[:, None, None, None]
+        off = z[1:-1] - (1 - share) * z[:-2] - share * z[2:]
+        pull = w[1:-1] * off
+        total += 0.5 * float(np.sum(pull * off))
+        g[1:-1] += pull
+        g[:-2] -= (1 - share) * pull
+        g[2:] -= share * pull
+    return total, gradient
 
 
 def frame(render: Render) -> Array:

@@ -14,7 +14,8 @@ the goals: mean 0.002, largest 0.02.
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -40,6 +41,8 @@ from lutforge.simulate.demo import demo_shots
 from lutforge.simulate.spectra import WAVELENGTHS, light
 
 Array = NDArray[np.float64]
+
+Made = Callable[[], CameraProfile]
 
 COUNT = 1 << 15
 PUSHED = (2.1, 1.0, 1.5)
@@ -67,41 +70,44 @@ def made(jpeg: Array, rendering: Rendering) -> Array:
     return np.asarray(jpeg[preimages(render, inner, jpeg, rendering.linearize(jpeg))[1]])
 
 
-def cameras(unseen: int, data: Path | None, folder: Path) -> Iterator[tuple[str, CameraProfile, list[Path]]]:
-    """Name, profile and JPEGs of each camera."""
+def cameras(unseen: int, data: Path | None, folder: Path) -> Iterator[tuple[str, Made, list[Path]]]:
+    """Name of each camera, what makes its profile, and its JPEGs."""
     if data is not None:
         models = [data / "nus_nikon_d40" / name for name in ("other_white_balances", "fluorescent")]
-        yield "D40, published", lf.import_published(models, "Nikon D40"), []
+        yield "D40, published", partial(lf.import_published, models, "Nikon D40"), []
         shots = sorted((data / "canon_powershot_s40").glob("CRW_*.CRW"))
-        yield "S40, its shots", lf.calibrate(lf.sample(shots)), sorted(shots[0].parent.glob("IMG_*.JPG"))
+        yield "S40, its shots", lambda: lf.calibrate(lf.sample(shots)), sorted(shots[0].parent.glob("IMG_*.JPG"))
     shots_of_demo = demo_shots(folder)
     yield (
         "demo",
-        lf.calibrate(lf.sample(shots_of_demo.calibration), CalibrationOptions(size=33)),
+        lambda: lf.calibrate(lf.sample(shots_of_demo.calibration), CalibrationOptions(size=33)),
         sorted(folder.glob("*.JPG")),
     )
-    yield from unseen_ones(unseen)
+    for name, made in unseen_ones(unseen):
+        yield name, made, []
 
 
-def unseen_ones(unseen: int) -> Iterator[tuple[str, CameraProfile, list[Path]]]:
+def unseen_ones(unseen: int) -> Iterator[tuple[str, Made]]:
     """Cameras that nothing was made on."""
+
+    def profile_of(camera: UnseenCamera, options: CalibrationOptions) -> Made:
+        return lambda: lf.calibrate(photographed(camera, True, 0), options)
+
     for base, style in ((sigma_sd_merrill(), "vivid"), (sigma_sd_merrill(), "landscape"), (nikon_d5100(), "landscape")):
         camera = simulated(base, style, 140)
-        yield f"{camera.model}", lf.calibrate(photographed(camera, True, 0), CalibrationOptions(size=33)), []
+        yield camera.model, profile_of(camera, CalibrationOptions(size=33))
     overlapping, vivid = overlapping_filters(), simulated(sigma_sd_merrill(), "vivid", 24)
     for hard in (overlapping, filmic_compressed()):
-        yield hard.model, lf.calibrate(photographed(hard, True, 0), CalibrationOptions(size=33)), []
+        yield hard.model, profile_of(hard, CalibrationOptions(size=33))
     weak = (CalibrationOptions(model="rbf"), CalibrationOptions(size=9))
     for options in weak:
-        name = f"{vivid.model}, 24 patches, {options.model} {options.size}"
-        yield name, lf.calibrate(photographed(vivid, True, 0), options), []
+        yield f"{vivid.model}, 24 patches, {options.model} {options.size}", profile_of(vivid, options)
     for seed in range(unseen):
         camera = unseen_camera(seed)
         size = (17, 33, 25)[seed % 3]
         model: Literal["lattice", "rbf"] = "rbf" if seed % 5 == 4 else "lattice"
         options = CalibrationOptions(size=size, model=model)
-        name = f"unseen {seed}, {model} {size}, {camera.patches} patches"
-        yield name, lf.calibrate(photographed(camera, True, 0), options), []
+        yield f"unseen {seed}, {model} {size}, {camera.patches} patches", profile_of(camera, options)
 
 
 def overlapping_filters() -> UnseenCamera:
@@ -196,10 +202,10 @@ def main() -> None:
     print(f"{'':42s}{'nodes':>8s}{'mean':>10s}{'max':>8s}  {'change':>10s}{'max':>8s}{'stated':>8s}{'s':>7s}")
     worst = [0.0, 0.0]
     with TemporaryDirectory() as folder:
-        for name, profile, jpegs in cameras(count, Path(place) if place else None, Path(folder)):
+        for name, made_profile, jpegs in cameras(count, Path(place) if place else None, Path(folder)):
             if wanted and not any(word in name for word in wanted):
                 continue
-            for rendering in renderings(name_cameras([profile])):
+            for rendering in renderings(name_cameras([made_profile()])):
                 text, mean, largest = row(f"{name}: {rendering.style}", rendering, jpegs)
                 worst = [max(worst[0], mean), max(worst[1], largest)]
                 print(text, flush=True)

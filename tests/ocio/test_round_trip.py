@@ -2,21 +2,24 @@
 gives way where it folds, since two scenes of one colour have no way back."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation, through
 from lutforge.luts.lut import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.ocio import mutual_inverses
 from lutforge.ocio.exact_inverse import exact_inverse
 from lutforge.ocio.layered_levels import neutral_nodes
-from lutforge.ocio.lut_files import compact
+from lutforge.ocio.lut_files import compact, write_compact
 from lutforge.ocio.made_colours import MadeColours, as_8_bit, spread
 from lutforge.ocio.mutual_inverses import consistent
-from lutforge.ocio.preimage import as_render, curve_inverse, preimages
+from lutforge.ocio.preimage import Render, as_render, curve_inverse, preimages
 from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL, measure, rounded_up
 from lutforge.ocio.unfolding import folded_share, unfolded
 
@@ -200,13 +203,18 @@ def test_an_inverse_is_left_alone() -> None:
     assert trip.departure == 0
 
 
+def inside(render: Render) -> Array:
+    """Node values of an unfolded render without those beyond the range that it had."""
+    return np.ascontiguousarray(render.values[1:-1, 1:-1, 1:-1])
+
+
 @pytest.mark.parametrize("method", ["tetrahedral", "trilinear"])
 def test_an_unfolded_render_is_one_to_one_and_stays_where_samples_are(method: Interpolation) -> None:
     """A wide fold is taken out; kept nodes and a render without folds do not move; samples draw the change away."""
     sound = as_render(render_lut(9, method))
-    none = np.zeros((9, 9, 9), dtype=np.bool_)
+    none, everywhere = np.zeros((9, 9, 9), dtype=np.bool_), np.ones((9, 9, 9))
     assert folded_share(sound) == 0
-    np.testing.assert_allclose(unfolded(sound, None, none), sound.values, atol=1e-3)
+    np.testing.assert_allclose(inside(unfolded(sound, everywhere, none)), sound.values, atol=1e-3)
     cube = sound.values.copy()
     cube[3, :, :, 0] = cube[5, :, :, 0]
     folded = as_render(compact(replace(sound.lut, cube=cube)))
@@ -216,22 +224,93 @@ def test_an_unfolded_render_is_one_to_one_and_stays_where_samples_are(method: In
     cube[fixed] = sound.values[fixed]
     folded = as_render(compact(replace(sound.lut, cube=cube)))
     kept = unfolded(folded, None, fixed)
-    np.testing.assert_array_equal(kept[fixed], folded.values[fixed])
+    np.testing.assert_array_equal(inside(kept)[fixed], folded.values[fixed])
     seen = np.zeros((9, 9, 9))
     seen[3] = np.all((folded.values[3] > 0) & (folded.values[3] < 1), axis=-1)
     free, held = (unfolded(folded, support, none) for support in (None, seen))
-    for values in (kept, free, held):
-        assert folded_share(as_render(compact(replace(folded.lut, cube=values)))) < 0.05 * folded_share(folded)
-    moved, moved_least = (np.abs(values - folded.values)[seen > 0].mean() for values in (free, held))
-    assert moved_least < 0.2 * moved
+    for render in (kept, free, held):
+        assert folded_share(render) < 0.05 * folded_share(folded)
+        assert render.levels.min() < -0.08
+        assert render.levels.max() > 1.08
+    moved, moved_least = (np.abs(inside(render) - folded.values)[seen > 0].mean() for render in (free, held))
+    assert moved_least < 0.3 * moved
+
+
+def test_a_bend_that_no_sample_showed_is_straightened() -> None:
+    """One node off its neighbours' line comes near it; where samples are it stays."""
+    sound = as_render(render_lut(9))
+    cube = sound.values.copy()
+    cube[5, 3, 4] += 0.03
+    bent = as_render(compact(replace(sound.lut, cube=cube)))
+    none, there, elsewhere = np.zeros((9, 9, 9), dtype=np.bool_), np.zeros((9, 9, 9)), np.zeros((9, 9, 9))
+    there[5, 3, 4] = elsewhere[3, 6, 6] = 1.0
+    held, off = (np.abs(inside(unfolded(bent, s, none))[5, 3, 4] - cube[5, 3, 4]).max() for s in (there, elsewhere))
+    assert off > 0.01
+    assert held < 0.003
 
 
 def test_an_exact_inverse_runs_on_beyond_the_gamut() -> None:
     """Within it, the render takes it to the codes again, clipped ones too; beyond, it keeps rising."""
     pool = MadeColours.of(as_render(render_lut()), 1 << 10, 3)
     jpeg = as_8_bit(pool.jpeg)
-    back = exact_inverse(pool, pool.on_axes(jpeg), jpeg, np.full_like(jpeg, 0.3))
+    back = exact_inverse(pool, pool.render, pool.on_axes(jpeg), jpeg, np.full_like(jpeg, 0.3))
     assert np.quantile(np.linalg.norm(pool.render(back) - jpeg, axis=1), 0.99) < 0.004
     ramp = np.stack([np.linspace(0.6, 0.9, 30), np.zeros(30), np.full(30, 0.2)], axis=1)
-    red = exact_inverse(pool, pool.on_axes(ramp), ramp, np.full_like(ramp, 0.3))[:, 0]
+    red = exact_inverse(pool, pool.render, pool.on_axes(ramp), ramp, np.full_like(ramp, 0.3))[:, 0]
     assert np.diff(red).min() > 0
+
+
+def test_an_exact_inverse_of_clipped_codes_is_within_the_range_and_smooth() -> None:
+    """Of all scenes of a clipped colour, one that the camera can take; beside it, the codes' scenes are beside it."""
+    pool = MadeColours.of(as_render(render_lut()), 1 << 12, 3)
+    clipped = pool.chosen(np.flatnonzero(np.any((pool.jpeg <= 0) | (pool.jpeg >= 1), axis=1)))
+    scenes = [
+        exact_inverse(pool, pool.render, clipped.inner, clipped.jpeg, np.full_like(clipped.jpeg, x)) for x in (0.2, 0.8)
+    ]
+    for raw in scenes:
+        assert np.linalg.norm(pool.render(raw) - clipped.jpeg, axis=1).max() < 0.01
+        assert np.abs(raw - np.clip(raw, 0.0, 1.0)).max() < 0.01
+    assert np.quantile(np.linalg.norm(scenes[0] - scenes[1], axis=1), 0.99) < 0.01  # wherever the search begins
+
+
+def crossing_lut() -> Lut:
+    """A camera whose saturated greens and blues turn back where there is little blue."""
+    lut = render_lut()
+    cube = lut.cube.copy()
+    cube[:, 6:, :2, 2] = 1.1 * cube[:, 6:, 2:3, 2] - 0.1 * cube[:, 6:, :2, 2]
+    return replace(lut, cube=cube)
+
+
+def test_a_render_that_folds_widely_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the colours that it made as it was, and its neutrals; said is how far it moved."""
+    monkeypatch.setattr(mutual_inverses, "SIZE", 17)
+    monkeypatch.setattr(mutual_inverses, "FINER", 25)
+    monkeypatch.setattr(mutual_inverses, "WIDELY", 0.03)
+    monkeypatch.setattr(mutual_inverses, "POOL", 1 << 12)
+    before = crossing_lut()
+    assert folded_share(as_render(before)) > 0.03
+    render, inverse, trip = consistent(before, own_linearization())
+    assert trip.met
+    assert folded_share(as_render(render)) < 0.005
+    for jpeg in (render(spread(1 << 12, seed=5)), before(spread(1 << 12, seed=5))):
+        error = np.linalg.norm(np.clip(render(inverse(jpeg)), 0, 1) - np.clip(jpeg, 0, 1), axis=1)
+        assert error.mean() <= MEAN_GOAL
+        assert np.quantile(error, 0.999) <= MAX_GOAL
+    assert trip.moved > 1e-5
+    assert f"of render where samples are {trip.moved:.2g}" in str(trip)
+    grey = np.repeat(np.linspace(0, 1, 257)[:, None], 3, axis=1)
+    np.testing.assert_allclose(render(grey), before(grey), atol=2e-3)
+
+
+def test_a_file_of_a_render_from_below_raw_0_is_the_lut(tmp_path: Path) -> None:
+    """OpenColorIO renders negative RAW as the LUT does; formats without such a range say so."""
+    lut = replace(render_lut(9), lowest=-1 / 12)
+    write_compact(lut, tmp_path / "render.clf")
+    raw = np.random.default_rng(4).uniform(-0.2, 1.2, (2000, 3)).astype(np.float32)
+    got = raw.copy()
+    file = OCIO.FileTransform(str(tmp_path / "render.clf"), interpolation=OCIO.INTERP_BEST)
+    OCIO.Config.CreateRaw().getProcessor(file).getDefaultCPUProcessor().applyRGB(got)
+    np.testing.assert_allclose(got, lut(raw), atol=1e-4)
+    assert np.abs(lut(raw) - lut(np.maximum(raw, 0))).max() > 0.01
+    with pytest.raises(LutError, match="holds no scene-linear input"):
+        lut.write(tmp_path / "render.resolve.cube")

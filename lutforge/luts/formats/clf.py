@@ -15,12 +15,13 @@ FORMATS = {".clf": "Academy/ASC Common LUT Format", ".ctf": "Color Transform For
 
 
 def transforms(lut: Lut) -> OCIO.GroupTransform:
-    """Matrix (gain, scene space) → Range (to [0, 1]) → LUT1D (shaper) → LUT3D → LUT1D (response) → Matrix."""
+    """Matrix (gain, scene space, range) → Range (to [0, 1]) → LUT1D (shaper) → LUT3D → LUT1D (response) → Matrix."""
     group = OCIO.GroupTransform()
     if lut.has_gain or lut.is_for_scenes:
         ahead = np.eye(4)
-        ahead[:3, :3] = (lut.gain / lut.highest)[:, None] * (np.eye(3) if lut.before is None else lut.before)
-        group.appendTransform(OCIO.MatrixTransform(ahead.ravel().tolist()))
+        span = lut.highest - lut.lowest
+        ahead[:3, :3] = (lut.gain / span)[:, None] * (np.eye(3) if lut.before is None else lut.before)
+        group.appendTransform(OCIO.MatrixTransform(ahead.ravel().tolist(), [-lut.lowest / span] * 3 + [0.0]))
     group.appendTransform(OCIO.RangeTransform(minInValue=0.0, maxInValue=1.0, minOutValue=0.0, maxOutValue=1.0))
     if not lut.is_uniform:
         group.appendTransform(_lut1d(lut.shaper))
@@ -81,7 +82,9 @@ def _identifier(luts: Sequence[Lut]) -> str:
     digest = hashlib.sha256()
     for lut in luts:
         curves = (curve for curve in (lut.curve, lut.response, lut.before) if curve is not None)
-        for array in (lut.gain / lut.highest, *lut.levels, lut.cube, lut.matrix, *curves):
+        if lut.lowest:
+            digest.update(np.float64(lut.lowest).tobytes())
+        for array in (lut.gain / (lut.highest - lut.lowest), *lut.levels, lut.cube, lut.matrix, *curves):
             digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
         digest.update(lut.interpolation.encode())
     h = digest.hexdigest()
