@@ -17,3 +17,6 @@ def test_bounded_least_squares_finds_the_bounds_that_hold(seed: int) -> None:
     wanted = lsq_linear(design, right, (LOWER, UPPER), method="bvls", tol=1e-14).x
     assert np.any(found == LOWER)
     np.testing.assert_allclose(found, wanted, atol=1e-9)
+    for like in (found, LOWER, np.full(len(LOWER), 0.01)):  # right and wrong guesses of the bounds that hold
+        again = bounded_least_squares(design.T @ design, design.T @ right, LOWER, UPPER, like)
+        np.testing.assert_allclose(again, found, atol=1e-9)
