@@ -9,6 +9,7 @@ from lutforge.errors import LutError
 from lutforge.model.lattice import uniform_levels
 from lutforge.regression.node_levels import (
     BINS,
+    EVEN,
     blended_levels,
     equidistribute,
     equidistributed_levels,
@@ -99,3 +100,16 @@ def test_rounds_find_the_best_levels_of_a_known_curve(seed: int) -> None:
         levels = equidistributed_levels(x, squared_error(levels[0]), levels)
     assert squared_error(levels[0]).mean() < first / 30
     assert np.diff(levels[0]).max() < 0.25  # and no stretch is left without nodes
+
+
+def test_a_share_of_the_levels_lies_where_it_is_wanted_whatever_the_errors() -> None:
+    """Errors of bright samples draw the levels away from the darks, but for those that stay there."""
+    x = np.random.default_rng(0).uniform(0.5, 1.0, (2000, 3))
+    wanted = EVEN + 0.2 * np.where(np.arange(BINS) < BINS // 10, 10.0 / BINS, 0.0)
+    drawn, kept = (
+        equidistributed_levels(x, np.ones(len(x)), uniform_levels(33), floor=floor) for floor in (EVEN, wanted)
+    )
+    for few, more in zip(drawn, kept, strict=True):
+        assert np.count_nonzero(few < 0.1) <= 3
+        assert np.count_nonzero(more < 0.1) >= 7
+        assert more[0] == 0 and more[-1] == 1
