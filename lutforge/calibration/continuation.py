@@ -186,17 +186,6 @@ def continuation(
     return clearer if most <= TRIAL_CENTRES else clearer.refit(x, y, most)
 
 
-@one_blas_thread
-def with_clearer_matrix(
-    base: MatrixAndResponse, x: Array, encoded: Array, curve: OutputCurve | None = None
-) -> MatrixAndResponse:
-    """The same response with the matrix to continue: of unsaturated colours, where that is clearer than that of all.
-
-    x, encoded: (n, 3); curve: `output_curve(base.response)`, where that is made already. Raises CalibrationError.
-    """
-    return _clearer(base, x, encoded, curve or output_curve(base.response)).base
-
-
 def _clearer(base: MatrixAndResponse, x: Array, encoded: Array, curve: OutputCurve) -> Continuation:
     """The guess to render of few functions, with the matrix to continue."""
     x, encoded = _some(x, encoded)

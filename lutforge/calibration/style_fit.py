@@ -4,13 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lutforge.calibration.continuation import continuation, with_clearer_matrix
+from lutforge.calibration.continuation import Continuation, continuation
 from lutforge.calibration.lattice import TOLERANCE, fit_samples
 from lutforge.calibration.lattice_result import LatticeResult, result
 from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
 from lutforge.calibration.monochrome import inverse_of_greys
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.output_curve import output_curve
 from lutforge.calibration.physical import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.plain_lattice import fit_plain
 from lutforge.calibration.style_data import StyleData
@@ -36,11 +35,12 @@ def fit_style(
     """Both lattices of a style; smoothness: λ_S of (render, linearize), and base, where known already."""
     base = base or fit_matrix_and_response(data.balanced, data.encoded)
     chosen = smoothness or (None, None)
-    render = fit_direction(data, options, base, inverse=False, smoothness=chosen[0], tolerance=tolerance)
+    guess = _guess(data, options, base, inverse=False)
+    render = _fit(data, options, guess, smoothness=chosen[0], tolerance=tolerance)
     if data.monochrome:
-        return StyleFit(base, render, _linearize_greys(data, options, render))
+        return StyleFit(guess.base, render, _linearize_greys(data, options, render))
     linearize = fit_direction(data, options, base, inverse=True, smoothness=chosen[1], tolerance=tolerance)
-    return StyleFit(with_clearer_matrix(base, data.balanced, data.encoded), render, linearize)
+    return StyleFit(guess.base, render, linearize)
 
 
 def fit_direction(
@@ -56,15 +56,28 @@ def fit_direction(
 
     Of a black-and-white style linearize is the inverse of render's greys, with the smoothness of that.
     """
-    if inverse and data.monochrome:
-        render = fit_direction(data, options, base, inverse=False, smoothness=smoothness, tolerance=tolerance)
-        return _linearize_greys(data, options, render)
+    of_greys = inverse and data.monochrome
+    guess = _guess(data, options, base, inverse=inverse and not of_greys)
+    fitted = _fit(data, options, guess, smoothness=smoothness, tolerance=tolerance)
+    return _linearize_greys(data, options, fitted) if of_greys else fitted
+
+
+def _guess(data: StyleData, options: CalibrationOptions, base: MatrixAndResponse, *, inverse: bool) -> Continuation:
+    """What a lattice of the style continues."""
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
-    curve = None if inverse else output_curve(base.response)
-    guess = continuation(base, x, y, inverse=inverse, size=options.size, curve=curve)
+    return continuation(base, x, y, inverse=inverse, size=options.size)
+
+
+def _fit(
+    data: StyleData, options: CalibrationOptions, guess: Continuation, *, smoothness: float | None, tolerance: float
+) -> LatticeResult:
+    """The lattice that continues a guess, in its direction."""
+    inverse = guess.curve is None
+    x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     return fit_samples(
-        x, y, data.shot, guess, options, clips=not inverse, curve=curve, smoothness=smoothness, tolerance=tolerance
-    )
+        x, y, data.shot, guess, options,
+        clips=not inverse, curve=guess.curve, smoothness=smoothness, tolerance=tolerance,
+    )  # fmt: skip
 
 
 def _linearize_greys(data: StyleData, options: CalibrationOptions, render: LatticeResult) -> LatticeResult:

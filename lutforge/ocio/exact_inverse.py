@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from lutforge.ocio.joint_equations import MARGIN
 from lutforge.ocio.made_colours import MadeColours
-from lutforge.ocio.preimage import CLIPPED, Render, preimages, value_and_slope
+from lutforge.ocio.preimage import Render, clipped_sides, preimages, value_and_slope
 from lutforge.ocio.unfolding import continued, frame
 from lutforge.threads import run, slabs
 
@@ -37,7 +37,7 @@ def exact_inverse(pool: MadeColours, beyond: Render, inner: Array, jpeg: Array, 
     that goes on beyond its range; searched from start (n, 3), and from the scenes of the pool's nearest colours."""
     wide = continued(beyond, frame(beyond), REACH)
     raw, reached = preimages(wide, inner, jpeg, np.clip(start, 0.0, 1.0))
-    side = np.where(jpeg >= 1 - CLIPPED, 1, np.where(jpeg <= CLIPPED, -1, 0)).astype(np.int64)
+    side = clipped_sides(jpeg)
     clipped = np.any(side != 0, axis=1)
     again = np.flatnonzero(~reached | clipped)
     near = pool.raw[cKDTree(pool.jpeg).query(jpeg[again])[1]]

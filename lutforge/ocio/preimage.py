@@ -75,12 +75,17 @@ def preimages(render: Render, inner: Array, jpeg: Array, start: Array) -> tuple[
     reach = 1e-3
     low, high = np.clip(inner - reach, 0.0, 1.0), np.clip(inner + reach, 0.0, 1.0)
     slope = np.maximum((through(render.response, high) - through(render.response, low)) / (high - low), LEAST_SLOPE)
-    side = np.where(jpeg >= 1 - CLIPPED, 1, np.where(jpeg <= CLIPPED, -1, 0)).astype(np.int64)
+    side = clipped_sides(jpeg)
     raw = np.ascontiguousarray(start).copy()
     left = np.empty(len(raw))
     search = partial(_search, render.values, render.levels, render.tetrahedral, inner, slope, side, raw, left)
     run(search, slabs(0, len(raw), BLOCK, len(raw)))
     return raw, left <= FOUND
+
+
+def clipped_sides(jpeg: Array) -> NDArray[np.int64]:
+    """Where channels of JPEG colours (n, 3) are clipped: 1 at white, −1 at black, else 0."""
+    return np.where(jpeg >= 1 - CLIPPED, 1, np.where(jpeg <= CLIPPED, -1, 0)).astype(np.int64)
 
 
 @njit(cache=True)

@@ -80,7 +80,6 @@ def unfolded(render: Render, support: Array | None, fixed: NDArray[np.bool_]) ->
         stays = (low & (y < 0)) | (high & (y > 1))
         share = np.where(stays, BEYOND, weights)
         change = np.where(stays, y - origin, y - np.clip(origin, 0.0, 1.0))
-        change = np.where(low | high, change, y - origin)
         costs, gradients = np.zeros(len(parts)), [np.zeros(origin.shape) for _ in parts]
 
         def folds(begin: int, end: int) -> None:
