@@ -35,7 +35,7 @@ MARGIN = 1 / 12
 """How far below RAW 0 it goes on: 0 stays on the grid of a shaper of 4096 entries from there to 1."""
 LEAST = 0.15
 """Least eigenvalue of the symmetric part of the slope, beside 1 at near neutrals."""
-SUPPORTED = 300.0
+SUPPORTED = 600.0
 """How much more a change counts at a node that half of those with samples have less of."""
 BEYOND = 1e-3
 """How much a change counts of a channel that was clipped and stays so."""
