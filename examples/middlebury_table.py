@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.baselines import colour_polynomial, mixed_channel_polynomials
-from lutforge.calibration.exposure_pairs import pairs_of_samples
-from lutforge.calibration.linearisation import model_delta
-from lutforge.calibration.physical import conventional, fit_gamut_maps, fit_stages, linearize
-from lutforge.calibration.unsaturated import BETA, saturation
-from lutforge.calibration.white_balance import complete_multipliers
+from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
+from lutforge.calibration.physical.physical_model import conventional, fit_gamut_maps, fit_stages, linearize
+from lutforge.calibration.physical.unsaturated import BETA, saturation
+from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
+from lutforge.evaluation.baselines import colour_polynomial, mixed_channel_polynomials
+from lutforge.evaluation.linearisation import model_delta
 from lutforge.model.camera_profile import PhysicalModel
 from lutforge.samples.sample_set import SampleSet
 

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from lutforge.calibration.bracket import response_from_bracket
-    from lutforge.calibration.evaluation import Evaluation
     from lutforge.calibration.options import CalibrationOptions
+    from lutforge.calibration.physical.bracket import response_from_bracket
     from lutforge.errors import LutForgeError
+    from lutforge.evaluation.evaluation import Evaluation
     from lutforge.luts.bake import bake
     from lutforge.luts.check import check_lut
     from lutforge.luts.lut import Lut

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 from lutforge.calibration.calibrate import calibrate as fit_profile
 from lutforge.calibration.calibrate import data_by_style
-from lutforge.calibration.evaluate import evaluate as evaluate_profile
-from lutforge.calibration.evaluation import Evaluation
-from lutforge.calibration.learning_curve import LearningCurve, learning_curve
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.size_search import smallest_size as find_smallest_size
 from lutforge.errors import LutForgeError, SampleError, ShotError
+from lutforge.evaluation.evaluate import evaluate as evaluate_profile
+from lutforge.evaluation.evaluation import Evaluation
+from lutforge.evaluation.learning_curve import LearningCurve, learning_curve
+from lutforge.evaluation.size_search import smallest_size as find_smallest_size
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.extract import ShotSamples, extract
 from lutforge.samples.sample_set import SampleSet, concatenate, with_setting_names

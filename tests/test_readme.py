@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import CommandLine
 
 import lutforge as lf
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
+from tests.conftest import CommandLine
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 

@@ -8,8 +8,8 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from numpy.typing import NDArray
 
 from lutforge.apply.grade import Grade
+from lutforge.colour.adobe_rgb import adobe_rgb_profile
 from lutforge.errors import ImageError
-from lutforge.images.adobe_rgb import adobe_rgb_profile
 from lutforge.images.read import is_premultiplied
 from lutforge.images.write import IN_ANOTHER_SPACE
 from lutforge.shots.maker_settings import in_adobe_rgb

@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.consistency import check_agreement, thin_colours, thin_settings
 from lutforge.calibration.held_out_error import held_out_error
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical import GamutMaps, fit_gamut_maps, fit_stages
-from lutforge.calibration.reference_camera import calibrate_by_reference
+from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
+from lutforge.calibration.physical.reference_camera import calibrate_by_reference
+from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
+from lutforge.calibration.shots.consistency import check_agreement, thin_colours, thin_settings
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.calibration.style_fit import fit_style, render_with_plain
-from lutforge.calibration.white_balance import complete_multipliers, named_white_balances
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.samples.sample_set import SampleSet

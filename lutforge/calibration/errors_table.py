@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.model.colour_difference import delta_e_2000
+from lutforge.colour.colour_difference import delta_e_2000
 
 Array = NDArray[np.float64]
 

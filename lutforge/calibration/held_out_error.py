@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.errors_table import ErrorFigures, error_figures
-from lutforge.calibration.lattice import MEASURING_TOLERANCE, folds
+from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE, folds
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical import GamutMaps, linearize, render
+from lutforge.calibration.physical.physical_model import GamutMaps, linearize, render
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import StyleFit, fit_style, refit_physical
 from lutforge.errors import CalibrationError

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.model.camera_profile import MODELS, ModelName
-from lutforge.regression.lattice_regression import Regularisation
+from lutforge.solvers.lattice_regression import Regularisation
 
 Preset = Literal["lutforge", "thesis"]
 PRESETS: tuple[Preset, ...] = get_args(Preset)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.monochrome import is_monochrome
+from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
 

@@ -4,14 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lutforge.calibration.continuation import Continuation, continuation
-from lutforge.calibration.lattice import TOLERANCE, fit_samples
-from lutforge.calibration.lattice_result import LatticeResult, result
-from lutforge.calibration.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
-from lutforge.calibration.monochrome import inverse_of_greys
+from lutforge.calibration.lattice.continuation import Continuation, continuation
+from lutforge.calibration.lattice.lattice_fit import TOLERANCE, fit_samples
+from lutforge.calibration.lattice.lattice_result import LatticeResult, result
+from lutforge.calibration.lattice.monochrome import inverse_of_greys
+from lutforge.calibration.lattice.plain_lattice import fit_plain
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical import GamutMaps, fit_gamut_maps, fit_stages
-from lutforge.calibration.plain_lattice import fit_plain
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
+from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.style_data import StyleData
 from lutforge.model.lattice import Lattice
 

@@ -169,10 +169,10 @@ def choose_transform(
     neutral_highlights: bool = True,
 ) -> tuple["Transform", str]:
     """The transform that the words ask for, and its title. Raises SettingsError where one is missing or unknown."""
+    from lutforge.colour.scene_spaces import SCENE_SPACES
     from lutforge.model.camera_profile import MODELS, match
     from lutforge.model.raw_transfer import chained, load_transfer
     from lutforge.model.scene_render import through_camera
-    from lutforge.model.scene_spaces import SCENE_SPACES
 
     if kind not in KINDS:
         raise SettingsError(f'unknown transform "{kind}"; choose {", ".join(KINDS)}')

@@ -13,7 +13,7 @@ from lutforge.errors import CalibrationError
 from lutforge.interpolation import Interpolation
 
 if TYPE_CHECKING:
-    from lutforge.calibration.learning_curve import LearningCurve
+    from lutforge.evaluation.learning_curve import LearningCurve
     from lutforge.model.camera_profile import CameraProfile
 
 Sources = Annotated[

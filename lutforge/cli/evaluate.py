@@ -13,7 +13,7 @@ from lutforge.cli.sample import tell
 
 if TYPE_CHECKING:
     from lutforge.calibration.errors_table import ErrorFigures
-    from lutforge.calibration.evaluation import Evaluation
+    from lutforge.evaluation.evaluation import Evaluation
 
 FIGURES = ("n", "mean", "max", "Q1", "median", "Q3", "RMSE", "ΔE00", "max ΔE00")
 TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW (white-balanced)"}

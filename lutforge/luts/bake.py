@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.fit import Evaluated, Progress, fit_lut, fit_without_response
 from lutforge.luts.lut import Lut, lut_from_lattice
 from lutforge.luts.parts import Parts, as_one, parts_of
-from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.scene_render import SceneRender
 from lutforge.model.transform import LatticeTransform, Transform
 

@@ -17,7 +17,7 @@ from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation, Levels, interpolate, through
 from lutforge.luts.conjugate_gradients import solve
 from lutforge.model.lattice import grid
-from lutforge.regression.normal_equations import normal_equations
+from lutforge.solvers.normal_equations import normal_equations
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation, interpolate
 from lutforge.luts.lut import Lut
@@ -18,7 +19,6 @@ from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.read import read_lut
 from lutforge.luts.sample_points import sample_points
 from lutforge.luts.second_reader import disagreement
-from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.lattice import uniform_levels
 from lutforge.model.transform import Transform
 

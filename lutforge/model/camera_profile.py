@@ -9,12 +9,12 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.colour.scene_spaces import SceneSpace, from_linear_srgb
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response import Response
-from lutforge.model.scene_spaces import SceneSpace, from_linear_srgb
 from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
 from lutforge.model.white_balance import WhiteBalance, resolve, seen_as, tinted
 from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector

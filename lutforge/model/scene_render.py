@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.colour.scene_spaces import SceneSpace, from_linear_srgb
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile, ModelName
-from lutforge.model.scene_spaces import SceneSpace, from_linear_srgb
 from lutforge.model.transform import Transform
 from lutforge.settings import Selector
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.errors import ProfileError, SettingsError
-from lutforge.model.colour_temperature import (
+from lutforge.colour.colour_temperature import (
     COOLEST,
     HOTTEST,
     camera_from_xyz,
@@ -18,6 +17,7 @@ from lutforge.model.colour_temperature import (
     white,
     white_of,
 )
+from lutforge.errors import ProfileError, SettingsError
 from lutforge.settings import LARGEST_MULTIPLIER, Kelvin, Multipliers
 
 Array = NDArray[np.float64]

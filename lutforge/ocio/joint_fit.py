@@ -26,7 +26,7 @@ from lutforge.ocio.joint_equations import (
     through_and_back,
 )
 from lutforge.ocio.preimage import Render
-from lutforge.regression.smoothness import second_difference, to_bands
+from lutforge.solvers.smoothness import second_difference, to_bands
 from lutforge.threads import run, slabs
 
 Array = NDArray[np.float64]

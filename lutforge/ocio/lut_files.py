@@ -16,7 +16,7 @@ from lutforge.interpolation import through
 from lutforge.luts.formats import clf
 from lutforge.luts.lut import Lut
 from lutforge.model.lattice import grid
-from lutforge.regression.node_levels import snap_levels
+from lutforge.solvers.node_levels import snap_levels
 
 Array = NDArray[np.float64]
 

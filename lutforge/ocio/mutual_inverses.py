@@ -40,8 +40,8 @@ from lutforge.ocio.pair_descent import Beginning, descent
 from lutforge.ocio.preimage import Render, as_render, preimages
 from lutforge.ocio.round_trip import RoundTrip, measure
 from lutforge.ocio.unfolding import folded_share, share_of_samples, unfolded
-from lutforge.regression.lattice_regression import Prior, Regularisation, fit_lattice
-from lutforge.regression.node_levels import equidistributed_levels, resized_levels, snap_levels
+from lutforge.solvers.lattice_regression import Prior, Regularisation, fit_lattice
+from lutforge.solvers.node_levels import equidistributed_levels, resized_levels, snap_levels
 
 Array = NDArray[np.float64]
 

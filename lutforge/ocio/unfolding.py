@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from lutforge.ocio.preimage import Render
-from lutforge.regression.blas import one_blas_thread
+from lutforge.solvers.blas import one_blas_thread
 from lutforge.threads import run
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from lutforge.calibration.held_out import Predictions
+from lutforge.evaluation.held_out import Predictions
 from lutforge.report.drawing import ERROR_SCALE, MAP
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
 from lutforge.samples.tiles import jpeg_cells

@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.options import options_from_json
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import fit_direction
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
-from lutforge.regression.node_levels import error_histogram
 from lutforge.report.gamut_slices import gamut_figure
 from lutforge.report.lattice_figures import lattice_figure, levels_on_errors, plane_destinations
 from lutforge.report.page import Block, Picture, Table
 from lutforge.report.response_figure import response_figure
 from lutforge.report.sheets import DIRECTIONS
+from lutforge.solvers.node_levels import error_histogram
 
 Array = NDArray[np.float64]
 

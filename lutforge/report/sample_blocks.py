@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from lutforge.calibration.next_shots import colour_gaps
 from lutforge.calibration.style_data import StyleData
+from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.report.page import Block, Picture, Points, Table, Text
 from lutforge.report.sample_figures import chromaticity_figure
 from lutforge.samples.extract import ShotSamples

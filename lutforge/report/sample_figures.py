@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from lutforge.model.colour_difference import srgb_to_lab
+from lutforge.colour.colour_difference import srgb_to_lab
 from lutforge.report.drawing import ERROR_SCALE, MAP
 
 Array = NDArray[np.float64]

@@ -6,24 +6,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.exposure_pairs import pairs_of_samples
-from lutforge.calibration.gamut_map import identity_gamut_map
-from lutforge.calibration.lattice import MEASURING_TOLERANCE
-from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical import fit_stages
-from lutforge.calibration.response_from_exposures import fit_response_to_exposures
-from lutforge.calibration.response_from_raw import fit_response_to_raw
+from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
+from lutforge.calibration.physical.gamut_map import identity_gamut_map
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.physical.physical_model import fit_stages
+from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.physical.response_from_raw import fit_response_to_raw
+from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
 from lutforge.calibration.style_data import style_data, unclipped
 from lutforge.calibration.style_fit import fit_direction
-from lutforge.calibration.white_balance import complete_multipliers, named_white_balances
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline import calibrate
-from lutforge.regression.node_levels import error_histogram
 from lutforge.samples.sample_set import SampleSet, with_setting_names
+from lutforge.solvers.node_levels import error_histogram
 from lutforge.studio.workspace import FittedModel
 
 Array = NDArray[np.float64]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from lutforge.calibration.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
 from lutforge.errors import CalibrationError, SampleError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_file import load_profile

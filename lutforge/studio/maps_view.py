@@ -7,7 +7,7 @@ import panel as pn
 from bokeh.models import ColorBar, ColumnDataSource, LinearColorMapper, Range1d
 from numpy.typing import NDArray
 
-from lutforge.calibration.next_shots import colour_gaps
+from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.model.lattice import Lattice
 from lutforge.report.drawing import CHANNELS

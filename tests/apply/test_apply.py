@@ -20,7 +20,7 @@ from lutforge.luts.lut import Lut
 from lutforge.luts.processor import file_processor
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import grid
-from lutforge.regression.node_levels import snap_levels
+from lutforge.solvers.node_levels import snap_levels
 
 Pixels = NDArray[np.float32]
 

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import distributed
-from graded_images import write_cube, write_picture
 
 from lutforge.apply import journal
 from lutforge.apply.batch import Progress, apply_batch
 from lutforge.apply.grade import LutRecipe
+from tests.apply.graded_images import write_cube, write_picture
 
 
 def contents(folder: Path) -> dict[str, bytes]:

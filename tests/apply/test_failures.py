@@ -8,7 +8,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from graded_images import write_cube, write_picture
+
+from tests.apply.graded_images import write_cube, write_picture
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 

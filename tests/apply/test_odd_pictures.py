@@ -7,7 +7,6 @@ import colour
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
-from graded_images import Pixels, write_cube, write_picture
 from PIL import Image as Picture
 from PIL import ImageCms
 
@@ -15,12 +14,13 @@ from lutforge.apply.batch import BatchResult, apply_batch
 from lutforge.apply.grade import ConfigRecipe, LutRecipe
 from lutforge.apply.image import apply_to_pixels
 from lutforge.apply.inputs import find_inputs
-from lutforge.images.adobe_rgb import NAME, adobe_rgb_profile
+from lutforge.colour.adobe_rgb import NAME, adobe_rgb_profile
 from lutforge.images.read import read_image
 from lutforge.luts.ends import ends_of, read_ends
 from lutforge.luts.formats import clf, csp, cube_3d
 from lutforge.luts.lut import Lut
 from lutforge.model.lattice import grid, uniform_levels
+from tests.apply.graded_images import Pixels, write_cube, write_picture
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 import pytest
-from graded_images import write_cube, write_picture
 
 from lutforge.apply.batch import Failure, apply_batch, plan_jobs
 from lutforge.apply.grade import ConfigRecipe, Grade, LutRecipe, Recipe
@@ -19,6 +18,7 @@ from lutforge.apply.oiiotool_commands import oiiotool_commands
 from lutforge.images.read import read_image
 from lutforge.luts.chain import LutChain
 from lutforge.luts.lut import Lut
+from tests.apply.graded_images import write_cube, write_picture
 
 
 @dataclass(frozen=True)

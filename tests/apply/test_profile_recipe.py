@@ -12,7 +12,7 @@ from lutforge.apply.batch import apply_batch
 from lutforge.apply.candidates import candidate_sheet
 from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.raw_to_raw import fit_raw_transfer
+from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
-from graded_images import write_cube, write_picture
 
 from lutforge.apply.grade import Grade, LutRecipe
 from lutforge.apply.image import apply_image, apply_to_pixels
 from lutforge.errors import ImageError
 from lutforge.images.read import ImageReader, read_image
+from tests.apply.graded_images import write_cube, write_picture
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import time
 from pathlib import Path
 
 import pytest
-from graded_images import write_cube, write_picture
 
 from lutforge.apply import journal
 from lutforge.apply.batch import BatchResult, apply_batch
 from lutforge.apply.grade import LutRecipe
+from tests.apply.graded_images import write_cube, write_picture
 
 MOMENTS = int(os.environ.get("LUTFORGE_KILL_MOMENTS", "3"))
 """How many runs are killed; the longer proof sets 20."""

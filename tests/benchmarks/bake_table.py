@@ -1,6 +1,6 @@
 """Our baked files beside those of `ociobakelut`, for 12 transforms of the published Nikon D40.
 
-    python tests/benchmarks/bake_table.py FOLDER [--again] [WORD…]
+    python -m tests.benchmarks.bake_table FOLDER [--again] [WORD…]
 
 FOLDER keeps what is measured, a file per transform, so that a run can be broken off and taken up; --again measures ours
 anew. WORDs choose the transforms whose names hold one of them. LUTFORGE_TEST_DATA names the folder of real data.
@@ -24,13 +24,13 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
+from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.luts.bake import bake
 from lutforge.luts.chain import bake_chain
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.write import write_lut
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.published_model import import_published
 from lutforge.model.transform import Transform
 

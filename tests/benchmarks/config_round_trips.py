@@ -1,6 +1,6 @@
 """What a config loses from JPEG to the reference and back, and what that costs its render, for cameras of all kinds.
 
-    LUTFORGE_TEST_DATA=… python tests/benchmarks/config_round_trips.py [number of unseen cameras] [name of a camera …]
+    LUTFORGE_TEST_DATA=… python -m tests.benchmarks.config_round_trips [number of unseen cameras] [name of a camera …]
 
 Printed per rendering: nodes per axis of both LUTs; the round trip's mean and largest RGB norm, encoded, over at least
 300,000 colours: what the Python model makes of RAW colours (the whole range, its faces, edges and darks, RAW that white
@@ -23,7 +23,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
-from unseen_cameras import Logarithm, UnseenCamera, photographed, simulated, unseen_camera
 
 import lutforge as lf
 from lutforge.calibration.options import CalibrationOptions
@@ -39,6 +38,7 @@ from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL
 from lutforge.simulate.camera import SimulatedStyle, SimulatedWhiteBalance, _fit_matrix, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.demo import demo_shots
 from lutforge.simulate.spectra import WAVELENGTHS, light
+from tests.benchmarks.unseen_cameras import Logarithm, UnseenCamera, photographed, simulated, unseen_camera
 
 Array = NDArray[np.float64]
 

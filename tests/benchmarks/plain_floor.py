@@ -1,6 +1,6 @@
 """How near a shaper and a cube of codes can come to a camera: the least error of cubes that know the answer.
 
-    python tests/benchmarks/plain_floor.py [SIZE…]
+    python -m tests.benchmarks.plain_floor [SIZE…]
 
 LUTFORGE_TEST_DATA names the real data. On the Nikon D40's published pairs, a lattice with a curve behind it, fitted to
 all of them, stands for the camera. Cubes are fitted to it at 60,000 points around all pairs, those to be predicted
@@ -20,17 +20,17 @@ from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 
-from lutforge.calibration.continuation import continuation
-from lutforge.calibration.lattice import fit_samples
-from lutforge.calibration.lattice_problem import GREY_WEIGHTS, LatticeProblem
-from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.lattice.continuation import continuation
+from lutforge.calibration.lattice.lattice_fit import fit_samples
+from lutforge.calibration.lattice.lattice_problem import GREY_WEIGHTS, LatticeProblem
+from lutforge.calibration.lattice.output_curve import output_curve
+from lutforge.calibration.lattice.plain_lattice import KINKED, BoundedProblem
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.output_curve import output_curve
-from lutforge.calibration.plain_lattice import KINKED, BoundedProblem
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.interpolation import Levels, interpolate
 from lutforge.model.lattice import Lattice
 from lutforge.model.published_model import PublishedModel, read_published_model
-from lutforge.regression.node_levels import equidistributed_levels, resized_levels
+from lutforge.solvers.node_levels import equidistributed_levels, resized_levels
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """How near one camera's photographs come to another's look, by the form of the RAW transfer between them.
 
-    python tests/benchmarks/raw_transfer_table.py
+    python -m tests.benchmarks.raw_transfer_table
 
 Two simulated cameras with measured sensitivities, fitted to the patches of a colour chart and 99 surfaces with a little
 noise, tried on 600 other surfaces: RMSE of the other camera's rendering (standard style), by light. The floor of one
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from lutforge.calibration.raw_to_raw import Form, fit_raw_transfer
+from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.scene import palette
 from lutforge.simulate.spectra import chart_reflectances, surface_reflectances

@@ -1,6 +1,6 @@
 """How near a refinish comes to what the camera would have made, for every pair of settings of a simulated camera.
 
-    python tests/benchmarks/refinish_table.py FOLDER [--sensor sd-merrill] [--repeat 2]
+    python -m tests.benchmarks.refinish_table FOLDER [--sensor sd-merrill] [--repeat 2]
 
 Two styles, six white balances, twelve calibration shots of each setting (with --repeat more, of other scenes), 8-bit
 JPEGs of quality 95. Scenes that were held out are compared on the means of 8 × 8 pixels of which none is clipped, and

@@ -1,6 +1,6 @@
 """What keeps the worst colours of a round trip from coming back: folds of the render, or nodes that are too few.
 
-    python tests/benchmarks/round_trip_floor.py [number of unseen cameras] [name of a camera …]
+    python -m tests.benchmarks.round_trip_floor [number of unseen cameras] [name of a camera …]
 
 Printed per rendering, for the render as it was fitted and for the one without folds: the share of its range that folds;
 the change from the model, mean and largest, encoded; and for linearizations of ever more nodes, made exactly, without
@@ -13,7 +13,6 @@ import sys
 from collections.abc import Iterator
 
 import numpy as np
-from config_round_trips import unseen_ones
 from numpy.typing import NDArray
 
 import lutforge as lf
@@ -29,6 +28,7 @@ from lutforge.ocio.preimage import Render, as_render
 from lutforge.ocio.renderings import Rendering, renderings
 from lutforge.ocio.round_trip import measure
 from lutforge.ocio.unfolding import folded_share
+from tests.benchmarks.config_round_trips import unseen_ones
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """How near a shaper and a cube can come: the least error over all shapers, beside ours and the cube of `ociobakelut`.
 
-    python tests/benchmarks/shaper_floor.py FOLDER SIZE WORD…
+    python -m tests.benchmarks.shaper_floor FOLDER SIZE WORD…
 
 FOLDER is that of `bake_table.py`, with the other side's figures; WORDs choose transforms. LUTFORGE_TEST_DATA names the
 real data. Files without a response behind the cube (.cube, .csp, .spi3d) hold nothing else than a curve per axis and a
@@ -16,21 +16,21 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from bake_table import colours, nikon_d40, transforms
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import minimize
 
+from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.interpolation import INTERPOLATIONS, Interpolation, interpolate, through
 from lutforge.luts.bake import bake
 from lutforge.luts.fit import Evaluated, fit_without_response
 from lutforge.luts.least_squares import GREY_POINTS, GREY_WEIGHT, Samples, fit_cube, sample, solve_nodes
 from lutforge.luts.lut import Lut
 from lutforge.luts.shaper import SHAPER_SIZE
-from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.lattice import uniform_levels
 from lutforge.model.transform import Transform
-from lutforge.regression.node_levels import snap_levels
+from lutforge.solvers.node_levels import snap_levels
+from tests.benchmarks.bake_table import colours, nikon_d40, transforms
 
 Array = NDArray[np.float64]
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bake_table import colours, nikon_d40, ours, table, theirs, transforms
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from lutforge.luts.bake import bake
 from lutforge.luts.write import write_lut
 from lutforge.model.camera_profile import CameraProfile
+from tests.benchmarks.bake_table import colours, nikon_d40, ours, table, theirs, transforms
 
 
 @pytest.fixture(scope="module")

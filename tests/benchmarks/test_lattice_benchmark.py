@@ -27,17 +27,17 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.interpolate import RBFInterpolator
 
-from lutforge.calibration.continuation import continuation
-from lutforge.calibration.lattice import fit_samples
-from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.lattice.continuation import continuation
+from lutforge.calibration.lattice.lattice_fit import fit_samples
+from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.output_curve import output_curve
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.luts.lut import lut_from_lattice
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.model.lattice import uniform_levels
 from lutforge.model.published_model import read_published_model
-from lutforge.regression.lattice_regression import Regularisation, fit_lattice
 from lutforge.simulate.camera import nikon_d5100
+from lutforge.solvers.lattice_regression import Regularisation, fit_lattice
 
 Array = NDArray[np.float64]
 Predictor = Callable[[Array], Array]

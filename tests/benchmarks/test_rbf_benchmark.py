@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.interpolate import RBFInterpolator
 
-from lutforge.calibration.gamut_map import GamutMapOptions, fit_gamut_map, solve
+from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map, solve
 
 Array = NDArray[np.float64]
 

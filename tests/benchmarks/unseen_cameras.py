@@ -1,7 +1,7 @@
 """The physical model on cameras that it was not made on: a seeded family of simulated ones, each with its own sensor,
 tone curve, gamut map, lights and chart, photographed with noise, 8-bit JPEGs and exposures off by up to 3 %.
 
-    python tests/benchmarks/unseen_cameras.py [number of cameras] [thesis]
+    python -m tests.benchmarks.unseen_cameras [number of cameras] [thesis]
 
 Printed per camera and as median and worst: the largest error of f in the range that the samples span, ‖ΔTs‖/‖Ts‖ and
 the largest relative error of Tw with the multipliers unknown, ‖ΔTs‖/‖Ts‖ with them known, and on other surfaces, with
@@ -16,19 +16,14 @@ bends most; Tw's common factor is told by f⁻¹ of neutral values, so by as muc
 import sys
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-sys.path.append(str(Path(__file__).parents[1] / "calibration"))
-
-from samples_simulated import chart_140, photograph_patches, surfaces
-
 from lutforge.calibration.options import Preset
-from lutforge.calibration.physical import fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style_data import unclipped
-from lutforge.calibration.white_balance import complete_multipliers
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import (
@@ -44,6 +39,7 @@ from lutforge.simulate.camera import (
 from lutforge.simulate.gamut_map import GamutMap
 from lutforge.simulate.response import ToneResponse, invert_increasing
 from lutforge.simulate.spectra import WAVELENGTHS, light
+from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """Where the largest errors of unseen colours lie: ΔE00 of simulated cameras, beside those of a guess that is true.
 
-    python tests/benchmarks/unseen_colours.py [SAMPLES]
+    python -m tests.benchmarks.unseen_colours [SAMPLES]
 
 33³ lattices with a curve from 5,000 samples in 8 bits predict 10,000 other colours drawn alike, spread evenly over the
 encoded colours that a camera can make, or over its RAW, of which hardly any are dark. Per sensor, style and spread, the
@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.continuation import Continuation, continuation
-from lutforge.calibration.lattice import fit_samples
-from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.lattice.continuation import Continuation, continuation
+from lutforge.calibration.lattice.lattice_fit import fit_samples
+from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.output_curve import output_curve
-from lutforge.model.colour_difference import delta_e_2000
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.model.lattice import Lattice
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from lutforge.calibration.bounded_least_squares import bounded_least_squares
-from lutforge.calibration.matrix_and_response import LOWER, UPPER
+from lutforge.calibration.physical.matrix_and_response import LOWER, UPPER
+from lutforge.solvers.bounded_least_squares import bounded_least_squares
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.calibration.bracket import BracketFit, fit_bracket, response_from_bracket
-from lutforge.calibration.exposure_pairs import pairs_of_bracket
+from lutforge.calibration.physical.bracket import BracketFit, fit_bracket, response_from_bracket
+from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image

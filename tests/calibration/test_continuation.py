@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.calibration.continuation import Continuation, continuation
-from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.lattice.continuation import Continuation, continuation
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 
 CAMERA = nikon_d5100()

@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples_simulated import chart_140, photograph_patches
 
-from lutforge.calibration import evaluation as evaluation_module
-from lutforge.calibration import held_out
 from lutforge.calibration.calibrate import calibrate
-from lutforge.calibration.evaluate import evaluate
-from lutforge.calibration.evaluation import Evaluation
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.evaluation import evaluation as evaluation_module
+from lutforge.evaluation import held_out
+from lutforge.evaluation.evaluate import evaluate
+from lutforge.evaluation.evaluation import Evaluation
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
+from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
 BASELINES = ("f and T, no h", "polynomial per channel", "polynomial of all channels")

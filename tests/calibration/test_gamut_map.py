@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import RBFInterpolator
 
-from lutforge.calibration.gamut_map import GamutMapOptions, fit_gamut_map, merge_coincident, solve
+from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map, merge_coincident, solve
 from lutforge.errors import CalibrationError
 
 RNG = np.random.default_rng(0)

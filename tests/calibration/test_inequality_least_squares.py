@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from lutforge.calibration.inequality_least_squares import solve_lsi
 from lutforge.errors import CalibrationError
+from lutforge.solvers.inequality_least_squares import solve_lsi
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -6,16 +6,16 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # it has no type information
 
 from lutforge import threads as shared
-from lutforge.calibration.continuation import continuation
-from lutforge.calibration.lattice import fit_samples, folds
-from lutforge.calibration.lattice_result import LatticeResult
-from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.lattice.continuation import continuation
+from lutforge.calibration.lattice.lattice_fit import fit_samples, folds
+from lutforge.calibration.lattice.lattice_result import LatticeResult
+from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.output_curve import output_curve
-from lutforge.model.colour_difference import delta_e_2000
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.model.lattice import Lattice
-from lutforge.regression import multigrid, normal_equations
 from lutforge.simulate.camera import nikon_d5100
+from lutforge.solvers import multigrid, normal_equations
 
 Array = NDArray[np.float64]
 CAMERA = nikon_d5100()

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from lutforge.calibration.learning_curve import learning_curve
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import StyleData
 from lutforge.errors import CalibrationError
+from lutforge.evaluation.learning_curve import learning_curve
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from samples_simulated import BALANCES, chart_140, photograph_patches
 
-from lutforge.calibration.matrix import fit_matrix
 from lutforge.calibration.options import Preset
+from lutforge.calibration.physical.matrix import fit_matrix
+from lutforge.calibration.physical.unsaturated import BETA, saturation, untouched
 from lutforge.calibration.style_data import unclipped
-from lutforge.calibration.unsaturated import BETA, saturation, untouched
 from lutforge.errors import CalibrationError
 from lutforge.simulate.camera import nikon_d5100
+from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
 SAMPLES = photograph_patches(CAMERA, chart_140())

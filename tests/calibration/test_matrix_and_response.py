@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.calibration.continuation import continuation
-from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.lattice.continuation import continuation
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.errors import CalibrationError
 
 Array = NDArray[np.float64]

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from samples_simulated import chart_140, photograph_patches
 
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
@@ -13,6 +12,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
+from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
 LUMA = np.array([0.299, 0.587, 0.114])  # of the Y'CbCr of JPEG (ITU-R BT.601)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lutforge.calibration.output_curve import STEEPEST, OutputCurve, output_curve
+from lutforge.calibration.lattice.output_curve import STEEPEST, OutputCurve, output_curve
 from lutforge.model.response import Response
 
 CODES = np.linspace(0.0, 1.0, 33)

@@ -2,20 +2,20 @@
 
 import numpy as np
 import pytest
-from samples_simulated import BALANCES, chart_140, photograph_patches, surfaces
 
 from lutforge.calibration.calibrate import calibrate
-from lutforge.calibration.exposure_pairs import pairs_of_samples
-from lutforge.calibration.linearisation import model_delta
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical import fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
+from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.physical.unsaturated import untouched
+from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style_data import unclipped
-from lutforge.calibration.unsaturated import untouched
-from lutforge.calibration.white_balance import complete_multipliers
+from lutforge.evaluation.linearisation import model_delta
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
+from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_patches, surfaces
 
 CAMERA = nikon_d5100()
 

@@ -12,12 +12,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
-from lutforge.calibration.continuation import continuation
-from lutforge.calibration.lattice import fit_samples
-from lutforge.calibration.lattice_result import LatticeResult
-from lutforge.calibration.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.lattice.continuation import continuation
+from lutforge.calibration.lattice.lattice_fit import fit_samples
+from lutforge.calibration.lattice.lattice_result import LatticeResult
+from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.output_curve import output_curve
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.luts.lut import lut_from_lattice
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.model.published_model import PublishedModel, read_published_model

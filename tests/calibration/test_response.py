@@ -6,18 +6,18 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from samples_simulated import chart_140, photograph_patches
 
-from lutforge.calibration.exposure_pairs import pairs_of_bracket, pairs_of_samples
 from lutforge.calibration.options import Preset
-from lutforge.calibration.plain_curves import gamma_response, spline_response, srgb_response
-from lutforge.calibration.response_from_exposures import fit_response_to_exposures
-from lutforge.calibration.response_from_raw import fit_response_to_raw
+from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket, pairs_of_samples
+from lutforge.calibration.physical.plain_curves import gamma_response, spline_response, srgb_response
+from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.physical.response_from_raw import fit_response_to_raw
 from lutforge.calibration.style_data import unclipped
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
+from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 Array = NDArray[np.float64]
 CAMERA = nikon_d5100()

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from samples_simulated import chart_140, photograph_patches
 from typer.testing import CliRunner
 
 from lutforge.calibration.calibrate import calibrate, data_by_style
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.size_search import SIZES, smallest_size
 from lutforge.cli.main import app
 from lutforge.errors import CalibrationError
+from lutforge.evaluation.size_search import SIZES, smallest_size
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
+from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def test_it_reaches_the_error_that_calibrate_prints(samples: SampleSet) -> None:
 
 
 def test_what_no_size_reaches_is_said(samples: SampleSet, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lutforge.calibration.size_search.SIZES", (5, 9))
+    monkeypatch.setattr("lutforge.evaluation.size_search.SIZES", (5, 9))
     with pytest.raises(CalibrationError, match=r"the smallest is 0\.0"):
         smallest_size(data_by_style(samples), 1e-6)
     with pytest.raises(CalibrationError, match="above 0"):

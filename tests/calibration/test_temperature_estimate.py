@@ -5,16 +5,16 @@ from pathlib import Path
 import colour
 import numpy as np
 import pytest
-from samples_simulated import chart_140, photograph_patches
 
 from lutforge.calibration.calibrate import calibrate
-from lutforge.calibration.colour_temperature import named_temperature, with_temperatures
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.model.colour_temperature import camera_from_xyz, white_of
+from lutforge.calibration.physical.colour_temperature import named_temperature, with_temperatures
+from lutforge.colour.colour_temperature import camera_from_xyz, white_of
 from lutforge.model.published_model import read_published_model
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 NATURAL = ("tungsten", "flash", "cloudy", "shade")
 

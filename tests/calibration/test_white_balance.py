@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.calibration.blind_white_balance import multipliers_from_colours
-from lutforge.calibration.white_balance import complete_multipliers, named_white_balances
+from lutforge.calibration.physical.blind_white_balance import multipliers_from_colours
+from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
 from lutforge.errors import CalibrationError
 from lutforge.pipeline import sample
 from lutforge.samples.sample_set import SampleSet

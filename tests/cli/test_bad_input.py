@@ -10,11 +10,11 @@ from typing import Protocol
 import numpy as np
 import OpenImageIO
 import pytest
-from conftest import CommandLine
 
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.simulate.dng import write_dng
+from tests.conftest import CommandLine
 
 HEADER = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b\n"
 ROW = "Test Cam,standard,daylight,a,p{n},0.01,{r},0.2,0.3,0.4,0.5,0.6\n"

@@ -1,7 +1,7 @@
 """LUT files made by libFuzzer, guided by the coverage of the readers, through `check_lut`.
 
     pip install '.[fuzz]'
-    python tests/luts/fuzz_atheris.py 30000        # the number of files; further words go to libFuzzer
+    python -m tests.luts.fuzz_atheris 30000        # the number of files; further words go to libFuzzer
 
 The first byte picks the kind of file. A traceback, more than 2 s for a file, or more than 1 GB ends the run, and keeps
 the file.
@@ -17,7 +17,7 @@ COMPILED = ["lutforge.luts.formats.text", "lutforge.luts.conjugate_gradients"]
 """Loops that numba compiles, of writers; they cannot be instrumented."""
 
 with atheris.instrument_imports(include=["lutforge.luts"], exclude=COMPILED):
-    from fuzz_luts import seeds, try_file
+    from tests.luts.fuzz_luts import seeds, try_file
 
 SUFFIXES = (".cube", ".clf", ".ctf", ".csp", ".3dl", ".cub", ".lut", ".spi1d", ".spi3d", ".png", ".tif")
 LONGEST = 30_000

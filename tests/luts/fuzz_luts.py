@@ -1,6 +1,6 @@
 """LUT files spoilt at random, through `check_lut`: each gives a report or one clear line, soon and in little memory.
 
-python tests/luts/fuzz_luts.py 30000        # the number of files
+python -m tests.luts.fuzz_luts 30000        # the number of files
 """
 
 import resource

@@ -1,6 +1,6 @@
 """The programs that read LUT files, each run on the same 16-bit colours; as a script, the table for the README.
 
-    python tests/luts/reader_programs.py [profile.npz STYLE/WB STYLE/WB]
+    python -m tests.luts.reader_programs [profile.npz STYLE/WB STYLE/WB]
 
 Without a profile: a fixed smooth transform. A line: program, version, format, mean and maximum ΔE00 to the model.
 """
@@ -185,9 +185,9 @@ def rendered(program: Program, lut: Path, folder: Path) -> tuple[Array, Array]:
 
 
 def main() -> None:
+    from lutforge.colour.colour_difference import delta_e_2000
     from lutforge.luts.bake import bake
     from lutforge.luts.write import write_lut
-    from lutforge.model.colour_difference import delta_e_2000
     from lutforge.model.profile_file import load_profile
     from lutforge.model.transform import Transform
 

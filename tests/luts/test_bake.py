@@ -21,7 +21,7 @@ from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.published_model import import_published
 from lutforge.model.response import Response
 from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain
-from lutforge.regression.node_levels import snap_levels
+from lutforge.solvers.node_levels import snap_levels
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,6 @@ from random import Random
 
 import numpy as np
 import pytest
-from fuzz_luts import seeds, spoil, try_file
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,6 +14,7 @@ from lutforge.luts.lut import Lut
 from lutforge.luts.read import read_lut
 from lutforge.luts.write import write_lut
 from lutforge.model.lattice import grid, uniform_levels
+from tests.luts.fuzz_luts import seeds, spoil, try_file
 
 LEVELS = (np.array([0.0, 0.125, 0.5, 1.0]),) * 3
 

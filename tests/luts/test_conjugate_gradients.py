@@ -5,7 +5,7 @@ import pytest
 
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.conjugate_gradients import solve
-from lutforge.regression.normal_equations import FOLLOWING, normal_equations
+from lutforge.solvers.normal_equations import FOLLOWING, normal_equations
 
 
 @pytest.mark.parametrize("method", INTERPOLATIONS)

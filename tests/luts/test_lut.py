@@ -14,7 +14,7 @@ from lutforge.luts.lut import Lut, lut_from_lattice
 from lutforge.luts.shaper import SHAPER_SIZE, on_grid, sampled_shaper, scaled_levels
 from lutforge.luts.write import largest_difference
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.regression.node_levels import snap_levels
+from lutforge.solvers.node_levels import snap_levels
 
 Array = NDArray[np.float64]
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reader_programs import PROGRAMS, Program, rendered, smooth_look
 
+from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.luts.bake import bake
 from lutforge.luts.lut import Lut
 from lutforge.luts.write import write_lut
-from lutforge.model.colour_difference import delta_e_2000
+from tests.luts.reader_programs import PROGRAMS, Program, rendered, smooth_look
 
 LIMITS = {
     ("ffmpeg lut3d", ".cube"): 1e-4,

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.scene_spaces import from_linear_srgb
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import through
 from lutforge.luts.bake import bake
@@ -13,10 +15,8 @@ from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.verify import verify
 from lutforge.luts.write import write_lut
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.published_model import import_published
 from lutforge.model.scene_render import SceneRender, through_camera
-from lutforge.model.scene_spaces import from_linear_srgb
 
 Array = NDArray[np.float64]
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake
@@ -20,9 +21,8 @@ from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.luts.verify import verify
 from lutforge.luts.write import SUFFIXES, write_lut
-from lutforge.model.colour_difference import delta_e_2000
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.regression.node_levels import snap_levels
+from lutforge.solvers.node_levels import snap_levels
 
 EXACT = 1e-5
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.model.colour_temperature import (
+from lutforge.colour.colour_temperature import (
     camera_from_xyz,
     locus,
     multipliers_of,

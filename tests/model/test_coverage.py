@@ -1,12 +1,12 @@
 """The mask of colours that are clipped, or far from every sample."""
 
 import numpy as np
-from profiles_synthetic import gamma_response, identity_map, small_profile
 
 from lutforge.model.camera_profile import PhysicalModel, PictureStyle
 from lutforge.model.coverage import FARTHEST, confidence, uncovered
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import clipped
+from tests.model.profiles_synthetic import gamma_response, identity_map, small_profile
 
 
 def test_clipped_is_any_channel_at_an_end() -> None:

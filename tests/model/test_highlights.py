@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from profiles_synthetic import small_profile
 
 import lutforge as lf
 from lutforge.model.highlights import RAMP, clipped, neutral_where_clipped
+from tests.model.profiles_synthetic import small_profile
 
 
 def test_white_is_raised_to_neutral_and_a_clipped_channel_to_the_others() -> None:

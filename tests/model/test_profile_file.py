@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from profiles_synthetic import small_profile
 
 from lutforge.errors import LutForgeError, ProfileError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_file import load_profile, save_profile
+from tests.model.profiles_synthetic import small_profile
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.calibration.gamut_map import GamutMapOptions, fit_gamut_map
-from lutforge.calibration.physical import OFFSET
-from lutforge.calibration.response_from_raw import encoding_slope
+from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map
+from lutforge.calibration.physical.physical_model import OFFSET
+from lutforge.calibration.physical.response_from_raw import encoding_slope
 from lutforge.errors import ProfileError
 from lutforge.model.gamut_map import even_slope
 from lutforge.model.published_model import PublishedModel, import_published, read_published_model

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lutforge.model.scene_spaces import SCENE_SPACES, from_linear_srgb
+from lutforge.colour.scene_spaces import SCENE_SPACES, from_linear_srgb
 
 
 def test_linear_srgb_to_acescg_is_the_published_matrix() -> None:

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
-from profiles_synthetic import GAMMA, MATRIX, gamma_response, identity_map, small_profile
 
 from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle, match
 from lutforge.model.transform import LatticeTransform, RenderChain, checked_colours
 from lutforge.model.white_balance import WhiteBalance
+from tests.model.profiles_synthetic import GAMMA, MATRIX, gamma_response, identity_map, small_profile
 
 
 def _physical_profile(camera: str, matrix: np.ndarray, daylight: tuple[float, float, float]) -> CameraProfile:

@@ -13,11 +13,11 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.colour.scene_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
 from lutforge.luts.lut import Lut
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.model.scene_spaces import from_linear_srgb
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.ocio.base_config import DISPLAYS
 from lutforge.ocio.check import check_config, load_config

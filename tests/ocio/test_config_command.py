@@ -4,9 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from test_config import plain_profile
-
 from lutforge.ocio.check import load_config
+from tests.ocio.test_config import plain_profile
 
 
 def lutforge(*words: object) -> subprocess.CompletedProcess[str]:

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 import pytest
-from test_config import plain_profile
 
 from lutforge.ocio.check import check_config, load_config, round_trips
 from lutforge.ocio.config import write_config
+from tests.ocio.test_config import plain_profile
 
 
 @pytest.fixture

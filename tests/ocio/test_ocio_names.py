@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_config import MATRIX, ociocheck, plain_profile
 
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.base_config import ROLES
@@ -15,6 +14,7 @@ from lutforge.ocio.cameras import name_cameras
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config, write_config
 from lutforge.ocio.names import STEM_LENGTH, UniqueNames, file_stem, part_name
+from tests.ocio.test_config import MATRIX, ociocheck, plain_profile
 
 
 def test_parts() -> None:

@@ -14,8 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 import lutforge as lf
+from lutforge.colour.scene_spaces import from_linear_srgb
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.scene_spaces import from_linear_srgb
 
 CONFIG = Path(__file__).parents[2] / "ocio_configs" / "nikon_d40" / "config.ocio"
 ROUNDING = 2e-5

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_config import convert, ociocheck
 
 import lutforge as lf
-from lutforge.model.scene_spaces import from_linear_srgb
+from lutforge.colour.scene_spaces import from_linear_srgb
 from lutforge.ocio.check import check_config, load_config, round_trips
 from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL
+from tests.ocio.test_config import convert, ociocheck
 
 CONFIGS = Path(__file__).parents[2] / "ocio_configs"
 FOLDERS = sorted(path.parent for path in CONFIGS.glob("*/config.ocio"))

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.calibration.next_shots import colour_gaps
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_file import load_profile
 from lutforge.pipeline import calibrate, evaluate

@@ -7,12 +7,12 @@ import numpy as np
 import polars as pl
 import pytest
 from numpy.typing import NDArray
-from samples_synthetic import MULTIPLIERS, render, synthetic_shot
 
 from lutforge.images.read import read_image
 from lutforge.samples.chart import REFERENCE, Chart, detector_note, find_chart, likeness, sample_chart
 from lutforge.samples.extract import extract
 from lutforge.shots.read import read_shot
+from tests.samples.samples_synthetic import MULTIPLIERS, render, synthetic_shot
 
 PLAIN = np.ones((24, 3))
 needs_detector = pytest.mark.skipif(

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from samples_synthetic import MULTIPLIERS, render, synthetic_shot
 
 from lutforge.samples.balance import PER_SHOT
 from lutforge.samples.extract import extract
 from lutforge.shots.read import read_shot
+from tests.samples.samples_synthetic import MULTIPLIERS, render, synthetic_shot
 
 
 def squares(side: int, count: int, seed: int) -> NDArray[np.float64]:

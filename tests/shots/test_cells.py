@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from test_align import raw_image
 
 from lutforge.shots.cells import raw_on_grid
 from lutforge.shots.shot import Registration
+from tests.shots.test_align import raw_image
 
 
 @pytest.mark.parametrize("pixel_size", [1.0, 2.0])

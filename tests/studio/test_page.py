@@ -17,7 +17,8 @@ from pathlib import Path
 from urllib.parse import urlparse
 
 import pytest
-from shots_for_the_studio import chart_samples, photograph
+
+from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 pytest.importorskip("playwright.sync_api", reason="playwright drives the browser: pip install playwright")

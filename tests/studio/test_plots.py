@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from shots_for_the_studio import chart_samples
+
+from tests.studio.shots_for_the_studio import chart_samples
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.calibration.options import CalibrationOptions

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from job_functions import broken, doubled, endless, killed, wrong
-from shots_for_the_studio import chart_samples, photograph
+
+from tests.studio.job_functions import broken, doubled, endless, killed, wrong
+from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.calibration.options import CalibrationOptions

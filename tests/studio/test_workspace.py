@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shots_for_the_studio import chart_samples
+
+from tests.studio.shots_for_the_studio import chart_samples
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical import fit_stages
-from lutforge.calibration.unsaturated import saturation
+from lutforge.calibration.physical.physical_model import fit_stages
+from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.model.profile_file import save_profile
 from lutforge.pipeline import calibrate
 from lutforge.samples.sample_set import SampleSet

@@ -1,0 +1,275 @@
+"""What a lattice continues where it has no samples: matrix, response, and what the samples say beyond them.
+
+To render, the values that a cube with a curve behind it holds: c(Ts x) + r(e(Ts x)), where c is the curve's own
+continuation of linear light across the clipping. To linearize, RAW: Ts⁻¹ e⁻¹(z + r(z)) with z = e(f⁻¹(I)). e is the
+even scale of `model.gamut_map`, on which dark colours lie as far apart as they look, and r are radial basis functions
+with few centres spread over the samples, fitted to all of them by least squares (`radial_basis`), so that noise and a
+stray sample do not bend it; weights are less where errors are large (Cauchy). Beyond the samples r runs on as smoothly
+as it can, to nothing at black.
+
+Ts is that of unsaturated colours where r is clearly simpler then, as of a gamut map that leaves most colours alone;
+else that which suits all colours, from which r runs on more safely.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError
+
+from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
+from lutforge.calibration.physical.radial_basis import RadialBasis, RadialBasisProblem, spread
+from lutforge.model.gamut_map import even_slope, from_even, to_even
+from lutforge.solvers.blas import one_blas_thread
+
+Array = NDArray[np.float64]
+
+OFFSET = 0.005
+"""ε of the even scale."""
+CENTRES, MOST_CENTRES = 200, 1_000
+CENTRES_PER_FACE_NODE = 2 / 3
+"""What a lattice can follow: a guess for one has this many per node of its face, MOST_CENTRES at most."""
+SAMPLES_PER_CENTRE, MOST_SAMPLES, MOST_SPREAD = 20, 3_000, 20_000
+"""Samples that are fitted, and those among which the centres are spread; the centres themselves are always fitted."""
+FEW_CENTRES, ROUNDS = 100, 2
+"""So many, the first as they are spread, tell the outliers in so many rounds before all are fitted."""
+TRIAL_CENTRES, TRIAL_SAMPLES = 54, 1_080
+"""So many tell, of so many samples, which matrix is continued: those of the guess for a lattice of 9 nodes per axis."""
+FEWEST_COLOURS = 30
+"""Fewer distinct ones do not bend a guess: matrix and response alone are continued."""
+CLEARER = 0.92
+"""The matrix of the unsaturated colours is continued where few functions then leave less than this share of what they
+leave with the matrix of all colours, which is the safer one beyond the samples; to render only, as to linearize they
+leave no less."""
+OUTLIER_SCALE = 4.0
+"""A sample whose error is this many times the median counts half (Cauchy)."""
+LEAST_OUTLIER = 4.0 / 255.0
+GREYS = np.linspace(0.0, 0.3, 11)[:, None].repeat(3, axis=1)
+GREY_WEIGHT = 1.0
+"""What each of these dark greys, black the first, counts beside a sample: the gamut map leaves them alone."""
+LEAST_SPREAD = 1e-3
+"""Samples whose smallest principal deviation is below this lie in a plane, and bend no guess."""
+
+
+@dataclass(frozen=True, eq=False)
+class Continuation:
+    """A guess of one direction. curve: what stands behind the cube, to render; None to linearize.
+
+    bend: r, None where the samples cannot tell it; half: the error with which a sample counted half in its fit.
+    """
+
+    base: MatrixAndResponse
+    curve: OutputCurve | None
+    bend: RadialBasis | None = None
+    half: float = np.inf
+
+    def __call__(self, x: Array) -> Array:
+        """The guess at x (…, 3): encoded, or RAW."""
+        values = self.values(x)
+        return values if self.curve is None else self.curve.leave(values)
+
+    def values(self, x: Array) -> Array:
+        """What a cube should hold at x (…, 3): values before the curve, or RAW; not clipped."""
+        linear = self._linear(x)
+        if self.curve is not None:
+            values = self.curve.continued(linear)
+            return values if self.bend is None else values + self.bend(to_even(linear, OFFSET))
+        if self.bend is not None:
+            even = to_even(linear, OFFSET)
+            linear = from_even(even + self.bend(even), OFFSET)
+        return np.asarray(linear @ np.linalg.inv(self.base.matrix).T)
+
+    def refit(self, x: Array, y: Array, most_centres: int = CENTRES) -> "Continuation":
+        """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response."""
+        return self._bent(self._trial(x, y, most_centres))
+
+    def _trial(self, x: Array, y: Array, most_centres: int) -> "_Trial | None":
+        """What few functions make of samples; None where these cannot tell them."""
+        pairs = self._pairs(x, y, most_centres)
+        try:
+            return None if pairs is None else pairs.trial()
+        except LinAlgError:  # colours that coincide
+            return None
+
+    def _bent(self, trial: "_Trial | None") -> "Continuation":
+        """The guess of all functions, fitted to the samples of a trial."""
+        straight = replace(self, bend=None, half=np.inf)
+        if trial is None:
+            return straight
+        pairs = trial.pairs
+        try:
+            bend, _ = pairs.problem.fit(pairs.target, pairs.weight * trial.robust)
+        except LinAlgError:
+            return straight
+        return replace(straight, bend=bend, half=trial.half)
+
+    def _pairs(self, x: Array, y: Array, most_centres: int) -> "_Pairs | None":
+        """What r is fitted to; None where the samples cannot tell it."""
+        rows = _rows(len(x), MOST_SPREAD)
+        linear = self._linear(x[rows])
+        if not _fills_space(linear):
+            return None
+        even = to_even(linear, OFFSET)
+        chosen = spread(even, min(most_centres, len(even) // 2))
+        kept = np.arange(len(rows)) < _enough(len(chosen))
+        kept[chosen] = True  # the outermost samples among them
+        return _Pairs(even[chosen], *self._with_greys(*self._wanted(linear[kept], y[rows[kept]])))
+
+    def _with_greys(self, source: Array, target: Array, weight: Array) -> tuple[Array, Array, Array]:
+        """Samples as `_wanted` makes them, and behind them greys, which nothing moves."""
+        return (
+            np.concatenate([source, GREYS]),
+            np.concatenate([target, np.zeros_like(GREYS)]),
+            np.concatenate([weight, np.full(len(GREYS), GREY_WEIGHT)]),
+        )
+
+    def leave_out(self, x: Array, y: Array, held: Sequence[NDArray[np.bool_]]) -> "list[Continuation]":
+        """The guesses of the samples x → y (n, 3) less those of each mask (n,), where this is the guess of them all.
+
+        Masks are disjoint. The same centres serve them all, so that the data term is summed once, mask by mask.
+        """
+        if self.bend is None:
+            return [self] * len(held)
+        rows = _rows(len(x), _enough(len(self.bend.centres)))
+        x, y = x[rows], y[rows]
+        source, target, weight = self._with_greys(*self._wanted(self._linear(x), y))
+        system = RadialBasisProblem(source, self.bend.centres)
+        weight = weight * _robust(_error(self.bend(source) - target, weight), self.half)
+        masks = [np.concatenate([mask[rows], np.zeros(len(GREYS), dtype=np.bool_)]) for mask in held]
+        parts = [system.equations(target, weight, mask) for mask in (*masks, ~np.any(masks, axis=0))]
+        total = np.sum(parts, axis=0)
+        guesses = []
+        for mine in parts[: len(held)]:
+            try:
+                guess = replace(self, bend=system.solve(total - mine)[0])
+            except LinAlgError:
+                guess = replace(self, bend=None)
+            guesses.append(guess)
+        return guesses
+
+    def _linear(self, x: Array) -> Array:
+        """Linear light that matrix or response alone make of x (…, 3)."""
+        return np.asarray(self.base.response.linearize(x) if self.curve is None else x @ self.base.matrix.T)
+
+    def _wanted(self, linear: Array, y: Array) -> tuple[Array, Array, Array]:
+        """e of linear light (n, 3), what r should be there (n, 3), and how much its error counts (n,)."""
+        source = to_even(linear, OFFSET)
+        if self.curve is not None:
+            return source, self.curve.enter(y) - self.curve.continued(linear), np.ones(len(y))
+        wanted = y @ self.base.matrix.T
+        slope = 1.0 / even_slope(wanted, OFFSET).mean(axis=1)  # errors count in linear light
+        return source, to_even(wanted, OFFSET) - source, (slope / np.median(slope)) ** 2
+
+
+@one_blas_thread
+def continuation(
+    base: MatrixAndResponse,
+    x: Array,
+    y: Array,
+    *,
+    inverse: bool,
+    size: int | None = None,
+    curve: OutputCurve | None = None,
+) -> Continuation:
+    """Fit the guess of one direction to samples x → y (n, 3), given matrix and response.
+
+    size: nodes per axis of the lattice that it is for, where that is known; curve: `output_curve(base.response)`,
+    where that is made already.
+    """
+    most = CENTRES if size is None else min(MOST_CENTRES, int(CENTRES_PER_FACE_NODE * size**2))
+    if inverse:
+        return Continuation(with_matrix_of_all(base, *_some(y, x)), None).refit(x, y, most)
+    clearer = _clearer(base, x, y, curve or output_curve(base.response))
+    return clearer if most <= TRIAL_CENTRES else clearer.refit(x, y, most)
+
+
+def _clearer(base: MatrixAndResponse, x: Array, encoded: Array, curve: OutputCurve) -> Continuation:
+    """The guess to render of few functions, with the matrix to continue."""
+    x, encoded = _some(x, encoded)
+    own, safer = (Continuation(each, curve) for each in (base, with_matrix_of_all(base, x, encoded)))
+    of_own, of_safer = (guess._trial(x, encoded, TRIAL_CENTRES) for guess in (own, safer))
+    clear = of_own is not None and (of_safer is None or of_own.left < CLEARER * of_safer.left)
+    return own._bent(of_own) if clear else safer._bent(of_safer)
+
+
+def _some(x: Array, encoded: Array) -> tuple[Array, Array]:
+    """Samples that tell which matrix is continued."""
+    rows = _rows(len(x), TRIAL_SAMPLES)
+    return x[rows], encoded[rows]
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """centres: (m, 3); source, target: (n, 3), e of linear light and what r should be there; weight: (n,)."""
+
+    centres: Array
+    source: Array
+    target: Array
+    weight: Array
+
+    @cached_property
+    def problem(self) -> RadialBasisProblem:
+        """Of all centres."""
+        return RadialBasisProblem(self.source, self.centres)
+
+    def trial(self) -> "_Trial":
+        """Fits of few functions, which tell the outliers. Raises LinAlgError where colours coincide."""
+        robust = np.ones(len(self.source))
+        all_few = len(self.centres) <= FEW_CENTRES
+        few = self.problem if all_few else RadialBasisProblem(self.source, self.centres[:FEW_CENTRES])
+        for _ in range(ROUNDS):
+            error = _error(few.fit(self.target, self.weight * robust)[1], self.weight)
+            half = max(OUTLIER_SCALE * float(np.median(error)), LEAST_OUTLIER)
+            robust = _robust(error, half)
+        return _Trial(self, robust, half, float(np.sqrt(robust @ error**2 / robust.sum())))
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """robust: weights (n,) that tell the outliers; half: the error that counts half; left: the root mean square of the
+    others."""
+
+    pairs: _Pairs
+    robust: Array
+    half: float
+    left: float
+
+
+def _rows(count: int, most: int) -> NDArray[np.intp]:
+    """At most so many of the samples in random order, the same ones every time: of fewer, the first of more."""
+    return np.random.default_rng(0).permutation(count)[:most]
+
+
+def _enough(centres: int) -> int:
+    """How many samples tell the functions of so many centres."""
+    return min(MOST_SAMPLES, SAMPLES_PER_CENTRE * centres)
+
+
+def _fills_space(source: Array) -> bool:
+    """Whether colours (n, 3) are enough, and not in a plane."""
+    if len(source) == 0:
+        return False
+    centred = source - source.mean(axis=0)
+    spread = float(np.sqrt(max(np.linalg.eigvalsh(centred.T @ centred)[0], 0.0)))
+    if spread < LEAST_SPREAD * len(source) ** 0.5:
+        return False
+    return any(_distinct(part) >= FEWEST_COLOURS for part in (source[: 10 * FEWEST_COLOURS], source))  # most soon show
+
+
+def _distinct(source: Array) -> int:
+    """How many of the colours (n, 3) differ."""
+    key = np.sort(np.rint(source * 1e3).astype(np.int64) @ np.array([1, 1 << 20, 1 << 40]))
+    return 1 + int(np.count_nonzero(key[1:] != key[:-1]))
+
+
+def _error(residual: Array, weight: Array) -> Array:
+    """(n,): the lengths of residuals (n, 3), which count by weight (n,)."""
+    return np.asarray(np.sqrt(np.einsum("nc,nc->n", residual, residual) * weight))
+
+
+def _robust(error: Array, half: float) -> Array:
+    """Cauchy weights in [0, 1] of samples with these errors (n,)."""
+    return np.asarray(1.0 / (1.0 + (error / half) ** 2))

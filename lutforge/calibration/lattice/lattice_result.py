@@ -1,0 +1,44 @@
+"""What a lattice fit returns, and the last steps that every fit shares."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.interpolation import Levels, through
+from lutforge.model.lattice import Lattice
+from lutforge.solvers.node_levels import snap_levels
+from lutforge.solvers.normal_equations import InterpolationMatrix
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeResult:
+    """A lattice; coverage: summed sample weight per node (N_r, N_g, N_b); rms: on the samples.
+
+    smoothness: the λ_S that was chosen, of a lattice of SEARCH_SIZE nodes per axis; a lattice of N has N / SEARCH_SIZE
+    times that, which weighs the same curvature alike.
+    """
+
+    lattice: Lattice
+    coverage: Array
+    smoothness: float
+    rms: float
+
+
+def snapped(levels: Levels, options: CalibrationOptions) -> Levels:
+    """Node levels on the grid of the shaper that files will hold them in."""
+    r, g, b = (snap_levels(axis, options.shaper_size) for axis in levels)
+    return (r, g, b)
+
+
+def result(lattice: Lattice, x: Array, y: Array, smoothness: float) -> LatticeResult:
+    """The result of a fit of x → y (n, 3)."""
+    matrix = InterpolationMatrix(x, lattice.levels, lattice.interpolation)
+    coverage = matrix.normal_equations(np.ones_like(x)).right[..., 0]
+    values = matrix @ lattice.values
+    difference = (values if lattice.response is None else through(lattice.response, values)) - y
+    rms = float(np.sqrt(np.einsum("nc,nc->", difference, difference) / len(y)))
+    return LatticeResult(lattice, np.ascontiguousarray(coverage), smoothness, rms)

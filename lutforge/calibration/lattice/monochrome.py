@@ -1,0 +1,92 @@
+"""Black-and-white picture styles: recognised, and undone along the grey axis of what renders them.
+
+Their JPEGs tell how bright a colour was, not which. What linearizes a neutral code g is therefore the neutral light t
+with render(t, t, t) = g; off the grey axis, where no such JPEG lies, the same curve holds for each channel.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.lattice.lattice_result import snapped
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.interpolation import Levels
+from lutforge.model.lattice import Lattice, grid, uniform_levels
+
+Array = NDArray[np.float64]
+
+NEUTRAL = 2.0 / 255.0
+"""Range of the channels of a JPEG sample that holds no colour."""
+COLOURFUL = 16.0 / 255.0
+"""Range that a tenth of the samples would have at least, had the style rendered each channel of RAW by its tones."""
+STEPS, CODES = 4096, 1024
+"""Steps of light in which the grey axis is rendered, and of codes on which the nodes of its inverse may lie."""
+HALVINGS = 16
+"""Of the range of the chords' error: to 1/256 of a code."""
+
+
+def is_monochrome(balanced: Array, encoded: Array) -> bool:
+    """Whether a style made neutral JPEG values (n, 3) of colourful balanced RAW (n, 3), all unclipped, n > 0.
+
+    The tones match the ranks of brightness, so that noise of dark greys counts as little as it shows.
+    """
+    if np.ptp(encoded, axis=1).max() > NEUTRAL:
+        return False
+    in_colour = np.interp(balanced, np.sort(balanced.mean(axis=1)), np.sort(encoded.mean(axis=1)))
+    return bool(np.quantile(np.ptp(in_colour, axis=1), 0.9) >= COLOURFUL)
+
+
+def monochrome_note(style: str) -> str:
+    """What a profile says of such a style."""
+    return (
+        f'style "{style}" is black and white: its JPEGs hold no colour, so linearize gives neutral light of the same '
+        "brightness"
+    )
+
+
+def inverse_of_greys(render: Lattice, options: CalibrationOptions) -> Lattice:
+    """The lattice that takes each channel's code to the neutral light which `render` (Tw E → I) gives that code.
+
+    Rising; 0 stays 0, and the code of white becomes the least light that renders so.
+    """
+    light = np.linspace(0.0, 1.0, STEPS + 1) ** 2  # even steps would pass over the darkest codes
+    grey = np.clip(render(np.repeat(light[:, None], 3, axis=1)).mean(axis=1), 0.0, 1.0)
+    code, first = np.unique(np.maximum.accumulate(grey), return_index=True)
+    if options.nonuniform:
+        levels = snapped(_levels(code, light[first], options.size), options)
+    else:
+        levels = uniform_levels(options.size)
+    return Lattice(levels, np.interp(grid(levels), code, light[first]), options.interpolation)
+
+
+def _levels(code: Array, light: Array, size: int) -> Levels:
+    """Node levels between which the chords are the fewest codes off: the least error that `size` nodes suffice for."""
+    at = np.linspace(0.0, 1.0, CODES + 1)
+    exact = np.interp(at, code, light)
+    low, high, nodes = 0.0, 1.0, [0, CODES]
+    for _ in range(HALVINGS):
+        tolerance = (low + high) / 2.0
+        chords = _longest_chords(exact, code, light, tolerance, size)
+        if chords[-1] == CODES:
+            high, nodes = tolerance, chords
+        else:
+            low = tolerance
+    while len(nodes) < size:
+        widest = int(np.argmax(np.diff(nodes)))
+        nodes.insert(widest + 1, (nodes[widest] + nodes[widest + 1]) // 2)
+    axis = at[nodes]
+    return (axis, axis.copy(), axis.copy())
+
+
+def _longest_chords(exact: Array, code: Array, light: Array, tolerance: float, size: int) -> list[int]:
+    """Ends of at most size − 1 chords of even steps of the curve, from the first on, each as long as is within it."""
+    there = np.interp(exact, light, code)
+    nodes = [0]
+    while nodes[-1] < CODES and len(nodes) < size:
+        start, low, high = nodes[-1], nodes[-1] + 1, CODES
+        while low < high:
+            end = (low + high + 1) // 2
+            chord = np.linspace(exact[start], exact[end], end - start + 1)
+            error = np.abs(np.interp(chord, light, code) - there[start : end + 1]).max()
+            low, high = (end, high) if error <= tolerance else (low, end - 1)
+        nodes.append(low)
+    return nodes

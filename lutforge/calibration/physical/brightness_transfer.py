@@ -1,0 +1,135 @@
+"""Brightness transfer functions: how JPEG and RAW values change with the exposure (thesis, chapter 3).
+
+τ_k(I) = f(k f⁻¹(I)) (3.1). If f is a fixed property of the camera, all pairs of shots of one exposure ratio share one
+τ, whatever the light and the white balance, but for small shifts (the shutter) and outliers (what the gamut map moved).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs
+from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.physical.unsaturated import BETA, saturation
+from lutforge.model.response import Response
+
+Array = NDArray[np.float64]
+
+OUTLIER = 3.0 / 255.0
+"""A JPEG value this far from the camera's transfer function is an outlier; so is its whole colour (3.2)."""
+FIXED = 3.0 / 255.0
+"""Shifts of whole shots below this leave the response a fixed property: a shutter 5 % off moves middle grey so far."""
+MERGED = 0.1
+"""Ratios within so many stops are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class TransferFunction:
+    """The pairs of one exposure ratio. stops: log2 k'; first, second: JPEG values (n, 3); raw_first, raw_second: (n, 3)
+    or NaN; outlier: (n,); pair: (n,) which pair of shots; curve: τ at 256 JPEG values (256, 3)."""
+
+    stops: float
+    first: Array
+    second: Array
+    raw_first: Array
+    raw_second: Array
+    outlier: NDArray[np.bool_]
+    pair: NDArray[np.intp]
+    curve: Array
+
+
+@dataclass(frozen=True)
+class ResponseVerdict:
+    """Is the response a fixed property?
+
+    outliers: share of the colours that leave the common function, by channel and of whole colours; inlier_saturation,
+    outlier_saturation: their median HSV saturation; shift: the median departure of unsaturated colours from
+    the common function, worst pair, 1 = full scale; raw_spread: the same of the logarithm of RAW ratios within a pair;
+    fixed: whether all shifts are small.
+    """
+
+    outliers: float
+    outliers_by_channel: tuple[float, float, float]
+    inlier_saturation: float
+    outlier_saturation: float
+    shift: float
+    raw_spread: float
+    fixed: bool
+
+
+def transfer_functions(pairs: ExposurePairs) -> tuple[TransferFunction, ...]:
+    """The pairs by exposure ratio, each with the function that the camera's one response implies.
+
+    Raises CalibrationError where the pairs do not determine a response.
+    """
+    response = fit_response_to_exposures(pairs).response
+    shots = pairs.first_shot * len(pairs.shots) + pairs.second_shot
+    stops = pairs.log_ratio / np.log(2.0)
+    result = []
+    for centre in _centres(stops):
+        rows = np.abs(stops - centre) <= MERGED
+        departure = _departure(pairs, response, rows)
+        result.append(
+            TransferFunction(
+                stops=float(centre),
+                first=pairs.first[rows],
+                second=pairs.second[rows],
+                raw_first=pairs.raw_first[rows],
+                raw_second=pairs.raw_second[rows],
+                outlier=np.any(np.abs(departure) > OUTLIER, axis=1),
+                pair=np.unique(shots[rows], return_inverse=True)[1].astype(np.intp),
+                curve=_curve(response, centre),
+            )
+        )
+    return tuple(result)
+
+
+def judge(pairs: ExposurePairs) -> ResponseVerdict:
+    """Outliers and shifts over all pairs. Raises CalibrationError where the pairs do not determine a response."""
+    response = fit_response_to_exposures(pairs).response
+    departure = _departure(pairs, response, np.ones(len(pairs), dtype=np.bool_))
+    by_channel = np.abs(departure) > OUTLIER
+    outlier = by_channel.any(axis=1)
+    chroma = np.maximum(saturation(pairs.first), saturation(pairs.second))
+    shots = pairs.first_shot * len(pairs.shots) + pairs.second_shot
+    shifts, spreads = [0.0], [0.0]
+    for pair in np.unique(shots):
+        rows = shots == pair
+        plain = rows & (chroma < BETA)
+        if plain.sum() >= 3:
+            shifts.append(float(np.abs(np.median(departure[plain], axis=0)).max()))
+        bright = rows & np.all(pairs.raw_first > 0.02, axis=1)
+        if bright.sum() >= 3:
+            logs = np.log(pairs.raw_second[bright] / pairs.raw_first[bright])
+            spreads.append(float(np.median(np.abs(logs - np.median(logs)))))
+    r, g, b = (float(value) for value in by_channel.mean(axis=0))
+    return ResponseVerdict(
+        outliers=float(outlier.mean()),
+        outliers_by_channel=(r, g, b),
+        inlier_saturation=float(np.median(chroma[~outlier])) if (~outlier).any() else float("nan"),
+        outlier_saturation=float(np.median(chroma[outlier])) if outlier.any() else float("nan"),
+        shift=max(shifts),
+        raw_spread=max(spreads),
+        fixed=max(shifts) < FIXED,
+    )
+
+
+def _centres(stops: Array) -> list[float]:
+    """The distinct exposure ratios, in stops."""
+    centres: list[float] = []
+    for value in np.unique(np.round(stops, 3)):
+        if not centres or value - centres[-1] > 2 * MERGED:
+            centres.append(float(np.median(stops[np.abs(stops - value) <= MERGED])))
+    return centres
+
+
+def _departure(pairs: ExposurePairs, response: Response, rows: NDArray[np.bool_]) -> Array:
+    """I' − τ(I) (n, 3), each pair with its own ratio."""
+    ratio = np.exp(pairs.log_ratio[rows])[:, None]
+    return pairs.second[rows] - response.encode(ratio * response.linearize(pairs.first[rows]))
+
+
+def _curve(response: Response, stops: float) -> Array:
+    codes = np.stack([np.linspace(0.0, 1.0, 256)] * 3, axis=1)
+    return response.encode(2.0**stops * response.linearize(codes))

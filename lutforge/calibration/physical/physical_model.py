@@ -1,0 +1,222 @@
+"""The thesis's camera model I = f(h(Ts Tw E)), stage by stage: f, then Ts and Tw, then h and h⁻¹ (thesis 4.2)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.options import Preset
+from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
+from lutforge.calibration.physical.gamut_map import GamutMapFit, GamutMapOptions, fit_gamut_map, identity_gamut_map
+from lutforge.calibration.physical.matrix import LEAST_CONDITION, fit_matrix, hue_spread
+from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.physical.response_from_raw import encoding_slope, fit_response_to_raw
+from lutforge.calibration.physical.unsaturated import BETA, untouched
+from lutforge.errors import CalibrationError
+from lutforge.model.camera_profile import PhysicalModel
+from lutforge.model.gamut_map import even_slope
+from lutforge.model.response import Response
+from lutforge.samples.sample_set import SampleSet
+
+Array = NDArray[np.float64]
+
+LARGER_BETAS = (0.4, 0.5)
+MOST_TURNS, SETTLED = 15, 5e-4
+"""Unknown multipliers and f are fitted in turns, until the multipliers change by less than this."""
+OFFSET = 0.01
+"""Of the even scale that h works on: about the linear value where JPEG responses become straight."""
+AUTO_OF_SHOT = "auto\x00"
+"""Under auto every shot has a white balance of its own: settings "auto\\0shot"."""
+
+
+@dataclass(frozen=True, eq=False)
+class StyleStages:
+    """What is fitted before the gamut map. trusted: (n,) of the style's samples, those that h leaves alone."""
+
+    response: Response
+    trusted: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraStages:
+    """Ts, Tw and, by style, f. multipliers: (n, 3) of the samples given, green = 1, fitted where they were not known.
+
+    matrix: (3, 3), one for all styles.
+    """
+
+    matrix: Array
+    multipliers: Array
+    styles: Mapping[str, StyleStages]
+
+
+def fit_stages(
+    samples: SampleSet, multipliers: Array, known: NDArray[np.bool_], preset: Preset = "lutforge"
+) -> CameraStages:
+    """f of every style, Ts and the unknown Tw, of unclipped samples of one camera.
+
+    multipliers: (n, 3), good guesses where known (n,) is False. The "thesis" preset takes f from exposure pairs and all
+    colours below the saturation β; "lutforge" takes f and Ts from RAW/JPEG pairs together and weighs by residual.
+    Raises CalibrationError, in one line with what to shoot, where a stage is not determined.
+    """
+    names = [str(name) for name in np.unique(samples.style)]
+    automatic = samples.white_balance == "auto"
+    setting = np.where(automatic, np.char.add(AUTO_OF_SHOT, samples.shot), samples.white_balance)
+    stages: dict[str, StyleStages] = {}
+    matrix = np.eye(3)
+    settled = bool(known.all())
+    for turn in range(MOST_TURNS):
+        linear = np.zeros_like(samples.raw)
+        trusted = np.zeros(len(samples))
+        for name in names:
+            rows = samples.style == name
+            stages[name] = _fit_style(samples.select(rows), multipliers[rows], name, preset)
+            linear[rows] = stages[name].response.linearize(samples.srgb[rows])
+            trusted[rows] = stages[name].trusted
+        given = {
+            str(key): np.median(multipliers[(setting == key) & known], axis=0) for key in np.unique(setting[known])
+        }
+        # Known settings are applied sample by sample (a camera may change them from shot to shot): they become one.
+        balanced = np.where(known[:, None], samples.raw * multipliers, samples.raw)
+        label = np.where(known, "known", setting)
+        fit = fit_matrix(
+            linear,
+            balanced,
+            label,
+            {"known": np.ones(3)} if given else {},
+            trusted=trusted,
+            neutral=_neutral(samples, stages),
+            preset=preset,
+        )
+        matrix = fit.matrix
+        if settled or turn == MOST_TURNS - 1:
+            break
+        before, multipliers = multipliers, multipliers.copy()
+        for key in np.unique(setting[~known]):
+            multipliers[(setting == key) & ~known] = fit.multipliers[str(key)]
+        settled = bool(np.max(np.abs(multipliers / before - 1.0)) < SETTLED)
+    return CameraStages(matrix, multipliers, stages)
+
+
+def _neutral(samples: SampleSet, stages: Mapping[str, StyleStages]) -> Array:
+    """f⁻¹ of neutral JPEG values, (3,), relative to each other: the factors between the channels' curves.
+
+    Bright trusted colours decide: they tell a factor best, and curves that differ do so least near white.
+    """
+    products = np.zeros(3)
+    for name, stage in stages.items():
+        value = samples.srgb[samples.style == name].mean(axis=1, keepdims=True)
+        linear = stage.response.linearize(np.repeat(value, 3, axis=1))
+        products += (stage.trusted * linear.mean(axis=1) ** 2) @ linear
+    return np.asarray(products / products.mean())
+
+
+def _fit_style(samples: SampleSet, multipliers: Array, name: str, preset: Preset) -> StyleStages:
+    balanced = samples.raw * multipliers
+    try:
+        if preset == "thesis":
+            response = fit_response_to_exposures(pairs_of_samples(samples), preset).response
+            low = _unsaturated(samples.srgb, response)
+            response = _scaled_to_raw(response, balanced[low], samples.srgb[low])
+            return StyleStages(response, low.astype(np.float64))
+        fit = fit_response_to_raw(balanced, samples.srgb, preset)
+    except CalibrationError as error:
+        raise CalibrationError(f'style "{name}": {error}') from None
+    return StyleStages(fit.response, fit.weight)
+
+
+def _unsaturated(encoded: Array, response: Response) -> NDArray[np.bool_]:
+    """(n,) colours below β; where these are all alike, as on a small chart, below a larger one."""
+    linear = response.linearize(encoded)
+    for beta in (BETA, *LARGER_BETAS):
+        low = untouched(encoded, beta)
+        if hue_spread(linear[low]) >= LEAST_CONDITION:
+            break
+    return low
+
+
+def _scaled_to_raw(response: Response, balanced: Array, encoded: Array) -> Response:
+    """f⁻¹ with the scale of RAW: exposure pairs leave a factor per channel open, which f(1) = 1 only guesses.
+
+    Of f⁻¹(I) = A x the rows of A must sum to 1, as neutral RAW is neutral light.
+    """
+    linear = response.linearize(encoded)
+    level = np.maximum(linear.mean(axis=1, keepdims=True), 0.02)
+    transposed, _, rank, _ = np.linalg.lstsq(balanced / level, linear / level, rcond=1e-6)
+    factors = transposed.sum(axis=0)
+    if rank < 3 or not np.all(factors > 0):
+        raise CalibrationError(
+            "the unsaturated colours are all one hue or grey and cannot tell the matrix: shoot a colour chart"
+        )
+    return Response(response.inverse / factors)
+
+
+@dataclass(frozen=True, eq=False)
+class GamutMaps:
+    """The whole model of a style, and the smoothness 8Nπρ that was chosen for h and h⁻¹; None where it is not known."""
+
+    model: PhysicalModel
+    nugget: float | None
+    inverse_nugget: float | None
+
+
+def fit_gamut_maps(
+    balanced: Array,
+    encoded: Array,
+    shot: NDArray[np.str_],
+    matrix: Array,
+    response: Response,
+    white_balances: tuple[str, ...],
+    nuggets: tuple[float | None, float | None] = (None, None),
+    preset: Preset = "lutforge",
+) -> GamutMaps:
+    """h and h⁻¹ of one style, on all its unclipped samples, saturated colours included; all white balances together.
+
+    balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,). nuggets: smoothness of h and h⁻¹; None chooses it on held-out
+    shots. preset: "thesis" has h on linear values, "lutforge" on the even scale; h⁻¹ is on linear values.
+    """
+    forward, back = fit_shared_gamut_maps(balanced @ matrix.T, encoded, shot, response, nuggets, preset)
+    model = PhysicalModel(white_balances, matrix, response, forward.gamut_map, back.gamut_map)
+    return GamutMaps(model, forward.nugget, back.nugget)
+
+
+def fit_shared_gamut_maps(
+    linear: Array,
+    encoded: Array,
+    shot: NDArray[np.str_],
+    response: Response,
+    nuggets: tuple[float | None, float | None] = (None, None),
+    preset: Preset = "lutforge",
+) -> tuple[GamutMapFit, GamutMapFit]:
+    """h and h⁻¹ between linear (n, 3), the matrix's side, and f⁻¹(encoded) (n, 3).
+
+    The residual of h counts in JPEG values; that of h⁻¹ between RAW and JPEG values, so that dark colours count.
+    """
+    mapped, offset = response.linearize(encoded), 0.0 if preset == "thesis" else OFFSET
+    slope = encoding_slope(response, encoded)
+    forward = fit_gamut_map(
+        linear,
+        mapped,
+        GamutMapOptions(nugget=nuggets[0], offset=offset),
+        groups=shot,
+        importance=(slope / even_slope(mapped, offset)).mean(axis=1),
+    )
+    back = fit_gamut_map(
+        mapped, linear, GamutMapOptions(nugget=nuggets[1]), groups=shot, importance=np.sqrt(slope.mean(axis=1))
+    )
+    return forward, back
+
+
+def conventional(model: PhysicalModel) -> PhysicalModel:
+    """The same f and T without h."""
+    return replace(model, gamut_map=identity_gamut_map(), inverse_gamut_map=identity_gamut_map())
+
+
+def render(model: PhysicalModel, balanced: Array) -> Array:
+    """Tw E (…, 3) → I (…, 3) in [0, 1]."""
+    return model.response.encode(model.gamut_map(balanced @ model.matrix.T))
+
+
+def linearize(model: PhysicalModel, encoded: Array) -> Array:
+    """I (…, 3) → Tw E (…, 3), not clipped."""
+    return model.inverse_gamut_map(model.response.linearize(encoded)) @ np.linalg.inv(model.matrix).T

@@ -1,0 +1,1 @@
+"""What differs from shot to shot of one camera."""

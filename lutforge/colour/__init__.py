@@ -1,0 +1,1 @@
+"""Colour spaces, differences and temperatures, over colour-science."""

@@ -1,0 +1,139 @@
+"""The thesis's error tables of a profile on samples, held out by shot, beside plain baselines (chapters 4 to 6)."""
+
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.calibrate import Progress, _silent
+from lutforge.calibration.errors_table import error_figures
+from lutforge.calibration.lattice.monochrome import monochrome_note
+from lutforge.calibration.options import options_from_json
+from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.calibration.style_data import style_data, styles_with_enough
+from lutforge.errors import CalibrationError
+from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
+from lutforge.evaluation.held_out import RBF, Predictions, predict
+from lutforge.evaluation.linearisation import linearisation_errors
+from lutforge.evaluation.refinish_errors import refinish_errors
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.samples.sample_set import SampleSet
+from lutforge.settings import Selector
+
+Array = NDArray[np.float64]
+
+MOST_FOLDS = 10
+"""Shots are left out one at a time up to this many; more shots are left out in this many groups …"""
+MOST_FOLDS_OF_TABLES = 5
+"""… and in fewer for the thesis's tables, which take a dozen fits each."""
+TIMED_PIXELS = 1 << 17
+
+
+def evaluate(
+    profile: CameraProfile, samples: SampleSet, progress: Progress = _silent, *, tables: bool = False
+) -> Evaluation:
+    """Errors of both directions, per shot and over all shots, for the profile's models and the baselines.
+
+    A shot that the profile was calibrated from is predicted by a refit without it, any other by the profile as it is.
+    tables: the physical model and the lattices of chapter 5's tables too, with their times, whatever the profile holds.
+    Raises CalibrationError where the samples hold none of the profile's styles.
+    """
+    multipliers, notes = complete_multipliers(samples)
+    others = [str(name) for name in np.unique(samples.camera) if name != profile.camera]
+    if others:
+        notes = (*notes, f"the profile is of {profile.camera}, the samples are of {', '.join(others)}")
+    known = np.isin(samples.style, list(profile.styles))
+    if not known.any():
+        raise CalibrationError(
+            f"the samples' styles ({', '.join(np.unique(samples.style))}) are not in the profile "
+            f"({', '.join(profile.styles)})"
+        )
+    strange = np.unique(samples.style[~known])
+    if len(strange):
+        notes = (*notes, f"the samples of {', '.join(strange)} are not counted: not in the profile")
+    if profile.raw_camera:
+        return _evaluate_by_reference(profile, samples.select(known))
+    data, clipped = style_data(samples.select(known), multipliers[known])
+    notes = (*notes, *styles_with_enough(samples.select(known), multipliers[known])[1])
+    if clipped:
+        notes = (*notes, f"{clipped} of {known.sum()} samples are clipped and are not counted")
+    missing = sum(shot not in samples.shot for shot in profile.shots)
+    if 0 < missing < len(profile.shots):
+        notes = (
+            *notes,
+            f"{missing} of the {len(profile.shots)} shots of the calibration are not among these: the refits without "
+            "each of the others see fewer colours than the profile did; give all for its error",
+        )
+    if tables and not np.isin(samples.shot[known], profile.shots).any():
+        notes = (*notes, "no shot of the calibration is among these: add them for the baselines and the lattice sizes")
+    predictions: dict[str, Predictions] = {}
+    for index, (name, style) in enumerate(data.items()):
+
+        def report(share: float, index: int = index, name: str = name) -> None:
+            progress(f"{name}: leaving shots out", (index + share) / len(data))
+
+        report(0.0)
+        predictions[name] = predict(
+            profile.styles[name],
+            name,
+            style,
+            profile.shots,
+            options_from_json(profile.options),
+            tables=tables,
+            most_folds=MOST_FOLDS_OF_TABLES if tables else MOST_FOLDS,
+            progress=report,
+        )
+        notes = (*notes, *predictions[name].notes, *([monochrome_note(name)] if style.monochrome else []))
+    progress("done", 1.0)
+    rows = (row for name, found in predictions.items() for row in error_rows(name, found))
+    return Evaluation(
+        camera=profile.camera,
+        rows=tuple(_timed(rows, predictions) if tables else rows),
+        notes=notes,
+        raw=tuple(row for name, found in predictions.items() for row in raw_errors(name, found)),
+        linearisation=tuple(
+            row for name, found in predictions.items() for row in linearisation_errors(name, found, profile.matrix)
+        ),
+        refinish=refinish_errors(predictions),
+        tables=tables,
+        predictions=predictions,
+    )
+
+
+def _timed(rows: Iterable[EvaluationRow], predictions: dict[str, Predictions]) -> Iterable[EvaluationRow]:
+    """The rows over all shots with the times of their methods."""
+    pixels = np.random.default_rng(0).random((TIMED_PIXELS, 3))
+    for row in rows:
+        fits = [fitted[row.method] for fitted in predictions[row.style].fits if row.method in fitted]
+        if row.shot != "all" or not fits:
+            yield row
+            continue
+        seconds = [getattr(fit, f"{row.direction}_seconds") for fit in fits]
+        known = [value for value in seconds if value is not None]
+        evaluate_pixels = getattr(fits[-1], row.direction)
+        took = []
+        for part in (pixels[:1], pixels, pixels, pixels):  # the first compiles
+            start = time.perf_counter()
+            evaluate_pixels(part)
+            took.append(time.perf_counter() - start)
+        fit_seconds = float(np.median(known)) if known else None
+        yield replace(row, fit_seconds=fit_seconds, seconds_per_megapixel=min(took[1:]) * 1e6 / TIMED_PIXELS)
+
+
+def _evaluate_by_reference(profile: CameraProfile, samples: SampleSet) -> Evaluation:
+    """Rendering only: there is no own RAW to compare a linearized JPEG with."""
+    rows: list[EvaluationRow] = []
+    usable = np.all((samples.srgb > 0.5 / 255) & (samples.srgb < 1 - 0.5 / 255) & (samples.raw > 0), axis=1)
+    for name in np.unique(samples.style[usable]):
+        for setting in np.unique(samples.white_balance[usable & (samples.style == name)]):
+            if setting not in profile.white_balances:
+                continue
+            part = usable & (samples.style == name) & (samples.white_balance == setting)
+            rendered = profile.render(Selector(str(name), str(setting)))(samples.raw[part])
+            held_out = not bool(np.isin(samples.shot[part], profile.shots).any())
+            figures = error_figures(rendered, samples.srgb[part], display=True)
+            rows.append(EvaluationRow("render", str(name), f"all {setting}", RBF, held_out, figures))
+    note = f"{profile.camera} has no RAW of its own ({profile.raw_camera} stands in): only rendering can be measured"
+    return Evaluation(profile.camera, tuple(rows), (note,))

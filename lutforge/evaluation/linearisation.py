@@ -1,0 +1,66 @@
+"""The linearisation error δ over exposure pairs (thesis 4.3.1, equation 4.11), with and without the gamut map."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.errors import CalibrationError
+from lutforge.evaluation.held_out import Predictions
+from lutforge.model.camera_profile import PhysicalModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearisationError:
+    """δ per channel (r, g, b) of one style, in linear sRGB, 1 = full scale; pairs: points counted; held_out: whether
+    each point was linearised by a fit that had not seen its shot."""
+
+    style: str
+    method: str
+    held_out: bool
+    pairs: int
+    delta: tuple[float, float, float]
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values by name."""
+        return asdict(self)
+
+
+def delta(first: Array, second: Array, ratio: NDArray[np.float64]) -> tuple[float, float, float]:
+    """(4.11): root mean square of k' f⁻¹(i) − f⁻¹(i') per channel; first, second linear (n, 3); ratio k' (n,)."""
+    r, g, b = (float(value) for value in np.sqrt(np.mean((ratio[:, None] * first - second) ** 2, axis=0)))
+    return (r, g, b)
+
+
+def linearisation_errors(style: str, predictions: Predictions, matrix: Array) -> tuple[LinearisationError, ...]:
+    """δ of all exposure pairs of a style by method, each shot linearised by the fit that has not seen it.
+
+    matrix: Ts (3, 3), the same for all methods, takes what a method says of Tw E to linear sRGB: with the full model
+    that is h⁻¹(f⁻¹(I)), without h it is f⁻¹(I). Empty where there are no exposure pairs.
+    """
+    try:
+        pairs = pairs_of_samples(predictions.data.samples)
+    except CalibrationError:
+        return ()
+    ratio, result = np.exp(pairs.log_ratio), []
+    for method in predictions.methods:
+        linear = predictions.linearized[method] @ matrix.T
+        first, second = linear[pairs.first_row], linear[pairs.second_row]
+        said = np.all(np.isfinite(first) & np.isfinite(second), axis=1)
+        if said.any():
+            used = np.concatenate([pairs.first_row[said], pairs.second_row[said]])
+            held_out = bool(np.all(predictions.held_out[used]))
+            error = delta(first[said], second[said], ratio[said])
+            result.append(LinearisationError(style, method, held_out, int(said.sum()), error))
+    return tuple(result)
+
+
+def model_delta(pairs: ExposurePairs, model: PhysicalModel) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """δ (r, g, b) of one model on given pairs: without h, and with it."""
+    ratio = np.exp(pairs.log_ratio)
+    first, second = model.response.linearize(pairs.first), model.response.linearize(pairs.second)
+    with_map = delta(model.inverse_gamut_map(first), model.inverse_gamut_map(second), ratio)
+    return delta(first, second, ratio), with_map

@@ -1,0 +1,95 @@
+"""What to photograph next: the real colours that no sample of a style comes near."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lutforge.colour.colour_difference import srgb_to_lab
+
+Array = NDArray[np.float64]
+
+GRID = 16
+NEAR = 0.1
+"""A colour this close to a sample, in encoded RGB, is known."""
+WORTH_NAMING = 0.5
+"""A region is named where this share of it is unknown."""
+LEAST_CELLS = 4
+MOST_GAPS = 6
+GREY_CHROMA = 12.0
+TONES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))
+"""Names by upper bound of L*."""
+HUES = (
+    (20.0, "pink", "pink flowers, lipstick, magenta print"),
+    (50.0, "red", "red cloth, berries, tomatoes, signal paint"),
+    (75.0, "orange", "oranges, bricks, wood, autumn leaves"),
+    (105.0, "yellow", "lemons, yellow flowers, straw, brass"),
+    (165.0, "green", "leaves and grass in sun and in shade, vegetables"),
+    (230.0, "cyan", "turquoise cloth, pool water, copper roofs"),
+    (300.0, "blue", "blue cloth, the sky away from the sun, road signs"),
+    (335.0, "purple", "violets, lavender, plums"),
+    (361.0, "pink", "pink flowers, lipstick, magenta print"),
+)
+"""Names by upper bound of the CIELAB hue angle in degrees, and what has such colours."""
+GREYS = "a grey card, concrete, white paper and black cloth"
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A region of real colours that is not known: its name, where to find it, and the share of it that is unknown."""
+
+    colour: str
+    subjects: str
+    unknown: float
+
+    def __str__(self) -> str:
+        return f"{self.colour} ({self.unknown:.0%} of them unseen): {self.subjects}"
+
+
+def colour_gaps(encoded: Array) -> tuple[Gap, ...]:
+    """The largest gaps among samples' JPEG colours (n, 3), the largest first; none where all regions are known.
+
+    Counted are the colours of sRGB within Pointer's gamut, the colours that real surfaces have (M. R. Pointer, "The
+    gamut of real surface colors", Color Research & Application 5(3), 1980).
+    """
+    cells, lab = _real_colours()
+    if len(encoded):
+        distance, _ = cKDTree(encoded).query(cells, distance_upper_bound=NEAR)
+        unknown = ~np.isfinite(distance)
+    else:
+        unknown = np.ones(len(cells), dtype=np.bool_)
+    names = [_name(colour) for colour in lab]
+    gaps = []
+    for name in dict.fromkeys(names):
+        inside = np.array([other == name for other in names])
+        share = float(unknown[inside].mean())
+        count = int(unknown[inside].sum())
+        if share >= WORTH_NAMING and count >= LEAST_CELLS:
+            gaps.append((count, Gap(name[0], name[1], share)))
+    gaps.sort(key=lambda entry: -entry[0])
+    return tuple(gap for _, gap in gaps[:MOST_GAPS])
+
+
+def _real_colours() -> tuple[Array, Array]:
+    """Cell middles of sRGB's cube within Pointer's gamut (m, 3), and their CIELAB."""
+    import colour  # imported here: it takes a second, and most commands never need it
+
+    axis = (np.arange(GRID) + 0.5) / GRID
+    cells = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    lab = srgb_to_lab(cells)
+    space = colour.RGB_COLOURSPACES["sRGB"]
+    xyz = colour.models.eotf_sRGB(cells) @ space.matrix_RGB_to_XYZ.T
+    inside = np.asarray(colour.is_within_pointer_gamut(xyz), dtype=np.bool_)
+    inside |= np.hypot(lab[:, 1], lab[:, 2]) < GREY_CHROMA
+    return cells[inside], lab[inside]
+
+
+def _name(lab: Array) -> tuple[str, str]:
+    """The region of a colour and what has such colours."""
+    tone = next(name for bound, name in TONES if lab[0] < bound)
+    if np.hypot(lab[1], lab[2]) < GREY_CHROMA:
+        return f"{tone} greys", GREYS
+    angle = float(np.degrees(np.arctan2(lab[2], lab[1]))) % 360.0
+    hue, subjects = next((name, subjects) for bound, name, subjects in HUES if angle < bound)
+    return f"{tone} {hue}s", subjects
