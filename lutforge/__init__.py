@@ -64,7 +64,7 @@ __all__ = [
 _HOMES = {
     "CalibrationOptions": "calibration.options",
     "CameraProfile": "model.camera_profile",
-    "Evaluation": "calibration.evaluation",
+    "Evaluation": "evaluation.evaluation",
     "Lut": "luts.lut",
     "LutForgeError": "errors",
     "SampleSet": "samples.sample_set",
@@ -79,7 +79,7 @@ _HOMES = {
     "load_profile": "model.profile_file",
     "match": "model.camera_profile",
     "read_samples": "samples.table",
-    "response_from_bracket": "calibration.bracket",
+    "response_from_bracket": "calibration.physical.bracket",
     "sample": "pipeline",
     "save_profile": "model.profile_file",
     "smallest_size": "pipeline",

@@ -14,6 +14,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import LutForgeError, SampleError, ShotError
 from lutforge.evaluation.evaluate import evaluate as evaluate_profile
 from lutforge.evaluation.evaluation import Evaluation
+from lutforge.evaluation.held_out_error import with_held_out_errors
 from lutforge.evaluation.learning_curve import LearningCurve, learning_curve
 from lutforge.evaluation.size_search import smallest_size as find_smallest_size
 from lutforge.model.camera_profile import CameraProfile
@@ -106,8 +107,10 @@ def sample(paths: Sequence[str | Path]) -> SampleSet:
 def calibrate(
     samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = _silent
 ) -> CameraProfile:
-    """Samples → a camera profile."""
-    return fit_profile(with_setting_names(samples), options, progress)
+    """Samples → a camera profile, with its error on shots that were left out."""
+    options = options or CalibrationOptions()
+    fitted = fit_profile(with_setting_names(samples), options, lambda what, share: progress(what, 0.5 * share))
+    return with_held_out_errors(fitted, options, lambda what, share: progress(what, 0.5 + 0.5 * share))
 
 
 def smallest_size(

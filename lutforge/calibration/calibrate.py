@@ -1,18 +1,18 @@
 """From samples to a camera profile: the stages of the calibration in order."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.held_out_error import held_out_error
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.reference_camera import calibrate_by_reference
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
 from lutforge.calibration.shots.consistency import check_agreement, thin_colours, thin_settings
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
-from lutforge.calibration.style_fit import fit_style, render_with_plain
+from lutforge.calibration.style_fit import StyleFit, fit_style, render_with_plain
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.samples.sample_set import SampleSet
@@ -26,10 +26,27 @@ def _silent(what: str, share: float) -> None:
     pass
 
 
+@dataclass(frozen=True, eq=False)
+class CalibratedStyle:
+    """What one style's models were fitted to, and the fits. maps: the physical model, where that was asked for."""
+
+    data: StyleData
+    fit: StyleFit
+    maps: GamutMaps | None
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """profile: without held-out errors; styles: what these are measured with, by style; none of a reference camera."""
+
+    profile: CameraProfile
+    styles: Mapping[str, CalibratedStyle] = field(default_factory=dict)
+
+
 def calibrate(
     samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = _silent
-) -> CameraProfile:
-    """Fit a profile: white balances, matrix, and per style the model asked for, with held-out errors.
+) -> Calibration:
+    """Fit a profile: white balances, matrix, and per style the model asked for.
 
     "lattice": the lattices of both directions; "rbf": the physical model of chapter 4, and the lattices beside it.
     Samples with a reference camera's RAW get the physical model only (4.9). Raises CalibrationError, in one line with
@@ -38,7 +55,7 @@ def calibrate(
     options = options or CalibrationOptions()
     _check_one_camera(samples)
     if np.any(samples.raw_camera != samples.camera):
-        return calibrate_by_reference(samples, options, progress)
+        return Calibration(calibrate_by_reference(samples, options, progress))
     multipliers, notes = complete_multipliers(samples)
     enough, left_out = styles_with_enough(samples, multipliers)
     samples, multipliers, notes = samples.select(enough), multipliers[enough], (*notes, *left_out)
@@ -51,22 +68,18 @@ def calibrate(
     notes = (*notes, *thin_settings(samples))
     if clipped:
         notes = (*notes, f"{clipped} of {len(samples)} samples are clipped and take no part in the fit")
-    styles, matrices = {}, {}
+    styles, matrices, fitted = {}, {}, {}
     for index, (name, style) in enumerate(data.items()):
         share = index / len(data)
         notes = (*notes, *thin_colours(style.encoded, name, monochrome=style.monochrome))
         notes = (*notes, *check_agreement(style.balanced, style.encoded, style.shot, name))
         progress(f"{name}: fitting", share)
-        fit = fit_style(style, options)
-        progress(f"{name}: held-out error", share + 0.5 / len(data))
-        maps = physical.get(name)
-        errors, weak = held_out_error(style, fit, options, maps)
-        notes = (*notes, *(f"{name}: {note}" for note in weak))
+        fit, maps = fit_style(style, options), physical.get(name)
+        fitted[name] = CalibratedStyle(style, fit, maps)
         styles[name] = PictureStyle(
             render=render_with_plain(style, fit, options),
             linearize=fit.linearize.lattice,
             physical=() if maps is None else (maps.model,),
-            errors=errors,
             coverage={"render": fit.render.coverage, "linearize": fit.linearize.coverage},
         )
         matrices[name] = (not style.monochrome, len(style.shot), fit.base.matrix)
@@ -74,7 +87,7 @@ def calibrate(
     if matrix is None:
         matrix = max(matrices.values(), key=lambda entry: entry[:2])[2]
     matrix = matrix / matrix.sum(axis=1, keepdims=True)
-    return CameraProfile(
+    profile = CameraProfile(
         camera=str(samples.camera[0]),
         matrix=matrix,
         white_balances=named_white_balances(samples, multipliers, matrix),
@@ -83,6 +96,7 @@ def calibrate(
         options=options.as_json(),
         notes=notes,
     )
+    return Calibration(profile, fitted)
 
 
 def _fit_physical(

@@ -136,7 +136,7 @@ def _config(profile: "CameraProfile", folder: Path) -> None:
 def _grade(shots: "DemoShots", output: Path) -> _Row:
     from lutforge.apply.grade import LutRecipe
     from lutforge.apply.image import apply_image
-    from lutforge.calibration.errors_table import error_figures
+    from lutforge.evaluation.errors_table import error_figures
     from lutforge.images.read import read_image
     from lutforge.report.sheets import refinish_sheet
 
@@ -159,7 +159,7 @@ def _grade(shots: "DemoShots", output: Path) -> _Row:
 
 def _truth(profile: "CameraProfile", shots: "DemoShots") -> list[_Row]:
     """Render, linearize and refinish on the colours of the held-out shot, against the camera's own functions."""
-    from lutforge.calibration.errors_table import error_figures
+    from lutforge.evaluation.errors_table import error_figures
     from lutforge.pipeline import sample_shots
 
     raw = sample_shots([shots.held_out.dng]).samples.raw

@@ -12,7 +12,7 @@ from lutforge.cli.console import note, print_table, progress_bar
 from lutforge.cli.sample import tell
 
 if TYPE_CHECKING:
-    from lutforge.calibration.errors_table import ErrorFigures
+    from lutforge.evaluation.errors_table import ErrorFigures
     from lutforge.evaluation.evaluation import Evaluation
 
 FIGURES = ("n", "mean", "max", "Q1", "median", "Q3", "RMSE", "ΔE00", "max ΔE00")

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.calibrate import Progress, _silent
-from lutforge.calibration.errors_table import error_figures
 from lutforge.calibration.lattice.monochrome import monochrome_note
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style_data import style_data, styles_with_enough
 from lutforge.errors import CalibrationError
+from lutforge.evaluation.errors_table import error_figures
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
 from lutforge.evaluation.held_out import RBF, Predictions, predict
 from lutforge.evaluation.linearisation import linearisation_errors

@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from lutforge.calibration.errors_table import ErrorFigures, error_figures
+from lutforge.evaluation.errors_table import ErrorFigures, error_figures
 from lutforge.evaluation.held_out import LATTICE, RBF, Predictions
 from lutforge.evaluation.linearisation import LinearisationError
 from lutforge.evaluation.refinish_errors import RefinishError

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.errors_table import error_figures
 from lutforge.calibration.lattice.lattice_fit import folds
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import fit_style
 from lutforge.errors import CalibrationError
+from lutforge.evaluation.errors_table import error_figures
 
 SPLITS = 3
 

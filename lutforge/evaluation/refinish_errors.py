@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.errors_table import ErrorFigures, error_figures
+from lutforge.evaluation.errors_table import ErrorFigures, error_figures
 from lutforge.evaluation.held_out import LATTICE, NO_GAMUT_MAP, RBF, Predictions
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-from lutforge.calibration.errors_table import ErrorFigures
+from lutforge.evaluation.errors_table import ErrorFigures
 
 
 def error_boxes(directions: Sequence[tuple[str, Sequence[tuple[str, ErrorFigures]]]], own: str) -> Figure:

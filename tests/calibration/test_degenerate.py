@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions, Preset
 from lutforge.calibration.style_data import unclipped
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.model.camera_profile import ModelName
+from lutforge.pipeline import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import chart_140, photograph_patches

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.evaluation import evaluation as evaluation_module
 from lutforge.evaluation import held_out
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
 from tests.calibration.samples_simulated import chart_140, photograph_patches

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import style_data
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
 from tests.calibration.samples_simulated import chart_140, photograph_patches

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages, linearize, render
@@ -13,6 +12,7 @@ from lutforge.calibration.style_data import unclipped
 from lutforge.evaluation.linearisation import model_delta
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.model.white_balance import WhiteBalance
+from lutforge.pipeline import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_patches, surfaces

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import ProfileError
 from lutforge.evaluation.evaluate import evaluate
+from lutforge.pipeline import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from lutforge.calibration.calibrate import calibrate, data_by_style
+from lutforge.calibration.calibrate import data_by_style
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.main import app
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.size_search import SIZES, smallest_size
+from lutforge.pipeline import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100

@@ -6,12 +6,12 @@ import colour
 import numpy as np
 import pytest
 
-from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.colour_temperature import named_temperature, with_temperatures
 from lutforge.colour.colour_temperature import camera_from_xyz, white_of
 from lutforge.model.published_model import read_published_model
 from lutforge.model.white_balance import WhiteBalance
+from lutforge.pipeline import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import chart_140, photograph_patches

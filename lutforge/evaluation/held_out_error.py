@@ -1,17 +1,20 @@
 """The error of a calibration on shots that its fits have not seen: refits without each shot in turn."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.errors_table import ErrorFigures, error_figures
+from lutforge.calibration.calibrate import Calibration
 from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE, folds
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.physical_model import GamutMaps, linearize, render
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import StyleFit, fit_style, refit_physical
 from lutforge.errors import CalibrationError
+from lutforge.evaluation.errors_table import ErrorFigures, error_figures
+from lutforge.model.camera_profile import CameraProfile
 
 Array = NDArray[np.float64]
 
@@ -47,6 +50,21 @@ def _predict_physical(data: StyleData, maps: GamutMaps, options: CalibrationOpti
         rendered[mask] = render(model, data.balanced[mask])
         linearized[mask] = np.clip(linearize(model, data.encoded[mask]), 0.0, 1.0)
     return HeldOut(rendered, linearized)
+
+
+def with_held_out_errors(
+    calibration: Calibration, options: CalibrationOptions, progress: Callable[[str, float], None]
+) -> CameraProfile:
+    """The calibrated profile with the errors of its styles on shots left out, and notes on what makes them weak."""
+    profile = calibration.profile
+    styles, notes = dict(profile.styles), list(profile.notes)
+    for index, (name, style) in enumerate(calibration.styles.items()):
+        progress(f"{name}: held-out error", index / len(calibration.styles))
+        errors, weak = held_out_error(style.data, style.fit, options, style.maps)
+        notes.extend(f"{name}: {note}" for note in weak)
+        styles[name] = replace(styles[name], errors=errors)
+    progress("done", 1.0)
+    return replace(profile, styles=styles, notes=tuple(notes))
 
 
 def held_out_error(
