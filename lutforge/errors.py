@@ -6,7 +6,22 @@ The command line prints it and exits with status 2.
 
 
 class LutForgeError(Exception):
-    """The root: catch this to catch everything that LutForge raises on purpose."""
+    """The root of all errors that LutForge raises on purpose.
+
+    The message is made one printable line of at most 500 characters, since it may quote names from a damaged file.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message, 500))
+
+
+def one_line(text: str, most: int = 300) -> str:
+    """The text with single spaces, unprintable characters as "?", and its middle cut out where it is too long."""
+    line = "".join(character if character.isprintable() else "?" for character in " ".join(text[:100_000].split()))
+    if len(line) <= most:
+        return line
+    tail = most // 3
+    return f"{line[: most - tail - 3].rstrip()} … {line[-tail:].lstrip()}"
 
 
 class SettingsError(LutForgeError):

@@ -10,6 +10,7 @@ import numpy as np
 import rawpy
 from numpy.typing import NDArray
 
+from lutforge.boundary import reading, require_file
 from lutforge.errors import ImageError
 
 MAX_PIXELS = 400_000_000
@@ -18,9 +19,6 @@ MAX_PIXELS = 400_000_000
 MAX_PIXELS_PER_BYTE = 64
 """A file that claims more pixels than this per byte cannot hold them: it is truncated, or made to exhaust
 memory."""
-
-# LibRaw's unpackers raise these; rawpy adds OSError for positive codes and asserts on odd geometry.
-_LIBRAW_FAILURES = (rawpy.LibRawError, OSError, MemoryError, ValueError, RuntimeError, AssertionError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +59,7 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
     Raises ImageError: missing, empty, not RAW, damaged, or not a three-colour sensor.
     """
     path = Path(path)
-    _require_file(path)
+    require_file(path, "a RAW file", ImageError)
     with _translated(path), rawpy.imread(str(path)) as raw:
         _require_plausible_size(path, raw)
         _require_three_colours(path, raw)
@@ -113,33 +111,20 @@ def read_multipliers(path: Path | str) -> NDArray[np.float64] | None:
     Raises ImageError.
     """
     path = Path(path)
-    _require_file(path)
+    require_file(path, "a RAW file", ImageError)
     with _translated(path), rawpy.imread(str(path)) as raw:
         return _multipliers(list(raw.camera_whitebalance))
-
-
-def _require_file(path: Path) -> None:
-    if path.is_dir():
-        raise ImageError(f"{path}: is a folder, not a RAW file")
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be read ({error.strerror or error})") from None
-    if size == 0:
-        raise ImageError(f"{path}: the file is empty")
 
 
 @contextmanager
 def _translated(path: Path) -> Iterator[None]:
     try:
-        yield
-    except rawpy.LibRawFileUnsupportedError:
-        raise ImageError(f"{path}: not a RAW file that LibRaw can read") from None
-    except _LIBRAW_FAILURES as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        if isinstance(error, rawpy.LibRawError):
-            reason = reason.removeprefix("b'").removesuffix("'")
-        raise ImageError(f"{path}: damaged or unsupported RAW file ({reason})") from None
+        with reading(path, "a RAW file, it is damaged or unsupported", ImageError):
+            yield
+    except ImageError as error:
+        if isinstance(error.__cause__, rawpy.LibRawFileUnsupportedError):
+            raise ImageError(f"{path}: not a RAW file that LibRaw can read") from None
+        raise
 
 
 def _require_plausible_size(path: Path, raw: rawpy.RawPy) -> None:
@@ -167,7 +152,7 @@ def _preview(raw: rawpy.RawPy) -> tuple[bytes | None, str]:
         thumbnail = raw.extract_thumb()
     except rawpy.LibRawNoThumbnailError:
         return None, "no embedded preview"
-    except _LIBRAW_FAILURES:
+    except Exception:  # LibRaw's errors, OSError for positive codes, assertions on odd geometry
         return None, "an embedded preview of a kind that LibRaw cannot extract"
     if thumbnail.format is not rawpy.ThumbFormat.JPEG or not isinstance(thumbnail.data, bytes):
         height, width = np.shape(thumbnail.data)[:2]

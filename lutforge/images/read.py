@@ -7,6 +7,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from numpy.typing import NDArray
 
+from lutforge.boundary import require_file
 from lutforge.errors import ImageError
 
 MAX_SAMPLES = 1_200_000_000
@@ -64,7 +65,7 @@ class ImageReader:
     """
 
     def __init__(self, path: Path) -> None:
-        _check_file(path)
+        require_file(path, "an image", ImageError)
         config = oiio.ImageSpec()
         config.attribute("oiio:UnassociatedAlpha", 1)
         source = oiio.ImageInput.open(str(path), config)
@@ -156,23 +157,6 @@ def read_image(path: str | Path) -> Image:
     path = Path(path)
     with ImageReader(path) as reader:
         return Image(reader.read(reader.whole), reader.spec, reader.format, reader.count_parts())
-
-
-def _check_file(path: Path) -> None:
-    try:
-        if path.is_dir():
-            raise ImageError(f"{path}: a folder, not an image")
-        if path.exists() and not path.is_file():  # reading a pipe might never end
-            raise ImageError(f"{path}: not a file")
-        size = path.stat().st_size
-        with path.open("rb") as file:
-            file.read(1)
-    except FileNotFoundError:
-        raise ImageError(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:
-        raise ImageError(f"{path}: cannot be opened ({getattr(error, 'strerror', None) or error})") from error
-    if size == 0:
-        raise ImageError(f"{path}: the file is empty")
 
 
 def _check_spec(path: Path, spec: oiio.ImageSpec) -> None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import polars as pl
 
+from lutforge.boundary import reading, silent_stderr
 from lutforge.errors import SampleError
 from lutforge.samples.columns import MAX_ROWS, NUMBER_COLUMNS, column_type, wanted_columns
 
@@ -13,7 +14,8 @@ def read_parquet(path: Path) -> pl.DataFrame:
     with path.open("rb") as file:
         if file.read(4) != b"PAR1":
             raise SampleError(f"{path}: not a Parquet file; write it anew, or save the table as .csv")
-    try:
+    # The Parquet reader panics on damaged files, and prints what it panics about.
+    with reading(path, "a Parquet file", SampleError), silent_stderr():
         scan = pl.scan_parquet(path, glob=False)
         schema = scan.collect_schema()
         names = {name.strip().lower(): name for name in schema.names()}
@@ -30,6 +32,3 @@ def read_parquet(path: Path) -> pl.DataFrame:
         types = [pl.col(names[name]).alias(name).cast(column_type(name)) for name in wanted]
         frame = scan.select(types).collect()
         return frame.with_columns(pl.selectors.string().str.strip_chars().replace("", None))
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError, ValueError) as error:
-        reason = " ".join(str(error).split())[:100]
-        raise SampleError(f"{path}: damaged Parquet file ({reason}); write it anew") from error

@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 
 from lutforge.atomic_write import atomic_path
+from lutforge.boundary import reading, require_file
 from lutforge.errors import SampleError
 from lutforge.samples.columns import (
     MAX_TEXT,
@@ -23,8 +24,6 @@ from lutforge.samples.read_csv import first_csv_problem, read_csv
 from lutforge.samples.read_parquet import read_parquet
 from lutforge.samples.sample_set import Numbers, SampleSet, Text
 
-MAX_BYTES = 8 << 30
-
 
 def read_samples(path: str | Path) -> SampleSet:
     """Read a sample table, .csv or .parquet.
@@ -35,16 +34,12 @@ def read_samples(path: str | Path) -> SampleSet:
     """
     path = Path(path)
     suffix = _suffix(path)
-    try:
-        if path.is_dir():
-            raise SampleError(f"{path}: a folder, not a sample table; name the .csv or .parquet file in it")
-        size = path.stat().st_size
-    except OSError as error:
-        raise SampleError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-    if size == 0:
-        raise SampleError(f"{path}: empty file; a sample table has a header line and one sample a line")
-    if size > MAX_BYTES:
-        raise SampleError(f"{path}: {size >> 30} GB is too large for a sample table; split it")
+    require_file(path, "a sample table", SampleError, most=8 << 30)
+    with reading(path, "a sample table", SampleError):
+        return _read(path, suffix)
+
+
+def _read(path: Path, suffix: str) -> SampleSet:
     frame = read_csv(path) if suffix == ".csv" else read_parquet(path)
     if frame.height == 0:
         raise SampleError(f"{path}: a header but no samples; add one sample a line")

@@ -150,7 +150,7 @@ ILLEGAL = {
     "later line": (with_cell("shot", '"two\nlines"') + LAST, "line 5: raw_r is '?'"),
     "blank line": (f"{HEADER}\n\n{LAST}", "line 3: raw_r is '?'"),
     "header only": (f"{HEADER}\n", "a header but no samples"),
-    "empty": ("", "empty file"),
+    "empty": ("", "the file is empty"),
     "doubled column": (f"{HEADER},shot\n{ROW},b\n", "column 'shot' occurs twice"),
     "many columns": (f"{HEADER}{''.join(f',x{i}' for i in range(2000))}\n", "2015 columns"),
     "semicolons": (f"{HEADER};\n{ROW}\n".replace(",", ";"), "separated by semicolons; save it comma"),
@@ -193,7 +193,7 @@ def test_binary(content: bytes, message: str, tmp_path: Path) -> None:
 
 def test_other_paths(tmp_path: Path) -> None:
     for path, message in (
-        (tmp_path / "none.csv", "cannot be read"),
+        (tmp_path / "none.csv", "no such file"),
         (tmp_path / "samples.xlsx", r"\.csv or \.parquet"),
         (tmp_path, r"\.csv or \.parquet"),
     ):

@@ -1,0 +1,95 @@
+"""The boundary to files from strangers: whatever a reader does with them, what leaves it is one line of our own error.
+
+Parsers raise what they like on damaged files: zipfile alone raises eight types, NumPy's header reader a TokenError,
+Rust extensions a panic that is no Exception and prints forty lines. So every reader runs inside `reading`.
+"""
+
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from lutforge.errors import LutForgeError, one_line
+
+_ASKED_FOR = (KeyboardInterrupt, SystemExit, GeneratorExit)
+_redirection = threading.RLock()
+
+
+@contextmanager
+def reading(path: str | Path, kind: str, error: type[LutForgeError] = LutForgeError) -> Iterator[None]:
+    """Turn every failure of a reader into one line of `error`: "PATH: cannot be read as KIND (reason)".
+
+    kind: what the file should be, with its article: "a LUT", "a camera profile". Errors of LutForge pass as they are;
+    so do a user's interrupt, and SystemExit.
+    """
+    try:
+        yield
+    except LutForgeError:
+        raise
+    except _ASKED_FOR:
+        raise
+    except BaseException as failure:  # a panic of pyo3 derives from BaseException
+        raise error(f"{path}: cannot be read as {kind} ({reason_of(failure)})") from failure
+
+
+def reason_of(failure: BaseException) -> str:
+    """What went wrong, in at most 160 printable characters of one line."""
+    match failure:
+        case MemoryError():
+            return "it asks for more memory than there is"
+        case RecursionError():
+            return "it is nested too deeply"
+        case UnicodeError():
+            return "it holds bytes that are not text"
+        case OSError(strerror=str(words)):
+            return words
+    words = one_line(str(failure).removeprefix("b'").removesuffix("'"), 160)  # rawpy hands on the repr of bytes
+    name = type(failure).__name__
+    return f"{name}: {words}" if words and isinstance(failure, LookupError | AttributeError) else words or name
+
+
+def require_file(path: str | Path, kind: str, error: type[LutForgeError] = LutForgeError, most: int = 1 << 40) -> int:
+    """Return a regular file's size in bytes; raise `error`: missing, a folder, unreadable, empty, over `most`."""
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise error(f"{path}: is a folder, not {kind}; name a file in it")
+        size = path.stat().st_size
+        if not path.is_file():  # reading a pipe might never end
+            raise error(f"{path}: not a regular file; copy it to a disk first")
+        with path.open("rb") as file:
+            file.read(1)
+    except FileNotFoundError:
+        raise error(f"{path}: no such file; check the path") from None
+    except (OSError, ValueError) as failure:
+        raise error(f"{path}: cannot be opened ({reason_of(failure)}); check the path") from failure
+    if size == 0:
+        raise error(f"{path}: the file is empty; copy it again")
+    if size > most:
+        raise error(f"{path}: {size:,} bytes are more than {kind} has (up to {most:,}); is it another file?")
+    return size
+
+
+@contextmanager
+def silent_stderr() -> Iterator[None]:
+    """Keep native libraries from printing to the process's standard error; Python's own messages too, meanwhile.
+
+    One thread at a time. Where there is no standard error to redirect (a Windows service), nothing is done.
+    """
+    with _redirection:
+        try:
+            saved = os.dup(2)
+        except OSError:
+            yield
+            return
+        try:
+            with suppress(OSError, ValueError, AttributeError):
+                sys.stderr.flush()
+            with Path(os.devnull).open("wb") as nowhere:
+                os.dup2(nowhere.fileno(), 2)
+            yield
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)

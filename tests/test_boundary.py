@@ -1,0 +1,103 @@
+"""Whatever a reader raises or prints, one printable line of LutForge's own error leaves the boundary."""
+
+import os
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lutforge.boundary import reading, require_file, silent_stderr
+from lutforge.errors import ImageError, LutForgeError, SampleError
+
+
+class PanicException(BaseException):
+    """As pyo3's, which derives from BaseException."""
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [
+        PanicException("called `Option::unwrap()` on a `None` value\nnote: run with `RUST_BACKTRACE=1`"),
+        MemoryError(),
+        RecursionError("maximum recursion depth exceeded"),
+        UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte"),
+        OverflowError("int too large to convert to float"),
+        KeyError("\x1b[31m" + "x" * 100_000),
+        AssertionError(),
+        StopIteration(),
+    ],
+    ids=lambda failure: type(failure).__name__,
+)
+def test_every_failure_becomes_one_line(failure: BaseException) -> None:
+    with pytest.raises(SampleError) as caught, reading("a.npz", "a sample table", SampleError):
+        raise failure
+    text = str(caught.value)
+    assert text.startswith("a.npz: cannot be read as a sample table (")
+    assert text.isprintable()
+    assert len(text) <= 300
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt, SystemExit])
+def test_what_the_user_asks_for_passes(failure: type[BaseException]) -> None:
+    with pytest.raises(failure), reading("a.npz", "a sample table"):
+        raise failure
+
+
+def test_own_errors_pass_as_they_are() -> None:
+    with pytest.raises(SampleError, match=r"^row 7: empty$"), reading("a.npz", "a table", ImageError):
+        raise SampleError("row 7: empty")
+
+
+def test_messages_are_one_printable_line_with_their_ends() -> None:
+    error = LutForgeError("a.cube: \x1b[2J\ncolumn " + "long " * 1000 + "; write it anew")
+    text = str(error)
+    assert len(text) <= 500
+    assert text.isprintable()
+    assert text.startswith("a.cube: ?[2J column long")
+    assert text.endswith("; write it anew")
+    assert str(pickle.loads(pickle.dumps(error))) == text
+
+
+def _missing(folder: Path) -> Path:
+    return folder / "missing"
+
+
+def _folder(folder: Path) -> Path:
+    return folder
+
+
+def _empty(folder: Path) -> Path:
+    path = folder / "empty"
+    path.touch()
+    return path
+
+
+def _large(folder: Path) -> Path:
+    path = folder / "large"
+    path.write_bytes(bytes(11))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [(_missing, "no such file"), (_folder, "a folder, not a LUT"), (_empty, "is empty"), (_large, "11 bytes are more")],
+)
+def test_only_regular_files_of_a_sane_size_are_opened(tmp_path: Path, make: Callable[[Path], Path], words: str) -> None:
+    with pytest.raises(LutForgeError, match=words):
+        require_file(make(tmp_path), "a LUT", most=10)
+
+
+def test_pipes_are_not_waited_for(tmp_path: Path) -> None:
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("this system has no named pipes")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(LutForgeError, match="not a regular file"):
+        require_file(tmp_path / "pipe", "a LUT")
+
+
+def test_native_libraries_print_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    with silent_stderr():
+        os.write(2, b"thread 'main' panicked\n" * 45)
+    os.write(2, b"after\n")
+    assert capfd.readouterr().err == "after\n"
