@@ -1,14 +1,20 @@
 # Everything runs inside .venv, which the first target that needs it makes.
 PYTHON ?= python3
 BIN := .venv/bin
+TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup --benchmark-disable
 
-.PHONY: demo test check benchmark clean
+.PHONY: demo test test-all check benchmark clean
 
 demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
 
+# Minutes: everything that does not take long.
 test: .venv/ready
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup --benchmark-disable
+	$(TESTS) -m "not slow"
+
+# Everything, the long tests too.
+test-all: .venv/ready
+	$(TESTS)
 
 check: .venv/ready
 	$(BIN)/ruff format --check .

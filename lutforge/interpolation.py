@@ -8,9 +8,9 @@ the fractional coordinate. Inputs outside the first and last node level are clam
 from typing import Literal, get_args
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.compiled import compiled
 from lutforge.threads import run, shares
 
 Interpolation = Literal["trilinear", "tetrahedral"]
@@ -22,7 +22,7 @@ Levels = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 POINTS_PER_THREAD = 20_000
 
 
-@njit(cache=True)
+@compiled()
 def locate(levels: NDArray[np.float64], x: float) -> tuple[int, float]:
     """Cell index (0 … N − 2) and fraction in [0, 1] of `x` on one axis; `x` is clamped. O(log N)."""
     last = levels.shape[0] - 1
@@ -40,7 +40,7 @@ def locate(levels: NDArray[np.float64], x: float) -> tuple[int, float]:
     return low, (x - levels[low]) / (levels[low + 1] - levels[low])
 
 
-@njit(cache=True)
+@compiled()
 def corner_weights(tetrahedral: bool, fr: float, fg: float, fb: float, weights: NDArray[np.float64]) -> None:
     """Fill `weights` (8,) with the weights of a cell's corners; corner index = 4·r + 2·g + b with r, g, b in {0, 1}."""
     if not tetrahedral:
@@ -68,7 +68,7 @@ def corner_weights(tetrahedral: bool, fr: float, fg: float, fb: float, weights: 
     weights[7] += f2
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _interpolate(
     x: NDArray[np.float64],
     r_levels: NDArray[np.float64],
@@ -122,7 +122,7 @@ def through(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.fl
     return result.reshape(x.shape)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _through(table: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], first: int, last: int) -> None:
     end = table.shape[0] - 1
     for n in range(first, last):

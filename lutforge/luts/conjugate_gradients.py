@@ -9,9 +9,9 @@ per plane and then over the planes, so that the same input gives the same bytes 
 from functools import partial
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lutforge.compiled import compiled
 from lutforge.threads import cores, run, slabs
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ def _padded(values: Array) -> Array:
     return np.ascontiguousarray(np.pad(values, width))
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@compiled(fastmath=True)
 def _image(half: Half, offsets: Offsets, b: Array, image: Array, sums: Array, first: int, last: int) -> None:
     """image = S b of some planes; sums: of b·image, per plane and output."""
     length = b.shape[3] - 2
@@ -93,7 +93,7 @@ def _image(half: Half, offsets: Offsets, b: Array, image: Array, sums: Array, fi
                 sums[i, c] += total
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@compiled(fastmath=True)
 def _move(
     inverse: Array,
     residual: Array,
@@ -118,7 +118,7 @@ def _move(
             sums[i, c] = total
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@compiled(fastmath=True)
 def _turn(inverse: Array, residual: Array, beta: Array, direction: Array, first: int, last: int) -> None:
     """direction = D⁻¹ residual + beta · direction."""
     for i in range(first, last):

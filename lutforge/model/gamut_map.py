@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.compiled import compiled
 from lutforge.errors import ProfileError
 from lutforge.threads import run, shares
 
@@ -23,13 +23,13 @@ POINTS_PER_THREAD = 2_000
 POWER = 1 / 2.4
 
 
-@njit(cache=True, fastmath=True)
+@compiled(fastmath=True)
 def _even(x: float, offset: float) -> float:
     low = offset**POWER
     return float(np.sign(x) * ((abs(x) + offset) ** POWER - low) / ((1.0 + offset) ** POWER - low))
 
 
-@njit(cache=True, fastmath=True)
+@compiled(fastmath=True)
 def _linear(y: float, offset: float) -> float:
     low = offset**POWER
     return float(np.sign(y) * ((abs(y) * ((1.0 + offset) ** POWER - low) + low) ** (1 / POWER) - offset))
@@ -59,7 +59,7 @@ def even_slope(linear: ArrayLike, offset: float) -> Array:
     return np.asarray(POWER * (x + offset) ** (POWER - 1) / ((1.0 + offset) ** POWER - offset**POWER))
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@compiled(fastmath=True)
 def _evaluate(
     x: Array,
     polynomial: Array,

@@ -8,10 +8,10 @@ RAW range, then of the least beyond the clip, so that the answer changes smoothl
 from functools import partial
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lutforge.compiled import compiled
 from lutforge.ocio.joint_equations import MARGIN
 from lutforge.ocio.made_colours import MadeColours
 from lutforge.ocio.preimage import Render, clipped_sides, preimages, value_and_slope
@@ -63,7 +63,7 @@ def _settled(render: Render, target: Array, side: Index, starts: tuple[Array, Ar
     return np.where((costs[1] < BETTER * costs[0])[:, None], answers[1], answers[0])
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _pulls(
     values: Array,
     levels: Array,
@@ -92,7 +92,7 @@ def _pulls(
     return total
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _settle(
     values: Array,
     levels: Array,

@@ -5,9 +5,9 @@ samples are taken in one order whatever the number of threads.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lutforge.compiled import compiled
 from lutforge.interpolation import locate
 from lutforge.ocio.preimage import CLIPPED, falling_axes, value_and_slope
 
@@ -25,7 +25,7 @@ CHUNKS = 4
 """Parts whose sums are taken apart: as many on every machine, so that the result does not depend on its cores."""
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _corners(levels: Array, tetrahedral: bool, x: Array, fraction: Array, nodes: Index, weights: Array) -> None:
     """The nodes around x (3,), four of a tetrahedron or eight of a cell, and their weights."""
     size = levels.shape[1]
@@ -50,7 +50,7 @@ def _corners(levels: Array, tetrahedral: bool, x: Array, fraction: Array, nodes:
     nodes[3], weights[3] = node, rest
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def locate_in_tetrahedra(x: Array, levels: Array, nodes: Index, weights: Array, first: int, last: int) -> None:
     """Fill the four nodes (n, 4) around some of x (n, 3), and their weights (n, 4)."""
     fraction = np.empty(3)
@@ -58,7 +58,7 @@ def locate_in_tetrahedra(x: Array, levels: Array, nodes: Index, weights: Array, 
         _corners(levels, True, x[n], fraction, nodes[n], weights[n])
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def residuals(
     values: Array,
     levels: Array,
@@ -113,7 +113,7 @@ def residuals(
                 slopes[n, c, c] += OUTSIDE
 
 
-@njit(cache=True)
+@compiled()
 def gather(
     nodes: Index, weights: Array, render_nodes: Index, render_weights: Array, slopes: Array, steep: Array, left: Array,
     total: Array,
@@ -127,7 +127,7 @@ def gather(
                 total[render_nodes[n, corner], c] += render_weights[n, corner] * steep[n, c] * left[n, c]
 
 
-@njit(cache=True)
+@compiled()
 def own_blocks(nodes: Index, weights: Array, slopes: Array, hold: Array, own: Array) -> None:
     """The diagonal blocks of the linearization's nodes, (N³, 3, 3)."""
     block = np.empty((3, 3))
@@ -146,7 +146,7 @@ def own_blocks(nodes: Index, weights: Array, slopes: Array, hold: Array, own: Ar
                     own[nodes[n, corner], c, d] += w * block[c, d]
 
 
-@njit(cache=True)
+@compiled()
 def own_diagonal(nodes: Index, weights: Array, steep: Array, own: Array) -> None:
     """The diagonal of the render's nodes, (M³, 3)."""
     for n in range(len(nodes)):
@@ -155,7 +155,7 @@ def own_diagonal(nodes: Index, weights: Array, steep: Array, own: Array) -> None
                 own[nodes[n, corner], c] += (weights[n, corner] * steep[n, c]) ** 2
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def through_and_back(
     nodes: Index, weights: Array, render_nodes: Index, render_weights: Array, slopes: Array, steep: Array,
     hold: Array, caution: Array, direction: Array, sums: Array, begin: int, end: int,
@@ -190,7 +190,7 @@ def through_and_back(
                     total[node, c] += w * z[c]
 
 
-@njit(cache=True)
+@compiled()
 def add_smoothness(bands: Array, b: Array, total: Array) -> None:
     """Add the penalty of second differences along each axis."""
     size = b.shape[0]

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lutforge.compiled import compiled
 from lutforge.interpolation import locate, through
 from lutforge.luts.lut import Lut
 from lutforge.threads import run, slabs
@@ -88,7 +88,7 @@ def clipped_sides(jpeg: Array) -> NDArray[np.int64]:
     return np.where(jpeg >= 1 - CLIPPED, 1, np.where(jpeg <= CLIPPED, -1, 0)).astype(np.int64)
 
 
-@njit(cache=True)
+@compiled()
 def falling_axes(fraction: Array) -> tuple[int, int, int]:
     """The axes in falling order of the fractions (3,) along them: the way through a cell from tetrahedron to corner."""
     a, b, d = 0, 1, 2  # axes in falling order of their fractions
@@ -101,7 +101,7 @@ def falling_axes(fraction: Array) -> tuple[int, int, int]:
     return a, b, d
 
 
-@njit(cache=True)
+@compiled()
 def value_and_slope(values: Array, levels: Array, tetrahedral: bool, x: Array, y: Array, slope: Array) -> None:
     """Fill y (3,) and slope (3, 3), d y / d x, of a lattice at x (3,) within its levels."""
     cell, fraction, width = np.empty(3, dtype=np.int64), np.empty(3), np.empty(3)
@@ -135,7 +135,7 @@ def value_and_slope(values: Array, levels: Array, tetrahedral: bool, x: Array, y
             slope[c, 2] += (2 * r - 1) * wp * wq * v / width[2]
 
 
-@njit(cache=True)
+@compiled()
 def _left(
     values: Array,
     levels: Array,
@@ -161,7 +161,7 @@ def _left(
     return total
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _normal(slope: Array, left: Array, x: Array, levels: Array, gradient: Array, square: Array) -> None:
     """J'r into gradient and J'J into square, without the axes of x that are at an end and drawn beyond it."""
     for axis in range(3):
@@ -180,7 +180,7 @@ def _normal(slope: Array, left: Array, x: Array, levels: Array, gradient: Array,
             square[p, q] = total
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _moved(square: Array, gradient: Array, x: Array, levels: Array, trial: Array) -> None:
     """x + square⁻¹ gradient within the lattice, into trial; square: (3, 3), lower half, positive (Cholesky)."""
     a = np.sqrt(square[0, 0])
@@ -197,7 +197,7 @@ def _moved(square: Array, gradient: Array, x: Array, levels: Array, trial: Array
         trial[axis] = min(max(trial[axis], levels[axis, 0]), levels[axis, -1])
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _search(
     values: Array,
     levels: Array,

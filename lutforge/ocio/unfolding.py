@@ -20,10 +20,10 @@ from dataclasses import replace
 from itertools import pairwise, permutations, product
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from lutforge.compiled import compiled
 from lutforge.ocio.preimage import Render
 from lutforge.solvers.blas import one_blas_thread
 from lutforge.threads import run
@@ -194,7 +194,7 @@ def _encoded_slopes(render: Render) -> Array:
     return np.maximum(np.take_along_axis(rise, place, axis=0), LEAST_SLOPE).reshape(render.values.shape)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _folds(
     y: Array, levels: Array, edges: Index, inverse: Array, volumes: Array, first: int, last: int, gradient: Array
 ) -> float:
@@ -237,7 +237,7 @@ def _folds(
     return total
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _slope(y: Array, levels: Array, begins: Index, i: int, j: int, k: int, slope: Array) -> None:
     for axis in range(3):
         width = levels[axis, (i, j, k)[axis] + 1] - levels[axis, (i, j, k)[axis]]
@@ -246,7 +246,7 @@ def _slope(y: Array, levels: Array, begins: Index, i: int, j: int, k: int, slope
             slope[c, axis] = (y[p + (axis == 0), q + (axis == 1), r + (axis == 2), c] - y[p, q, r, c]) / width
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _is_above(s: Array, least: float) -> bool:
     """Whether all eigenvalues of a symmetric (3, 3) are: by its leading minors."""
     a, d, f = s[0, 0] - least, s[1, 1] - least, s[2, 2] - least
@@ -255,7 +255,7 @@ def _is_above(s: Array, least: float) -> bool:
     return bool(a > 0 and minor > 0 and f * minor - a * e * e - d * c * c + 2 * b * c * e > 0)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _eigen(s: Array, vectors: Array, values: Array) -> None:
     """Jacobi's method on a symmetric (3, 3), which is spent."""
     vectors[:] = 0.0

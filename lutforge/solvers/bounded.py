@@ -6,9 +6,9 @@ neighbour to neighbour, so the start has to be right at large: a prior, or the f
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
 from lutforge.solvers.lattice_regression import Prior
 from lutforge.solvers.normal_equations import NormalEquations
@@ -47,7 +47,7 @@ def solve_bounded(
     return np.clip(values, *bounds)  # what rounding leaves beyond
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def _sweep(
     couplings: Array,
     diagonal: Array,

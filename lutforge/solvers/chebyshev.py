@@ -10,9 +10,9 @@ Yang, "Multigrid smoothers for ultraparallel computing", SIAM J. Sci. Comput. 33
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lutforge.compiled import compiled
 from lutforge.solvers.stencil import FAR, run_planes
 
 Real = NDArray[np.floating[Any]]
@@ -23,7 +23,7 @@ FIRST, KEPT, SECOND = np.float32(4 / 3), np.float32(1 / 5), np.float32(12 / 5)
 """Factors of its corrections."""
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def first_step(
     damping: Real, residual: Real, plane: int, correction: Real, b: Real, fresh: bool, first: int, last: int
 ) -> None:
@@ -44,7 +44,7 @@ def first_step(
                 x[p] = OPTIMAL[0] * z[p] if fresh else x[p] + OPTIMAL[0] * z[p]
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def second_step(damping: Real, residual: Real, plane: int, correction: Real, b: Real, first: int, last: int) -> None:
     """The second one, from the residual that the first left."""
     planes = run_planes(plane)

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lutforge.compiled import compiled
 from lutforge.errors import CalibrationError
 from lutforge.solvers.multigrid import Multigrid
 from lutforge.solvers.stencil import REASSOCIATED, from_planar, planar
@@ -62,7 +62,7 @@ def solve(
     return from_planar(b, multigrid.size), most
 
 
-@njit(cache=True, nogil=True, fastmath=REASSOCIATED)
+@compiled(fastmath=REASSOCIATED)
 def _turn(
     residual: Array, preconditioned: NDArray[np.floating[Any]], rho: Array, direction: Array, first: int, last: int
 ) -> None:
@@ -78,7 +78,7 @@ def _turn(
             d[p] = z[p] + ratio * d[p]
 
 
-@njit(cache=True, nogil=True, fastmath=REASSOCIATED)
+@compiled(fastmath=REASSOCIATED)
 def _advance(
     direction: Array, image: Array, rho: Array, b: Array, residual: Array, size: Array, first: int, last: int
 ) -> None:

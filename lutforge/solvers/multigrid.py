@@ -9,9 +9,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
 from lutforge.solvers.chebyshev import first_step, second_step
 from lutforge.solvers.stencil import COUPLINGS, FAR, add_product, couple, damp, planar, run_planes, steps
@@ -61,31 +61,31 @@ def _after(size: tuple[int, int, int], lattices: int, couplings: int) -> tuple[i
     return lattices + 3 * (r + 2 * FAR) * g * b, couplings + COUPLINGS * (r + FAR) * g * b
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _nodes(flat: Single, table: Index, level: int) -> Single:
     """(3, nodes) of a lattice."""
     return flat[table[level, 3] : table[level + 1, 3]].reshape((3, -1))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _planar(flat: Single, table: Index, level: int) -> Single:
     """(3, nodes and margins) of a lattice."""
     return flat[table[level, 4] : table[level + 1, 4]].reshape((3, -1))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _cube(flat: Single, table: Index, level: int) -> Single:
     """(3, N_r + 2 FAR, N_g, N_b), the same."""
     r, g, b = table[level, 0], table[level, 1], table[level, 2]
     return flat[table[level, 4] : table[level + 1, 4]].reshape((3, r + 2 * FAR, g, b))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _couplings(flat: Single, table: Index, level: int) -> Single:
     return flat[table[level, 5] : table[level + 1, 5]].reshape((COUPLINGS, -1))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _build(
     table: Index,
     r_levels: Array,
@@ -135,7 +135,7 @@ def _build(
     return _factors(mine, own, g, b)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _factors(couplings: Array, diagonal: Array, ng: int, nb: int) -> Array:
     """Cholesky factors L of the operator per output; a column is 0 where the pivot says that it is singular."""
     nodes, far, margin = diagonal.shape[1], steps(ng, nb), FAR * ng * nb
@@ -161,7 +161,7 @@ def _factors(couplings: Array, diagonal: Array, ng: int, nb: int) -> Array:
     return lower
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _solve_coarsest(factors: Array, right: Single, b: Single, plane: int) -> None:
     """b = (L L')⁻¹ right."""
     nodes, margin = factors.shape[1], FAR * plane
@@ -181,7 +181,7 @@ def _solve_coarsest(factors: Array, right: Single, b: Single, plane: int) -> Non
             b[c, margin + row] = x[row]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _cycle(
     table: Index,
     first: int,
@@ -225,7 +225,7 @@ def _cycle(
             restrict(fine, cells[level], shares[level], coarse, ZERO, OUTPUTS)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _copy(source: Single, to: Single) -> None:
     """What `to[:] = source` would do, which takes half a second to compile for its error message."""
     for c in range(3):

@@ -1,10 +1,10 @@
 """Where the node levels of a nonuniform lattice lie (thesis 5.3, equations 5.6 – 5.9)."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from lutforge.compiled import compiled
 from lutforge.errors import LutError
 from lutforge.interpolation import Levels
 
@@ -31,7 +31,7 @@ def error_histogram(x: Array, error: Array) -> tuple[Array, Array, Array]:
     return r, g, b
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _histograms(x: Array, error: Array) -> Array:
     counts = np.zeros((3, BINS))
     for n in range(len(x)):
@@ -46,7 +46,7 @@ def _gaussian(deviation: float, radius: int) -> Array:
     return np.asarray(weights / weights.sum())
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def _smoothed(padded: Array, kernel: Array) -> Array:
     """Rows (m, n + len(kernel) − 1) under a symmetric kernel, (m, n)."""
     count = padded.shape[1] - len(kernel) + 1

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lutforge.compiled import compiled
 from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
 from lutforge.threads import cores, run, slabs
 
@@ -39,7 +39,7 @@ class NormalEquations:
         return NormalEquations(self.stencil + other.stencil, self.right + other.right)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _locate(
     x: Array, r_levels: Array, g_levels: Array, b_levels: Array, cell: Index, fraction: Array, first: int, last: int
 ) -> None:
@@ -52,7 +52,7 @@ def _locate(
         cell[n] = (ir * ng + ig) * nb + ib
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _sort(cell: Index, order: Index, begin: Index) -> None:
     """Fill samples in order of their cells (n,), and where each cell begins (cells + 1,), 0 before: a counting sort."""
     for n in range(len(cell)):
@@ -64,7 +64,7 @@ def _sort(cell: Index, order: Index, begin: Index) -> None:
         order[begin[cell[n]]] = n
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _assemble(
     order: Index,
     begin: Index,
@@ -107,7 +107,7 @@ def _assemble(
                         stencil[offset, i + pr, j + pg, k + pb] += block[p, q]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _values(
     order: Index, begin: Index, fraction: Array, tetrahedral: bool, values: Array, y: Array, first: int, last: int
 ) -> None:

@@ -6,13 +6,14 @@ Both terms are sums of tensor products of one-dimensional matrices, so a lattice
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from lutforge.compiled import compiled
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def second_difference(levels: Array) -> Array:
     """The (N − 2, N) three-point second difference S of one axis (thesis 5.4).
 
@@ -28,7 +29,7 @@ def second_difference(levels: Array) -> Array:
     return rows
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def bending(levels: Array) -> Array:
     """S'S, (N, N)."""
     rows, count = second_difference(levels), len(levels)
@@ -40,7 +41,7 @@ def bending(levels: Array) -> Array:
     return gram
 
 
-@njit(cache=True)
+@compiled()
 def to_bands(matrix: Array) -> Array:
     """The five central diagonals of a symmetric (N, N) matrix as (N, 5), offsets −2 … 2."""
     count = len(matrix)
@@ -91,7 +92,7 @@ def _neighbours(start: int, count: int) -> Array:
     return spread
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _along(matrix: Array, b: Array, total: Array) -> None:
     """Add matrix · b along the middle axis: matrix (N, N) of bandwidth 3, b and total (before, N, after)."""
     count = b.shape[1]

@@ -10,8 +10,9 @@ compiler vectorises. A run's sums do not depend on how planes are dealt out to t
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from lutforge.compiled import compiled
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -28,7 +29,7 @@ REASSOCIATED = {"contract", "reassoc"}
 """Sums in any order, but the same one every time: else each addition waits for the one before it."""
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def steps(ng: int, nb: int) -> Index:
     """(COUPLINGS,): how far the node of each coupling lies, in a lattice of planes ng × nb."""
     far = np.empty(COUPLINGS, dtype=np.int64)
@@ -39,7 +40,7 @@ def steps(ng: int, nb: int) -> Index:
     return far
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def run_planes(plane: int) -> int:
     """How many planes of that many nodes make a run."""
     return max(1, RUN // plane)
@@ -60,7 +61,7 @@ def from_planar(lattices: Real, size: tuple[int, int, int]) -> Array:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def couple(
     stencil: Array,
     bends: Array,
@@ -110,7 +111,7 @@ def couple(
                 couplings[15, start + k] = far_b * bends[2, k, 2]
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def add_product(
     sign: float | np.float32,
     couplings: Real,
@@ -152,7 +153,7 @@ def add_product(
                     )
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def damp(
     couplings: Array,
     diagonal: Array,

@@ -5,9 +5,9 @@ the operators that they make of fine ones, P'AP (Galerkin). The trilinear functi
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from lutforge.compiled import compiled
 from lutforge.solvers.smoothness import bending
 from lutforge.solvers.stencil import FAR
 
@@ -20,13 +20,13 @@ COARSEST = 3
 """Axes of this many nodes or fewer are not coarsened; the coarsest lattice is solved densely."""
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def coarse_count(count: int) -> int:
     """Nodes that the next coarser axis keeps: every other one, and the last."""
     return count if count <= COARSEST else count // 2 + 1
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def interpolation(levels: Array, coarse: Array, cell: Index, share: Single) -> None:
     """Fill the coarse levels, and per fine node the coarse cell, (N or more,), and the shares of its two ends."""
     count, kept = len(levels), len(coarse)
@@ -39,7 +39,7 @@ def interpolation(levels: Array, coarse: Array, cell: Index, share: Single) -> N
         share[0, node], share[1, node] = 1.0 - behind, behind
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _projected(matrix: Array, cell: Index, share: Single, kept: int) -> Array:
     """P'MP of a banded matrix (N, N) of one axis."""
     count = len(matrix)
@@ -54,7 +54,7 @@ def _projected(matrix: Array, cell: Index, share: Single, kept: int) -> Array:
     return coarse
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def coarsen_axis(
     levels: Array, axis: int, cells: Index, shares: Single, bends: Array, slopes: Array, masses: Array
 ) -> None:
@@ -92,7 +92,7 @@ def coarsen_axis(
         levels, mass, count = coarse, lumped, kept
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def _galerkin(fine: Array, cell: Index, share: Single, coarse: Array) -> None:
     """Add P'AP of one axis: fine (a, 3, b, N, c) and coarse (a, 3, b, N_coarse, c), the offset along it second; only of
     the later half of the offsets along it and the axes before, a: A is symmetric."""
@@ -119,7 +119,7 @@ def _galerkin(fine: Array, cell: Index, share: Single, coarse: Array) -> None:
                                 to[b] += w * lines[b]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def coarse_stencil(half: Array, cells: Index, shares: Single, kr: int, kg: int, kb: int) -> Array:
     """P'AP of a 27-point stencil A, (14, N_r, N_g, N_b), one axis after the other; one of (14, kr, kg, kb) again.
 
@@ -144,7 +144,7 @@ def coarse_stencil(half: Array, cells: Index, shares: Single, kr: int, kg: int, 
     return three.reshape((27, kr, kg, kb))[13:].copy()
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def restrict(fine: Single, cells: Index, shares: Single, coarse: Single, first: int, last: int) -> None:
     """coarse = P' fine of the outputs first … last − 1, one axis after the other.
 
@@ -183,7 +183,7 @@ def restrict(fine: Single, cells: Index, shares: Single, coarse: Single, first: 
                     to[at + 1] += shares[2, 1, k] * line[k]
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def prolong_add(coarse: Single, cells: Index, shares: Single, fine: Single, first: int, last: int) -> None:
     """fine += P coarse of the same."""
     nr, ng, nb = fine.shape[1:]

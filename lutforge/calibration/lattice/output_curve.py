@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from lutforge.compiled import compiled
 from lutforge.interpolation import through
 from lutforge.model.response import Response
 
@@ -68,7 +68,7 @@ class OutputCurve:
         return axes, np.array(cells)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _enter(table: Array, values: Array, encoded: Array) -> Array:
     """v (n, 3) of I in [0, 1], by the table, whose cell the curve at even steps of I tells but for rounding."""
     last = len(table) - 1
@@ -88,7 +88,7 @@ def _enter(table: Array, values: Array, encoded: Array) -> Array:
     return entered
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _continued(known: Array, cells: NDArray[np.int64], values: Array, ends: Array, linear: Array) -> Array:
     """v (n, 3) of linear light; known: (3, m), f⁻¹ at the even steps of I that values (m, 3) are at; cells: (3, k)."""
     result, last = np.empty_like(linear), cells.shape[1] - 1
@@ -110,7 +110,7 @@ def _continued(known: Array, cells: NDArray[np.int64], values: Array, ends: Arra
     return result
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _at_even_steps(pieces: Array, count: int) -> Array:
     """Piecewise cubics between even knots on [0, 1], (4, pieces, 3), at `count` even steps: (count, 3)."""
     result, last = np.empty((count, 3)), pieces.shape[1] - 1

@@ -6,10 +6,10 @@ differences near those that fall. Where a channel has clipped at white it need n
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from lutforge.compiled import compiled
 from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
 
 Array = NDArray[np.float64]
@@ -89,7 +89,7 @@ def _raise(values: Array, nodes: Index, weights: Array, around: int, bounds: tup
         values[free] = np.clip(values[free] - residual[:-1] / residual[-1], *bounds)
 
 
-@njit(cache=True)
+@compiled()
 def _rows(
     axis: Array, r_levels: Array, g_levels: Array, b_levels: Array, tetrahedral: bool, nodes: Index, weights: Array
 ) -> None:

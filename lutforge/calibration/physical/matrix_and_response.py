@@ -12,10 +12,10 @@ channels have in common, and the shape of sRGB's.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from lutforge.calibration.physical.unsaturated import saturation, untouched_odds
+from lutforge.compiled import compiled
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.solvers.blas import one_blas_thread
@@ -151,7 +151,7 @@ def _cauchy(residual: Array) -> Array:
     return np.asarray(1.0 / (1.0 + (residual / scale) ** 2))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _residual(linear: Array, encoded: Array, tables: Array) -> tuple[Array, Array]:
     """(n,): the distance of f(linear) from the encoded values, (n, 3), with f⁻¹ as tables (KNOTS, 3).
 
@@ -180,7 +180,7 @@ def _residual(linear: Array, encoded: Array, tables: Array) -> tuple[Array, Arra
     return residual, slope
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _cell(encoded: float) -> tuple[int, float]:
     """The knot below an encoded value, and the fraction from there to the next."""
     position = min(max(encoded, 0.0), 1.0) * (KNOTS - 1)
@@ -193,7 +193,7 @@ def _srgb_decoded(encoded: Array) -> Array:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _systems(
     x: Array, encoded: Array, weight: Array, slope: Array, bending: Array, towards: Array
 ) -> tuple[Array, Array]:
@@ -220,7 +220,7 @@ def _systems(
     return normal, right
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _products(x: Array, encoded: Array, channel: int, weight: Array, slope: Array) -> tuple[Array, float]:
     """The symmetric (KNOTS + 3, KNOTS + 3) products, over all samples, of weighted rows of
     [f⁻¹'s interpolation between its knots, −differences to the two other channels, what they should sum to], and the
@@ -249,7 +249,7 @@ def _products(x: Array, encoded: Array, channel: int, weight: Array, slope: Arra
     return total, sum_of_weights
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _prior(common: Array, alike: float) -> tuple[Array, Array]:
     """N (KNOTS + 2, KNOTS + 2) and r (KNOTS + 2,) of u'Nu − 2 r'u, for u as `_systems` has it.
 
@@ -281,7 +281,7 @@ def _prior(common: Array, alike: float) -> tuple[Array, Array]:
     return normal, right
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _matrix(x: Array, linear: Array, weight: Array, slope: Array) -> Array:
     """Ts with rows that sum to 1, that minimises Σ weight slope² (linear − Ts x)², all (n, 3) but weight (n,)."""
     rows, total = np.empty((3, 3)), weight.sum()

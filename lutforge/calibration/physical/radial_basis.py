@@ -8,11 +8,11 @@ thesis has, costs accuracy between samples, and its slope beyond the outermost o
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.linalg.lapack import dgeqrf, dposv
 
+from lutforge.compiled import compiled
 from lutforge.solvers.stencil import REASSOCIATED
 from lutforge.threads import run, slabs
 
@@ -108,7 +108,7 @@ def _reflectors(matrix: Array) -> tuple[Array, Array]:
     return v, t
 
 
-@njit(cache=True, nogil=True, fastmath=REASSOCIATED)
+@compiled(fastmath=REASSOCIATED)
 def _projected(source: Array, centres: Array, v: Array, t: Array) -> Array:
     """‖source − centre‖³ of all pairs, times Q, (n, m); source: (n, 3), centres: (3, m)."""
     count, kept = centres.shape[1], len(v)
@@ -134,7 +134,7 @@ def _projected(source: Array, centres: Array, v: Array, t: Array) -> Array:
     return result
 
 
-@njit(cache=True, nogil=True, fastmath=REASSOCIATED)
+@compiled(fastmath=REASSOCIATED)
 def _evaluate(z: Array, centres: Array, coefficients: Array, polynomial: Array, values: Array) -> None:
     """Fills values (n, 3) at z (n, 3)."""
     count = len(centres)
@@ -155,7 +155,7 @@ def _evaluate(z: Array, centres: Array, coefficients: Array, polynomial: Array, 
         values[n, 2] = third + p[0, 2] + p[1, 2] * r + p[2, 2] * g + p[3, 2] * b
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _weighted(design: Array, target: Array, root: Array, rows: NDArray[np.int64]) -> Array:
     """The chosen rows of [design, target] times their weights' roots."""
     unknowns = design.shape[1]
@@ -168,7 +168,7 @@ def _weighted(design: Array, target: Array, root: Array, rows: NDArray[np.int64]
     return result
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def spread(points: Array, count: int) -> NDArray[np.int64]:
     """Farthest-point sampling: each next point is the one farthest from those chosen. The first is nearest to black."""
     chosen, distance = np.empty(count, dtype=np.int64), np.empty(len(points))

@@ -3,8 +3,9 @@
 import unicodedata
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
+
+from lutforge.compiled import compiled
 
 DIGITS = 10
 """Decimals of a number: float32 values on [0, 1] survive, and no reader has to know exponents."""
@@ -36,7 +37,7 @@ def rows(values: ArrayLike) -> str:
     return (f"%.{DIGITS}f %.{DIGITS}f %.{DIGITS}f\n" * len(numbers)) % tuple(numbers.ravel().tolist())
 
 
-@njit(cache=True)
+@compiled()
 def _fixed_point(numbers: NDArray[np.float64]) -> NDArray[np.uint8]:
     """The text of numbers (n, 3) as bytes: twenty times as fast as Python's own formatting."""
     text = np.empty(numbers.size * LONGEST, dtype=np.uint8)

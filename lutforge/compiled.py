@@ -1,0 +1,63 @@
+"""The decorator of every loop that numba compiles, and the folder that keeps the machine code between runs.
+
+Compiling all kernels takes most of a minute, so numba keeps what it compiled in a folder. By default that is the
+user's cache folder of the operating system: `~/.cache/lutforge` on Linux, `~/Library/Caches/lutforge` on macOS,
+`%LOCALAPPDATA%\\lutforge\\Cache` on Windows. The environment variable `NUMBA_CACHE_DIR` names another. Where the folder
+cannot be written (a container, a render farm's user without a home), each process compiles what it needs and keeps
+nothing. The folder may be deleted at any time.
+
+numba compiles a kernel anew where the file that defines it has changed, but not where a kernel that it calls from
+another file has. Each release therefore has a folder of its own.
+"""
+
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+import platformdirs
+
+import lutforge
+
+settings: Any = numba.config
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@cache
+def cache_folder() -> Path | None:
+    """Return the folder that keeps compiled kernels, made where it was missing; None where it cannot be written.
+
+    Files in it are Python pickles, so it is never a folder that other users can write, such as /tmp.
+    """
+    named = settings.CACHE_DIR
+    folder = Path(named or platformdirs.user_cache_dir("lutforge", appauthor=False)) / f"kernels-{lutforge.__version__}"
+    if not (named or folder.is_absolute()):  # a user without a home directory
+        return None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return None
+    return folder
+
+
+def compiled(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:
+    """Return a decorator that compiles a function with numba when it is first called; it runs without the GIL.
+
+    `fastmath` names the liberties that LLVM may take with floating-point arithmetic, as `numba.njit` takes them.
+    """
+
+    def decorate(function: Function) -> Function:
+        folder = cache_folder()
+        before = settings.CACHE_DIR
+        # numba reads its setting once, when the function is decorated; other packages' kernels keep their own folder.
+        settings.CACHE_DIR = str(folder or before)
+        try:
+            return cast(Function, numba.njit(function, cache=folder is not None, nogil=True, fastmath=fastmath))
+        finally:
+            settings.CACHE_DIR = before
+
+    return decorate
