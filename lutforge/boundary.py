@@ -62,11 +62,11 @@ def require_file(path: str | Path, kind: str, error: type[LutForgeError] = LutFo
         with path.open("rb") as file:
             file.read(1)
     except FileNotFoundError:
-        raise error(f"{path}: no such file; check the path") from None
+        raise error(f"{path}: no such file") from None
     except (OSError, ValueError) as failure:
         raise error(f"{path}: cannot be opened ({reason_of(failure)}); check the path") from failure
     if size == 0:
-        raise error(f"{path}: the file is empty; copy it again")
+        raise error(f"{path}: the file is empty")
     if size > most:
         raise error(f"{path}: {size:,} bytes are more than {kind} has (up to {most:,}); is it another file?")
     return size
