@@ -19,10 +19,12 @@ class CommandLine(Protocol):
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Where tests run in several processes, each file stays in one, and all that use the demo, so that it runs once."""
+    """Keep each file in one process, and all tests that use the demo, so that it runs once; they count as slow."""
     for item in items:
-        fixtures = getattr(item, "fixturenames", ())
-        item.add_marker(pytest.mark.xdist_group("demo" if "demo" in fixtures else str(item.path)))
+        uses_demo = "demo" in getattr(item, "fixturenames", ())
+        item.add_marker(pytest.mark.xdist_group("demo" if uses_demo else str(item.path)))
+        if uses_demo:
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session")

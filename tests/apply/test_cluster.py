@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import distributed
+import pytest
 
 from lutforge.apply import journal
 from lutforge.apply.batch import Progress, apply_batch
@@ -17,6 +18,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != journal.NAME}
 
 
+@pytest.mark.slow
 def test_a_killed_worker_changes_nothing(tmp_path: Path) -> None:
     cube = write_cube(tmp_path / "look.cube")
     pictures = [tmp_path / f"{seed}.tif" for seed in range(16)]

@@ -114,6 +114,7 @@ def error(before: NDArray[np.float32], after: NDArray[np.float32], wanted: NDArr
     return float(np.sqrt(np.mean((tiles(after) - tiles(wanted)).mean(axis=(1, 3))[usable] ** 2)))
 
 
+@pytest.mark.slow
 def test_every_pair_of_settings_on_a_scene_that_was_held_out(
     profile: CameraProfile, shot: Photograph, folder: Path
 ) -> None:

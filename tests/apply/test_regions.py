@@ -126,6 +126,7 @@ def test_regions_follow_strips_and_tiles(tmp_path: Path) -> None:
         assert sum(region.pixels for region in narrow) == 300 * 100
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_image(tmp_path: Path) -> None:
     """60 Mpixel as floats would take 720 MB; a whole run, with Python and its libraries, stays below 450."""
     cube = write_cube(tmp_path / "look.cube")

@@ -74,6 +74,7 @@ def test_a_damaged_journal_costs_time_only(tmp_path: Path, pictures: list[Path])
     assert len(apply_batch(recipe, pictures, out, resume=True).skipped) == 4
 
 
+@pytest.mark.slow
 def test_killed_runs_end_with_the_same_files(tmp_path: Path) -> None:
     """kill -9 at random moments: before, while and after images are written."""
     cube = write_cube(tmp_path / "look.cube")

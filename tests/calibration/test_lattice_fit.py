@@ -46,6 +46,7 @@ def fit(
     return fit_samples(x, y, groups, guess, options, clips=not inverse, curve=curve)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("response", [True, False])
 def test_unseen_colours_of_the_simulated_camera(response: bool) -> None:
     x, y = colours_in_gamut(5000, 1)

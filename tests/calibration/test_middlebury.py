@@ -11,6 +11,7 @@ import pytest
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
+@pytest.mark.slow
 def test_the_full_model_beats_the_baselines_on_nine_of_ten_either_way(shared_data: Path) -> None:
     folder = shared_data / "middlebury_charts"
     if not folder.is_dir():
@@ -35,6 +36,7 @@ def test_the_full_model_beats_the_baselines_on_nine_of_ten_either_way(shared_dat
             assert last == pytest.approx(row.rmse["full model"], abs=0.002)
 
 
+@pytest.mark.slow
 def test_the_transfer_functions_are_what_is_printed(shared_data: Path, tmp_path: Path) -> None:
     if not (shared_data / "middlebury_charts").is_dir():
         pytest.skip(f"no {shared_data / 'middlebury_charts'}")

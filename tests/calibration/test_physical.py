@@ -24,6 +24,7 @@ def _truth(samples: SampleSet) -> np.ndarray:
     return np.array([CAMERA.multipliers(str(name)) for name in samples.white_balance])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 def test_ground_truth(known: bool) -> None:
     samples = photograph_patches(CAMERA, chart_140(), known=known)

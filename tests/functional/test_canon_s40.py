@@ -12,6 +12,8 @@ import pytest
 import lutforge as lf
 from lutforge.images.read import read_image
 
+pytestmark = pytest.mark.slow
+
 
 def run(*words: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "lutforge", *map(str, words)]

@@ -53,6 +53,7 @@ def test_every_program_has_its_files(program: str) -> None:
         assert [path.name.endswith(".plain.cube") for path in fallback] == [True]
 
 
+@pytest.mark.slow
 def test_a_program_without_a_name_and_one_file_named_twice(tmp_path: Path, profile: Path) -> None:
     wanted = ("refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--size", "5")
     run = bake(tmp_path, str(profile), *wanted, "--for", "resolve")
@@ -64,6 +65,7 @@ def test_a_program_without_a_name_and_one_file_named_twice(tmp_path: Path, profi
     assert run.stdout.count("a.clf:") == 1
 
 
+@pytest.mark.slow
 def test_stages_of_lattices_are_the_model_and_files_say_what_goes_in(tmp_path: Path, profile: Path) -> None:
     run = bake(
         tmp_path, str(profile), "refinish", "--from", "standard/daylight", "--to", "standard/daylight", "--ev", "-1",

@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from lutforge.ocio.check import load_config
 from tests.ocio.test_config import plain_profile
 
@@ -13,6 +15,7 @@ def lutforge(*words: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
+@pytest.mark.slow
 def test_versions_merging_and_folders_in_use(tmp_path: Path) -> None:
     profile = tmp_path / "camera.npz"
     plain_profile("Nikon D40").save(profile)

@@ -78,6 +78,7 @@ HOSTILE = [
 ]
 
 
+@pytest.mark.slow
 def test_a_config_of_hostile_names_is_sound(tmp_path: Path) -> None:
     """Spaces, slashes, signs of YAML and of OpenColorIO, other scripts, 200 letters, roles, the same but for case."""
     profiles = [

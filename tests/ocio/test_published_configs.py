@@ -81,6 +81,7 @@ def test_what_the_d40_renders_comes_back(shared_data: Path) -> None:
         assert np.linalg.norm(there - model, axis=1).mean() < 0.01
 
 
+@pytest.mark.slow
 def test_the_d40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> None:
     """The same text but for measured numbers, and the same colours within a fraction of a code."""
     folder = CONFIGS / "nikon_d40"
@@ -95,6 +96,7 @@ def test_the_d40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> N
             assert difference.mean() < 0.25 / 255
 
 
+@pytest.mark.slow
 def test_the_s40s_command_still_makes_it(shared_data: Path, tmp_path: Path) -> None:
     """Calibrated anew: the same names, and colours within the held-out error."""
     folder = CONFIGS / "canon_powershot_s40"

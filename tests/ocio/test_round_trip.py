@@ -101,6 +101,7 @@ def folding_lut() -> Lut:
     return replace(lut, cube=cube)
 
 
+@pytest.mark.slow
 def test_a_render_gives_way_where_it_folds() -> None:
     """Its colours come back, those of the render as it was, too; it moves by little, and neutrals not at all."""
     before = folding_lut()
@@ -167,6 +168,7 @@ def test_a_finer_render_is_the_same(method: Interpolation) -> None:
     assert np.abs(finer.inner(raw) - lut.inner(raw)).max() < (3e-4 if method == "tetrahedral" else 6e-5)
 
 
+@pytest.mark.slow
 def test_a_render_without_a_response_comes_back_where_it_clips(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its nodes may leave the range behind a response that clamps."""
     monkeypatch.setattr(mutual_inverses, "SIZE", 17)
@@ -181,6 +183,7 @@ def test_a_render_without_a_response_comes_back_where_it_clips(monkeypatch: pyte
     assert np.linalg.norm(render(inverse(jpeg)) - jpeg, axis=1).max() <= MAX_GOAL
 
 
+@pytest.mark.slow
 def test_the_fit_is_the_same_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a small lattice, that no pool is too small for."""
     monkeypatch.setattr(mutual_inverses, "SIZE", 9)
@@ -281,6 +284,7 @@ def waving_lut() -> Lut:
     return replace(lut, cube=cube)
 
 
+@pytest.mark.slow
 def test_a_render_that_folds_widely_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the colours that it made as it was, and its neutrals; said is how far it moved."""
     monkeypatch.setattr(mutual_inverses, "SIZE", 13)

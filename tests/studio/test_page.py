@@ -158,6 +158,7 @@ def expected(samples: SampleSet, filters: Filters) -> str:
     return f"{int((~Workspace(samples, filters=filters).outliers).sum()):,} of {len(samples):,} samples are inliers"
 
 
+@pytest.mark.slow
 def test_from_samples_to_exports(visit: Visit, folder: Path) -> None:
     samples = read_samples(folder / "samples.csv")
     visit.choose("File in the folders", "samples.csv")
@@ -245,6 +246,7 @@ def test_from_samples_to_exports(visit: Visit, folder: Path) -> None:
     visit.picture("data")
 
 
+@pytest.mark.slow
 def test_files_and_paths_that_do_harm(visit: Visit, folder: Path) -> None:
     visit.open("../../etc/passwd", "etc/passwd: outside the folders of this studio")
     visit.open("/etc/passwd", "/etc/passwd: outside the folders of this studio")
@@ -268,6 +270,7 @@ def test_files_and_paths_that_do_harm(visit: Visit, folder: Path) -> None:
     assert visit.page.locator("script", has_text="broken").count() == 0
 
 
+@pytest.mark.slow
 def test_two_visitors_do_not_mix_and_a_fit_can_be_cancelled(browser: Browser, url: str, visit: Visit) -> None:
     context = browser.new_context(viewport={"width": 1280, "height": 720})
     other = Visit(context, url)
