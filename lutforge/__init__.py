@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from lutforge.calibration.physical.bracket import response_from_bracket
     from lutforge.errors import LutForgeError
     from lutforge.evaluation.evaluation import Evaluation
+    from lutforge.images.raw import read_raw
     from lutforge.luts.bake import bake
     from lutforge.luts.check import check_lut
     from lutforge.luts.lut import Lut
@@ -30,7 +31,10 @@ if TYPE_CHECKING:
     from lutforge.model.profile_file import load_profile, save_profile
     from lutforge.model.published_model import import_published
     from lutforge.ocio.config import build_config, write_config
-    from lutforge.pipeline import calibrate, evaluate, learning_curves, sample, smallest_size
+    from lutforge.pipeline.calibration import calibrate, learning_curves, smallest_size
+    from lutforge.pipeline.evaluation import evaluate
+    from lutforge.pipeline.reports import report
+    from lutforge.pipeline.sampling import sample
     from lutforge.samples.sample_set import SampleSet
     from lutforge.samples.table import read_samples, write_samples
 
@@ -51,7 +55,9 @@ __all__ = [
     "learning_curves",
     "load_profile",
     "match",
+    "read_raw",
     "read_samples",
+    "report",
     "response_from_bracket",
     "sample",
     "save_profile",
@@ -71,18 +77,20 @@ _HOMES = {
     "bake": "luts.bake",
     "bake_for": "luts.write",
     "build_config": "ocio.config",
-    "calibrate": "pipeline",
+    "calibrate": "pipeline.calibration",
     "check_lut": "luts.check",
-    "evaluate": "pipeline",
+    "evaluate": "pipeline.evaluation",
     "import_published": "model.published_model",
-    "learning_curves": "pipeline",
+    "learning_curves": "pipeline.calibration",
     "load_profile": "model.profile_file",
     "match": "model.camera_profile",
+    "read_raw": "images.raw",
     "read_samples": "samples.table",
+    "report": "pipeline.reports",
     "response_from_bracket": "calibration.physical.bracket",
-    "sample": "pipeline",
+    "sample": "pipeline.sampling",
     "save_profile": "model.profile_file",
-    "smallest_size": "pipeline",
+    "smallest_size": "pipeline.calibration",
     "verify": "luts.verify",
     "write_config": "ocio.config",
     "write_samples": "samples.table",

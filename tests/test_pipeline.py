@@ -8,7 +8,7 @@ import pytest
 
 import lutforge as lf
 from lutforge.errors import SampleError, ShotError
-from lutforge.pipeline import gather_samples, sample_shots
+from lutforge.pipeline.sampling import gather_samples, sample_shots
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import SHOTS, demo_shots

@@ -2,31 +2,26 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.atomic_write import require_writable
 from lutforge.cli.console import note, print_table, progress_bar, say
 from lutforge.cli.sample import tell
-from lutforge.errors import CalibrationError
-from lutforge.interpolation import Interpolation
+from lutforge.cli.words import ProfileOutput, Sources
 
 if TYPE_CHECKING:
     from lutforge.evaluation.learning_curve import LearningCurve
     from lutforge.model.camera_profile import CameraProfile
 
-Sources = Annotated[
-    list[Path],
-    typer.Argument(help="Sample tables (.csv, .parquet), RAW files, folders of RAW files.", show_default=False),
-]
-
 
 def calibrate(
     sources: Sources,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The profile to write (.npz).")] = Path("camera.npz"),
-    model: Annotated[str, typer.Option(help="lattice; or rbf: the physical stages of chapter 4 too.")] = "lattice",
-    preset: Annotated[str, typer.Option(help="lutforge, or thesis (chapter 5 as written).")] = "lutforge",
+    output: ProfileOutput = Path("camera.npz"),
+    model: Annotated[
+        str, typer.Option(help="lattice; or rbf: response, matrix and gamut map, each of its own, too.")
+    ] = "lattice",
+    preset: Annotated[str, typer.Option(help="lutforge; or thesis: the published method as written.")] = "lutforge",
     size: Annotated[int | None, typer.Option(help="Nodes per axis of the lattices, 3 to 65; 33 unless given.")] = None,
     tolerance: Annotated[
         float | None,
@@ -43,39 +38,29 @@ def calibrate(
     ] = False,
 ) -> None:
     """Calibrate a camera, and print the error on shots that were held out."""
-    from lutforge.calibration.options import CalibrationOptions, Preset
-    from lutforge.model.camera_profile import ModelName
-    from lutforge.model.profile_file import save_profile
-    from lutforge.pipeline import calibrate as fit
-    from lutforge.pipeline import gather_samples, learning_curves, smallest_size
+    from lutforge.pipeline.calibration import calibrate as fit
+    from lutforge.pipeline.calibration import calibration_options, learning_curves, smallest_size
+    from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+    from lutforge.pipeline.sampling import gather_samples
 
-    if size is not None and tolerance is not None:
-        raise CalibrationError("give --size or --tolerance, not both")
-    require_writable(output)
-    options = CalibrationOptions(
-        model=cast(ModelName, model),
-        preset=cast(Preset, preset),
-        size=33 if size is None else size,
-        interpolation=cast(Interpolation, interpolation),
-        nonuniform=not uniform,
-    )
+    check_output(output, PROFILE_SUFFIXES, sources)
+    options = calibration_options(model, preset, size, tolerance, interpolation, not uniform)
     with progress_bar("sampling") as report:
-        sampled = gather_samples(sources, report)
-    tell(sampled)
+        samples = gather_samples(sources, report, tell).samples
     if tolerance is not None:
         with progress_bar("choosing a size") as report:
-            options = replace(options, size=smallest_size(sampled.samples, tolerance, options, report))
+            options = replace(options, size=smallest_size(samples, tolerance, options, report))
         say(f"{options.size} nodes per axis are the fewest that reach a mean error of {tolerance:g} on held-out shots")
     with progress_bar("calibrating") as report:
-        profile = fit(sampled.samples, options, report)
+        profile = fit(samples, options, report)
     for text in profile.notes:
         note(text)
     print_held_out(profile)
-    save_profile(profile, output)
-    say(f"{output}: {profile.camera}, {len(sampled.samples)} samples of {len(profile.shots)} shots")
+    profile.save(output)
+    say(f"{output}: {profile.camera}, {len(samples)} samples of {len(profile.shots)} shots")
     if learning_curve:
         with progress_bar("learning curve") as report:
-            curves = learning_curves(sampled.samples, report)
+            curves = learning_curves(samples, report)
         for name, curve in curves.items():
             print_learning_curve(name, curve)
     say(f"styles: {', '.join(profile.styles)}; white balances: {', '.join(profile.white_balances)}")

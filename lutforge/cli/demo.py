@@ -23,9 +23,9 @@ def demo(
     """Photograph with a simulated camera, calibrate it, bake, write a config, grade, and compare with the truth."""
     from lutforge.calibration.options import CalibrationOptions
     from lutforge.model.profile_file import save_profile
-    from lutforge.pipeline import calibrate, sample_shots
-    from lutforge.pipeline import report as build_report
-    from lutforge.report.page import write_page
+    from lutforge.pipeline.calibration import calibrate
+    from lutforge.pipeline.reports import report as write_report
+    from lutforge.pipeline.sampling import sample_shots
     from lutforge.report.sheets import calibration_sheet
     from lutforge.samples.table import write_samples
     from lutforge.simulate.demo import SHOTS, demo_shots
@@ -73,8 +73,7 @@ def demo(
     print_table("Error against the known truth (1 = full scale)", header, [row.cells() for row in rows])
     say("8. Report")
     with progress_bar("reporting") as report:
-        page = build_report(profile, sampled, report)
-    write_page(page, output / "report.html")
+        page = write_report(profile, sampled, output / "report.html", progress=report)
     say(f"   {output / 'report.html'}: {len(page.pictures)} figures")
     say(f"Everything is in {output}; look at {output / 'refinish.png'} first")
 
@@ -160,7 +159,7 @@ def _grade(shots: "DemoShots", output: Path) -> _Row:
 def _truth(profile: "CameraProfile", shots: "DemoShots") -> list[_Row]:
     """Render, linearize and refinish on the colours of the held-out shot, against the camera's own functions."""
     from lutforge.evaluation.errors_table import error_figures
-    from lutforge.pipeline import sample_shots
+    from lutforge.pipeline.sampling import sample_shots
 
     raw = sample_shots([shots.held_out.dng]).samples.raw
     camera, rows = shots.camera, []

@@ -2,14 +2,13 @@
 
 import json
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.cli.calibrate import Sources
 from lutforge.cli.console import note, print_table, progress_bar
 from lutforge.cli.sample import tell
+from lutforge.cli.words import AsJson, Profile, Sources
 
 if TYPE_CHECKING:
     from lutforge.evaluation.errors_table import ErrorFigures
@@ -20,7 +19,7 @@ TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW (white-balanced)"
 
 
 def evaluate(
-    profile: Annotated[Path, typer.Argument(help="The profile (.npz).", show_default=False)],
+    profile: Profile,
     sources: Sources,
     tables: Annotated[
         bool,
@@ -30,7 +29,7 @@ def evaluate(
             "lattices of 13, 17 and 24 nodes. Takes a minute or more.",
         ),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON, for programs.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Print the errors of a profile on samples, beside plain baselines.
 
@@ -38,17 +37,15 @@ def evaluate(
     by the profile as it is. Printed are the error of both directions, the RMSE of RAW, the linearisation error over
     exposure pairs, and the error of refinishing between settings of one scene, where the shots show these.
     """
-    from lutforge.model.profile_file import load_profile
-    from lutforge.pipeline import evaluate as measure
-    from lutforge.pipeline import gather_samples
+    from lutforge.pipeline.evaluation import as_profile
+    from lutforge.pipeline.evaluation import evaluate as measure
+    from lutforge.pipeline.sampling import gather_samples
 
-    camera = load_profile(profile)
+    camera = as_profile(profile)
     with progress_bar("sampling") as report:
-        sampled = gather_samples(sources, report)
-    if not as_json:
-        tell(sampled)
+        samples = gather_samples(sources, report).samples if as_json else gather_samples(sources, report, tell).samples
     with progress_bar("evaluating") as report:
-        evaluation = measure(camera, sampled.samples, report, tables=tables)
+        evaluation = measure(camera, samples, report, tables=tables)
     for text in evaluation.notes:
         note(text)
     if as_json:

@@ -5,18 +5,18 @@ from typing import Annotated
 
 import typer
 
-from lutforge.atomic_write import require_writable
 from lutforge.cli.console import progress_bar, say
 from lutforge.cli.sample import tell
+from lutforge.cli.words import Profile
 
 
 def report(
-    profile: Annotated[Path, typer.Argument(help="The profile (.npz).", show_default=False)],
+    profile: Profile,
     sources: Annotated[
         list[Path] | None,
         typer.Argument(help="What it was calibrated from: sample tables, RAW files, folders.", show_default=False),
     ] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The page to write.")] = Path("report.html"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="The page to write (.html).")] = Path("report.html"),
     figures: Annotated[
         Path | None, typer.Option(help="A folder for the figures, each as SVG and PNG.", show_default=False)
     ] = None,
@@ -25,22 +25,18 @@ def report(
 
     With samples, the errors held out by shot and what to shoot next; with RAW files, error maps of real shots too.
     """
-    from lutforge.model.profile_file import load_profile
-    from lutforge.pipeline import gather_samples
-    from lutforge.pipeline import report as build
-    from lutforge.report.page import write_figures, write_page
+    from lutforge.pipeline.evaluation import as_profile
+    from lutforge.pipeline.reports import check_report_output
+    from lutforge.pipeline.reports import report as write_report
+    from lutforge.pipeline.sampling import gather_samples
 
-    require_writable(output)
-    camera = load_profile(profile)
-    sampled = None
+    check_report_output(output, figures, [profile, *(sources or [])])
+    camera, sampled = as_profile(profile), None
     if sources:
         with progress_bar("sampling") as progress:
-            sampled = gather_samples(sources, progress)
-        tell(sampled)
+            sampled = gather_samples(sources, progress, tell)
     with progress_bar("reporting") as progress:
-        page = build(camera, sampled, progress)
-    write_page(page, output)
+        page = write_report(camera, sampled, output, figures, progress)
     say(f"{output}: {len(page.pictures)} figures, {output.stat().st_size / 1e6:.1f} MB")
     if figures is not None:
-        written = write_figures(page, figures)
-        say(f"{figures}: {len(written)} files")
+        say(f"{figures}: {2 * len(page.pictures)} files")

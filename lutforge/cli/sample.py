@@ -5,22 +5,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.atomic_write import require_writable
 from lutforge.cli.console import note, progress_bar, say
+from lutforge.cli.words import Shots
 
 if TYPE_CHECKING:
-    from lutforge.pipeline import Sampled
+    from lutforge.pipeline.sampling import Sampled
 
-Shots = Annotated[list[Path], typer.Argument(help="RAW files, or folders of them.", show_default=False)]
 Output = Annotated[Path, typer.Option("-o", "--output", help="samples.csv or samples.parquet.")]
 
 
 def sample(shots: Shots, output: Output = Path("samples.csv")) -> None:
     """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
-    from lutforge.pipeline import sample_shots
+    from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output
+    from lutforge.pipeline.sampling import sample_shots
     from lutforge.samples.table import write_samples
 
-    require_writable(output)
+    check_output(output, TABLE_SUFFIXES, shots)
     with progress_bar("sampling") as report:
         sampled = sample_shots(shots, report)
     tell(sampled)

@@ -26,7 +26,7 @@ def transfer(
     """Fit RAW → RAW between two cameras from charts that both photographed, for apply --as and bake match."""
     from lutforge.atomic_write import require_writable
     from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer, pair_samples
-    from lutforge.pipeline import gather_samples
+    from lutforge.pipeline.sampling import gather_samples
 
     if output.suffix.lower() != ".json":
         raise SampleError(f"{output}: a transfer is a .json file, such as a_to_b.json")

@@ -1,6 +1,5 @@
 """The four fits of the studio, by the functions that the command line calls; each gives a camera profile."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,13 +20,13 @@ from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
+from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.solvers.node_levels import error_histogram
 from lutforge.studio.workspace import FittedModel
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 LEAST = 10
 

@@ -1,6 +1,6 @@
 """What the studio opens: sample tables, shots and folders of them, profiles, and whole workspaces."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -8,13 +8,13 @@ from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of
 from lutforge.errors import CalibrationError, SampleError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_file import load_profile
-from lutforge.pipeline import TABLE_SUFFIXES, gather_samples
+from lutforge.pipeline.outputs import TABLE_SUFFIXES
+from lutforge.pipeline.sampling import gather_samples
+from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.studio.fits import evaluate_on
 from lutforge.studio.workspace import Workspace
 from lutforge.studio.workspace_file import SUFFIX, open_workspace
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
 from lutforge.luts.processor import evaluate
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.picture_settings import read_picture_settings
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill

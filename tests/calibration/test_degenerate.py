@@ -10,7 +10,7 @@ from lutforge.calibration.style_data import unclipped
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.model.camera_profile import ModelName
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import chart_140, photograph_patches

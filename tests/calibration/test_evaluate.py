@@ -13,7 +13,7 @@ from lutforge.evaluation import held_out
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
 from tests.calibration.samples_simulated import chart_140, photograph_patches

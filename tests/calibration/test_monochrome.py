@@ -9,7 +9,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import style_data
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
 from tests.calibration.samples_simulated import chart_140, photograph_patches

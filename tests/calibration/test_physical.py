@@ -12,7 +12,7 @@ from lutforge.calibration.style_data import unclipped
 from lutforge.evaluation.linearisation import model_delta
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.model.white_balance import WhiteBalance
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_patches, surfaces

@@ -8,7 +8,7 @@ import pytest
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import ProfileError
 from lutforge.evaluation.evaluate import evaluate
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces

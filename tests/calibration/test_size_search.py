@@ -12,7 +12,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.main import app
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.size_search import SIZES, smallest_size
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100

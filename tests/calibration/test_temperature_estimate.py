@@ -11,7 +11,7 @@ from lutforge.calibration.physical.colour_temperature import named_temperature, 
 from lutforge.colour.colour_temperature import camera_from_xyz, white_of
 from lutforge.model.published_model import read_published_model
 from lutforge.model.white_balance import WhiteBalance
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import chart_140, photograph_patches

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lutforge.calibration.physical.blind_white_balance import multipliers_from_colours
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
 from lutforge.errors import CalibrationError
-from lutforge.pipeline import sample
+from lutforge.pipeline.sampling import sample
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
 

@@ -11,7 +11,8 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_file import load_profile
-from lutforge.pipeline import calibrate, evaluate
+from lutforge.pipeline.calibration import calibrate
+from lutforge.pipeline.evaluation import evaluate
 from lutforge.report.page import Picture, Table, write_figures, write_page
 from lutforge.report.report import build_report
 from lutforge.samples.sample_set import SampleSet

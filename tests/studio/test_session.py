@@ -13,7 +13,7 @@ from tests.studio.shots_for_the_studio import chart_samples, photograph
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.luts.chain import bake_chain
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
 from lutforge.studio.folders import FolderError, Folders
 from lutforge.studio.jobs import Job
 from lutforge.studio.preview import Preview, read_preview

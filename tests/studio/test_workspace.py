@@ -15,7 +15,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.physical_model import fit_stages
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.model.profile_file import save_profile
-from lutforge.pipeline import calibrate
+from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.studio.fits import before, evaluate_on, fit_model, residuals

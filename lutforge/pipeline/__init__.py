@@ -1,0 +1,9 @@
+"""The journey of the data as use cases, one file per step: each reads, does its work, and returns a record.
+
+shots → samples → calibration → camera profile → transform → baked LUT → OpenColorIO config → graded images
+
+All rules about options live here; the command line and the studio parse words, call these functions, and draw.
+
+sampling: RAW files and tables → samples. calibration: samples → profile. evaluation: a profile's errors.
+reports: a page about a profile. outputs: what may be written where.
+"""

@@ -1,0 +1,77 @@
+"""Use case: samples → a camera profile; and how large and from how many shots it should be."""
+
+from dataclasses import replace
+from typing import cast
+
+from lutforge.calibration.calibrate import calibrate as fit_profile
+from lutforge.calibration.calibrate import data_by_style
+from lutforge.calibration.options import CalibrationOptions, Preset
+from lutforge.errors import CalibrationError
+from lutforge.evaluation.held_out_error import with_held_out_errors
+from lutforge.evaluation.learning_curve import LearningCurve, learning_curve
+from lutforge.evaluation.size_search import smallest_size as find_smallest_size
+from lutforge.interpolation import Interpolation
+from lutforge.model.camera_profile import CameraProfile, ModelName
+from lutforge.pipeline.sampling import Paths, as_samples
+from lutforge.progress import Progress, part, silent, telling_of_compilation
+from lutforge.samples.sample_set import SampleSet, with_setting_names
+
+
+def calibrate(
+    samples: SampleSet | Paths, options: CalibrationOptions | None = None, progress: Progress = silent
+) -> CameraProfile:
+    """Calibrate a camera: fit its matrix, white balances and picture styles to samples, with held-out errors.
+
+    samples: a SampleSet, or what `sample` takes: tables, RAW files, folders. RAW is linear before white balance, JPEG
+    values are encoded, both in [0, 1]. options: model, preset, size of the lattices; see CalibrationOptions.
+    progress: called with what is being done and the share that is done.
+    Raises CalibrationError where the samples do not determine the model, SampleError or ShotError where they cannot be
+    read.
+    """
+    options = options or CalibrationOptions()
+    with telling_of_compilation(progress) as telling:
+        fitted = fit_profile(with_setting_names(as_samples(samples)), options, part(telling, 0.0, 0.5))
+        return with_held_out_errors(fitted, options, part(telling, 0.5, 1.0))
+
+
+def smallest_size(
+    samples: SampleSet | Paths,
+    tolerance: float,
+    options: CalibrationOptions | None = None,
+    progress: Progress = silent,
+) -> int:
+    """Find the nodes per axis of the smallest lattice that renders held-out shots within a mean error.
+
+    tolerance: the mean norm of the RGB difference of encoded values, 1 = full scale; 0.0068 is one code of 255.
+    Raises CalibrationError where no size reaches it, or no shot can be held out.
+    """
+    data = data_by_style(with_setting_names(as_samples(samples)))
+    with telling_of_compilation(progress) as telling:
+        return find_smallest_size(data, tolerance, options, telling)
+
+
+def calibration_options(
+    model: str, preset: str, size: int | None, tolerance: float | None, interpolation: str, nonuniform: bool
+) -> CalibrationOptions:
+    """Return options from words. Raises CalibrationError on an unknown one, or a size beside a tolerance."""
+    if size is not None and tolerance is not None:
+        raise CalibrationError("give --size or --tolerance, not both")
+    options = CalibrationOptions(
+        model=cast(ModelName, model),
+        preset=cast(Preset, preset),
+        interpolation=cast(Interpolation, interpolation),
+        nonuniform=nonuniform,
+    )
+    return options if size is None else replace(options, size=size)
+
+
+def learning_curves(samples: SampleSet | Paths, progress: Progress = silent) -> dict[str, LearningCurve]:
+    """Measure, by style, the error on held-out shots against the number of shots calibrated from.
+
+    Raises CalibrationError where no shot can be held out.
+    """
+    data = data_by_style(with_setting_names(as_samples(samples)))
+    return {
+        name: learning_curve(style, progress=part(progress, index / len(data), (index + 1) / len(data), name))
+        for index, (name, style) in enumerate(data.items())
+    }

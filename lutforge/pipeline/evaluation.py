@@ -1,0 +1,33 @@
+"""Use case: a profile and samples → its errors."""
+
+from pathlib import Path
+
+from lutforge.evaluation.evaluate import evaluate as evaluate_profile
+from lutforge.evaluation.evaluation import Evaluation
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.profile_file import load_profile
+from lutforge.pipeline.sampling import Paths, as_samples
+from lutforge.progress import Progress, silent, telling_of_compilation
+from lutforge.samples.sample_set import SampleSet, with_setting_names
+
+
+def as_profile(profile: CameraProfile | str | Path) -> CameraProfile:
+    """Return a profile as it is, or the one of a file. Raises ProfileError."""
+    return profile if isinstance(profile, CameraProfile) else load_profile(profile)
+
+
+def evaluate(
+    profile: CameraProfile | str | Path,
+    samples: SampleSet | Paths,
+    progress: Progress = silent,
+    *,
+    tables: bool = False,
+) -> Evaluation:
+    """Measure the errors of a profile on samples, beside plain baselines.
+
+    A shot that the profile was calibrated from is left out and predicted by a refit without it; any other is predicted
+    by the profile as it is. tables: every method of the thesis's error tables, with times.
+    Raises CalibrationError where the samples hold none of the profile's styles.
+    """
+    with telling_of_compilation(progress) as telling:
+        return evaluate_profile(as_profile(profile), with_setting_names(as_samples(samples)), telling, tables=tables)

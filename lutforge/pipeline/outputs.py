@@ -1,0 +1,27 @@
+"""What may be written where: asked before the work, by every step that writes."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from lutforge.atomic_write import require_writable
+from lutforge.errors import LutForgeError
+
+PROFILE_SUFFIXES = (".npz",)
+TABLE_SUFFIXES = (".csv", ".parquet")
+
+
+def check_output(output: str | Path, suffixes: Sequence[str] = (), inputs: Iterable[str | Path] = ()) -> Path:
+    """Return the path of an output that can be written.
+
+    suffixes: in lower case, those that readers of this kind of file know; any where there are none.
+    Raises LutForgeError where the suffix is another one, where the output is one of the inputs, or where no file can
+    be written.
+    """
+    path = Path(output)
+    require_writable(path)
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise LutForgeError(f"{path}: this output is a {' or '.join(suffixes)} file; give its name that suffix")
+    for source in map(Path, inputs):
+        if path.resolve() == source.resolve() or (path.exists() and source.exists() and path.samefile(source)):
+            raise LutForgeError(f"{path}: the output would replace an input; name another file")
+    return path

@@ -1,0 +1,96 @@
+"""Use case: RAW files and sample tables → samples."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from lutforge.errors import LutForgeError, SampleError, ShotError
+from lutforge.pipeline.outputs import TABLE_SUFFIXES
+from lutforge.progress import Progress, silent
+from lutforge.samples.extract import ShotSamples, extract
+from lutforge.samples.sample_set import SampleSet, concatenate
+from lutforge.samples.table import read_samples
+from lutforge.shots.discover import discover
+from lutforge.shots.read import read_shot
+
+Paths = str | Path | Sequence[str | Path]
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """What shots and tables gave.
+
+    samples: of all usable shots; shots: the account of each; left_out: one line for each that is not usable; files: the
+    RAW file of each shot by its name.
+    """
+
+    samples: SampleSet
+    shots: tuple[ShotSamples, ...] = ()
+    left_out: tuple[str, ...] = ()
+    files: Mapping[str, Path] = field(default_factory=dict)
+
+
+def sample(paths: Paths, progress: Progress = silent) -> SampleSet:
+    """Sample the colours that RAW files share with their camera's JPEGs.
+
+    paths: RAW files, folders of them, or sample tables (.csv, .parquet), in any mixture. The JPEG is the one beside the
+    RAW file, else the preview embedded in it.
+    Raises ShotError where no shot is usable, SampleError where a table is malformed.
+    """
+    return gather_samples(paths, progress).samples
+
+
+def sample_shots(paths: Paths, progress: Progress = silent) -> Sampled:
+    """Sample RAW files, or folders of them. A shot that cannot be used is left out, with its reason.
+
+    Raises ShotError where no shot is left.
+    """
+    files = discover(_several(paths))
+    stems = [file.stem for file in files]
+    # The whole path where two files share a stem.
+    names = [stem if stems.count(stem) == 1 else str(file) for file, stem in zip(files, stems, strict=True)]
+    accounts: list[ShotSamples] = []
+    left_out: list[str] = []
+    for index, (file, name) in enumerate(zip(files, names, strict=True)):
+        progress(file.name, index / len(files))
+        try:
+            accounts.append(extract(replace(read_shot(file), name=name)))
+        except LutForgeError as error:
+            if len(files) == 1:
+                raise
+            left_out.append(str(error))
+    progress("done", 1.0)
+    kept = [account.samples for account in accounts if account.kept]
+    if not kept:
+        raise ShotError("no usable shot: " + "; ".join([*left_out, *(account.summary for account in accounts)]))
+    return Sampled(concatenate(kept), tuple(accounts), tuple(left_out), dict(zip(names, files, strict=True)))
+
+
+def gather_samples(
+    paths: Paths, progress: Progress = silent, tell: Callable[[Sampled], None] = lambda sampled: None
+) -> Sampled:
+    """Read sample tables, and sample RAW files and folders of them, in any mixture. tell: is shown the result.
+
+    Raises SampleError where nothing is given or a table is malformed, ShotError where no shot is usable.
+    """
+    given = [Path(path) for path in _several(paths)]
+    if not given:
+        raise SampleError("nothing given: name sample tables (.csv, .parquet) or RAW files")
+    parts = [read_samples(path) for path in given if path.suffix.lower() in TABLE_SUFFIXES]
+    others = [path for path in given if path.suffix.lower() not in TABLE_SUFFIXES]
+    if others:
+        shots = sample_shots(others, progress)
+        sampled = replace(shots, samples=concatenate([*parts, shots.samples]))
+    else:
+        sampled = Sampled(concatenate(parts))
+    tell(sampled)
+    return sampled
+
+
+def as_samples(samples: SampleSet | Paths) -> SampleSet:
+    """Return samples as they are, or those of tables and shots."""
+    return samples if isinstance(samples, SampleSet) else sample(samples)
+
+
+def _several(paths: Paths) -> Sequence[str | Path]:
+    return [paths] if isinstance(paths, str | Path) else paths
