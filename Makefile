@@ -26,6 +26,10 @@ benchmark: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
 
+# Every figure that a change must keep; ACCURACY="--quick --compare FILE" for everyday use.
+accuracy: .venv/ready
+	$(BIN)/python -m tests.benchmarks.accuracy $(ACCURACY)
+
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
