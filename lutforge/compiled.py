@@ -23,6 +23,9 @@ import lutforge
 
 settings: Any = numba.config
 
+REASSOCIATED = {"contract", "reassoc"}
+"""`fastmath` for sums: their terms in any order, but the same one every time; else each waits for the one before it."""
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 

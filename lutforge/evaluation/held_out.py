@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE, folds
+from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import (
     MatrixAndResponse,
@@ -24,6 +24,7 @@ from lutforge.calibration.style_fit import fit_direction, refit_physical
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
 from lutforge.model.camera_profile import PhysicalModel, PictureStyle
+from lutforge.solvers.cross_validation import leave_groups_out
 
 Array = NDArray[np.float64]
 Predictor = Callable[[Array], Array]
@@ -122,7 +123,7 @@ def predict(
         for rows, model in _by_model(style.physical, data, as_is):
             fold[rows] = len(fits)
             fits.append({**others, **_of_profile(style, model)})
-    masks = list(folds(data.shot[seen], most_folds)) if left_out else []
+    masks = leave_groups_out(data.shot[seen], most_folds) if left_out else []
     inside = data.select(seen)
     for index, mask in enumerate(masks):
         progress(index / len(masks))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.calibrate import Calibration
-from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE, folds
+from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.physical_model import GamutMaps, linearize, render
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
@@ -15,6 +15,7 @@ from lutforge.calibration.style_fit import StyleFit, fit_style, refit_physical
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import ErrorFigures, error_figures
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.solvers.cross_validation import leave_groups_out
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,7 @@ def _predict(
 ) -> HeldOut:
     """Refit without each shot (or each of `most_folds` groups of shots) and predict it. Needs two shots or more."""
     rendered, linearized = np.empty_like(data.encoded), np.empty_like(data.balanced)
-    for mask in folds(data.shot, most_folds):
+    for mask in leave_groups_out(data.shot, most_folds):
         fit = fit_style(data.select(~mask), options, smoothness, tolerance=MEASURING_TOLERANCE)
         rendered[mask] = np.clip(fit.render.lattice(data.balanced[mask]), 0.0, 1.0)
         linearized[mask] = np.clip(fit.linearize.lattice(data.encoded[mask]), 0.0, 1.0)
@@ -45,7 +46,7 @@ def _predict_physical(data: StyleData, maps: GamutMaps, options: CalibrationOpti
     """The same with the physical model. Raises CalibrationError where the rest of the shots does not determine it."""
     rendered, linearized = np.empty_like(data.encoded), np.empty_like(data.balanced)
     nuggets = (maps.nugget, maps.inverse_nugget)
-    for mask in folds(data.shot, most_folds):
+    for mask in leave_groups_out(data.shot, most_folds):
         model = refit_physical(data.select(~mask), options, maps.model.white_balances, nuggets).model
         rendered[mask] = render(model, data.balanced[mask])
         linearized[mask] = np.clip(linearize(model, data.encoded[mask]), 0.0, 1.0)
@@ -78,7 +79,7 @@ def held_out_error(
     if len(shots) < 2:
         weak.append("one shot only: no shot is left to measure the error on; add another of other colours")
         return {}, tuple(weak)
-    if any((~mask).sum() < LEAST_SAMPLES for mask in folds(data.shot)):
+    if any((~mask).sum() < LEAST_SAMPLES for mask in leave_groups_out(data.shot)):
         weak.append("too few samples to leave a shot out: the error is not known")
         return {}, tuple(weak)
     if maps is None:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.lattice.lattice_fit import folds
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import fit_style
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
+from lutforge.solvers.cross_validation import leave_groups_out
 
 SPLITS = 3
 
@@ -48,7 +48,7 @@ def learning_curve(
     shots = np.unique(data.shot)
     if len(shots) < 3:
         raise CalibrationError(f"{len(shots)} shots cannot tell how many are enough: at least 3 are needed")
-    masks = list(folds(data.shot, SPLITS))
+    masks = leave_groups_out(data.shot, SPLITS)
     most = min(len(np.unique(data.shot[~mask])) for mask in masks)
     counts = sorted({*(2**power for power in range(most.bit_length()) if 2**power <= most), most})
     points = []

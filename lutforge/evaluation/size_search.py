@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE, folds
+from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import fit_direction
 from lutforge.errors import CalibrationError
+from lutforge.solvers.cross_validation import leave_groups_out
 
 SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
 SEARCH_SIZE = 17
@@ -32,7 +33,7 @@ def smallest_size(
     if not tolerance > 0:
         raise CalibrationError(f"tolerance {tolerance:g}: an error above 0 is needed; 0.0068 is one code of 255")
     for name, style in data.items():
-        masks = list(folds(style.shot))
+        masks = leave_groups_out(style.shot)
         if len(masks) < 2 or any((~mask).sum() < LEAST_SAMPLES for mask in masks):
             raise CalibrationError(f'style "{name}": no shot can be held out to measure a tolerance on: add shots')
     options = options or CalibrationOptions()
@@ -62,7 +63,7 @@ def _smoothness(style: StyleData, options: CalibrationOptions) -> float:
 def _held_out(style: StyleData, options: CalibrationOptions, smoothness: float) -> float:
     """Mean error of rendering on each group of shots by a fit to the others."""
     error = np.empty(len(style.shot))
-    for mask in folds(style.shot):
+    for mask in leave_groups_out(style.shot):
         train = style.select(~mask)
         base = fit_matrix_and_response(train.balanced, train.encoded)
         fit = fit_direction(

@@ -1,72 +1,66 @@
-"""Conjugate gradients, preconditioned by a multigrid cycle, for the normal equations of lattice regression."""
+"""Preconditioned conjugate gradients for several right-hand sides at once (Hestenes & Stiefel 1952; Saad, "Iterative
+Methods for Sparse Linear Systems", 2003, algorithm 9.1)."""
 
-from collections.abc import Callable
-from typing import Any
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.compiled import compiled
-from lutforge.errors import CalibrationError
-from lutforge.solvers.multigrid import Multigrid
-from lutforge.solvers.stencil import REASSOCIATED, from_planar, planar
-from lutforge.threads import run
+from lutforge.compiled import REASSOCIATED, compiled
+from lutforge.solvers.solution import Solution, Status
+from lutforge.threads import run, slabs
 
 Array = NDArray[np.float64]
-
-MOST = 200
-FAILED = 1000.0
-"""A residual this many times the goal, after MOST iterations, is no solution."""
+Real = NDArray[np.floating[Any]]
 
 
-def solve(
-    multigrid: Multigrid,
-    right: Array,
-    start: Array,
-    tolerance: float,
-    extra: Callable[[Array], Array] | None = None,
-    most: int = MOST,
-) -> tuple[Array, int]:
-    """Solve (A + extra) b = right for the three outputs together.
+class Operator(Protocol):
+    """A symmetric positive definite operator A for each of c systems, and a preconditioner M ≈ A⁻¹, as symmetric."""
 
-    right, start: (N_r, N_g, N_b, 3); tolerance: relative residual per output; extra: a further term of the operator, of
-    such lattices. Returns b and the iterations used.
-    Raises CalibrationError where `most` iterations do not reach the tolerance within a factor of FAILED.
+    @property
+    def threads(self) -> int:
+        """How many threads are worth their while for vectors of this length."""
+
+    def product(self, b: Array, out: Array) -> None:
+        """Fill out with A b; both (c, n)."""
+
+    def precondition(self, residual: Array) -> Real:
+        """M residual, (c, n), which may be overwritten by the next call."""
+
+
+def conjugate_gradients(
+    operator: Operator, right: Array, start: Array | None = None, *, tolerance: float, most: int = 200
+) -> Solution:
+    """Solve A b = right, each row of (c, n) a system of its own, from `start`, or from 0.
+
+    tolerance: norm of the residual relative to that of the right-hand side, for every system; most: iterations at most.
+    The solution's residual is that ratio, the largest of all systems.
     """
-    b, residual = planar(start), planar(right)
-    direction, image = np.zeros_like(b), np.empty_like(b)
-
-    def apply(lattice: Array) -> None:
-        multigrid.product(lattice, image)
-        if extra:
-            image[:] += planar(extra(from_planar(lattice, multigrid.size)))
-
-    goal = tolerance * np.sqrt(np.maximum(np.einsum("ijkc,ijkc->c", right, right), 1e-300))
-    if np.any(b):
-        apply(b)
+    b, residual = np.zeros_like(right), right.copy()
+    direction, image = np.zeros_like(right), np.empty_like(right)
+    if start is not None and np.any(start):
+        b[:] = start
+        operator.product(b, image)
         residual -= image
-    size, rho = np.sqrt(np.einsum("cp,cp->c", residual, residual)), np.zeros(3)
-    for iteration in range(most):
-        if np.all(size <= goal):
-            return from_planar(b, multigrid.size), iteration
-        multigrid.right[:] = residual
-        multigrid.cycle()
-        run(lambda first, last: _turn(residual, multigrid.b, rho, direction, first, last), multigrid.outputs)
-        apply(direction)
-        run(lambda first, last: _advance(direction, image, rho, b, residual, size, first, last), multigrid.outputs)
-    if np.any(size > FAILED * goal):
-        raise CalibrationError(
-            f"lattice regression: {most} iterations left a residual of {np.max(size / goal) * tolerance:.1g}; "
-            "the samples cover too little of colour space for this size: use a smaller --size"
-        )
-    return from_planar(b, multigrid.size), most
+    count, parts = len(right), slabs(0, len(right), 1, operator.threads)
+    scale = np.sqrt(np.maximum(np.einsum("cp,cp->c", right, right), 1e-300))
+    size, rho = np.sqrt(np.einsum("cp,cp->c", residual, residual)), np.zeros(count)
+    iteration = 0
+    while iteration < most and np.any(size > tolerance * scale):
+        run(partial(_turn, residual, operator.precondition(residual), rho, direction), parts)
+        operator.product(direction, image)
+        run(partial(_advance, direction, image, rho, b, residual, size), parts)
+        iteration += 1
+    reached = float(np.max(size / scale))
+    if not np.isfinite(reached):
+        return Solution(b, Status.SINGULAR, reached, iteration)
+    return Solution(b, Status.CONVERGED if reached <= tolerance else Status.LIMIT, reached, iteration)
 
 
 @compiled(fastmath=REASSOCIATED)
-def _turn(
-    residual: Array, preconditioned: NDArray[np.floating[Any]], rho: Array, direction: Array, first: int, last: int
-) -> None:
-    """The next direction, conjugate to those before; rho: residual · preconditioned, (3,)."""
+def _turn(residual: Array, preconditioned: Real, rho: Array, direction: Array, first: int, last: int) -> None:
+    """Turn to the next direction, conjugate to those before; rho: residual · preconditioned, (c,)."""
     for c in range(first, last):
         r, z, d = residual[c], preconditioned[c], direction[c]
         total = 0.0
@@ -82,7 +76,7 @@ def _turn(
 def _advance(
     direction: Array, image: Array, rho: Array, b: Array, residual: Array, size: Array, first: int, last: int
 ) -> None:
-    """One step along the direction; size: the norm of the residual that it leaves, (3,)."""
+    """Take one step along the direction; size: the norm of the residual that it leaves, (c,)."""
     for c in range(first, last):
         d, a, x, r = direction[c], image[c], b[c], residual[c]
         curvature = 0.0

@@ -14,11 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.errors import CalibrationError
 from lutforge.interpolation import Interpolation, Levels, interpolate
-from lutforge.solvers.conjugate_gradients import solve
+from lutforge.solvers.conjugate_gradients import Operator, conjugate_gradients
 from lutforge.solvers.multigrid import Multigrid
 from lutforge.solvers.normal_equations import NormalEquations, normal_equations
-from lutforge.solvers.smoothness import thin_plate
+from lutforge.solvers.smoothness import ThinPlate, thin_plate
+from lutforge.solvers.solution import Status
+from lutforge.solvers.stencil import from_planar, planar
 
 Array = NDArray[np.float64]
 
@@ -43,11 +46,16 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class LatticeFit:
-    """Node values (N_r, N_g, N_b, 3) at `levels`, and the iterations that the solver took."""
+    """Node values (N_r, N_g, N_b, 3) at `levels`.
+
+    status: how the solver ended; residual: relative to the right-hand side; iterations: how many it took.
+    """
 
     levels: Levels
     values: Array
-    iterations: int
+    status: Status = Status.CONVERGED
+    residual: float = 0.0
+    iterations: int = 0
 
 
 def fit_lattice(
@@ -79,26 +87,52 @@ def solve_lattice(
     prior: Prior | None = None,
     start: Array | None = None,
     tolerance: float = 1e-8,
+    most: int = 200,
 ) -> LatticeFit:
-    """The same from W'ΩW and W'Ω(y − W b₀), for several fits to the same samples."""
+    """Fit node values to W'ΩW and W'Ω(y − W b₀), which serve several fits to the same samples.
+
+    most: iterations at most. Raises CalibrationError where they leave a residual far from the tolerance.
+    """
     right = equations.right
     anchor = np.zeros_like(right) if prior is None else prior.hold
     if regularisation.anchor:
         held, target = _boundary(right.shape, regularisation.anchor)
         right = right + held * (target if prior is None else target - prior.values)
         anchor = anchor + held
-    extra = None
-    if regularisation.thin_plate:
-        plate = thin_plate(equations.right.shape[:3])
-
-        def extra(b: Array) -> Array:
-            return regularisation.thin_plate * plate(b)
-
     offset = np.zeros_like(right) if prior is None else prior.values
-    first = np.zeros_like(right) if start is None else start - offset
     multigrid = Multigrid(levels, equations.stencil, anchor, regularisation.smoothness, regularisation.twist)
-    difference, iterations = solve(multigrid, right, first, tolerance, extra)
-    return LatticeFit(levels, offset + difference, iterations)
+    operator: Operator = multigrid
+    if regularisation.thin_plate:
+        operator = _WithThinPlate(multigrid, thin_plate(multigrid.size), regularisation.thin_plate)
+    first = None if start is None else planar(start - offset)
+    solution = conjugate_gradients(operator, planar(right), first, tolerance=tolerance, most=most)
+    if not solution.residual <= 1e3 * tolerance:  # what is nearer to the goal than that is of use
+        raise CalibrationError(
+            f"lattice regression: after {solution.iterations} iterations {solution.status.value}, with a residual of "
+            f"{solution.residual:.1g}; the samples cover too little of colour space for this size: use a smaller --size"
+        )
+    values = offset + from_planar(solution.value, multigrid.size)
+    return LatticeFit(levels, values, solution.status, solution.residual, solution.iterations)
+
+
+@dataclass(frozen=True, eq=False)
+class _WithThinPlate:
+    """The operator of a multigrid cycle and λ_K K, preconditioned by the cycle alone."""
+
+    multigrid: Multigrid
+    plate: ThinPlate
+    weight: float
+
+    @property
+    def threads(self) -> int:
+        return self.multigrid.threads
+
+    def product(self, b: Array, out: Array) -> None:
+        self.multigrid.product(b, out)
+        out += self.weight * planar(self.plate(from_planar(b, self.multigrid.size)))
+
+    def precondition(self, residual: Array) -> NDArray[np.float32]:
+        return self.multigrid.precondition(residual)
 
 
 def predict(fit: LatticeFit, x: Array, method: Interpolation = "trilinear") -> Array:

@@ -267,7 +267,8 @@ class Multigrid:
         self._work = work[0], work[1], work[2], work[3]
         self.right, self.b = _planar(work[0], table, 0), _planar(work[1], table, 0)
         self._small = next(level for level in range(depth) if np.prod(table[level, :3]) < SMALL)
-        self.outputs, self._planes = slabs(0, 3, 1, self._threads(0)), self._parts(0)
+        self.threads, self._planes = self._threads(0), self._parts(0)
+        self.outputs = slabs(0, 3, 1, self.threads)
 
     def _threads(self, level: int) -> int:
         r, g, b = self._table[level, :3]
@@ -277,6 +278,12 @@ class Multigrid:
         """out = A b; both (3, nodes and margins)."""
         out[:] = 0.0
         run(lambda first, last: add_product(1.0, *self._finest, b, out, first, last), self._planes)
+
+    def precondition(self, residual: Array) -> Single:
+        """What one cycle makes of a residual (3, nodes and margins); the next call overwrites it."""
+        self.right[:] = residual
+        self.cycle()
+        return self.b
 
     def cycle(self) -> None:
         """One symmetric V-cycle for A b = right, from b = 0."""

@@ -25,8 +25,6 @@ COUPLINGS = 16
 """13 with neighbours, in the order of `normal_equations`, and those at (2, 0, 0), (0, 2, 0), (0, 0, 2)."""
 RUN = 1024
 """About this many nodes are summed at a time: they stay in the nearest cache."""
-REASSOCIATED = {"contract", "reassoc"}
-"""Sums in any order, but the same one every time: else each addition waits for the one before it."""
 
 
 @compiled()

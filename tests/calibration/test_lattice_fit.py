@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # i
 
 from lutforge import threads as shared
 from lutforge.calibration.lattice.continuation import continuation
-from lutforge.calibration.lattice.lattice_fit import fit_samples, folds
+from lutforge.calibration.lattice.lattice_fit import fit_samples
 from lutforge.calibration.lattice.lattice_result import LatticeResult
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import CalibrationOptions
@@ -139,16 +139,6 @@ def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int, response:
     everywhere = lattice(RNG.random((2000, 3)))
     assert np.all((everywhere >= 0) & (everywhere <= 1)) if response else np.all(np.abs(everywhere - 0.5) < 0.75)
     np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-12)
-
-
-def test_folds_leave_whole_shots_out_once() -> None:
-    groups = np.array(["a"] * 5 + ["b"] * 3 + ["c"] * 9 + ["d"] + ["e"] * 2 + ["f"] * 2)
-    masks = list(folds(groups, 4))
-    assert len(masks) == 4
-    np.testing.assert_array_equal(np.sum(masks, axis=0), 1)
-    for mask in masks:
-        assert not set(groups[mask]) & set(groups[~mask])
-    assert len(list(folds(np.array(["a", "a"])))) == 1
 
 
 @pytest.mark.parametrize("inverse", [False, True])

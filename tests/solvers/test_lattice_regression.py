@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.solvers.lattice_regression import Prior, Regularisation, fit_lattice, predict
+from lutforge.solvers.lattice_regression import Prior, Regularisation, fit_lattice, predict, solve_lattice
+from lutforge.solvers.normal_equations import normal_equations
 from lutforge.solvers.smoothness import thin_plate
+from lutforge.solvers.solution import Status
 from tests.solvers.dense_lattice import (
     interpolation_weights,
     mixed_differences,
@@ -121,3 +124,13 @@ def test_every_size_converges_fast(size: int) -> None:
     fit = fit_lattice(x, x**0.45, (axis, axis, axis), terms, prior=Prior(start, np.zeros_like(start)))
     assert fit.iterations <= 60
     assert np.all(np.isfinite(fit.values))
+
+
+def test_a_lattice_that_does_not_converge_is_said_so() -> None:
+    rng = np.random.default_rng(7)
+    x, levels = rng.random((300, 3)), uniform_levels(9)
+    equations = normal_equations(x, x, levels, "trilinear")
+    with pytest.raises(CalibrationError, match="1 iterations it reached its limit"):
+        solve_lattice(equations, levels, Regularisation(), tolerance=1e-14, most=1)
+    near = solve_lattice(equations, levels, Regularisation(), tolerance=1e-6, most=6)
+    assert near.status is Status.LIMIT and near.residual > 1e-6

@@ -1,6 +1,5 @@
 """The lattice of one style and direction, fitted to samples: node levels, weights and values (thesis, chapter 5)."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +23,7 @@ from lutforge.calibration.thesis.lattice_thesis import fit_thesis
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import uniform_levels
 from lutforge.solvers.blas import one_blas_thread
+from lutforge.solvers.cross_validation import descend, leave_groups_out
 from lutforge.solvers.lattice_regression import LatticeFit
 from lutforge.solvers.node_levels import resized_levels
 
@@ -36,7 +36,6 @@ SMOOTHNESS_RANGE = (1e-4, 10.0)
 TOLERANCE = 1e-5
 MEASURING_TOLERANCE = 1e-4
 """Of fits whose only use is to measure an error: within 1e-4 of the exact ones on every sample."""
-FOLDS = 5
 SEARCH_FOLDS = 2
 """More of them choose the same λ_S: its steps are wide. Of them a lattice smaller than that of the search holds one
 out, which chooses as well there, in half the time."""
@@ -93,21 +92,9 @@ def fit_samples(
     return result(lattice, x, y, problem.smoothness)
 
 
-def folds(groups: NDArray[np.str_], most: int = FOLDS) -> Iterator[NDArray[np.bool_]]:
-    """Masks of held-out samples: whole shots, never parts of one; one fold a shot, or `most` folds of several shots.
-
-    Shots are dealt out in order of their sample counts, so that folds are of like size.
-    """
-    names, member, counts = np.unique(groups, return_inverse=True, return_counts=True)
-    place = np.argsort(np.argsort(-counts, kind="stable"))
-    count = min(most, len(names))
-    for fold in range(count):
-        yield (place % count == fold)[member]
-
-
 def _choose_smoothness(problem: LatticeProblem, groups: NDArray[np.str_], levels: Levels) -> float:
     """λ_S with the least error on held-out shots: from the default, downhill in steps of √10 while it gets better."""
-    masks = [mask for mask in folds(groups, SEARCH_FOLDS) if 0 < mask.sum() < len(mask)]
+    masks = [mask for mask in leave_groups_out(groups, SEARCH_FOLDS) if 0 < mask.sum() < len(mask)]
     masks = masks[: 1 if problem.options.size < SEARCH_SIZE else SEARCH_FOLDS]
     if not masks:
         return DEFAULT_SMOOTHNESS
@@ -128,13 +115,4 @@ def _choose_smoothness(problem: LatticeProblem, groups: NDArray[np.str_], levels
             total += float(np.sum(robust_weights(error) * error))
         return total
 
-    best, least = DEFAULT_SMOOTHNESS, held_out_error(DEFAULT_SMOOTHNESS)
-    for factor in (SMOOTHNESS_STEP, 1 / SMOOTHNESS_STEP):
-        while SMOOTHNESS_RANGE[0] <= best * factor <= SMOOTHNESS_RANGE[1]:
-            error = held_out_error(best * factor)
-            if error >= least:
-                break
-            best, least = best * factor, error
-        if best != DEFAULT_SMOOTHNESS:
-            break
-    return best
+    return descend(held_out_error, DEFAULT_SMOOTHNESS, SMOOTHNESS_STEP, SMOOTHNESS_RANGE)

@@ -178,7 +178,7 @@ class PlacedProblem:
 
     def moved(self, fit: LatticeFit) -> LatticeFit:
         """A fit at other levels, at these."""
-        return LatticeFit(self.levels, interpolate(grid(self.levels), fit.levels, fit.values), 0)
+        return LatticeFit(self.levels, interpolate(grid(self.levels), fit.levels, fit.values))
 
     def fit(self, weight: Array, tolerance: float, like: LatticeFit | None = None) -> LatticeFit:
         """The fit; like: one at other levels, to start from."""

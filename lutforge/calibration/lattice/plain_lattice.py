@@ -104,7 +104,7 @@ class BoundedProblem(PlacedProblem):
         smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
         values = prior.values if start is None else start
         values = solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, self.sweeps)
-        return LatticeFit(self.levels, values, self.sweeps)
+        return LatticeFit(self.levels, values, iterations=self.sweeps)
 
     def search_fit(self, like: LatticeFit | None = None) -> LatticeFit:
         """A fit to search with; like: one at other levels, to start from."""

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.linalg.lapack import dgeqrf, dposv
 
-from lutforge.compiled import compiled
-from lutforge.solvers.stencil import REASSOCIATED
+from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.threads import run, slabs
 
 Array = NDArray[np.float64]

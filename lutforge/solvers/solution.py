@@ -1,0 +1,38 @@
+"""What an iterative solver found, and how it ended."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Status(Enum):
+    """How a solver ended, in words that may stand in a message."""
+
+    CONVERGED = "it converged"
+    STALLED = "no step reduced the residual any further"
+    LIMIT = "it reached its limit of iterations"
+    SINGULAR = "the equations do not determine every unknown"
+    INFEASIBLE = "no values satisfy the constraints"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The values that a solver found.
+
+    value: the unknowns; residual: the norm of what the solution leaves over, in the unit that the solver's docstring
+    names; iterations: how many it took. A caller looks at `status` before it uses `value`.
+    """
+
+    value: Array
+    status: Status
+    residual: float
+    iterations: int
+
+    @property
+    def converged(self) -> bool:
+        """Whether the solver reached its tolerance."""
+        return self.status is Status.CONVERGED
