@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,8 @@ class RawImage:
     preview: the embedded JPEG as bytes; None where it has none or only a bitmap thumbnail (`preview_note`
     says which).
     xyz_to_camera: (3, 3), D65, from LibRaw's table; None for unknown cameras.
-    exposure_s, iso: NaN where unknown.
+    exposure_s, iso, focal_mm, aperture (f-number): NaN where unknown. lens: its name, "" where unknown.
+    taken: EXIF's form of the date and time of the exposure, "2020:02:18 08:56:13"; "" where unknown.
     clip_level: (3,) level above which this file's pixels were taken for saturated, before they were set to 1.
     """
 
@@ -48,6 +50,10 @@ class RawImage:
     exposure_s: float
     iso: float
     clip_level: NDArray[np.float64]
+    focal_mm: float = math.nan
+    aperture: float = math.nan
+    lens: str = ""
+    taken: str = ""
 
 
 def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
@@ -94,6 +100,10 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
             exposure_s=_positive_or_nan(other.shutter_speed),
             iso=_positive_or_nan(other.iso_speed),
             clip_level=clip_level,
+            focal_mm=_positive_or_nan(other.focal_length),
+            aperture=_positive_or_nan(other.aperture),
+            lens=" ".join(str(raw.lens.model).split()),
+            taken=_exif_date(other.timestamp),
         )
     # The picture's own clipping level lies below the camera's nominal one in many files: those pixels are
     # saturated.
@@ -264,6 +274,11 @@ def _xyz_to_camera(matrix: NDArray[np.float64]) -> NDArray[np.float64] | None:
     if matrix.shape[0] < 3 or not np.all(np.isfinite(matrix)) or not np.any(matrix):
         return None
     return matrix[:3].copy()
+
+
+def _exif_date(taken: datetime | None) -> str:
+    """EXIF's form of a date; "" for what LibRaw says where it knows none, the epoch."""
+    return "" if taken is None or taken.year < 1980 else taken.strftime("%Y:%m:%d %H:%M:%S")
 
 
 def _positive_or_nan(value: float) -> float:

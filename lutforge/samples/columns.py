@@ -14,8 +14,10 @@ RAW_COLUMNS = ("raw_r", "raw_g", "raw_b")
 SRGB_COLUMNS = ("srgb_r", "srgb_g", "srgb_b")
 WB_COLUMNS = ("wb_r", "wb_g", "wb_b")
 REQUIRED_COLUMNS = (*TEXT_COLUMNS, "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS)
-OPTIONAL_COLUMNS = (*WB_COLUMNS, "raw_camera")
-NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS)
+POSITION_COLUMNS = ("x", "y")
+LENS_COLUMNS = ("focal_mm", "aperture")
+OPTIONAL_COLUMNS = (*WB_COLUMNS, "raw_camera", *POSITION_COLUMNS, "lens", *LENS_COLUMNS)
+NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *LENS_COLUMNS)
 
 ROUNDING = 1e-6
 """How far a colour may lie outside its range through rounding; it is set to the end of the range."""
@@ -41,8 +43,9 @@ def wanted_columns(path: Path, names: list[str]) -> list[str]:
     if doubled:
         raise SampleError(f"{path}: column {doubled[0]!r} occurs twice; keep one of them")
     missing = [name for name in REQUIRED_COLUMNS if name not in names]
-    if any(name in names for name in WB_COLUMNS):
-        missing += [name for name in WB_COLUMNS if name not in names]
+    for group in (WB_COLUMNS, POSITION_COLUMNS):
+        if any(name in names for name in group):
+            missing += [name for name in group if name not in names]
     if missing:
         raise SampleError(
             f"{path}: missing column{'s' * (len(missing) > 1)} {', '.join(missing)};"
@@ -69,7 +72,7 @@ def is_valid(numbers: dict[str, Numbers]) -> bool:
 
 
 def _may_be_unknown(name: str) -> bool:
-    return name == "exposure_s" or name in WB_COLUMNS
+    return name == "exposure_s" or name in OPTIONAL_COLUMNS
 
 
 def _limits(name: str) -> tuple[float, float]:
@@ -77,6 +80,8 @@ def _limits(name: str) -> tuple[float, float]:
         return RAW_RANGE[0] - ROUNDING, RAW_RANGE[1] + ROUNDING
     if name in SRGB_COLUMNS:
         return -ROUNDING, 1 + ROUNDING
+    if name in POSITION_COLUMNS:
+        return -1.0, 1.0
     return math.ulp(0.0), math.nextafter(math.inf, 0.0)
 
 
@@ -122,5 +127,7 @@ def _number_problem(name: str, cell: str) -> str | None:
         return f"{shown}; RAW lies in [0, 1]: subtract the black level and divide by (white - black)"
     if name in SRGB_COLUMNS:
         return f"{shown}; sRGB lies in [0, 1]: divide 8-bit JPEG values by 255"
-    unknown = "exposure time in seconds" if name == "exposure_s" else "multiplier"
-    return f"{shown}; the {unknown} is positive, or the cell empty where it is unknown"
+    if name in POSITION_COLUMNS:
+        return f"{shown}; positions lie in [-1, 1]: half the picture's diagonal is 1"
+    meaning = {"exposure_s": "exposure time in seconds", "focal_mm": "focal length in mm", "aperture": "f-number"}
+    return f"{shown}; the {meaning.get(name, 'multiplier')} is positive, or the cell empty where it is unknown"

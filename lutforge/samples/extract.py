@@ -14,6 +14,8 @@ from lutforge.samples.tiles import LEVELS, agreement, cell_size, flatness, jpeg_
 from lutforge.shots.cells import raw_on_jpeg_cells
 from lutforge.shots.shot import Shot
 
+Array = NDArray[np.float64]
+
 FEW_TILES = 100
 """A shot with fewer tiles within the first two limits may use the hard bound, and is told about charts."""
 
@@ -67,7 +69,7 @@ def extract(shot: Shot) -> ShotSamples:
     )
 
 
-def _tiles(shot: Shot, saturation: NDArray[np.float64]) -> ShotSamples:
+def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     cell = cell_size(shot.registration)
     jpeg, raw = jpeg_cells(shot.jpeg, cell), raw_on_jpeg_cells(shot, cell)
     inside: NDArray[np.bool_] = np.isfinite(raw.mean[..., 0])
@@ -92,13 +94,14 @@ def _tiles(shot: Shot, saturation: NDArray[np.float64]) -> ShotSamples:
     }
     rows, columns = rows[kept], columns[kept]
     names = [f"tile_{x * cell:04d}_{y * cell:04d}" for y, x in zip(rows, columns, strict=True)]
-    samples = _sample_set(shot, names, raw.mean[rows, columns], jpeg.mean[rows, columns])
+    centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
+    samples = _sample_set(shot, names, raw.mean[rows, columns], jpeg.mean[rows, columns], centres)
     return ShotSamples(shot.name, samples, len(samples), 0, clip.counts(inside), rejected, tuple(notes))
 
 
-def _patches(shot: Shot, saturation: NDArray[np.float64]) -> ShotSamples:
+def _patches(shot: Shot, saturation: Array) -> ShotSamples:
     empty = np.zeros((0, 3))
-    nothing = _sample_set(shot, [], empty, empty)
+    nothing = _sample_set(shot, [], empty, empty, empty[:, :2])
     missing = detector_note()
     chart = find_chart(shot.jpeg) if missing is None else None
     if chart is None:
@@ -106,11 +109,13 @@ def _patches(shot: Shot, saturation: NDArray[np.float64]) -> ShotSamples:
     sampled = sample_chart(shot, chart, saturation)
     kept = np.flatnonzero(np.isfinite(sampled.raw).all(axis=-1) & ~sampled.clipping.any)
     names = [f"chart_{index + 1:02d}" for index in kept]
-    samples = _sample_set(shot, names, sampled.raw[kept], sampled.codes[kept])
+    centres: Array = chart.patches().mean(axis=1)[kept]
+    samples = _sample_set(shot, names, sampled.raw[kept], sampled.codes[kept], centres)
     return ShotSamples(shot.name, samples, 0, len(kept), sampled.clipping.counts(), {}, ())
 
 
-def _sample_set(shot: Shot, names: list[str], raw: NDArray[np.float64], codes: NDArray[np.float64]) -> SampleSet:
+def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres: Array) -> SampleSet:
+    """The samples of a shot from RAW (n, 3), JPEG codes (n, 3) and their places in the JPEG (n, 2)."""
     metadata, count = shot.metadata, len(names)
     multipliers = metadata.multipliers if metadata.multipliers is not None else np.full(3, math.nan)
     return SampleSet(
@@ -124,7 +129,19 @@ def _sample_set(shot: Shot, names: list[str], raw: NDArray[np.float64], codes: N
         srgb=codes / 255,
         wb=np.tile(np.asarray(multipliers, dtype=np.float64), (count, 1)),
         raw_camera=np.full(count, metadata.camera),
+        position=_positions(shot, centres),
+        lens=np.full(count, metadata.lens),
+        focal_mm=np.full(count, metadata.focal_mm),
+        aperture=np.full(count, metadata.aperture),
     )
+
+
+def _positions(shot: Shot, centres: Array) -> Array:
+    """Places in the JPEG (n, 2) as places in the RAW's visible area, from its centre, half its diagonal = 1."""
+    registration = shot.registration
+    size = np.array(shot.raw.pixels.shape[1::-1]) * shot.raw.pixel_size
+    places = registration.scale * centres + (registration.offset_x, registration.offset_y)
+    return np.clip((places - size / 2) / (np.linalg.norm(size) / 2), -1.0, 1.0)
 
 
 def _account(word: str, counts: dict[str, int]) -> str:

@@ -1,7 +1,7 @@
 """The sample table: RAW and JPEG colours of the same surfaces under known settings."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,9 @@ class SampleSet:
     raw: linear camera RGB before white balance, 0 = black level, 1 = saturation. srgb: the JPEG value / 255.
     wb: the white-balance multipliers with green = 1; NaN where unknown. exposure_s: NaN where unknown.
     raw_camera: the camera that the RAW is of; equal to `camera` unless a reference camera's RAW stands in.
-    Raises SampleError where the columns differ in length.
+    position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
+    where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. These four
+    may be left out; they are unknown then. Raises SampleError where the columns differ in length.
     """
 
     camera: Text
@@ -33,22 +35,30 @@ class SampleSet:
     srgb: Numbers
     wb: Numbers
     raw_camera: Text
+    position: Numbers = field(default_factory=lambda: np.zeros((0, 2)))
+    lens: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
+    focal_mm: Numbers = field(default_factory=lambda: np.zeros(0))
+    aperture: Numbers = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         count = len(self.camera)
-        for field in fields(self):
-            shape = (count, 3) if field.name in ("raw", "srgb", "wb") else (count,)
-            if getattr(self, field.name).shape != shape:
-                raise SampleError(
-                    f"samples: column {field.name} has shape {getattr(self, field.name).shape}, not {shape}"
-                )
+        for name in ("position", "lens", "focal_mm", "aperture"):
+            column = getattr(self, name)
+            if len(column) == 0 < count:  # left out: unknown in every row
+                unknown = np.full((count, *column.shape[1:]), "" if name == "lens" else np.nan, dtype=column.dtype)
+                object.__setattr__(self, name, unknown)
+        widths = {"raw": (3,), "srgb": (3,), "wb": (3,), "position": (2,)}
+        for name in (column.name for column in fields(self)):
+            shape = (count, *widths.get(name, ()))
+            if getattr(self, name).shape != shape:
+                raise SampleError(f"samples: column {name} has shape {getattr(self, name).shape}, not {shape}")
 
     def __len__(self) -> int:
         return len(self.camera)
 
     def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "SampleSet":
         """The rows of a mask or an index array."""
-        return SampleSet(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return SampleSet(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     def by_shot(self) -> Iterator[tuple[str, "SampleSet"]]:
         """Each shot with its samples, in order of first appearance."""
@@ -72,4 +82,5 @@ def concatenate(sets: Iterable[SampleSet]) -> SampleSet:
     parts = list(sets)
     if not parts:
         raise SampleError("samples: none given")
-    return SampleSet(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(SampleSet)))
+    names = [column.name for column in fields(SampleSet)]
+    return SampleSet(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))

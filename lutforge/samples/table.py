@@ -10,8 +10,10 @@ from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
 from lutforge.errors import SampleError
 from lutforge.samples.columns import (
+    LENS_COLUMNS,
     MAX_TEXT,
     NUMBER_COLUMNS,
+    POSITION_COLUMNS,
     RAW_COLUMNS,
     RAW_RANGE,
     SRGB_COLUMNS,
@@ -28,9 +30,9 @@ from lutforge.samples.sample_set import Numbers, SampleSet, Text
 def read_samples(path: str | Path) -> SampleSet:
     """Read a sample table, .csv or .parquet.
 
-    Columns may stand in any order, unknown ones are ignored, `wb_*` and `raw_camera` are optional, and an
-    empty exposure or multiplier cell means unknown (NaN). RAW lies in [-0.05, 1], sRGB in [0, 1]; multipliers
-    are scaled to green = 1. Raises SampleError, which names file, line or row, column and offending text.
+    Columns may stand in any order, unknown ones are ignored. Optional are `wb_*`, `raw_camera`, `x` and `y`, `lens`,
+    `focal_mm`, `aperture`; an empty cell of these, or of the exposure, means unknown. RAW lies in [-0.05, 1], sRGB in
+    [0, 1]; multipliers are scaled to green = 1. Raises SampleError, which names file, line or row, column and text.
     """
     path = Path(path)
     suffix = _suffix(path)
@@ -58,7 +60,7 @@ def _read(path: Path, suffix: str) -> SampleSet:
 def write_samples(path: str | Path, samples: SampleSet) -> None:
     """Write a sample table, .csv (UTF-8, 10 decimals) or .parquet (float64), atomically.
 
-    `wb_*` is left out where no multiplier is known, `raw_camera` where no reference camera stands in.
+    Optional columns of which nothing is known are left out, and `raw_camera` where no reference camera stands in.
     Raises SampleError on another suffix or an empty set, LutForgeError where the folder cannot be written to.
     """
     path = Path(path)
@@ -126,6 +128,10 @@ def _sample_set(texts: dict[str, Text], numbers: dict[str, Numbers]) -> SampleSe
         srgb=np.clip(stack(SRGB_COLUMNS), 0.0, 1.0),
         wb=wb / wb[:, 1:2],
         raw_camera=camera if raw_camera is camera else np.where(raw_camera == "", camera, raw_camera),
+        position=stack(POSITION_COLUMNS) if "x" in numbers else np.zeros((0, 2)),
+        lens=texts.get("lens", np.zeros(0, dtype=np.str_)),
+        focal_mm=numbers.get("focal_mm", np.zeros(0)),
+        aperture=numbers.get("aperture", np.zeros(0)),
     )
 
 
@@ -134,13 +140,19 @@ def _frame(samples: SampleSet) -> pl.DataFrame:
     for name in TEXT_COLUMNS:
         columns[name] = _series(getattr(samples, name))
     columns["exposure_s"] = pl.Series(samples.exposure_s)
-    groups = [(RAW_COLUMNS, samples.raw), (SRGB_COLUMNS, samples.srgb)]
+    groups: list[tuple[tuple[str, ...], Numbers]] = [(RAW_COLUMNS, samples.raw), (SRGB_COLUMNS, samples.srgb)]
     if np.isfinite(samples.wb).any():
         groups.append((WB_COLUMNS, samples.wb))
+    if np.isfinite(samples.position).any():
+        groups.append((POSITION_COLUMNS, samples.position))
+    lens = {name: getattr(samples, name)[:, None] for name in LENS_COLUMNS}
+    groups.extend(((name,), values) for name, values in lens.items() if np.isfinite(values).any())
     for names, values in groups:
         columns |= {name: pl.Series(np.ascontiguousarray(values[:, i])) for i, name in enumerate(names)}
     if np.any(samples.raw_camera != samples.camera):
         columns["raw_camera"] = _series(samples.raw_camera)
+    if np.any(samples.lens != ""):
+        columns["lens"] = _series(samples.lens)
     return pl.DataFrame(columns).with_columns(pl.selectors.float().fill_nan(None))
 
 

@@ -29,8 +29,8 @@ class ShotMetadata:
     """Settings of one shot.
 
     style, white_balance: lower-case words ("standard", "vivid", …; "auto", "daylight", …; "unknown").
-    multipliers: (3,) with green = 1, None where unknown. exposure_s, iso: NaN where unknown. notes: what the
-    user should know, a line each.
+    multipliers: (3,) with green = 1, None where unknown. exposure_s, iso, focal_mm, aperture (f-number): NaN where
+    unknown. lens: its name, "" where unknown. notes: what the user should know, a line each.
     """
 
     make: str
@@ -41,6 +41,9 @@ class ShotMetadata:
     exposure_s: float
     iso: float
     notes: tuple[str, ...]
+    lens: str = ""
+    focal_mm: float = math.nan
+    aperture: float = math.nan
 
     @property
     def camera(self) -> str:
@@ -80,6 +83,9 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
         exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else _ratio(tags.get(("Photo", 0x829A))),
         iso=raw.iso if math.isfinite(raw.iso) else _number(tags.get(("Photo", 0x8827))),
         notes=tuple(notes),
+        lens=raw.lens or str(tags.get(("Photo", 0xA434), "")).strip(),
+        focal_mm=raw.focal_mm,
+        aperture=raw.aperture,
     )
 
 

@@ -36,6 +36,9 @@ def test_samples_are_the_truth() -> None:
     for name, value in (("camera", "Test Camera"), ("style", "standard"), ("white_balance", "daylight")):
         assert set(getattr(samples, name)) == {value}
     np.testing.assert_array_equal(samples.wb, np.tile(MULTIPLIERS, (len(samples), 1)))
+    places = 2 * (positions + 4) + 0.5 - np.array([480, 320])  # cells of 8 JPEG pixels, each of two RAW pixels
+    np.testing.assert_allclose(samples.position, places / np.hypot(480, 320))
+    assert np.isnan(samples.focal_mm).all()
 
 
 def test_deterministic() -> None:

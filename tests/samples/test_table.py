@@ -1,6 +1,7 @@
 """Sample tables: what is written is read, and what is wrong is said in one line with its place."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,18 +41,21 @@ def sample_sets(draw: st.DrawFn) -> SampleSet:
     exposure = numbers(1e-6, 1000.0, 1)[:, 0]
     exposure[draw(hnp.arrays(np.bool_, n))] = np.nan
     camera = text()
-    return SampleSet(
+    samples = SampleSet(
         camera, text(), text(), text(), text(), exposure, numbers(-0.05, 1), numbers(0, 1), wb,
         text() if draw(st.booleans()) else camera,
     )  # fmt: skip
+    if draw(st.booleans()):
+        return samples
+    return replace(samples, position=numbers(-1, 1, 2), lens=text(), aperture=numbers(0.7, 64, 1)[:, 0])
 
 
 def assert_same(a: SampleSet, b: SampleSet, tolerance: float) -> None:
-    for name in ("camera", "style", "white_balance", "shot", "patch", "raw_camera"):
+    for name in ("camera", "style", "white_balance", "shot", "patch", "raw_camera", "lens"):
         assert getattr(a, name).tolist() == getattr(b, name).tolist()
     for name in ("raw", "srgb"):
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=0, atol=tolerance)
-    for name in ("wb", "exposure_s"):
+    for name in ("wb", "exposure_s", "position", "focal_mm", "aperture"):
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=tolerance, atol=tolerance)
 
 
@@ -143,6 +147,9 @@ ILLEGAL = {
     "negative multiplier": (with_cell("wb_r", "-1"), "line 3: wb_r is -1; the multiplier is positive"),
     "two multipliers": (with_cell("wb_r", ""), "line 3: wb_r,wb_g,wb_b is ',1,1.5'; give all three"),
     "absurd multiplier": (with_cell("wb_r", "1e300"), "no camera has such"),
+    "x alone": (HEADER + ",x\n" + ROW + ",0.5\n", "missing column y"),
+    "x in pixels": (HEADER + ",x,y\n" + ROW + ",0.5,640\n", "line 2: y is 640; positions lie in"),
+    "negative aperture": (HEADER + ",aperture\n" + ROW + ",-8\n", "line 2: aperture is -8; the f-number is positive"),
     "no style": (with_cell("style", ""), "line 3: style is empty; write the style"),
     "long cell": (with_cell("shot", "x" * 5000), "line 3: shot holds 5000 characters"),
     "short row": (f"{HEADER}\n{ROW}\n{ROW[:-10]}\n", "line 3: 12 cells where the header has"),
