@@ -76,6 +76,8 @@ class ImageReader:
         if self.spec.alpha_channel >= self.spec.nchannels:  # of a GIF, in OpenImageIO 3.2
             self.spec.alpha_channel = self.spec.nchannels - 1
         self.format: str = source.format_name()
+        if self.format == "jpeg" and (quality := jpeg_quality(path)) is not None:
+            self.spec.attribute("jpeg:quality", quality)
         try:
             _check_spec(path, self.spec)
         except ImageError:
@@ -157,6 +159,25 @@ def read_image(path: str | Path) -> Image:
     path = Path(path)
     with ImageReader(path) as reader:
         return Image(reader.read(reader.whole), reader.spec, reader.format, reader.count_parts())
+
+
+def jpeg_quality(path: Path) -> int | None:
+    """The libjpeg quality (1 … 100) whose luminance table comes nearest to a JPEG file's; None where it has none.
+
+    libjpeg scales the table of ITU-T T.81, Annex K.1 (its entries sum to 3688) by 2 − quality / 50 from 50 upwards, and
+    by 50 / quality below (jpeg_quality_scaling in its jcparam.c).
+    """
+    with path.open("rb") as file:
+        head = file.read(1 << 18)
+    position = 2
+    while position + 4 <= len(head) and head[position] == 0xFF and head[position + 1] != 0xDA:
+        length = int.from_bytes(head[position + 2 : position + 4], "big")
+        table = head[position + 5 : position + 2 + length]
+        if head[position + 1] == 0xDB and len(table) >= 64 and head[position + 4] == 0:  # 8 bits, table 0
+            scale = max(sum(table[:64]) / 3688, 1e-3)
+            return int(np.clip(round(100 - 50 * scale if scale <= 1 else 50 / scale), 1, 100))
+        position += 2 + length
+    return None
 
 
 def _check_spec(path: Path, spec: oiio.ImageSpec) -> None:

@@ -1,7 +1,7 @@
 """Write an image file with OpenImageIO, keeping what the source file said about itself."""
 
 import os
-import resource
+import re
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -16,7 +16,6 @@ from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.read import Image, ImageReader, Region
 
-JPEG_QUALITY = 97
 SOFTWARE = "LutForge"
 IN_SRGB, IN_ANOTHER_SPACE = 1, 0xFFFF
 """Values of the Exif tag ColorSpace (Exif 2.32, 4.6.5)."""
@@ -46,9 +45,10 @@ def write_image(path: str | Path, pixels: ArrayLike, spec_like: Image, note: str
     """Write `pixels` (h, w, c) with the metadata of `spec_like`; the suffix picks the format.
 
     Pixels are in the encoding of the file: integers from [0, 1] (clipped), half and float as they are. Bit
-    depth is the source's where the format has it, else the nearest that loses least. JPEG: quality 97, no
-    chroma subsampling. EXIF, IPTC, XMP, ICC profile and orientation are kept; thumbnails are dropped, as they
-    show the old pixels. `note` says what was done, for Software and ImageHistory. Atomic. Raises ImageError.
+    depth is the source's where the format has it, else the nearest that loses least. A JPEG of a JPEG has its
+    source's quality and chroma subsampling, any other quality 97 and none. EXIF, IPTC, XMP, ICC profile and
+    orientation are kept; thumbnails are dropped, as they show the old pixels. `note` says what was done, for
+    Software and ImageHistory. Atomic. Raises ImageError.
     """
     path = Path(path)
     array = np.ascontiguousarray(pixels, dtype=np.float32)
@@ -133,6 +133,8 @@ def _safe_place(path: Path, temporary: Path, spec: oiio.ImageSpec) -> Iterator[P
         if name not in _TELL_OF_FAILURES and not _is_whole(temporary, name):
             raise ImageError(f"{path}: it was not written as a whole; is the disk full?")
         return
+    import resource  # where there are memory files (Linux), there are limits too; Windows has neither
+
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     most = spec.width * spec.height * spec.nchannels * 2
     if limit != resource.RLIM_INFINITY and limit < most:
@@ -184,9 +186,21 @@ def describe_output(
             result.attribute(name, oiio.TypeDesc(f"uint8[{len(value)}]"), value)
         else:
             result[name] = value
+    for name in ("DateTime", "Exif:DateTimeOriginal", "Exif:DateTimeDigitized"):
+        if date := result.get_string_attribute(name):
+            result.attribute(name, exif_date(date))
     if result.get_int_attribute("Exif:ColorSpace", IN_SRGB) != IN_SRGB:
         result.erase_attribute("oiio:ColorSpace")  # OpenImageIO else writes that it is in sRGB
     return result
+
+
+def exif_date(text: str) -> str:
+    """Return a date in the form of Exif 2.32, 4.6.4.
+
+    XMP's "2020-02-18T08:56:13.29-07:00" becomes "2020:02:18 08:56:13"; what is no such date stays.
+    """
+    found = re.match(r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d:\d\d)(:\d\d)?", text)
+    return f"{found[1]}:{found[2]}:{found[3]} {found[4]}{found[5] or ':00'}" if found else text
 
 
 def _writer_of(path: Path) -> oiio.ImageOutput:
@@ -245,8 +259,9 @@ def _output_spec(path: Path, target: oiio.ImageOutput, source: oiio.ImageSpec, f
     if name == "jpeg":
         if spec.nchannels not in (1, 3):
             raise ImageError(f"{path}: JPEG holds no alpha or extra channels; write .tif, .png or .exr")
-        spec.attribute("compression", f"jpeg:{JPEG_QUALITY}")
-        spec.attribute("jpeg:subsampling", "4:4:4")
+        spec.attribute("compression", f"jpeg:{spec.get_int_attribute('jpeg:quality', 97)}")
+        if format != name:
+            spec.attribute("jpeg:subsampling", "4:4:4")
     return spec
 
 

@@ -93,6 +93,43 @@ def test_jpeg_keeps_full_chroma(tmp_path: Path) -> None:
     assert np.abs(read_image(path).pixels - checker).mean() < 0.02  # 4:2:0 averages neighbours: 0.2
 
 
+@pytest.mark.parametrize("subsampling", ["4:4:4", "4:2:2", "4:2:0"])
+@pytest.mark.parametrize("quality", [70, 92, 98])
+def test_a_jpeg_of_a_jpeg_is_as_fine_as_its_source(tmp_path: Path, quality: int, subsampling: str) -> None:
+    noise = np.random.default_rng(1).uniform(0.2, 0.8, (240, 320, 3)).astype(np.float32)
+    spec = oiio.ImageSpec(320, 240, 3, "uint8")
+    spec.attribute("Compression", f"jpeg:{quality}")
+    spec.attribute("jpeg:subsampling", subsampling)
+    output = oiio.ImageOutput.create("a.jpg")
+    assert output.open(str(tmp_path / "a.jpg"), spec)
+    assert output.write_image(noise)
+    assert output.close()
+    picture = read_image(tmp_path / "a.jpg")
+    write_image(tmp_path / "b.jpg", picture.pixels, picture)
+    written = read_image(tmp_path / "b.jpg")
+    assert written.spec.get_string_attribute("jpeg:subsampling") == subsampling
+    assert written.spec.get_int_attribute("jpeg:quality") == picture.spec.get_int_attribute("jpeg:quality") == quality
+    sizes = [(tmp_path / name).stat().st_size for name in ("a.jpg", "b.jpg")]
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.1)  # white noise, once more averaged
+    write_image(tmp_path / "c.png", picture.pixels, picture)
+    assert read_image(tmp_path / "c.png").spec.getattribute("jpeg:quality") is None
+
+
+def test_dates_have_exif_s_form(tmp_path: Path) -> None:
+    image = source()
+    image.spec.attribute("DateTime", "2020-02-18T08:56:13.29-07:00")
+    image.spec.attribute("Exif:DateTimeOriginal", "2020:02:18 08:56:13")
+    write_image(tmp_path / "a.jpg", ramp(), image)
+    spec = read_image(tmp_path / "a.jpg").spec
+    assert spec.get_string_attribute("DateTime") == "2020:02:18 08:56:13"
+    assert spec.get_string_attribute("Exif:DateTimeOriginal") == "2020:02:18 08:56:13"
+
+
+def test_images_import_where_there_are_no_resource_limits() -> None:
+    code = "import sys; sys.modules['resource'] = None; import lutforge.images.write, lutforge.shots.read"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_real_photograph_round_trip(tmp_path: Path, shared_data: Path) -> None:
     original = read_image(shared_data / "canon_powershot_s40" / "IMG_0102.JPG")
     assert original.pixels.shape == (1704, 2272, 3)
