@@ -22,6 +22,7 @@ from lutforge.images.raw import read_raw
 from lutforge.images.read import ImageReader, Region, is_premultiplied
 from lutforge.images.write import image_writer, keeps_orientation, upright, with_shape
 from lutforge.shots.discover import RAW_SUFFIXES
+from lutforge.shots.metadata import raw_attributes
 
 Pixels = NDArray[np.float32]
 
@@ -238,7 +239,10 @@ def _open(source: Path, target: Path, raw: bool) -> Iterator[ImageReader | _InMe
         with _IN_MEMORY:
             image = read_raw(source)
             pixels = upright(image.pixels, _ORIENTATION_OF_FLIP.get(image.flip, 1))
-            yield _InMemory(pixels, oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16"))
+            spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
+            for name, value in raw_attributes(source, image).items():
+                spec[name] = value
+            yield _InMemory(pixels, spec)
         return
     if source.suffix.lower() in RAW_SUFFIXES:
         raise ImageError(f"{source}: a RAW file; what renders it is a camera's profile (.npz)")

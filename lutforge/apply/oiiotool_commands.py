@@ -64,8 +64,9 @@ def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
     compression = described.get_string_attribute("compression")
     if compression:
         command += ["--compression", compression]
-    if described.getattribute("jpeg:subsampling") is not None:
-        command += ["--sattrib", "jpeg:subsampling", "4:4:4"]
+    subsampling = described.get_string_attribute("jpeg:subsampling")
+    if subsampling:
+        command += ["--sattrib", "jpeg:subsampling", subsampling]
     return [*command, "-o", str(job.target)]
 
 

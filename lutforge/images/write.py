@@ -254,6 +254,8 @@ def _output_spec(path: Path, target: oiio.ImageOutput, source: oiio.ImageSpec, f
     spec.set_format(oiio.TypeDesc(depth))
     if name == "tiff" and spec.get_string_attribute("compression").startswith("jpeg"):
         spec.attribute("compression", "zip")
+    if name == "tiff" and (iso := spec.get_int_attribute("Exif:PhotographicSensitivity", 0)):
+        spec.attribute("Exif:RecommendedExposureIndex", iso)  # OpenImageIO's TIFF writer knows no other tag for it
     if name == "pnm":
         spec.attribute("pnm:pfmflip", 0)  # OpenImageIO 3.2 else writes them upside down
     if name == "jpeg":

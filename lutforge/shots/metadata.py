@@ -89,6 +89,24 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     )
 
 
+def raw_attributes(path: Path, raw: RawImage) -> dict[str, object]:
+    """What a picture rendered from a RAW file has to say of the shot, by OpenImageIO's names; unknown ones left out."""
+    tags = file_tags(path)
+    make, model = (str(tags.get(("Image", tag), "")).strip() for tag in (0x010F, 0x0110))
+    found: dict[str, object] = {
+        "Make": make,
+        "Model": model,
+        "DateTime": raw.taken,
+        "Exif:DateTimeOriginal": raw.taken,
+        "ExposureTime": raw.exposure_s,
+        "FNumber": raw.aperture,
+        "Exif:FocalLength": raw.focal_mm,
+        "Exif:LensModel": raw.lens,
+        "Exif:PhotographicSensitivity": min(round(raw.iso), 65535) if math.isfinite(raw.iso) else "",
+    }
+    return {name: value for name, value in found.items() if value and value == value}  # NaN is not equal to itself
+
+
 def file_tags(path: Path) -> Tags:
     """Tags of a file by LutForge's own reader, completed by exiv2's where it is installed and can read the file."""
     tags: Tags = {}

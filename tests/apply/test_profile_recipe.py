@@ -237,7 +237,14 @@ def test_a_raw_file_is_rendered_as_the_camera_renders_it(
     assert any("no mask" in note for note in result.notes)
     again = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif", masks=tmp_path / "masks", resume=True)
     assert again.skipped == (tmp_path / "out" / "IMG_1.tif",)
-    rendered = read_image(tmp_path / "out" / "IMG_1.tif").pixels
+    written = read_image(tmp_path / "out" / "IMG_1.tif")
+    for name, value in {"Make": "LutForge", "Model": "Simulated D5100", "DateTime": "2015:06:15 12:00:00"}.items():
+        assert written.spec.get_string_attribute(name) == value
+    assert written.spec.get_string_attribute("Exif:DateTimeOriginal") == "2015:06:15 12:00:00"
+    assert written.spec.get_float_attribute("FNumber") == pytest.approx(8.0)
+    assert written.spec.get_float_attribute("ExposureTime") > 0
+    assert written.spec.get_int_attribute("Exif:RecommendedExposureIndex") == 100  # OpenImageIO's TIFFs have no other
+    rendered = written.pixels
     wanted = truth(shot, tmp_path, "vivid", "daylight")
     top, left = ((a - b) // 2 for a, b in zip(rendered.shape[:2], wanted.shape[:2], strict=True))
     cut = rendered[top : top + wanted.shape[0], left : left + wanted.shape[1]]

@@ -101,6 +101,7 @@ def test_a_jpeg_of_a_jpeg_is_as_fine_as_its_source(tmp_path: Path, quality: int,
     spec.attribute("Compression", f"jpeg:{quality}")
     spec.attribute("jpeg:subsampling", subsampling)
     output = oiio.ImageOutput.create("a.jpg")
+    assert output is not None
     assert output.open(str(tmp_path / "a.jpg"), spec)
     assert output.write_image(noise)
     assert output.close()
