@@ -2,15 +2,12 @@
 
 Trains on a colour chart under one light (four exposures, 24 patches), tests on the chart under another, then the other
 way round, and writes the tables as Markdown. The photographs are those of Chakrabarti, Scharstein & Zickler, "An
-empirical camera model for internet color vision" (BMVC 2009), in the form trimmed by Zhao et al. 2022; they are read
-from the folder named by LUTFORGE_TEST_DATA.
+empirical camera model for internet color vision" (BMVC 2009), in the form trimmed by Zhao et al. 2022; their patches'
+means are in tests/data.
 
     python examples/middlebury_table.py > examples/middlebury_table.md
 """
 
-import csv
-import os
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +24,7 @@ from lutforge.evaluation.baselines import colour_polynomial, mixed_channel_polyn
 from lutforge.evaluation.linearisation import model_delta
 from lutforge.model.camera_profile import PhysicalModel
 from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import read_samples
 
 Array = NDArray[np.float64]
 
@@ -61,28 +59,9 @@ class Row:
     rmse: dict[str, float]
 
 
-def read_patches(folder: Path) -> SampleSet:
-    """The patch means as samples; RAW and JPEG are 8-bit. The exposures of a light are steps of two."""
-    found: dict[tuple[str, str, str, str], dict[str, list[float]]] = {}
-    with (folder / "patch_means.csv").open() as stream:
-        for line in csv.DictReader(stream):
-            key = (line["camera"], line["illum"], line["exposure"], line["patch"])
-            found.setdefault(key, {})[line["kind"]] = [float(line[channel]) / 255 for channel in "RGB"]
-    keys = sorted(found)
-    count = len(keys)
-    camera = np.array([key[0] for key in keys])
-    return SampleSet(
-        camera=camera,
-        style=np.full(count, "standard"),
-        white_balance=np.full(count, "wb1"),
-        shot=np.array([f"light{light}-exposure{exposure}" for _, light, exposure, _ in keys]),
-        patch=np.array([f"{light}-{int(patch):02d}" for _, light, _, patch in keys]),
-        exposure_s=np.array([2.0 ** int(exposure) / 60 for _, _, exposure, _ in keys]),
-        raw=np.array([found[key]["raw"] for key in keys]),
-        srgb=np.array([found[key]["jpg"] for key in keys]),
-        wb=np.full((count, 3), np.nan),
-        raw_camera=camera.copy(),
-    )
+def read_patches() -> SampleSet:
+    """Return the means of the chart's patches, as the repository keeps them; RAW and JPEG have 8 bits."""
+    return read_samples(Path(__file__).parents[1] / "tests" / "data" / "middlebury_charts.parquet")
 
 
 def unclipped(samples: SampleSet) -> NDArray[np.bool_]:
@@ -172,21 +151,18 @@ def won(rows: list[Row]) -> list[str]:
     return [row.camera for row in rows if round(row.rmse["full model"], 4) <= round(min(row.rmse.values()), 4)]
 
 
-def table(folder: Path, light: str = "light1") -> list[Row]:
-    """All cameras in the folder, trained on one light and tested on the other."""
-    samples = read_patches(folder)
+def table(light: str = "light1") -> list[Row]:
+    """All cameras, trained on one light and tested on the other."""
+    samples = read_patches()
     return [measure(samples.select(samples.camera == camera), light) for camera in np.unique(samples.camera)]
 
 
 def main() -> None:
     """Print the tables."""
-    root = os.environ.get("LUTFORGE_TEST_DATA")
-    if not root or not (Path(root) / "middlebury_charts").is_dir():
-        sys.exit("set LUTFORGE_TEST_DATA to the folder that holds middlebury_charts")
     print("# JPEG → RAW on ten cameras, by model\n")
     for train, test in (("1", "2"), ("2", "1")):
         print(f"## Trained on light {train}, tested on light {test}\n")
-        print(markdown(table(Path(root) / "middlebury_charts", f"light{train}")) + "\n")
+        print(markdown(table(f"light{train}")) + "\n")
     print(NOTES, end="")
 
 

@@ -5,7 +5,6 @@ Writes a table as Markdown to standard output and, where a folder is given, one 
     python examples/middlebury_transfer_functions.py [FOLDER] > examples/middlebury_transfer_functions.md
 """
 
-import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -76,10 +75,7 @@ def answer(verdicts: Mapping[str, ResponseVerdict]) -> str:
 
 def main() -> None:
     """Print the table and the answer; write the plots."""
-    root = os.environ.get("LUTFORGE_TEST_DATA")
-    if not root or not (Path(root) / "middlebury_charts").is_dir():
-        sys.exit("set LUTFORGE_TEST_DATA to the folder that holds middlebury_charts")
-    samples = read_patches(Path(root) / "middlebury_charts")
+    samples = read_patches()
     head = ("camera", "pairs", "outliers", "R / G / B", "saturation of inliers", "of outliers", "worst shift, codes")
     print("# Brightness transfer functions of ten cameras\n")
     print(f"| {' | '.join((*head, 'RAW departs', 'fixed'))} |")

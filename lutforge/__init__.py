@@ -14,7 +14,7 @@ The names are loaded when they are first used, so that importing the package sta
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from lutforge.calibration.options import CalibrationOptions

@@ -9,6 +9,9 @@ from typing import Protocol
 import pytest
 
 from lutforge.cli.main import main
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import read_samples
+from tests.real_data import CHARTS, S40, PublishedPairs, read_published_pairs
 
 
 class CommandLine(Protocol):
@@ -35,6 +38,24 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no test data at {folder}: set LUTFORGE_TEST_DATA to the folder of real shots")
     return folder
+
+
+@pytest.fixture(scope="session")
+def s40_samples() -> SampleSet:
+    """Colours of five photographs by a Canon PowerShot S40, on automatic white balance."""
+    return read_samples(S40)
+
+
+@pytest.fixture(scope="session")
+def chart_samples() -> SampleSet:
+    """Patches of a chart by ten cameras under two lights at four exposures, without white balances."""
+    return read_samples(CHARTS)
+
+
+@pytest.fixture(scope="session")
+def d40_pairs() -> PublishedPairs:
+    """Colours of a Nikon D40 that the thesis's authors published."""
+    return read_published_pairs()
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """Colour temperatures of settings whose names tell none: the simulated cameras' known lights, and a real Nikon D40."""
 
-from pathlib import Path
-
 import colour
 import numpy as np
 import pytest
@@ -9,12 +7,12 @@ import pytest
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.colour_temperature import named_temperature, with_temperatures
 from lutforge.colour.colour_temperature import camera_from_xyz, white_of
-from lutforge.model.published_model import read_published_model
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.real_data import PublishedPairs
 
 NATURAL = ("tungsten", "flash", "cloudy", "shade")
 
@@ -59,13 +57,12 @@ def test_calibration_fills_them_in(model: str) -> None:
         )
 
 
-def test_a_nikon_d40(shared_data: Path) -> None:
+def test_a_nikon_d40(d40_pairs: PublishedPairs) -> None:
     """Nikon states 3000 K for incandescent, 5400 K flash, 6000 K cloudy, 8000 K shade (D40 manual, white balance)."""
-    published = read_published_model(shared_data / "nus_nikon_d40" / "other_white_balances")
-    matrix = published.model.matrix / published.model.matrix.sum(axis=1, keepdims=True)
+    matrix = d40_pairs.matrix / d40_pairs.matrix.sum(axis=1, keepdims=True)
     settings = {
-        name if name == "daylight" else f"no {name}": WhiteBalance(balance.multipliers)
-        for name, balance in published.white_balances.items()
+        name if name == "daylight" else f"no {name}": WhiteBalance(multipliers)
+        for name, multipliers in d40_pairs.multipliers.items()
     }
     found = with_temperatures(settings, matrix)
     for name, kelvin in {"tungsten": 3000, "flash": 5400, "cloudy": 6000, "shade": 8000}.items():

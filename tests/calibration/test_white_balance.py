@@ -1,7 +1,5 @@
 """Multipliers that the files do not tell, found from the colours of the simulated camera."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,7 +7,6 @@ from numpy.typing import NDArray
 from lutforge.calibration.physical.blind_white_balance import multipliers_from_colours
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
 from lutforge.errors import CalibrationError
-from lutforge.pipeline.sampling import sample
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
 
@@ -69,7 +66,7 @@ def test_one_colour_tells_no_white_balance() -> None:
         complete_multipliers(samples)
 
 
-def test_real_multipliers_are_found_from_colours(shared_data: Path) -> None:
+def test_real_multipliers_are_found_from_colours(s40_samples: SampleSet) -> None:
     """A Canon S40 shot of a chart, whose file says 1.620, 1, 1.555: within 6 %, knowing nothing."""
-    samples = sample([shared_data / "canon_powershot_s40" / "CRW_0101.CRW"])
+    samples = s40_samples.select(s40_samples.shot == "CRW_0101")
     np.testing.assert_allclose(multipliers_from_colours(samples.raw, samples.srgb), samples.wb[0], rtol=0.06)
