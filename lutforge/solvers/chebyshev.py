@@ -24,11 +24,9 @@ FIRST, KEPT, SECOND = np.float32(4 / 3), np.float32(1 / 5), np.float32(12 / 5)
 
 
 @compiled(fastmath={"contract"})
-def first_step(
-    damping: Real, residual: Real, plane: int, correction: Real, b: Real, fresh: bool, first: int, last: int
-) -> None:
-    """The first correction of the polynomial, added to b (or b itself, where b is fresh); planes first … last − 1,
-    first: a multiple of run_planes(plane).
+def first_step(damping: Real, residual: Real, plane: int, correction: Real, b: Real, first: int, last: int) -> None:
+    """Add the first correction of the polynomial to b, on planes first … last − 1; first: a multiple of
+    run_planes(plane).
 
     residual, correction, b: (3, nodes and FAR planes on both sides).
     """
@@ -41,12 +39,12 @@ def first_step(
             z, x = correction[c, start : start + count], b[c, start : start + count]
             for p in range(count):
                 z[p] = FIRST * scale[p] * r[p]
-                x[p] = OPTIMAL[0] * z[p] if fresh else x[p] + OPTIMAL[0] * z[p]
+                x[p] += OPTIMAL[0] * z[p]
 
 
 @compiled(fastmath={"contract"})
 def second_step(damping: Real, residual: Real, plane: int, correction: Real, b: Real, first: int, last: int) -> None:
-    """The second one, from the residual that the first left."""
+    """Add the second correction, from the residual that the first one left."""
     planes = run_planes(plane)
     for begin in range(first, last, planes):
         node, count = begin * plane, (min(begin + planes, last) - begin) * plane

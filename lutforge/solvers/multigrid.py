@@ -1,12 +1,13 @@
 """The geometric multigrid cycle that preconditions the normal equations of lattice regression.
 
 Coarser lattices keep every other node level; their data term is the Galerkin product P'W'WP. One symmetric V-cycle for
-all three outputs at once, O(N³), in float32, as it only preconditions. Small lattices are gone through in one compiled
-call, large ones by planes on several threads. Briggs, Henson & McCormick, A Multigrid Tutorial (2000).
+all three outputs at once, O(N³), in float32, as it only preconditions. Its steps are one list: those on small lattices
+are gone through in one compiled call, those on large ones by planes on several threads. Briggs, Henson & McCormick, A
+Multigrid Tutorial (2000), https://doi.org/10.1137/1.9780898719505, chapter 3.
 """
 
-from functools import cache
-from typing import Any
+from functools import cache, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,20 +28,41 @@ from lutforge.threads import cores, run, slabs
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
-Real = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
-NODES_PER_THREAD = 15_000
-"""Below this the threads would wait for each other longer than they work."""
-SMALL = 30_000
-"""Lattices of fewer nodes are gone through in one compiled call, however many threads there are: it rounds in its own
-way."""
 MINUS = np.float32(-1.0)
-ZERO: Any = np.int64(0)
-OUTPUTS: Any = np.int64(3)
-"""Not literals, for whose values the kernels would be compiled again."""
 SINGULAR = 1e-13
 """Pivots of the coarsest operator below this share of its diagonal are rounding errors."""
+START, FINISH, SUBTRACT, RESTRICT, PROLONG, CORRECT = range(6)
+STEPS = np.array([START, FINISH, SUBTRACT, RESTRICT, PROLONG, SUBTRACT, CORRECT, FINISH])
+"""What a V-cycle does on a lattice, on its way down and, from TURN on, on its way up: smooth from b = 0, or from the
+present b (START, CORRECT), and once more (FINISH); form the residual (SUBTRACT); go to the next coarser lattice and
+come back (RESTRICT, PROLONG)."""
+ALL: Any = np.int64(0)
+TURN: Any = np.int64(4)
+OUTPUTS: Any = np.int64(3)
+END: Any = np.int64(len(STEPS))
+"""Not literals, for whose values the kernels would be compiled again."""
+
+
+class _Hierarchy(NamedTuple):
+    """The lattices of a cycle, the finest first: their operators and their vectors, each flat, one after the other.
+
+    table: where they begin; cells, shares: (depth − 1, …), what interpolates to the next finer lattice; couplings,
+    diagonal, damping: A as `stencil` has it; factors: Cholesky factors of the coarsest A, (3, m, m).
+    """
+
+    table: Index
+    cells: Index
+    shares: Single
+    couplings: Single
+    diagonal: Single
+    damping: Single
+    factors: Array
+    right: Single
+    b: Single
+    residual: Single
+    correction: Single
 
 
 @cache
@@ -87,27 +109,22 @@ def _couplings(flat: Single, table: Index, level: int) -> Single:
 
 @compiled()
 def _build(
-    table: Index,
+    lattices: _Hierarchy,
     r_levels: Array,
     g_levels: Array,
     b_levels: Array,
     stencil: Array,
     smoothness: float,
     twist: float,
-    cells: Index,
-    shares: Single,
     finest: Array,
     middle: Array,
-    anchor: Single,
-    couplings: Single,
-    diagonal: Single,
-    damping: Single,
-) -> Array:
-    """Fill the hierarchy; returns the Cholesky factors of its coarsest operator, (3, m, m).
+) -> None:
+    """Fill the hierarchy.
 
-    finest, middle: the couplings and the diagonal of the finest lattice, where that holds the anchor, still;
-    anchor: the same, planar, and room for the coarser ones.
+    finest, middle: filled with the couplings and the diagonal of the finest lattice, of which that holds the anchor.
+    The right-hand sides hold the anchor, too, and are room for those of the coarser lattices.
     """
+    table, cells, shares, anchor = lattices.table, lattices.cells, lattices.shares, lattices.right
     depth = len(table) - 1
     longest = cells.shape[2]
     bends, slopes = np.zeros((depth, 3, longest, 3)), np.zeros((depth, 3, longest, 3))
@@ -125,21 +142,23 @@ def _build(
                 for p in range(r * g * b):
                     own[c, p] = held[c, FAR * g * b + p]
         couple(stencil, bends[level], slopes[level], masses[level], smoothness, twist, mine, own)
-        singles = _couplings(couplings, table, level), _nodes(diagonal, table, level), _nodes(damping, table, level)
-        damp(mine, own, steps(g, b), g * b, *singles)
+        couplings, diagonal = _couplings(lattices.couplings, table, level), _nodes(lattices.diagonal, table, level)
+        damp(mine, own, steps(g, b), g * b, couplings, diagonal, _nodes(lattices.damping, table, level))
         if level < depth - 1:
             kr, kg, kb = table[level + 1, 0], table[level + 1, 1], table[level + 1, 2]
             stencil = coarse_stencil(stencil, cells[level], shares[level], kr, kg, kb)
             fine, coarse = _cube(anchor, table, level), _cube(anchor, table, level + 1)
-            restrict(fine, cells[level], shares[level], coarse, ZERO, OUTPUTS)
-    return _factors(mine, own, g, b)
+            restrict(fine, cells[level], shares[level], coarse, ALL, OUTPUTS)
+    _factor(mine, own, g, b, lattices.factors)
 
 
 @compiled()
-def _factors(couplings: Array, diagonal: Array, ng: int, nb: int) -> Array:
-    """Cholesky factors L of the operator per output; a column is 0 where the pivot says that it is singular."""
+def _factor(couplings: Array, diagonal: Array, ng: int, nb: int, lower: Array) -> None:
+    """Add the Cholesky factors L of the operator per output to `lower` (3, m, m), the inverse of their diagonals on it.
+
+    A column is 0 where the pivot says that the operator is singular.
+    """
     nodes, far, margin = diagonal.shape[1], steps(ng, nb), FAR * ng * nb
-    lower = np.zeros((3, nodes, nodes))
     for c in range(3):
         factor = lower[c]
         for p in range(nodes):
@@ -157,8 +176,7 @@ def _factors(couplings: Array, diagonal: Array, ng: int, nb: int) -> Array:
                 for k in range(column):
                     total -= factor[row, k] * factor[column, k]
                 factor[row, column] = total * scale
-            factor[column, column] = scale  # its inverse, which is what is used
-    return lower
+            factor[column, column] = scale
 
 
 @compiled()
@@ -182,148 +200,141 @@ def _solve_coarsest(factors: Array, right: Single, b: Single, plane: int) -> Non
 
 
 @compiled()
-def _cycle(
-    table: Index,
-    first: int,
-    cells: Index,
-    shares: Single,
-    couplings: Single,
-    diagonal: Single,
-    damping: Single,
-    factors: Array,
-    right: Single,
-    b: Single,
-    residual: Single,
-    correction: Single,
-) -> None:
-    """The V-cycle from the lattice `first` on down and back, right (flat) → b."""
-    last = len(table) - 2
-    for step in range(2 * (last - first) + 1):
-        level = first + step if step <= last - first else 2 * last - first - step
-        g, nb = table[level, 1], table[level, 2]
-        r, plane = table[level, 0], g * nb
-        y, x = _planar(right, table, level), _planar(b, table, level)
-        if level == last:
-            _solve_coarsest(factors, y, x, plane)
-            continue
-        down = step < last - first
-        far, rest, z = steps(g, nb), _planar(residual, table, level), _planar(correction, table, level)
-        mine, own = _couplings(couplings, table, level), _nodes(diagonal, table, level)
-        scale = _nodes(damping, table, level)
-        _copy(y, rest)
-        if not down:
-            coarse, fine = _cube(b, table, level + 1), _cube(b, table, level)
-            prolong_add(coarse, cells[level], shares[level], fine, ZERO, OUTPUTS)
-            add_product(MINUS, mine, own, far, plane, x, rest, ZERO, r)
-        first_step(scale, rest, plane, z, x, down, ZERO, r)
-        add_product(MINUS, mine, own, far, plane, z, rest, ZERO, r)
-        second_step(scale, rest, plane, z, x, ZERO, r)
-        if down:
-            _copy(y, rest)
-            add_product(MINUS, mine, own, far, plane, x, rest, ZERO, r)
-            fine, coarse = _cube(residual, table, level), _cube(right, table, level + 1)
-            restrict(fine, cells[level], shares[level], coarse, ZERO, OUTPUTS)
+def _visit(lattices: _Hierarchy, level: int, begin: int, end: int, first: int, last: int) -> None:
+    """The steps begin … end − 1 of STEPS on a lattice: on its planes first … last − 1, or between it and the next
+    coarser one on these outputs; on all of them where last is ALL."""
+    table, cells, shares = lattices.table, lattices.cells[level], lattices.shares[level]
+    g, nb = table[level, 1], table[level, 2]
+    plane = g * nb
+    planes, outputs = (table[level, 0], OUTPUTS) if last == ALL else (last, last)
+    right, b = _planar(lattices.right, table, level), _planar(lattices.b, table, level)
+    residual, correction = _planar(lattices.residual, table, level), _planar(lattices.correction, table, level)
+    damping, diagonal = _nodes(lattices.damping, table, level), _nodes(lattices.diagonal, table, level)
+    couplings, far = _couplings(lattices.couplings, table, level), steps(g, nb)
+    for step in STEPS[begin:end]:
+        if step == RESTRICT:
+            fine, coarse = _cube(lattices.residual, table, level), _cube(lattices.right, table, level + 1)
+            restrict(fine, cells, shares, coarse, first, outputs)
+        elif step == PROLONG:
+            coarse, fine = _cube(lattices.b, table, level + 1), _cube(lattices.b, table, level)
+            prolong_add(coarse, cells, shares, fine, first, outputs)
+        if step == START:
+            _clear(b, plane, first, planes)
+        if step in (START, SUBTRACT):
+            _copy(right, residual, plane, first, planes)
+        if step == SUBTRACT:
+            add_product(MINUS, couplings, diagonal, far, plane, b, residual, first, planes)
+        elif step == FINISH:
+            add_product(MINUS, couplings, diagonal, far, plane, correction, residual, first, planes)
+            second_step(damping, residual, plane, correction, b, first, planes)
+        if step in (START, CORRECT):
+            first_step(damping, residual, plane, correction, b, first, planes)
 
 
 @compiled()
-def _copy(source: Single, to: Single) -> None:
-    """What `to[:] = source` would do, which takes half a second to compile for its error message."""
+def _cycle(lattices: _Hierarchy, finest: int) -> None:
+    """The V-cycle from the lattice `finest` on down and back."""
+    coarsest = len(lattices.table) - 2
+    for level in range(finest, coarsest):
+        _visit(lattices, level, ALL, TURN, ALL, ALL)
+    right, b = _planar(lattices.right, lattices.table, coarsest), _planar(lattices.b, lattices.table, coarsest)
+    _solve_coarsest(lattices.factors, right, b, lattices.table[coarsest, 1] * lattices.table[coarsest, 2])
+    for level in range(coarsest - 1, finest - 1, -1):
+        _visit(lattices, level, TURN, END, ALL, ALL)
+
+
+@compiled()
+def _clear(b: Single, plane: int, first: int, last: int) -> None:
+    """b = 0 on planes."""
     for c in range(3):
-        for p in range(source.shape[1]):
+        for p in range((first + FAR) * plane, (last + FAR) * plane):
+            b[c, p] = 0.0
+
+
+@compiled()
+def _copy(source: Single, to: Single, plane: int, first: int, last: int) -> None:
+    """What `to[:] = source` would do on planes, which takes half a second to compile for its error message."""
+    for c in range(3):
+        for p in range((first + FAR) * plane, (last + FAR) * plane):
             to[c, p] = source[c, p]
 
 
 class Multigrid:
     """The operator on a lattice and on ever coarser ones, made once for every right-hand side.
 
-    stencil: the data term (14, N_r, N_g, N_b), not changed; anchor: (N_r, N_g, N_b, 3), added to the diagonal;
-    smoothness, twist: weights of the second difference along each axis and of the mixed one across each two.
-    right, b: (3, nodes and margins) float32, what `cycle` starts from and what it makes of it.
+    Vectors are planar, (3, nodes and margins), as `stencil` has them.
     """
 
-    def __init__(self, levels: Levels, stencil: Array, anchor: Array, smoothness: float, twist: float) -> None:
+    def __init__(
+        self,
+        levels: Levels,
+        stencil: Array,
+        anchor: Array,
+        smoothness: float,
+        twist: float,
+        *,
+        small: int = 30_000,
+        nodes_per_thread: int = 15_000,
+    ) -> None:
+        """Take the data term (14, N_r, N_g, N_b), which is not changed, the anchor (N_r, N_g, N_b, 3), which is added
+        to the diagonal, and the weights of the second differences and of the mixed ones.
+
+        small: lattices of fewer nodes are gone through in one compiled call, which rounds in its own way, however many
+        threads there are; nodes_per_thread: with fewer the threads wait for each other longer than they work.
+        """
         r, g, b = (len(axis) for axis in levels)
         self.size = (r, g, b)
-        self._table = table = _table(self.size)
-        depth, longest = len(table) - 1, max(self.size)
+        table = _table(self.size)
+        depth, coarsest = len(table) - 1, int(np.prod(table[-2, :3]))
         nodes, lattices, couplings = (int(count) for count in table[-1, 3:])
-        cells, shares = (
-            np.zeros((depth - 1, 3, longest), dtype=np.int64),
-            np.zeros((depth - 1, 3, 2, longest), dtype=np.float32),
-        )
-        held = planar(anchor)
-        middle = held[:, FAR * g * b : -FAR * g * b].copy()
-        self._finest = np.zeros((COUPLINGS, (r + FAR) * g * b)), middle, steps(g, b), g * b
-        operator = (
+        right = np.zeros(lattices, dtype=np.float32)
+        right[: table[1, 4]] = planar(anchor).ravel()
+        self._lattices = _Hierarchy(
+            table,
+            np.zeros((depth - 1, 3, max(self.size)), dtype=np.int64),
+            np.zeros((depth - 1, 3, 2, max(self.size)), dtype=np.float32),
             np.empty(couplings, dtype=np.float32),
             np.empty(nodes, dtype=np.float32),
             np.empty(nodes, dtype=np.float32),
+            np.zeros((3, coarsest, coarsest)),
+            right,
+            *np.zeros((3, lattices), dtype=np.float32),
         )
-        work = np.zeros((4, lattices), dtype=np.float32)
-        work[0, : table[1, 4]] = held.ravel()
-        data = stencil, smoothness, twist
-        factors = _build(table, *levels, *data, cells, shares, *self._finest[:2], work[0], *operator)
-        self._hierarchy = cells, shares, *operator, factors
-        self._work = work[0], work[1], work[2], work[3]
-        self.right, self.b = _planar(work[0], table, 0), _planar(work[1], table, 0)
-        self._small = next(level for level in range(depth) if np.prod(table[level, :3]) < SMALL)
-        self.threads, self._planes = self._threads(0), self._parts(0)
-        self.outputs = slabs(0, 3, 1, self.threads)
+        diagonal = np.moveaxis(anchor, 3, 0).reshape(3, -1).copy()
+        self._finest = np.zeros((COUPLINGS, (r + FAR) * g * b)), diagonal, steps(g, b), g * b
+        _build(self._lattices, *levels, stencil, smoothness, twist, *self._finest[:2])
+        counts = table[:-1, :3].prod(axis=1)
+        self._threads: list[int] = np.clip(counts // nodes_per_thread, 1, cores()).tolist()
+        self._small = int(np.argmax(counts < small))
 
-    def _threads(self, level: int) -> int:
-        r, g, b = self._table[level, :3]
-        return max(1, min(cores(), int(r * g * b) // NODES_PER_THREAD))
+    @property
+    def threads(self) -> int:
+        """How many threads the finest lattice keeps at work."""
+        return self._threads[0]
 
     def product(self, b: Array, out: Array) -> None:
         """out = A b; both (3, nodes and margins)."""
         out[:] = 0.0
-        run(lambda first, last: add_product(1.0, *self._finest, b, out, first, last), self._planes)
+        run(partial(add_product, 1.0, *self._finest, b, out), self._parts(0))
 
     def precondition(self, residual: Array) -> Single:
-        """What one cycle makes of a residual (3, nodes and margins); the next call overwrites it."""
-        self.right[:] = residual
-        self.cycle()
-        return self.b
-
-    def cycle(self) -> None:
-        """One symmetric V-cycle for A b = right, from b = 0."""
+        """What one symmetric V-cycle from 0 makes of a residual; the next call overwrites it."""
+        _planar(self._lattices.right, self._lattices.table, 0)[:] = residual
         for level in range(self._small):
-            self._visit(level, True)
-        _cycle(self._table, self._small, *self._hierarchy, *self._work)
+            self._visit_threaded(level, range(TURN))
+        _cycle(self._lattices, self._small)
         for level in range(self._small - 1, -1, -1):
-            self._visit(level, False)
+            self._visit_threaded(level, range(TURN, END))
+        return _planar(self._lattices.b, self._lattices.table, 0)
 
-    def _visit(self, level: int, down: bool) -> None:
-        """What `_cycle` does on a lattice, on several threads."""
-        table = self._table
-        cells, shares = (part[level] for part in self._hierarchy[:2])
-        right, b, residual, correction = (_planar(part, table, level) for part in self._work)
-        scale = _nodes(self._hierarchy[4], table, level)
-        plane = int(table[level, 1] * table[level, 2])
-        residual[:] = right
-        if not down:
-            coarse, fine = _cube(self._work[1], table, level + 1), _cube(self._work[1], table, level)
-            run(lambda first, last: prolong_add(coarse, cells, shares, fine, first, last), self.outputs)
-            self._subtract_product(level, b, residual)
-        parts = self._parts(level)
-        run(lambda first, last: first_step(scale, residual, plane, correction, b, down, first, last), parts)
-        self._subtract_product(level, correction, residual)
-        run(lambda first, last: second_step(scale, residual, plane, correction, b, first, last), parts)
-        if down:
-            residual[:] = right
-            self._subtract_product(level, b, residual)
-            source, to = _cube(self._work[2], table, level), _cube(self._work[0], table, level + 1)
-            run(lambda first, last: restrict(source, cells, shares, to, first, last), self.outputs)
+    def _visit_threaded(self, level: int, steps: range) -> None:
+        """Steps on a lattice, one after the other, each on several threads."""
+        planes, outputs = self._parts(level), slabs(0, 3, 1, self._threads[level])
+        for step in steps:
+            between = STEPS[step] in (RESTRICT, PROLONG)
+            run(partial(_visit, self._lattices, level, step, step + 1), outputs if between else planes)
 
     def _parts(self, level: int) -> list[tuple[int, int]]:
-        r, g, b = (int(count) for count in self._table[level, :3])
-        return slabs(0, r, run_planes(g * b), self._threads(level))
-
-    def _subtract_product(self, level: int, b: Single, out: Single) -> None:
-        g, nb = (int(count) for count in self._table[level, 1:3])
-        couplings = _couplings(self._hierarchy[2], self._table, level)
-        diagonal, far = _nodes(self._hierarchy[3], self._table, level), steps(g, nb)
-        run(
-            lambda first, last: add_product(MINUS, couplings, diagonal, far, g * nb, b, out, first, last),
-            self._parts(level),
-        )
+        """The planes of a lattice, shared out between its threads."""
+        r, g, b = (int(count) for count in self._lattices.table[level, :3])
+        return slabs(0, r, run_planes(g * b), self._threads[level])

@@ -25,10 +25,10 @@ def samples(size: tuple[int, int, int]) -> tuple[Levels, Array, Array]:
     return levels, rng.random((300, 3)), rng.random((*size, 3)) * 0.01
 
 
-def hierarchy(method: Interpolation = "trilinear", size: tuple[int, int, int] = SIZE) -> Multigrid:
+def hierarchy(method: Interpolation = "trilinear", size: tuple[int, int, int] = SIZE, **threads: int) -> Multigrid:
     """Over random samples."""
     levels, x, anchor = samples(size)
-    return Multigrid(levels, normal_equations(x, x, levels, method).stencil, anchor, 0.02, 0.03)
+    return Multigrid(levels, normal_equations(x, x, levels, method).stencil, anchor, 0.02, 0.03, **threads)
 
 
 def make(method: Interpolation = "trilinear", size: tuple[int, int, int] = SIZE) -> tuple[Multigrid, Array]:
@@ -91,11 +91,9 @@ def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     size = (17, 12, 14)
     right = np.random.default_rng(6).normal(size=(*size, 3))
     in_one_call = solve(hierarchy(size=size), right)[0]
-    monkeypatch.setattr(module, "SMALL", 500)
-    monkeypatch.setattr(module, "NODES_PER_THREAD", 100)
     found = []
     for cores in (1, 2, 3):
         monkeypatch.setattr(module, "cores", lambda cores=cores: cores)
-        found.append(solve(hierarchy(size=size), right)[0])
+        found.append(solve(hierarchy(size=size, small=500, nodes_per_thread=100), right)[0])
         np.testing.assert_array_equal(found[-1], found[0])
     np.testing.assert_allclose(found[0], in_one_call, atol=1e-8)
