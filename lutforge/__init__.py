@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from lutforge.ocio.config import build_config, write_config
     from lutforge.pipeline.calibration import calibrate, learning_curves, smallest_size
     from lutforge.pipeline.evaluation import evaluate
+    from lutforge.pipeline.grading import apply
     from lutforge.pipeline.reports import report
     from lutforge.pipeline.sampling import sample
     from lutforge.samples.sample_set import SampleSet
@@ -45,6 +46,7 @@ __all__ = [
     "Lut",
     "LutForgeError",
     "SampleSet",
+    "apply",
     "bake",
     "bake_for",
     "build_config",
@@ -74,6 +76,7 @@ _HOMES = {
     "Lut": "luts.lut",
     "LutForgeError": "errors",
     "SampleSet": "samples.sample_set",
+    "apply": "pipeline.grading",
     "bake": "luts.bake",
     "bake_for": "luts.write",
     "build_config": "ocio.config",

@@ -1,9 +1,13 @@
 """Write a file under a temporary name and rename it: a killed run leaves the old file or the new, never half."""
 
+import glob
 import hashlib
 import os
+import platform
 import re
+import shutil
 import tempfile
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -65,6 +69,35 @@ def remove_temporaries(paths: Iterable[Path]) -> int:
                 file.unlink(missing_ok=True)
                 removed += 1
     return removed
+
+
+@contextmanager
+def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
+    """Yield an empty folder that is removed when the block ends; what killed runs left of theirs is removed first.
+
+    beside: a file; the folder is made in that file's. Without it, in the system's folder for temporary files.
+    """
+    parent = Path(tempfile.gettempdir()) if beside is None else Path(beside).absolute().parent
+    parent.mkdir(parents=True, exist_ok=True)
+    mine = f".lutforge-{platform.node()}-"
+    for old in parent.glob(f"{glob.escape(mine)}*"):
+        if (process := re.fullmatch(r"(\d+)-\w{8}", old.name.removeprefix(mine))) and _is_over(int(process[1]), old):
+            shutil.rmtree(old, ignore_errors=True)
+    with tempfile.TemporaryDirectory(dir=parent, prefix=f"{mine}{os.getpid()}-") as folder:
+        yield Path(folder)
+
+
+def _is_over(process: int, folder: Path) -> bool:
+    """Whether a process of this machine has ended; where that cannot be asked without harm, whether a day has gone."""
+    if os.name != "posix":
+        return time.time() - folder.stat().st_mtime > 24 * 3600
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False
+    return False
 
 
 def _prefix(path: Path) -> str:

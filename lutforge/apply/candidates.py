@@ -9,45 +9,54 @@ from numpy.typing import NDArray
 
 from lutforge.apply.image import apply_to_pixels
 from lutforge.apply.profile_recipe import ProfileRecipe
-from lutforge.apply.source_settings import AS_SHOT, choose_camera
+from lutforge.apply.source_settings import AS_SHOT, STEADY, choose_camera
 from lutforge.errors import SettingsError
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import upright, write_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import temperature_range
-from lutforge.settings import Kelvin, Selector, parse_selector
+from lutforge.settings import Kelvin, Multipliers, Selector, parse_selector
 from lutforge.shots.picture_settings import read_picture_settings
 
 Pixels = NDArray[np.float32]
 
-COUNT = 12
-"""Temperatures on a sheet, evenly spaced in mired, as the eye sees them."""
 COLUMNS = 4
-SIDE = 480
-"""Longest side of one picture on the sheet."""
-LABEL = 40
-"""Height of the line above each."""
-GAP = 8
-BACKGROUND, INK = 0.18, (0.92, 0.92, 0.92)
+GAP, LABEL = 8, 40
+"""Pixels between the pictures of a sheet, and for the line above each."""
 
 
 def candidates(camera: CameraProfile, style: str) -> list[Selector]:
-    """Settings along the temperature axis of a camera, then those of its lamps beside it; without temperatures, all."""
+    """Return the settings that a picture of a camera may have been made with.
+
+    They are twelve along the range of the camera's temperatures, evenly spaced in mired, then its lamps, which lie
+    beside that; without two temperatures, its settings, and for one that it changes from shot to shot eleven from the
+    bluest to the reddest of the shots that it was calibrated from.
+    """
+    balances = camera.white_balances
     try:
-        low, high = temperature_range(camera.white_balances)
+        low, high = temperature_range(balances)
     except SettingsError:
-        return [Selector(style, name) for name in camera.white_balances]
-    kelvins = 1e6 / np.linspace(1e6 / low, 1e6 / high, COUNT)
+        return [candidate for name in balances for candidate in _around(camera, style, name)]
+    kelvins = 1e6 / np.linspace(1e6 / low, 1e6 / high, 12)
     rounded = np.clip(np.rint(kelvins / 50), np.ceil(low / 50), np.floor(high / 50)) * 50
-    lamps = [name for name in camera.white_balances if "fluorescent" in name]
+    lamps = [name for name in balances if "fluorescent" in name]
     return [Selector(style, Kelvin(float(kelvin))) for kelvin in rounded] + [Selector(style, name) for name in lamps]
+
+
+def _around(camera: CameraProfile, style: str, name: str) -> list[Selector]:
+    balance = camera.white_balances[name]
+    if balance.spread <= STEADY or camera.raw_camera:
+        return [Selector(style, name)]
+    red, _, blue = balance.multipliers
+    ratios = (1 + balance.spread) ** np.linspace(-1.0, 1.0, 11)
+    return [Selector(style, Multipliers((round(red * k, 3), 1.0, round(blue / k, 3)))) for k in ratios.tolist()]
 
 
 def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[str, ...]:
     """Write the sheet: the picture refinished from each presumed setting, which is named above; returns these.
 
-    Raises SettingsError where the recipe keeps the white balance, so that all would look alike, or the picture's camera
-    or style cannot be told; ImageError.
+    Where the recipe keeps the picture's white balance, with which all would look alike, the first one that the profile
+    names is wanted instead. Raises SettingsError where the picture's camera or style cannot be told; ImageError.
     """
     settings = read_picture_settings(source)
     camera, _ = choose_camera(source, settings, recipe.cameras, recipe.source is not None)
@@ -56,14 +65,13 @@ def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[s
     if style not in camera.styles:
         known = ", ".join(sorted(camera.styles))
         raise SettingsError(f'{source}: unknown style "{style}"; name it with --from STYLE/auto, of {known}')
-    if recipe.keeps_white_balance:
-        raise SettingsError(
-            "--candidates needs one white balance to go to, not as-shot or auto: such as --to standard/daylight"
-        )
     small, look = _small(read_image(source)), recipe.look_for(camera)
     pictures = []
     for given in candidates(camera, style):
-        _, processor = recipe.chain(camera, given, look, recipe.wanted(camera, given, look))
+        wanted = recipe.wanted(camera, given, look)
+        if recipe.keeps_white_balance:
+            wanted = look.selector(Selector(wanted.style, next(iter(look.white_balances))))
+        _, processor = recipe.chain(camera, given, look, wanted)
         pictures.append((str(given), apply_to_pixels(processor, small)))
     page = _page(pictures)
     write_image(sheet, page, Image(page, oiio.ImageSpec(page.shape[1], page.shape[0], 3, "uint8")))
@@ -73,7 +81,7 @@ def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[s
 def _small(image: Image) -> Pixels:
     """The picture upright, no larger than a place on the sheet."""
     pixels = upright(image.pixels[..., :3], image.spec.get_int_attribute("Orientation", 1))
-    step = SIDE / max(pixels.shape[:2])
+    step = 480 / max(pixels.shape[:2])
     if step >= 1:
         return pixels
     buffer = oiio.ImageBuf(np.ascontiguousarray(pixels))
@@ -89,10 +97,10 @@ def _page(pictures: Sequence[tuple[str, Pixels]]) -> Pixels:
     rows = -(-len(pictures) // columns)
     cell = (height + LABEL + GAP, width + GAP)
     shape = (rows * cell[0] + GAP, columns * cell[1] + GAP, 3)
-    page = oiio.ImageBuf(np.full(shape, BACKGROUND, dtype=np.float32))
+    page = oiio.ImageBuf(np.full(shape, 0.18, dtype=np.float32))
     for place, (name, picture) in enumerate(pictures):
         row, column = divmod(place, columns)
         left, top = GAP + column * cell[1], GAP + row * cell[0]
         oiio.ImageBufAlgo.paste(page, left, top + LABEL, 0, 0, oiio.ImageBuf(np.ascontiguousarray(picture)))
-        oiio.ImageBufAlgo.render_text(page, left, top + LABEL - 12, name, 24, textcolor=INK)
+        oiio.ImageBufAlgo.render_text(page, left, top + LABEL - 12, name, 24, textcolor=(0.92, 0.92, 0.92))
     return np.ascontiguousarray(page.get_pixels(oiio.FLOAT), dtype=np.float32)

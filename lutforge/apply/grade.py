@@ -28,7 +28,7 @@ class Grade:
     for masks, the others to count pixels below 0.5. raw: the source is a RAW file, and its linear camera RGB is graded.
     notes: what the user should know about this image. takes_linear, gives_linear: what goes in, or comes out, is
     scene-linear light and not an encoded picture, where that is known. oiiotool: the words with which oiiotool does the
-    same, where it can; lut: what `processor` evaluates, where that is in no file.
+    same, where it can; lut: what `processor` evaluates, where that is in no file. unchanged: the pixels stay so.
     """
 
     processor: OCIO.CPUProcessor
@@ -41,6 +41,13 @@ class Grade:
     gives_linear: bool = False
     oiiotool: tuple[str, ...] = ()
     lut: LutChain | None = None
+    unchanged: bool = False
+
+
+def unchanged(history: str) -> Grade:
+    """The grade of a picture that is as it should be: its file is copied, or its pixels, to another format."""
+    nothing = OCIO.Config.CreateRaw().getProcessor(OCIO.MatrixTransform()).getDefaultCPUProcessor()
+    return Grade(nothing, history, notes=("it was made with these settings: nothing to change",), unchanged=True)
 
 
 class Recipe(Protocol):

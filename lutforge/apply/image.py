@@ -1,12 +1,15 @@
 """Grade one image: read, grade and write it region by region, so that memory does not grow with the image."""
 
+import os
+import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import cache
 from itertools import zip_longest
-from os import cpu_count, sysconf
+from os import cpu_count
 from pathlib import Path
 from threading import Semaphore
 
@@ -17,6 +20,7 @@ from numpy.typing import NDArray
 
 from lutforge.apply.colours import check_colours, colour_space, count_doubtful, doubts, layers, wrong_light
 from lutforge.apply.grade import Grade
+from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import ImageReader, Region, is_premultiplied
@@ -32,15 +36,26 @@ BLOCK = 64 * 1024
 SPAN = 2 * BLOCK
 """Pixels that a thread takes at a time."""
 
-# OpenColorIO allocates that megabyte in each call. The C library fetches it from the system and gives it back, which
-# takes longer than the LUT, until a larger piece was freed once: from then on it keeps pieces of up to that size.
-np.empty(30_000_000, np.uint8)
-
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
 
-_IN_MEMORY = Semaphore(max(1, sysconf("SC_PAGE_SIZE") * sysconf("SC_PHYS_PAGES") // 4_000_000_000))
-"""How many images may be in memory as a whole at once: a decoded RAW file takes about 2 GB in the worst case."""
+
+@cache
+def _in_memory() -> Semaphore:
+    """How many images may be in memory as a whole at once: a decoded RAW file takes about 2 GB in the worst case."""
+    pages = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 8_000_000_000
+    return Semaphore(max(1, pages // 4_000_000_000))
+
+
+@cache
+def _keep_freed_memory() -> None:
+    """Have the C library keep what it frees.
+
+    OpenColorIO allocates a megabyte in each call. The C library fetches it from the system and gives it back, which
+    takes longer than the LUT, until a larger piece was freed once: from then on it keeps pieces of up to that size.
+    """
+    np.empty(30_000_000, np.uint8)
+
 
 _ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}
 """LibRaw's flip → EXIF orientation."""
@@ -120,16 +135,14 @@ def apply_image(
     source, target = Path(source), Path(target)
     if target.exists() and source.exists() and target.samefile(source):
         raise ImageError(f"{source}: the output would replace the input; choose another folder or name")
+    if grade.unchanged and mask is None and target.suffix.lower() == source.suffix.lower():
+        return _copied(source, target, grade.notes)
     count = workers or cpu_count() or 1
     with ExitStack() as stack:
         image = stack.enter_context(_open(source, target, grade.raw))
         spec = image.spec
         check_colours(source, spec)
-        attributes = {**colour_space(source, spec, image.format), **grade.attributes}
-        if not spec.get_string_attribute("DateTime"):
-            # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
-            changed = time.gmtime(source.stat().st_mtime)
-            attributes.setdefault("DateTime", time.strftime("%Y:%m:%d %H:%M:%S", changed))
+        attributes = _attributes(source, image, grade)
         writer = stack.enter_context(image_writer(target, spec, image.format, grade.history, attributes))
         masking = None
         if mask is not None and grade.confidence is not None:
@@ -158,12 +171,30 @@ def apply_image(
 
         regions = image.regions(max(1, region_samples // spec.nchannels), not writer.tiled)
         _overlapped(regions, image.read, work, write, overlap=count > 1)
-        parts = image.count_parts()
-        width, height = spec.width, spec.height
-        notes = [*grade.notes, *wrong_light(grade, spec, writer.spec), *layers(spec), *doubts(doubtful, width * height)]
-    if parts != 1:
-        notes.append(f"the first of {parts} images in the file was used")
-    return Applied(source, target, width, height, tuple(notes), mask if masking is not None else None)
+        notes = [*grade.notes, *wrong_light(grade, spec, writer.spec), *layers(spec)]
+        notes += doubts(doubtful, spec.width * spec.height)
+        if (parts := image.count_parts()) != 1:
+            notes.append(f"the first of {parts} images in the file was used")
+    return Applied(source, target, spec.width, spec.height, tuple(notes), mask if masking is not None else None)
+
+
+def _copied(source: Path, target: Path, notes: tuple[str, ...]) -> Applied:
+    """The image as it is, under another name."""
+    with ImageReader(source) as reader:
+        width, height = reader.spec.width, reader.spec.height
+    with atomic_path(target) as temporary:
+        shutil.copyfile(source, temporary)
+    return Applied(source, target, width, height, notes)
+
+
+def _attributes(source: Path, image: ImageReader | _InMemory, grade: Grade) -> dict[str, object]:
+    """The metadata that a graded image gets, by OpenImageIO's names."""
+    attributes = {**colour_space(source, image.spec, image.format), **grade.attributes}
+    if not image.spec.get_string_attribute("DateTime"):
+        # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
+        changed = time.gmtime(source.stat().st_mtime)
+        attributes.setdefault("DateTime", time.strftime("%Y:%m:%d %H:%M:%S", changed))
+    return attributes
 
 
 def _overlapped(
@@ -202,6 +233,7 @@ def _grade(
     processor: OCIO.CPUProcessor, source: Pixels, result: Pixels, premultiplied: bool, threads: Executor | None
 ) -> None:
     """Grade `source` into `result`, which may be the same array; both C-contiguous, (h, w, c ≥ 3)."""
+    _keep_freed_memory()
     channels = source.shape[2]
     before, after = source.reshape(-1, channels), result.reshape(-1, channels)
 
@@ -236,7 +268,7 @@ def _grade_block(processor: OCIO.CPUProcessor, block: Pixels, premultiplied: boo
 @contextmanager
 def _open(source: Path, target: Path, raw: bool) -> Iterator[ImageReader | _InMemory]:
     if raw:
-        with _IN_MEMORY:
+        with _in_memory():
             image = read_raw(source)
             pixels = upright(image.pixels, _ORIENTATION_OF_FLIP.get(image.flip, 1))
             spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
@@ -251,7 +283,7 @@ def _open(source: Path, target: Path, raw: bool) -> Iterator[ImageReader | _InMe
         if orientation == 1 or keeps_orientation(target):
             yield reader
             return
-        with _IN_MEMORY:
+        with _in_memory():
             pixels = upright(reader.read(reader.whole), orientation)
             spec = with_shape(reader.spec, pixels.shape)
             spec.attribute("Orientation", 1)

@@ -26,6 +26,8 @@ def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iter
     for job in jobs:
         try:
             grade = recipe.grade(job.source)
+            if grade.unchanged:
+                raise ImageError(f"{job.source}: {grade.notes[0]}; copy it")
             words = grade.oiiotool
             if grade.lut is not None:
                 if id(grade.lut) not in files:

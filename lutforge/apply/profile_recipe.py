@@ -11,7 +11,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from numpy.typing import NDArray
 
 from lutforge.apply.colours import TELL_ADOBE_RGB
-from lutforge.apply.grade import Grade, Rebuilt, fingerprint
+from lutforge.apply.grade import Grade, Rebuilt, fingerprint, unchanged
 from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.images.write import IN_SRGB
@@ -92,8 +92,11 @@ class ProfileRecipe(Rebuilt):
         look = self.look_for(camera)
         if source.suffix.lower() in RAW_SUFFIXES:
             return self._developed(source, settings, camera, look)
-        given, doubts = source_selector(source, settings, camera, self.source)
+        needed = look is not camera or not self.keeps_white_balance or bool(_own_balance(self._target))
+        given, doubts = source_selector(source, settings, camera, self.source, needed)
         wanted = self.wanted(camera, given, look)
+        if look is camera and not self.ev and _same(camera, given, wanted):
+            return unchanged(_history(camera.camera, str(given), look.camera, str(wanted), self.ev))
         chain, processor = self.chain(camera, given, look, wanted)
         return Grade(
             processor,
@@ -265,6 +268,12 @@ def _own_balance(target: Selector) -> float | None:
     """The tint to add to a picture's own white balance ("as-shot", "as-shot+10"); None where another is wanted."""
     found = re.fullmatch(rf"({'|'.join(NAMED_BY_FILE)})([+-]\d+(?:\.\d+)?)?", str(target.white_balance))
     return None if found is None else checked_tint(float(found[2] or 0.0))
+
+
+def _same(camera: CameraProfile, given: Selector, wanted: Selector) -> bool:
+    """Whether two settings render alike."""
+    alike = np.allclose(camera.multipliers(given), camera.multipliers(wanted), rtol=1e-4)
+    return given.style == wanted.style and bool(alike)
 
 
 def _multipliers(values: Array) -> Multipliers:

@@ -40,10 +40,12 @@ def choose_camera(
 
 
 def source_selector(
-    path: Path, settings: PictureSettings, camera: CameraProfile, asked: str | None
+    path: Path, settings: PictureSettings, camera: CameraProfile, asked: str | None, needed: bool = True
 ) -> tuple[Selector, tuple[str, ...]]:
-    """The settings of a picture: those asked for, completed by its metadata; and notes. Raises SettingsError with the
-    profile's known settings where they cannot be told.
+    """The settings of a picture: those asked for, completed by its metadata; and notes.
+
+    needed: False where the white balance stays as it is, so that any serves where it is not told. Raises SettingsError
+    with the profile's known settings where they cannot be told.
     """
     wanted = parse_selector(asked) if asked else Selector(AS_SHOT, AS_SHOT)
     style = wanted.style if wanted.style != AS_SHOT else settings.style
@@ -58,11 +60,13 @@ def source_selector(
     balance = _balance_of_file(settings, camera)
     if balance is not None:
         return camera.selector(Selector(style, balance)), ()
-    median = camera.white_balances.get("auto")
-    if wanted.white_balance == "auto" and median is not None:
-        r, g, b = median.multipliers
-        text = f"the file does not tell its white balance; the median of the shots, {r:.3f},{g:g},{b:.3f}, is used"
+    middle = camera.white_balances.get("auto")
+    if wanted.white_balance == "auto" and middle is not None:
+        r, g, b = middle.multipliers
+        text = f"the file does not tell its white balance; that of the middle shot, {r:.3f},{g:g},{b:.3f}, is used"
         return Selector(style, "auto"), (text,)
+    if not needed:
+        return Selector(style, next(iter(camera.white_balances))), ()
     told = f'its white balance is "{settings.white_balance}"'
     raise SettingsError(
         f"{path}: {told if settings.white_balance != 'unknown' else 'the file does not tell its white balance'}, "

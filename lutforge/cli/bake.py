@@ -10,7 +10,6 @@ from lutforge import __version__
 from lutforge.atomic_write import require_writable
 from lutforge.cli.console import note, progress_bar, say
 from lutforge.errors import LutError, SettingsError
-from lutforge.interpolation import INTERPOLATIONS
 
 if TYPE_CHECKING:
     from lutforge.luts.chain import LutChain
@@ -61,6 +60,7 @@ def bake(
     ] = False,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
+    from lutforge.interpolation import INTERPOLATIONS
     from lutforge.luts.bake import bake as fit_lut
     from lutforge.luts.chain import bake_chain
     from lutforge.luts.dialects import DIALECTS

@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from lutforge.cli.console import note, progress_bar, say
-from lutforge.errors import ConfigError
 
 
 def config(
@@ -27,27 +26,20 @@ def config(
     replace: Annotated[bool, typer.Option("--replace", help="Replace the config that the folder holds.")] = False,
 ) -> None:
     """Write an OpenColorIO config with the cameras' RAW and JPEG colour spaces, views and refinish looks."""
-    from lutforge.model.profile_file import load_profile
-    from lutforge.ocio.check import check_config, load_config
-    from lutforge.ocio.config import write_config
-    from lutforge.ocio.versions import losses, minor_version
+    from lutforge.pipeline.configs import write_checked_config
 
-    if ocio_version is not None:
-        for loss in losses(minor_version(ocio_version)):
-            note(f"version {ocio_version}: {loss}")
-    loaded = [load_profile(profile) for profile in profiles]
     with progress_bar("config") as progress:
-        path = write_config(loaded, output, version=ocio_version, merge=merge, replace=replace, progress=progress)
-    written = load_config(path)
-    findings = check_config(written)
-    for finding in findings:
-        note(str(finding))
-    if any(finding.severity == "error" for finding in findings):
-        raise ConfigError(f"{path}: the config was written, but does not pass its check")
-    looks, views = list(written.getLookNames()), list(written.getViewTransformNames())
-    names = [space.getName() for space in written.getColorSpaces() if space.getFamily().startswith("Input/")]
-    say(f"{path}: profile version {written.getMajorVersion()}.{written.getMinorVersion()}, checked")
-    for title, entries in (("input colour spaces", names), ("view transforms", views), ("looks", looks)):
+        written = write_checked_config(
+            profiles, output, version=ocio_version, merge=merge, replace=replace, progress=progress
+        )
+    for text in (*(f"version {written.version}: {loss}" for loss in written.losses), *map(str, written.findings)):
+        note(text)
+    say(f"{written.path}: profile version {written.version}, checked")
+    for title, entries in (
+        ("input colour spaces", written.spaces),
+        ("view transforms", written.views),
+        ("looks", written.looks),
+    ):
         say(f"{len(entries)} {title}:")
         for name in entries:
             say(f"  {name}")

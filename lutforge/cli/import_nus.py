@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from lutforge.atomic_write import require_writable
 from lutforge.cli.console import say
 
 
@@ -18,8 +17,9 @@ def import_nus(
     """Read the thesis authors' model folders (response, matrix, white balances, gamut map) into a profile."""
     from lutforge.model.profile_file import save_profile
     from lutforge.model.published_model import import_published
+    from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
 
-    require_writable(output)
+    check_output(output, PROFILE_SUFFIXES)
     profile = import_published(folders, camera or _camera_name(folders[0]), style.lower())
     save_profile(profile, output)
     centres = sum(len(model.gamut_map.centres) for model in profile.styles[style.lower()].physical)

@@ -26,8 +26,7 @@ from lutforge.errors import LutForgeError
 app = typer.Typer(
     name="lutforge",
     help="Calibrate a camera from its RAW and JPEG files, and bake its rendering into LUTs and OpenColorIO configs.",
-    no_args_is_help=True,
-    add_completion=False,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -48,9 +47,11 @@ def _show_version(value: bool) -> None:
 
 @app.callback()
 def _root(
+    context: typer.Context,
     version: bool = typer.Option(False, "--version", callback=_show_version, is_eager=True, help="Print the version."),
 ) -> None:
-    pass
+    if context.invoked_subcommand is None:
+        print(context.get_help())
 
 
 def main() -> None:

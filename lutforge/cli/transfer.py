@@ -24,15 +24,13 @@ def transfer(
     ] = False,
 ) -> None:
     """Fit RAW → RAW between two cameras from charts that both photographed, for apply --as and bake match."""
-    from lutforge.atomic_write import require_writable
     from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer, pair_samples
+    from lutforge.pipeline.outputs import check_output
     from lutforge.pipeline.sampling import gather_samples
 
-    if output.suffix.lower() != ".json":
-        raise SampleError(f"{output}: a transfer is a .json file, such as a_to_b.json")
+    check_output(output, (".json",), (source, target))
     if piecewise and root_polynomial:
         raise SettingsError("--piecewise and --root-polynomial are two forms; choose one")
-    require_writable(output)
     sets = []
     for path in (source, target):
         with progress_bar(f"sampling {path.name}") as report:

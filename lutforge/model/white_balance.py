@@ -78,7 +78,10 @@ def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, White
             return _at_temperature(kelvin, tint, known, matrix)
         case name:
             if name not in known:
-                raise SettingsError(f'unknown white balance "{name}"; this profile knows {", ".join(sorted(known))}')
+                hint = f" (a temperature is written {name}K)" if name.isdigit() else ""
+                raise SettingsError(
+                    f'unknown white balance "{name}"{hint}; this profile knows {", ".join(sorted(known))}'
+                )
             return np.array(known[name].multipliers)
 
 

@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.atomic_write import atomic_path
+from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.errors import ConfigError
 from lutforge.luts.lut import Lut
 from lutforge.luts.processor import OCIO_ERRORS
@@ -76,9 +75,9 @@ def write_config(
     if target.suffix.lower() == ARCHIVE_SUFFIX:
         if target.is_dir():
             raise ConfigError(f"{target}: is a folder; name a file that ends in {ARCHIVE_SUFFIX}")
-        with TemporaryDirectory() as folder:
+        with scratch_folder(beside=None if "$" in str(target.absolute()) else target) as folder:
             write_config(profiles, folder, version=version, merge=merge, progress=progress)
-            return write_archive(Path(folder), target)
+            return write_archive(folder, target)
     _require_usable(target, replace)
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)

@@ -11,10 +11,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from tempfile import TemporaryDirectory
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
+from lutforge.atomic_write import scratch_folder
 from lutforge.errors import ConfigError
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.ocio.base_config import DATA, DISPLAY_REFERENCE, LUT_FOLDER, REFERENCE, UN_TONE_MAPPED
@@ -114,12 +114,12 @@ def open_base(source: str | Path | None) -> Iterator[BaseConfig | None]:
     if not zipfile.is_zipfile(path):
         yield _checked(BaseConfig(_read(str(path), label), label, path.absolute().parent))
         return
-    with TemporaryDirectory() as folder:
-        _unpack(path, Path(folder))
-        inside = Path(folder) / "config.ocio"
+    with scratch_folder() as folder:
+        _unpack(path, folder)
+        inside = folder / "config.ocio"
         if not inside.is_file():
             raise ConfigError(f"{path}: not an OpenColorIO archive, there is no config.ocio in it")
-        yield _checked(BaseConfig(_read(str(inside), label), label, Path(folder)))
+        yield _checked(BaseConfig(_read(str(inside), label), label, folder))
 
 
 def merged(

@@ -45,7 +45,7 @@ def sample_shots(paths: Paths, progress: Progress = silent) -> Sampled:
 
     Raises ShotError where no shot is left.
     """
-    files = discover(_several(paths))
+    files = discover(several(paths))
     stems = [file.stem for file in files]
     # The whole path where two files share a stem.
     names = [stem if stems.count(stem) == 1 else str(file) for file, stem in zip(files, stems, strict=True)]
@@ -73,7 +73,7 @@ def gather_samples(
 
     Raises SampleError where nothing is given or a table is malformed, ShotError where no shot is usable.
     """
-    given = [Path(path) for path in _several(paths)]
+    given = [Path(path) for path in several(paths)]
     if not given:
         raise SampleError("nothing given: name sample tables (.csv, .parquet) or RAW files")
     parts = [read_samples(path) for path in given if path.suffix.lower() in TABLE_SUFFIXES]
@@ -92,5 +92,6 @@ def as_samples(samples: SampleSet | Paths) -> SampleSet:
     return samples if isinstance(samples, SampleSet) else sample(samples)
 
 
-def _several(paths: Paths) -> Sequence[str | Path]:
+def several(paths: Paths) -> Sequence[str | Path]:
+    """Return one path as a list of one, several as they are."""
     return [paths] if isinstance(paths, str | Path) else paths

@@ -6,13 +6,12 @@ import zipfile
 import zlib
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.atomic_write import atomic_path
+from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.calibration.options import options_from_json
 from lutforge.errors import LutForgeError
 from lutforge.model.profile_file import load_profile, save_profile
@@ -47,30 +46,28 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
     masks += [every if model.rows is None else model.rows for model in workspace.models.values()]
     marks = np.stack([workspace.hand, *(mask.astype(np.int8) for mask in masks)], axis=1)
     with (
-        TemporaryDirectory() as folder,
+        scratch_folder() as folder,
         atomic_path(path) as temporary,
         zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
     ):
         archive.writestr(DOCUMENT, json.dumps(document, indent=1, ensure_ascii=False))
-        write_samples(Path(folder) / SAMPLES, workspace.samples)
-        np.save(Path(folder) / MARKS, marks, allow_pickle=False)
+        write_samples(folder / SAMPLES, workspace.samples)
+        np.save(folder / MARKS, marks, allow_pickle=False)
         for name, model in workspace.models.items():
-            save_profile(model.profile, Path(folder) / f"{name}.npz")
+            save_profile(model.profile, folder / f"{name}.npz")
         for name in (SAMPLES, MARKS, *(f"{name}.npz" for name in workspace.models)):
-            archive.write(Path(folder) / name, name)
+            archive.write(folder / name, name)
 
 
 def open_workspace(path: str | Path) -> Workspace:
     """Read a workspace, without its exposure pairs, which follow from the samples. Raises WorkspaceError."""
     path = Path(path)
     try:
-        with zipfile.ZipFile(path) as archive, TemporaryDirectory() as folder:
+        with zipfile.ZipFile(path) as archive, scratch_folder() as folder:
             document = _document(archive)
-            samples = read_samples(_extract(archive, SAMPLES, Path(folder)))
-            marks = _marks(np.load(_extract(archive, MARKS, Path(folder)), allow_pickle=False), document)
-            profiles = {
-                name: load_profile(_extract(archive, f"{name}.npz", Path(folder))) for name in document["models"]
-            }
+            samples = read_samples(_extract(archive, SAMPLES, folder))
+            marks = _marks(np.load(_extract(archive, MARKS, folder), allow_pickle=False), document)
+            profiles = {name: load_profile(_extract(archive, f"{name}.npz", folder)) for name in document["models"]}
         groups = {
             str(entry["name"])[:60]: Group(marks[:, index] != 0, bool(entry["active"]))
             for index, entry in enumerate(document["groups"], start=1)

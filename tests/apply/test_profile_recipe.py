@@ -1,6 +1,7 @@
 """Refinishing pictures by their own settings: the simulated camera says what each should become."""
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
 from lutforge.luts.processor import evaluate
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.picture_settings import read_picture_settings
@@ -268,8 +270,54 @@ def test_a_sheet_shows_the_presumed_temperatures(
     sheet = read_image(tmp_path / "sheet.png").pixels
     assert sheet.shape[0] > sheet.shape[1] * 0.5
     assert sheet.max() > 0.9  # labels
-    with pytest.raises(SettingsError, match="--to"):
-        candidate_sheet(ProfileRecipe((folder / "camera.npz",)), picture, tmp_path / "no.png")
+    kept = candidate_sheet(ProfileRecipe((folder / "camera.npz",)), picture, tmp_path / "kept.png")
+    assert kept == names  # a picture that keeps its white balance is shown under one that the profile names
+
+
+def test_a_sheet_of_a_camera_that_sets_each_shot_anew_spans_its_shots(
+    profile: CameraProfile, shot: Photograph, tmp_path: Path
+) -> None:
+    auto = replace(profile, white_balances={"auto": WhiteBalance((2.0, 1.0, 1.5), spread=0.2)})
+    auto.save(tmp_path / "auto.npz")
+    picture = strip_settings(alone(shot, tmp_path))
+    recipe = ProfileRecipe((tmp_path / "auto.npz",), source="standard/auto")
+    names = candidate_sheet(recipe, picture, tmp_path / "sheet.png")
+    assert len(names) == 11
+    reds = [float(name.partition("/")[2].split(",")[0]) for name in names]
+    assert reds[0] == pytest.approx(2.0 / 1.2, abs=1e-3)
+    assert reds[-1] == pytest.approx(2.0 * 1.2, abs=1e-3)
+    for name in names:  # each may be asked for
+        ProfileRecipe((tmp_path / "auto.npz",), source=name, target="standard/auto").check()
+
+
+def strip_settings(picture: Path) -> Path:
+    """The picture without metadata."""
+    pixels = read_image(picture).pixels
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint8")
+    write_image(picture, pixels, Image(pixels, spec))
+    return picture
+
+
+@pytest.mark.parametrize("target", [None, "standard/tungsten"])
+def test_a_picture_with_the_settings_wanted_is_copied(
+    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path, target: str | None
+) -> None:
+    picture = alone(shot, tmp_path)
+    result = apply_batch(ProfileRecipe((folder / "camera.npz",), target=target), [picture], tmp_path / "out")
+    assert result.done[0].target.read_bytes() == picture.read_bytes()
+    assert any("nothing to change" in note for note in result.done[0].notes)
+    other = apply_batch(ProfileRecipe((folder / "camera.npz",), target=target), [picture], tmp_path / "out", ".png")
+    np.testing.assert_array_equal(read_image(other.done[0].target).pixels, read_image(picture).pixels)
+
+
+def test_exposure_alone_needs_no_white_balance(
+    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
+) -> None:
+    picture = strip_settings(alone(shot, tmp_path))
+    with pytest.raises(SettingsError, match="does not name its camera"):
+        ProfileRecipe((folder / "camera.npz",), ev=0.5).grade(picture)
+    grade = ProfileRecipe((folder / "camera.npz",), "standard/as-shot", ev=0.5).grade(picture)
+    assert grade.lut is not None
 
 
 def test_photographs_of_two_cameras_come_to_one_look(

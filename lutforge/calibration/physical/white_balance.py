@@ -67,7 +67,9 @@ def _weighted_median(values: Array, weight: Array) -> float:
 
 
 def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) -> dict[str, WhiteBalance]:
-    """One entry per white-balance name: the median over its shots, how far a shot departs from it, its temperature.
+    """One entry per white-balance name: its middle shot, how far other shots depart from that, its temperature.
+
+    The middle shot is the one nearest to the median of each channel, which no shot need have.
 
     matrix: Ts (3, 3), for temperatures that the name does not tell.
     """
@@ -77,7 +79,8 @@ def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) 
         shots = np.array(
             [np.median(multipliers[rows & (samples.shot == shot)], axis=0) for shot in np.unique(samples.shot[rows])]
         )
-        middle = np.median(shots, axis=0)
+        departures = np.abs(np.log(shots / np.median(shots, axis=0))).max(axis=1)
+        middle = shots[np.argmin(departures)]
         r, b = float(middle[0] / middle[1]), float(middle[2] / middle[1])
         spread = float(np.max(np.abs(shots / middle - 1.0)))
         result[str(name)] = WhiteBalance((r, 1.0, b), spread=spread)

@@ -1,0 +1,166 @@
+"""Use case: a LUT, profiles or an OpenColorIO config, and images → graded images."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+from lutforge.apply.batch import BatchResult, Failure, apply_batch, plan_jobs
+from lutforge.apply.batch import Progress as BatchProgress
+from lutforge.apply.candidates import candidate_sheet
+from lutforge.apply.grade import ConfigRecipe, LutRecipe, Recipe
+from lutforge.apply.inputs import Inputs, find_inputs
+from lutforge.apply.oiiotool_commands import oiiotool_commands
+from lutforge.apply.profile_recipe import ProfileRecipe
+from lutforge.errors import ImageError, SettingsError
+from lutforge.interpolation import INTERPOLATIONS
+from lutforge.pipeline.options import one_of
+from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+from lutforge.pipeline.sampling import Paths, several
+
+
+@dataclass(frozen=True)
+class Grading:
+    """What to grade, and how.
+
+    words: one LUT file, one config, or profiles of different cameras; then images: files, folders, frame sequences.
+    output: a folder. source: STYLE/WB of the images where they do not tell, with a config their colour space; target:
+    the STYLE/WB or colour space wanted, as-shot to keep either; ev: exposure change in stops. look: the profile of the
+    camera whose look is wanted; transfers: RAW → RAW from other cameras to that one. interpolation: for LUTs that name
+    none. suffix: of another format. workers: threads, by default one per core. frames: of sequences; recursive: folders
+    with their subfolders. masks: a folder for the confidence of each grade. resume: skip what an earlier run did.
+    scheduler: the address of a Dask cluster.
+    """
+
+    words: tuple[Path, ...]
+    output: Path | None = None
+    source: str | None = None
+    target: str | None = None
+    ev: float = 0.0
+    look: Path | None = None
+    transfers: tuple[Path, ...] = ()
+    interpolation: str = "tetrahedral"
+    suffix: str | None = None
+    workers: int | None = None
+    frames: str | None = None
+    recursive: bool = False
+    masks: Path | None = None
+    resume: bool = False
+    scheduler: str | None = None
+
+    def __post_init__(self) -> None:
+        if not self.images:
+            raise SettingsError("no image named: give the images after the profiles")
+        if self.workers is not None and self.workers < 1:
+            raise SettingsError(f"--workers {self.workers}: at least one thread is needed")
+
+    @property
+    def grades(self) -> tuple[Path, ...]:
+        """The LUT or config, or the profiles, wherever they stand."""
+        return self.words[:1] + tuple(path for path in self.words[1:] if _is_profile(path))
+
+    @property
+    def images(self) -> tuple[Path, ...]:
+        """The other words."""
+        return tuple(path for path in self.words[1:] if not _is_profile(path))
+
+    @cached_property
+    def recipe(self) -> Recipe:
+        """The recipe of the profiles, LUT or config, checked. Raises LutForgeError where an option does not fit it."""
+        recipe = self._recipe()
+        recipe.check()
+        return recipe
+
+    def _recipe(self) -> Recipe:
+        interpolation = one_of("interpolation", self.interpolation, INTERPOLATIONS)
+        path, *others = self.grades
+        if _is_profile(path):
+            return ProfileRecipe(self.grades, self.source, self.target, self.ev, self.look, self.transfers)
+        if self.look is not None or self.transfers or others:
+            raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
+        if path.suffix.lower() in (".ocio", ".ocioz"):
+            return ConfigRecipe(path, self.source, self.target)
+        if self.source is not None or self.target is not None or self.ev:
+            raise SettingsError("--from, --to and --ev go with a profile or a config; a LUT is applied as it is")
+        return LutRecipe(path, interpolation)
+
+    @cached_property
+    def folder(self) -> Path:
+        """The folder for the graded images. Raises ImageError where none is named or it is a file."""
+        if self.output is None:
+            raise SettingsError("no output: name a folder for the graded images with -o")
+        if self.output.exists() and not self.output.is_dir():
+            raise ImageError(f"{self.output}: is not a folder; name a folder for the graded images")
+        check_output(self.output / "image")
+        return self.output
+
+    @cached_property
+    def inputs(self) -> Inputs:
+        """The images to grade. Raises ImageError or SettingsError."""
+        leave_out = [self.folder] if self.masks is None else [self.folder, self.masks]
+        return find_inputs(self.images, self.frames, self.recursive, leave_out, raw=_is_profile(self.words[0]))
+
+    @property
+    def missing(self) -> tuple[Failure, ...]:
+        """The frames that were asked for by number and are not there."""
+        return tuple(Failure(path, f"{path}: this frame is missing") for path in self.inputs.missing)
+
+    def candidates(self, sheet: Path) -> tuple[str, ...]:
+        """Write a sheet of the one image under presumed white balances, and return these. Raises SettingsError."""
+        if not isinstance(self.recipe, ProfileRecipe) or len(self.images) != 1:
+            raise SettingsError("--candidates goes with a profile and one image")
+        check_output(sheet, inputs=self.images)
+        return candidate_sheet(self.recipe, self.images[0], sheet)
+
+    def commands(self) -> Iterator[str | Failure]:
+        """The oiiotool lines that grade as `run` would, for a POSIX shell, or why there is none."""
+        yield from oiiotool_commands(
+            self.recipe, plan_jobs(self.inputs.images, self.folder, self.suffix), self.folder / "luts"
+        )
+        yield from self.missing
+
+    def run(self, progress: Callable[[BatchProgress], None] | None = None) -> BatchResult:
+        """Grade the images; one that fails is told of in the result, and the others go on.
+
+        Raises LutForgeError where nothing can be graded; then nothing is written.
+        """
+        recipe = self.recipe
+        result = apply_batch(
+            recipe, self.inputs.images, self.folder, self.suffix, workers=self.workers, progress=progress,
+            masks=self.masks, resume=self.resume, scheduler=self.scheduler,
+        )  # fmt: skip
+        return replace(result, failed=(*result.failed, *self.missing), notes=(*self.inputs.notes, *result.notes))
+
+
+def _is_profile(path: Path) -> bool:
+    return path.suffix.lower() in PROFILE_SUFFIXES
+
+
+def apply(
+    grade: Paths,
+    images: Paths,
+    output: str | Path,
+    *,
+    source: str | None = None,
+    target: str | None = None,
+    ev: float = 0.0,
+    look: str | Path | None = None,
+    suffix: str | None = None,
+    workers: int | None = None,
+) -> BatchResult:
+    """Grade images into a folder, with their metadata, bit depth and extra channels kept.
+
+    grade: a LUT file, an OpenColorIO config, or profiles (.npz) of one camera or several. images: files, folders and
+    frame sequences; with profiles RAW files, too. The options are those of Grading.
+    Raises LutForgeError where nothing can be graded; an image that fails is told of in the result.
+    """
+    return Grading(
+        tuple(map(Path, (*several(grade), *several(images)))),
+        Path(output),
+        source,
+        target,
+        ev,
+        None if look is None else Path(look),
+        suffix=suffix,
+        workers=workers,
+    ).run()

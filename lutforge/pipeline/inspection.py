@@ -1,0 +1,140 @@
+"""Use case: a file of any kind → what it is, and what it can be used for."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lutforge.errors import ImageError
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.profile_file import load_profile
+from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
+from lutforge.samples.table import read_samples
+from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
+from lutforge.shots.picture_settings import read_picture_settings
+from lutforge.shots.read import read_shot
+
+PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", ".heic", ".hif"})
+Rows = Iterator[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Inspected:
+    """What a file is. rows: name and value, as lines of a table; profile: what it holds, where it is one."""
+
+    path: Path
+    rows: tuple[tuple[str, str], ...]
+    profile: CameraProfile | None = None
+
+
+def files_to_inspect(path: str | Path) -> list[Path]:
+    """Return a file itself, or a folder's RAW files, pictures, tables and profiles. Raises ImageError: there are none.
+
+    A picture beside the RAW file that it was made from is told of with that.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return [path]
+    known = RAW_SUFFIXES | PICTURE_SUFFIXES | {*PROFILE_SUFFIXES, *TABLE_SUFFIXES}
+    files = sorted(entry for entry in path.iterdir() if entry.suffix.lower() in known and entry.is_file())
+    found = [file for file in files if file.suffix.lower() not in PICTURE_SUFFIXES or raw_beside(file) is None]
+    if not found:
+        raise ImageError(f"{path}: no RAW file, picture, sample table or profile in this folder")
+    return found
+
+
+def inspect(path: str | Path) -> Inspected:
+    """Read a RAW file, picture, profile, sample table or LUT, and say what is in it. Raises LutForgeError."""
+    path, suffix = Path(path), Path(path).suffix.lower()
+    if suffix in PROFILE_SUFFIXES:
+        profile = load_profile(path)
+        return Inspected(path, tuple(_profile(profile)), profile)
+    if suffix in TABLE_SUFFIXES:
+        rows = _table(path)
+    elif suffix in PICTURE_SUFFIXES:
+        rows = _picture(path)
+    elif suffix in _lut_suffixes():
+        rows = _lut(path)
+    else:
+        rows = _shot(path)
+    return Inspected(path, tuple(rows))
+
+
+def _shot(path: Path) -> Rows:
+    shot = read_shot(path)
+    data, place = shot.metadata, shot.registration
+    yield "camera", data.camera
+    yield "picture style", data.style
+    yield "white balance", f"{data.white_balance}, multipliers {_numbers(data.multipliers)}"
+    yield "exposure", f"{data.exposure_s:.5g} s, ISO {data.iso:g}"
+    height, width = shot.jpeg.shape[:2]
+    yield "JPEG", f"{width} × {height}, {shot.jpeg_source}"
+    yield (
+        "registration",
+        f"{place.scale:.4f} RAW pixels per JPEG pixel, offset {place.offset_x:.1f}, {place.offset_y:.1f}, "
+        f"correlation {place.correlation:.3f}",
+    )
+    yield "use", "a RAW/JPEG pair: sample, calibrate, evaluate"
+    yield from (("note", text) for text in data.notes)
+
+
+def _picture(path: Path) -> Rows:
+    settings = read_picture_settings(path)
+    yield "camera", settings.camera or "the file does not name it"
+    yield "picture style", settings.style
+    yield "white balance", f"{settings.white_balance}, multipliers {_numbers(settings.multipliers)}"
+    yield "use", "a finished picture: apply; a RAW file of the same name beside it makes it a pair to calibrate from"
+    yield from (("note", text) for text in settings.notes)
+
+
+def _table(path: Path) -> Rows:
+    samples = read_samples(path)
+    for name, values in (
+        ("camera", samples.camera),
+        ("style", samples.style),
+        ("white balance", samples.white_balance),
+    ):
+        for value, count in zip(*np.unique(values, return_counts=True), strict=True):
+            yield name, f"{value}: {count} samples"
+    yield "shots", str(len(np.unique(samples.shot)))
+    yield "use", "a sample table: calibrate, evaluate, report, studio"
+
+
+def _profile(profile: CameraProfile) -> Rows:
+    yield "camera", profile.camera
+    yield "shots", str(len(profile.shots))
+    for name, balance in profile.white_balances.items():
+        kelvin = f", {balance.kelvin:.0f} K" if balance.kelvin is not None else ""
+        spread = f", varies by {balance.spread:.0%} from shot to shot" if balance.spread > 0.005 else ""
+        yield "white balance", f"{name}: {_numbers(balance.multipliers)}{kelvin}{spread}"
+    for name, style in profile.styles.items():
+        parts = [
+            f"{direction} lattice {' × '.join(map(str, lattice.size))}"
+            for direction, lattice in (("render", style.render), ("linearize", style.linearize))
+            if lattice is not None
+        ]
+        parts += [f"physical model for {', '.join(model.white_balances)}" for model in style.physical]
+        yield "style", f"{name}: {'; '.join(parts)}"
+    yield from (("note", text) for text in profile.notes)
+    yield "use", "a camera profile: bake, config, apply, evaluate, report"
+
+
+def _lut(path: Path) -> Rows:
+    from lutforge.luts.check import check_lut, report_lines
+
+    for line in report_lines(check_lut(path)):
+        name, _, text = line.strip().partition(" ")
+        yield name.rstrip(":"), text.strip()
+    yield "use", "a LUT: apply, check"
+
+
+def _lut_suffixes() -> frozenset[str]:
+    """The suffixes of the LUT files that OpenColorIO reads."""
+    import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+    return frozenset(f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats())
+
+
+def _numbers(multipliers: "np.ndarray[tuple[int, ...], np.dtype[np.float64]] | tuple[float, ...] | None") -> str:
+    return "unknown" if multipliers is None else ", ".join(f"{value:.4f}" for value in multipliers)

@@ -1,0 +1,106 @@
+"""What the commands write is refused before the work where it cannot be, and their words are forgiving."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.cli.main import main
+from tests.cli.test_bad_input import Refused, refused, small_table
+from tests.conftest import CommandLine
+
+__all__ = ["refused"]
+
+
+@pytest.fixture
+def profile(lutforge: CommandLine, tmp_path: Path) -> Path:
+    small_table(tmp_path / "samples.csv")
+    made = lutforge("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", "--preset", "thesis", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    return tmp_path
+
+
+def test_an_output_has_the_suffix_of_its_kind(refused: Refused, tmp_path: Path) -> None:
+    small_table(tmp_path / "keep.csv")
+    for words, says in (
+        (("calibrate", "keep.csv", "-o", "keep.csv"), ".npz"),
+        (("calibrate", "keep.csv", "-o", "camera"), ".npz"),
+        (("sample", "keep.csv", "-o", "samples.xlsx"), ".csv or .parquet"),
+        (("report", "none.npz", "-o", "report.pdf"), ".html"),
+        (("import-nus", "folder", "-o", "camera.json"), ".npz"),
+    ):
+        assert says in refused(tmp_path, *words), words
+
+
+def test_an_output_that_is_an_input_is_refused(profile: Path, refused: Refused) -> None:
+    (profile / "link.npz").symlink_to("camera.npz")
+    for words in (
+        ("config", "camera.npz", "-o", "camera.npz"),
+        ("transfer", "samples.csv", "samples.csv", "-o", "samples.csv"),
+        ("sample", "samples.csv", "-o", "samples.csv"),
+    ):
+        line = refused(profile, *words)
+        assert "replace an input" in line or "suffix" in line or "is a file" in line, line
+
+
+def test_an_output_is_tried_before_the_work(profile: Path, refused: Refused) -> None:
+    (profile / "closed").mkdir()
+    (profile / "file").touch()
+    for words in (
+        ("sample", "missing.NEF", "-o", "file/s.csv"),
+        ("config", "missing.npz", "-o", "file/ocio"),
+        ("report", "missing.npz", "-o", "file/report.html"),
+        ("apply", "camera.npz", "missing.jpg", "-o", "file/out"),
+    ):
+        assert "file is a file" in refused(profile, *words), words
+
+
+def test_the_command_alone_prints_its_help(lutforge: CommandLine) -> None:
+    alone = lutforge()
+    assert alone.returncode == 0
+    assert "calibrate" in alone.stdout
+    assert alone.stderr == ""
+
+
+def test_the_shell_completes_commands(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("_LUTFORGE_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", "lutforge cal")
+    monkeypatch.setenv("COMP_CWORD", "1")
+    monkeypatch.setattr(sys, "argv", ["lutforge"])
+    with pytest.raises(SystemExit):
+        main()
+    assert "calibrate" in capsys.readouterr().out
+
+
+def test_a_temperature_without_its_k_is_told(profile: Path, refused: Refused) -> None:
+    line = refused(profile, "bake", "camera.npz", "render", "--to", "standard/5200", "-o", "x.cube")
+    assert "5200K" in line
+
+
+def test_inspect_takes_folders_tables_profiles_luts_and_pictures(lutforge: CommandLine, profile: Path) -> None:
+    import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+
+    picture = oiio.ImageBuf(oiio.ImageSpec(8, 8, 3, "uint8"))
+    picture.set_pixels(oiio.ROI(0, 8, 0, 8, 0, 1, 0, 3), np.full((8, 8, 3), 0.5, np.float32))
+    assert picture.write(str(profile / "picture.jpg"))
+    baked = lutforge("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "look.cube", cwd=profile)
+    assert baked.returncode == 0, baked.stderr
+    whole = lutforge("inspect", ".", cwd=profile)
+    assert whole.returncode == 0, whole.stderr
+    for words in ("60 samples", "Test Cam", "bake, config", "a finished picture"):
+        assert words in whole.stdout
+    assert "cube" in lutforge("inspect", "look.cube", cwd=profile).stdout
+    (profile / "empty").mkdir()
+    assert "in this folder" in lutforge("inspect", "empty", cwd=profile).stderr
+
+
+def test_help_loads_no_numbers() -> None:
+    code = (
+        "import sys; sys.argv = ['lutforge', '--help']\n"
+        "import lutforge.cli.main\n"
+        "print([m for m in ('numpy', 'numba', 'scipy', 'colour', 'OpenImageIO') if m in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
