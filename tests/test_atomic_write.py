@@ -1,11 +1,14 @@
 """A file is written whole or not at all."""
 
 import os
+import platform
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from lutforge.atomic_write import atomic_path, remove_temporaries, require_writable
+from lutforge.atomic_write import atomic_path, remove_temporaries, require_writable, scratch_folder
 from lutforge.errors import LutForgeError
 
 
@@ -56,3 +59,24 @@ def test_what_a_killed_run_left_is_removed_and_nothing_else(tmp_path: Path) -> N
         path.write_bytes(b"half")
     assert remove_temporaries([short, long, tmp_path / "none" / "c.png"]) == 2
     assert sorted(tmp_path.iterdir()) == sorted([short, long, tmp_path / "other.png", left[2], kept])
+
+
+def test_a_scratch_folder_removes_those_of_killed_runs_alone(tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True
+    )
+    mine = f".lutforge-{platform.node()}-"
+    left, others, alive = (
+        tmp_path / f"{mine}{ended.stdout.strip()}-abcdefgh",
+        tmp_path / ".lutforge-another.machine-1-abcdefgh",
+        tmp_path / f"{mine}{os.getpid()}-abcdefgh",
+    )
+    for folder in (left, others, alive):
+        folder.mkdir()
+        (folder / "half.clf").touch()
+    with scratch_folder(beside=tmp_path / "config.ocioz") as folder:
+        assert folder.parent == tmp_path
+    assert not folder.exists()
+    assert not left.exists()
+    assert others.exists()
+    assert alive.exists()

@@ -23,9 +23,9 @@ class BrushedPlot:
         self.framed: object = ""
         self.chosen = np.zeros(0, dtype=np.intp)
         self.source = ColumnDataSource({name: [] for name in ("x", "y", "colour", "marker", "size")})
-        self.line = ColumnDataSource({"x": [], "y": []})
+        self.lines = ColumnDataSource({"xs": [], "ys": []})
         self.figure = plot(title, width, height, SELECT, **options)
-        self.figure.line("x", "y", source=self.line, color="#1c2024", width=1.4)
+        self.figure.multi_line("xs", "ys", source=self.lines, color="#1c2024", width=1.4)
         marks = self.figure.scatter(
             "x", "y", source=self.source, marker="marker", size="size", color="colour", line_width=0.8, fill_alpha=0.7
         )
@@ -51,8 +51,7 @@ class BrushedPlot:
             "marker": np.where(out, "x", "circle").tolist(),
             "size": np.full(len(row), size),
         }
-        curve = np.zeros((2, 0)) if all_points.curve is None else all_points.curve
-        self.line.data = {"x": curve[0], "y": curve[1]}
+        self.lines.data = {"xs": [x for x, _ in all_points.curves], "ys": [y for _, y in all_points.curves]}
         if self.framed is not None and self.framed != key:
             frame(self.figure, extent(all_points.x), extent(all_points.y))
             self.framed = key

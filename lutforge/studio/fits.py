@@ -1,6 +1,7 @@
 """The four fits of the studio, by the functions that the command line calls; each gives a camera profile."""
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,47 +11,75 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.gamut_map import identity_gamut_map
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.physical.physical_model import fit_stages
+from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.response_from_raw import fit_response_to_raw
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
 from lutforge.calibration.style_data import style_data, unclipped
 from lutforge.calibration.style_fit import fit_direction
 from lutforge.errors import CalibrationError, LutForgeError
-from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
+from lutforge.model.camera_profile import CameraProfile, ModelName, PhysicalModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet, with_setting_names
+from lutforge.settings import Multipliers, Selector
 from lutforge.solvers.node_levels import error_histogram
 from lutforge.studio.workspace import FittedModel
 
 Array = NDArray[np.float64]
 
-LEAST = 10
-
 
 def fit_model(
-    kind: str, samples: SampleSet, rows: NDArray[np.bool_], options: CalibrationOptions, progress: Progress
+    kind: str,
+    samples: SampleSet,
+    rows: NDArray[np.bool_],
+    options: CalibrationOptions,
+    stages: CameraProfile | None,
+    progress: Progress,
 ) -> FittedModel:
-    """Fit a model to some rows, and evaluate it on all. kind: a key of `workspace.MODELS`.
+    """Fit a model to some rows, and evaluate it on all.
 
-    Raises CalibrationError where the rows do not determine it.
+    kind: a key of `workspace.MODELS`. stages: the response, matrix and white balances that a gamut map stands between;
+    fitted with it where None. A lattice follows the samples themselves. Raises CalibrationError where the rows do not
+    determine the model.
     """
-    if rows.sum() < LEAST:
-        raise CalibrationError(f"{int(rows.sum())} samples are left to fit; at least {LEAST} are needed: filter less")
-    if kind in ("rbf", "lattice"):
-        profile = calibrate(samples.select(rows), replace(options, model=kind), progress)  # type: ignore[arg-type]  # the two names of models
+    if rows.sum() < 10:
+        raise CalibrationError(f"{int(rows.sum())} samples are left to fit; at least 10 are needed: filter less")
+    chosen = with_setting_names(samples.select(rows))
+    if kind == "rbf" and stages is not None:
+        progress("gamut map", 0.0)
+        profile = _between(stages, chosen, options)
+    elif kind in ("rbf", "lattice"):
+        profile = calibrate(chosen, replace(options, model=cast(ModelName, kind)), progress)
     else:
         progress("fitting", 0.0)
-        profile = _stages(kind, with_setting_names(samples.select(rows)), options)
+        profile = _stages(kind, chosen, options)
     progress("evaluating on all samples", 0.9)
     fitted = replace(evaluate_on(profile, kind, samples), rows=rows)
     if kind == "lattice":
         progress("error of a uniform lattice", 0.95)
-        fitted = replace(fitted, uniform_error=_uniform_errors(with_setting_names(samples.select(rows)), options))
+        fitted = replace(fitted, uniform_error=_uniform_errors(chosen, options))
     return fitted
+
+
+def _between(stages: CameraProfile, samples: SampleSet, options: CalibrationOptions) -> CameraProfile:
+    """The gamut maps of the styles of fitted stages, with their response, matrix and white balances as they are."""
+    multipliers = _multipliers(stages, samples)
+    usable = unclipped(samples, multipliers) & np.all(np.isfinite(multipliers), axis=1)
+    styles = {}
+    for name, style in stages.styles.items():
+        rows = usable & (samples.style == name)
+        if rows.any():
+            maps = fit_gamut_maps(
+                samples.raw[rows] * multipliers[rows], samples.srgb[rows], samples.shot[rows], stages.matrix,
+                style.physical[0].response, tuple(stages.white_balances), preset=options.preset,
+            )  # fmt: skip
+            styles[name] = PictureStyle(physical=(maps.model,))
+    if not styles:
+        raise CalibrationError("no sample is left of the styles that the response and matrix were fitted to")
+    return replace(stages, styles=styles, options=replace(options, model="rbf").as_json())
 
 
 def _uniform_errors(
@@ -107,20 +136,31 @@ def _conventional(response: Response, matrix: Array, balances: dict[str, WhiteBa
 def evaluate_on(profile: CameraProfile, kind: str, samples: SampleSet) -> FittedModel:
     """What a profile makes of samples; NaN where it does not know their style or white balance."""
     samples = with_setting_names(samples)
-    balanced = samples.raw * _multipliers(profile, samples)
-    scene = balanced @ profile.matrix.T
-    transformed, predicted, linearized = (np.full_like(scene, np.nan) for _ in range(3))
-    for name, style in profile.styles.items():
-        rows = (samples.style == name) & np.all(np.isfinite(balanced), axis=1)
-        inside, encoded = np.clip(balanced[rows], 0.0, 1.0), samples.srgb[rows]
-        if kind == "lattice" and style.render is not None and style.linearize is not None:
-            transformed[rows] = predicted[rows] = np.clip(style.render(inside), 0.0, 1.0)
-            linearized[rows] = style.linearize(encoded) @ profile.matrix.T
-        elif style.physical:
-            model = style.physical[0]
-            transformed[rows] = model.gamut_map(inside @ model.matrix.T)
-            predicted[rows] = model.response.encode(transformed[rows])
-            linearized[rows] = model.inverse_gamut_map(model.response.linearize(encoded))
+    scene, transformed, predicted, linearized = (np.full_like(samples.raw, np.nan) for _ in range(4))
+    multipliers = _multipliers(profile, samples)
+    setting = np.char.add(np.char.add(samples.style, "/"), samples.white_balance)
+    known = np.all(np.isfinite(multipliers), axis=1) & np.isin(samples.style, list(profile.styles))
+    if profile.raw_camera:
+        known &= np.isin(samples.white_balance, list(profile.white_balances))
+    _, group = np.unique(
+        np.column_stack([np.unique(setting, return_inverse=True)[1], multipliers]), axis=0, return_inverse=True
+    )
+    for index in np.unique(group[known]):
+        rows = (group == index) & known
+        style, balance = str(samples.style[rows][0]), str(samples.white_balance[rows][0])
+        r, g, b = multipliers[rows][0].tolist()
+        selector = Selector(style, balance if profile.raw_camera else Multipliers((r / g, 1.0, b / g)))
+        lattice = kind == "lattice" and profile.styles[style].render is not None
+        model: ModelName = "lattice" if lattice else "rbf"
+        scene[rows] = samples.raw[rows] @ profile.raw_to_linear_srgb(selector).T
+        predicted[rows] = profile.render(selector, model)(samples.raw[rows])
+        linearized[rows] = profile.linearize(selector, "linear-srgb", model)(samples.srgb[rows])
+        transformed[rows] = predicted[rows]
+        if not lattice:
+            physical = profile.styles[style].physical
+            one = next((one for one in physical if balance in one.white_balances), physical[0])
+            balanced = np.clip(samples.raw[rows] * profile.multipliers(selector), 0.0, 1.0)
+            transformed[rows] = one.gamut_map(balanced @ one.matrix.T)
     return FittedModel(profile, scene, transformed, predicted, linearized)
 
 

@@ -18,6 +18,22 @@ from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceE
 
 BINS = 60
 LARGEST_RESIDUAL = 0.15
+_EARLY = "Samples marked by hand, in groups in effect, or found by any filter do not."
+_LATE = (
+    "Samples marked by hand or in groups in effect do not, nor what filters find whose limits were moved; the "
+    "saturation limit does not count, as saturated colours are what this model is for."
+)
+TAKES = {
+    ("response", False): _EARLY,
+    ("response", True): _EARLY,
+    ("matrix", False): _EARLY + " The response is fitted anew with them.",
+    ("matrix", True): _EARLY + " The response is fitted anew with them.",
+    ("rbf", False): _LATE + " Response and matrix are fitted with it: compute them first to use them as they are.",
+    ("rbf", True): _LATE + " It stands between the response and the matrix that were computed.",
+    ("lattice", False): _LATE + " It follows the samples themselves.",
+    ("lattice", True): _LATE + " It follows the samples themselves: response, matrix and gamut map do not enter it.",
+}
+"""What takes part in a fit, and what it builds on, by model and by whether response and matrix have been computed."""
 DASHES = ("solid", "dashed", "dotted")
 
 
@@ -99,8 +115,8 @@ class ModelsView:
             return
         workspace = self.session.workspace
         rows = int(workspace.fitting_rows(self.kind.value).sum())
-        left_out = "outliers" if self.kind.value in ("response", "matrix") else "samples removed by hand or groups"
-        self.takes.object = f"<p>{rows:,} samples take part: all but the {left_out}, and what is clipped.</p>"
+        stages = "matrix" in workspace.models
+        self.takes.object = f"<p>{rows:,} samples take part. {TAKES[self.kind.value, stages]}</p>"
 
     def options(self) -> CalibrationOptions:
         """As the controls say."""
@@ -125,7 +141,8 @@ class ModelsView:
             notes = "; ".join(fitted.profile.notes)
             self.session.say(f"{MODELS[kind]}: fitted to {int(rows.sum()):,} samples. {notes}")
 
-        self.session.start(MODELS[kind], done, fit_model, kind, workspace.samples, rows, options)
+        stages = workspace.models["matrix"].profile if "matrix" in workspace.models else None
+        self.session.start(MODELS[kind], done, fit_model, kind, workspace.samples, rows, options, stages)
 
     def _use(self) -> None:
         if not self._quiet and self.session.history is not None and self.used.value:

@@ -25,6 +25,7 @@ PLOTS = {
 COLOURS = ("exposure pair", "own colour", "shot", "residual")
 MOST_DRAWN = 4000
 """Points that a plot draws; every sample is fitted, filtered and selected all the same."""
+_NONE: tuple[Array, ...] = ()
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#5b5b5b", "#8c6d31")
 """Okabe and Ito's colours, told apart by colour-blind eyes, and three more."""
 LARGEST_RESIDUAL = 0.1
@@ -33,7 +34,7 @@ LARGEST_RESIDUAL = 0.1
 @dataclass(frozen=True, eq=False)
 class Points:
     """x, y: (n,); row, partner: (n,) the samples that a point stands for, equal where it is one; pair: (n,) the number
-    of the exposure pair, −1 for none; curve: (2, m) or None; missing: why there are no points."""
+    of the exposure pair, −1 for none; curves: (2, m) each; missing: why there are no points."""
 
     x: Array
     y: Array
@@ -42,7 +43,7 @@ class Points:
     pair: Rows
     x_label: str = ""
     y_label: str = ""
-    curve: Array | None = None
+    curves: tuple[Array, ...] = ()
     missing: str = ""
 
     def __len__(self) -> int:
@@ -67,13 +68,13 @@ def _of_samples(workspace: Workspace, plot: str, channel: int) -> Points:
     if fitted is None:
         return _nothing("fit a model first: this plot shows what it makes of the RAW values")
     if plot == "transformed":
-        curve, label = None, "RAW as the lattice renders it"
+        curve, label = _NONE, "RAW as the lattice renders it"
         if workspace.model != "lattice":
             curve, label = _response_curve(fitted, channel), "transformed RAW, before the response"
         return _finite(
             Points(fitted.transformed[:, channel], samples.srgb[:, channel], row, row, pair, label, "sRGB", curve)
         )
-    line = np.array([[0.0, 1.0], [0.0, 1.0]])
+    line = (np.array([[0.0, 1.0], [0.0, 1.0]]),)
     x, y = fitted.scene[:, channel], fitted.linearized[:, channel]
     return _finite(Points(x, y, row, row, pair, "transformed RAW, Ts Tw E", "linearised sRGB", line))
 
@@ -85,9 +86,11 @@ def _of_pairs(workspace: Workspace, plot: str, channel: int) -> Points:
     first, second = pairs.first_row, pairs.second_row
     number = pairs.first_shot * len(pairs.shots) + pairs.second_shot
     if plot == "srgb_btf":
-        curve = None
+        curve = _NONE
         if fitted is not None and workspace.model != "lattice":
-            curve = _brightness_transfer(fitted, channel, float(np.median(pairs.log_ratio)))
+            # Times are read off to a hundredth of a stop: what differs by less is one ratio.
+            ratios = np.unique(np.rint(100 * pairs.log_ratio / np.log(2)))
+            curve = tuple(_brightness_transfer(fitted, channel, 2.0 ** (stops / 100)) for stops in ratios.tolist())
         x, y = pairs.first[:, channel], pairs.second[:, channel]
         return Points(x, y, first, second, number, "sRGB, shorter exposure", "sRGB, longer exposure", curve)
     if plot == "raw_btf":
@@ -97,7 +100,7 @@ def _of_pairs(workspace: Workspace, plot: str, channel: int) -> Points:
         return _nothing("fit a model first: this plot shows what it linearises")
     ratio = np.exp(pairs.log_ratio)
     x, y = ratio * fitted.linearized[first, channel], fitted.linearized[second, channel]
-    line = np.array([[0.0, 1.0], [0.0, 1.0]])
+    line = (np.array([[0.0, 1.0], [0.0, 1.0]]),)
     labels = ("k · linearised, shorter exposure", "linearised, longer exposure")
     return _finite(Points(x, y, first, second, number, *labels, line))
 
@@ -123,21 +126,21 @@ def response_of(fitted: FittedModel) -> Response | None:
     return None
 
 
-def _response_curve(fitted: FittedModel, channel: int) -> Array | None:
+def _response_curve(fitted: FittedModel, channel: int) -> tuple[Array, ...]:
     response = response_of(fitted)
     if response is None:
-        return None
-    return np.stack([response.inverse[:, channel], np.linspace(0.0, 1.0, len(response.inverse))])
+        return _NONE
+    return (np.stack([response.inverse[:, channel], np.linspace(0.0, 1.0, len(response.inverse))]),)
 
 
-def _brightness_transfer(fitted: FittedModel, channel: int, log_ratio: float) -> Array | None:
-    """f(k f⁻¹(I)), the brightness transfer function of the pairs' middle exposure ratio."""
-    response = response_of(fitted)
-    if response is None:
-        return None
+def _brightness_transfer(fitted: FittedModel, channel: int, ratio: float) -> Array:
+    """(2, 256): f(k f⁻¹(I)) over I, the brightness transfer function of pairs of one exposure ratio k."""
     encoded = np.linspace(0.0, 1.0, 256)
+    response = response_of(fitted)
+    if response is None:
+        return np.zeros((2, 0))
     grey = np.repeat(encoded[:, None], 3, axis=1)
-    return np.stack([encoded, response.encode(np.exp(log_ratio) * response.linearize(grey))[:, channel]])
+    return np.stack([encoded, response.encode(ratio * response.linearize(grey))[:, channel]])
 
 
 def pair_of_rows(workspace: Workspace) -> Rows:

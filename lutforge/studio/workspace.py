@@ -153,9 +153,20 @@ class Workspace:
         return np.asarray(rows & (self.hand >= 0))
 
     def fitting_rows(self, model: str) -> Mask:
-        """(n,): the samples that a fit of this model takes. The gamut map and the lattice need the saturated colours
-        that the filters keep from the response (thesis A.3.3)."""
-        return ~(self.outliers if model in ("response", "matrix") else self.removed)
+        """(n,): the samples that a fit of this model takes.
+
+        The gamut map and the lattice need the saturated colours that are kept from the response (thesis A.3.3), and
+        find for themselves what is clipped: for them the saturation limit does not count, a clipping limit where it was
+        moved, and the residual where it is that of such a model.
+        """
+        if model in ("response", "matrix"):
+            return ~self.outliers
+        rows, limits, usual = self.removed, self.filters, Filters()
+        if replace(limits, saturation=usual.saturation, residual=None) != usual:
+            rows = rows | self.filtered["clipping"]
+        if self.model in ("rbf", "lattice"):
+            rows = rows | self.filtered["residual"]
+        return np.asarray(~rows | (self.hand < 0))
 
     @property
     def fitted_rows(self) -> Mask:

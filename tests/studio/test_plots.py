@@ -40,7 +40,7 @@ def workspace() -> Workspace:
     samples = chart_samples(patches=45)
     fresh = Workspace(samples, find_pairs(samples))
     rows = fresh.fitting_rows("matrix")
-    return fresh.with_model("matrix", fit_model("matrix", samples, rows, CalibrationOptions(), silent))
+    return fresh.with_model("matrix", fit_model("matrix", samples, rows, CalibrationOptions(), None, silent))
 
 
 def test_pairs_show_one_patch_at_two_exposures(workspace: Workspace) -> None:
@@ -59,11 +59,18 @@ def test_pairs_show_one_patch_at_two_exposures(workspace: Workspace) -> None:
 
 def test_the_model_puts_neutral_colours_on_its_curve(workspace: Workspace) -> None:
     shown = points(workspace, "transformed", 1)
-    assert shown.curve is not None
+    (curve,) = shown.curves
     neutral = workspace.chroma[shown.row] < 0.1
     assert neutral.sum() > 50
-    on_curve = np.interp(shown.x[neutral], *shown.curve)
+    on_curve = np.interp(shown.x[neutral], *curve)
     assert np.median(np.abs(on_curve - shown.y[neutral])) < 0.01
+    transfers = points(workspace, "srgb_btf", 1)
+    stops = np.log2(workspace.samples.exposure_s[transfers.partner] / workspace.samples.exposure_s[transfers.row])
+    assert len(transfers.curves) == len(np.unique(np.rint(100 * stops))) > 1
+    for ratio in np.unique(np.rint(100 * stops)):  # each pair lies on the curve of its own ratio
+        mine = (np.rint(100 * stops) == ratio) & (workspace.chroma[transfers.row] < 0.1)
+        off = [np.median(np.abs(np.interp(transfers.x[mine], *one) - transfers.y[mine])) for one in transfers.curves]
+        assert min(off) < 0.01 < max(off)
     linear = points(workspace, "linearisation", 1)
     near = workspace.chroma[linear.row] < 0.1
     assert np.median(np.abs(linear.y[near] - linear.x[near])) < 0.01

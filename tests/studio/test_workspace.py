@@ -66,6 +66,41 @@ def test_saturated_colours_are_kept_from_the_response_alone(samples: SampleSet) 
     assert workspace.fitting_rows("response").sum() == (~workspace.outliers).sum()
     assert workspace.fitting_rows("lattice").sum() == len(samples) - 1
     assert not workspace.fitting_rows("rbf")[5]
+    moved = replace(workspace, filters=Filters(saturation=0.3, brightest=200 / 255))
+    bright = moved.filtered["clipping"]
+    assert bright.any()
+    assert np.array_equal(~moved.fitting_rows("lattice"), bright | (np.arange(len(samples)) == 5))
+
+
+def test_a_gamut_map_stands_between_the_stages_that_were_fitted(samples: SampleSet) -> None:
+    options = CalibrationOptions()
+    workspace = Workspace(samples, filters=Filters(saturation=0.5))
+    stages = fit_model("matrix", samples, workspace.fitting_rows("matrix"), options, None, silent).profile
+    mapped = fit_model("rbf", samples, workspace.fitting_rows("rbf"), options, stages, silent)
+    assert np.array_equal(mapped.profile.matrix, stages.matrix)
+    for name, style in stages.styles.items():
+        kept = mapped.profile.styles[name].physical[0]
+        assert np.array_equal(kept.response.inverse, style.physical[0].response.inverse)
+        assert len(kept.gamut_map.centres)
+    saturated = workspace.chroma > 0.5
+    before, after = (
+        np.linalg.norm(model.predicted - samples.srgb, axis=1)[saturated].mean()
+        for model in (evaluate_on(stages, "matrix", samples), mapped)
+    )
+    assert after < 0.5 * before
+
+
+def test_figures_are_those_of_the_profile_itself() -> None:
+    """Each white balance of a camera without RAW has a model of its own."""
+    samples = chart_samples(patches=120)
+    reference = replace(samples, raw_camera=np.full(len(samples), "Reference"), wb=np.full((len(samples), 3), np.nan))
+    profile = calibrate(reference, CalibrationOptions())
+    assert len(profile.styles["standard"].physical) > 1
+    fitted = evaluate_on(profile, "rbf", reference)
+    for setting in np.unique(samples.white_balance):
+        rows = (samples.white_balance == setting) & (samples.style == "standard")
+        exact = profile.render(f"standard/{setting}")(samples.raw[rows])
+        np.testing.assert_array_equal(fitted.predicted[rows], exact)
 
 
 def test_undo_and_redo_go_back_and_forth(samples: SampleSet) -> None:
@@ -93,7 +128,7 @@ def test_models_tell_the_camera_ever_better(samples: SampleSet) -> None:
     everything = ~workspace.outliers
     errors = [residuals(start, "before", samples, everything)]
     for kind in ("response", "matrix", "lattice"):
-        fitted = fit_model(kind, samples, workspace.fitting_rows(kind), options, silent)
+        fitted = fit_model(kind, samples, workspace.fitting_rows(kind), options, None, silent)
         errors.append(residuals(fitted, kind, samples, everything))
         workspace = workspace.with_model(kind, fitted)
     means = [error.mean for error in errors if error is not None]
@@ -116,7 +151,7 @@ def test_the_profile_is_the_one_of_the_command_line(samples: SampleSet, tmp_path
     workspace = Workspace(samples).mark(np.arange(len(samples)) < 4, True)
     options = CalibrationOptions(size=9)
     rows = workspace.fitting_rows("lattice")
-    save_profile(fit_model("lattice", samples, rows, options, silent).profile, tmp_path / "studio.npz")
+    save_profile(fit_model("lattice", samples, rows, options, None, silent).profile, tmp_path / "studio.npz")
     save_profile(calibrate(samples.select(rows), options), tmp_path / "command.npz")
     assert (tmp_path / "studio.npz").read_bytes() == (tmp_path / "command.npz").read_bytes()
 
@@ -128,7 +163,9 @@ def test_a_file_brings_everything_back(samples: SampleSet, tmp_path: Path) -> No
     workspace = workspace.with_group("<b>odd</b>", np.arange(len(samples)) % 50 == 0)
     workspace = workspace.with_group("off", samples.style == "vivid").with_active_groups(["<b>odd</b>"])
     for kind in ("response", "lattice"):
-        workspace = workspace.with_model(kind, fit_model(kind, samples, workspace.fitting_rows(kind), options, silent))
+        workspace = workspace.with_model(
+            kind, fit_model(kind, samples, workspace.fitting_rows(kind), options, None, silent)
+        )
     save_workspace(workspace, tmp_path / "all.workspace")
     again = open_workspace(tmp_path / "all.workspace")
     assert again.filters == workspace.filters and again.options == options and again.model == "lattice"
@@ -145,7 +182,7 @@ def test_a_file_brings_everything_back(samples: SampleSet, tmp_path: Path) -> No
 def test_marks_after_a_fit_leave_what_it_was_fitted_to(samples: SampleSet) -> None:
     workspace = Workspace(samples, filters=Filters(saturation=0.6))
     rows = workspace.fitting_rows("response")
-    fitted = fit_model("response", samples, rows, CalibrationOptions(), silent)
+    fitted = fit_model("response", samples, rows, CalibrationOptions(), None, silent)
     later = workspace.with_model("response", fitted).mark(np.arange(len(samples)) < 9, True)
     assert np.array_equal(later.fitted_rows, rows)
     assert not np.array_equal(later.fitting_rows("response"), rows)
@@ -200,6 +237,7 @@ def test_pairs_and_models_of_unknown_settings(samples: SampleSet) -> None:
         samples.select(samples.style == "standard"),
         np.ones(540, dtype=np.bool_)[: (samples.style == "standard").sum()],
         CalibrationOptions(),
+        None,
         silent,
     )
     assert np.all(np.isnan(evaluate_on(fitted.profile, "response", samples).predicted[samples.style == "vivid"]))
