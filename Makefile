@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup --benchmark-disable
 
-.PHONY: demo test test-all check benchmark clean
+.PHONY: demo test test-all check benchmark accuracy clean
 
 demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
@@ -31,6 +31,7 @@ accuracy: .venv/ready
 	$(BIN)/python -m tests.benchmarks.accuracy $(ACCURACY)
 
 .venv/ready: pyproject.toml constraints.txt
+	@echo "Installing LutForge and what it needs into .venv: about 1.5 GB, two minutes."
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $@
