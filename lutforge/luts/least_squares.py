@@ -15,9 +15,12 @@ from scipy.stats import qmc
 
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation, Levels, interpolate, through
-from lutforge.luts.conjugate_gradients import solve
 from lutforge.model.lattice import grid
+from lutforge.solvers.conjugate_gradients import conjugate_gradients
 from lutforge.solvers.normal_equations import normal_equations
+from lutforge.solvers.robust_weights import lawson
+from lutforge.solvers.solution import Status
+from lutforge.solvers.stencil import StencilOperator, from_planar, planar
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -33,15 +36,6 @@ GREY_WEIGHT = 30.0
 GREY_POINTS = 1025
 BLOCK = 1 << 16
 """Points between two words of progress."""
-HOLD = 1e-3
-"""Pull of a node towards the function's own value there, as a share of the mean weight of the data at a node."""
-GOAL = 1e-2
-"""What is left of the difference between the best cube and a sampled one."""
-MOST_STEPS = 60
-POWER = 0.75
-"""With which a second fit follows the errors of the first: an Lp norm of p = 2 + POWER."""
-LEAST_FOLLOWED, MOST_FOLLOWED = 0.1, 20.0
-"""Bounds of the errors that it follows, in units of their mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +135,7 @@ def fit_cube(
     values = solve_nodes(x, y, knots, method, omega / omega.mean(), nodes, nodes)
     if counts is not None:
         error = np.sqrt(counts * np.sum((interpolate(x, knots, values, method) - y) ** 2, axis=1))
-        omega *= LEAST_FOLLOWED + np.minimum(error / max(float(error.mean()), 1e-300), MOST_FOLLOWED) ** POWER
+        omega *= lawson(error, 0.75)
         values = solve_nodes(x, y, knots, method, omega / omega.mean(), nodes, values)
     if limit:
         values = np.clip(values, y.min(axis=0), y.max(axis=0))
@@ -181,10 +175,16 @@ def solve_nodes(
     """(W'ΩW + ε) b = W'Ωy + ε b₀ by conjugate gradients from `start`, the three outputs together."""
     equations = normal_equations(x, y, levels, method, omega)
     stencil, right = equations.stencil, equations.right
-    hold = HOLD * float(stencil[0].mean())
+    # Where no point is, a node is the function's own value there.
+    hold = 1e-3 * float(stencil[0].mean())
     stencil[0] += hold
     right += hold * sampled
-    b = solve(stencil, right, start, GOAL, MOST_STEPS)
-    if not np.all(np.isfinite(b)):
+    operator, first = StencilOperator(stencil), planar(start)
+    residual = np.empty_like(first)
+    operator.product(first, residual)
+    # A hundredth of the difference between the sampled cube and the best one is left. Where the limit of iterations is
+    # reached more is, but each of them has brought the cube nearer to the function than it was.
+    solution = conjugate_gradients(operator, planar(right) - residual, tolerance=1e-2, most=60)
+    if solution.status is Status.SINGULAR:
         raise LutError("the transform cannot be fitted by a cube: its values span too wide a range")
-    return b
+    return start + from_planar(solution.value, operator.size)

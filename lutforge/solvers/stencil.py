@@ -7,12 +7,14 @@ wherever a node lies (couplings beyond an edge are 0), and each coupling is one 
 compiler vectorises. A run's sums do not depend on how planes are dealt out to threads.
 """
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.compiled import compiled
+from lutforge.threads import cores, run, slabs
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -121,9 +123,10 @@ def add_product(
     first: int,
     last: int,
 ) -> None:
-    """out += sign · A b on the planes first … last − 1; first: a multiple of run_planes(plane).
+    """Add sign · A b to out on the planes first … last − 1; first: a multiple of run_planes(plane).
 
-    diagonal: (3, nodes); b, out: (3, nodes and FAR planes on both sides).
+    far: how far the node of each coupling lies, an even number of them; diagonal: (3, nodes); b, out: (3, nodes and FAR
+    planes on both sides).
     """
     planes = run_planes(plane)
     for begin in range(first, last, planes):
@@ -134,7 +137,7 @@ def add_product(
             to, at, own = out[c, start : start + count], b[c, start : start + count], diagonal[c, node : node + count]
             for p in range(count):
                 to[p] += sign * own[p] * at[p]
-        for t in range(0, COUPLINGS, 2):  # two at a time, which halves the traffic of `out`
+        for t in range(0, len(far), 2):  # two at a time, which halves the traffic of `out`
             one, two = far[t], far[t + 1]
             ahead, behind = couplings[t, start : start + count], couplings[t, start - one : start - one + count]
             ahead2, behind2 = (
@@ -179,3 +182,34 @@ def damp(
         for p in range(nodes):
             single[p] = own[p]
             to[p] = 1.0 / max(others[p] + own[p], 1e-300)
+
+
+class StencilOperator:
+    """A 27-point stencil as an operator on planar lattices, preconditioned by its diagonal.
+
+    A product is bound by memory, so couplings that are 0 everywhere are left out (tetrahedral weights join a node with
+    14 others, not with 26), and the others kept in float32.
+    """
+
+    def __init__(self, stencil: Array) -> None:
+        """Take a stencil (14, N_r, N_g, N_b) as `normal_equations` gives it, with a positive diagonal."""
+        _, r, g, b = stencil.shape
+        self.size, self.threads = (r, g, b), cores()
+        kept = [t for t in range(1, 14) if np.any(stencil[t])]
+        even = len(kept) + len(kept) % 2
+        couplings = np.zeros((even, (r + FAR) * g * b), dtype=np.float32)
+        couplings[: len(kept), FAR * g * b :] = stencil[kept].reshape(len(kept), -1)
+        far = np.ones(even, dtype=np.int64)
+        far[: len(kept)] = steps(g, b)[np.array(kept, dtype=np.int64) - 1]
+        self._operator = couplings, np.repeat(stencil[:1].reshape(1, -1), 3, axis=0), far, g * b
+        self._inverse = planar(np.repeat(1 / stencil[0][..., None], 3, axis=3))
+        self._planes = slabs(0, r, run_planes(g * b), self.threads)
+
+    def product(self, b: Array, out: Array) -> None:
+        """Fill out with A b; both (3, nodes and margins)."""
+        out[:] = 0.0
+        run(partial(add_product, 1.0, *self._operator, b, out), self._planes)
+
+    def precondition(self, residual: Array) -> Array:
+        """The residual divided by the diagonal."""
+        return self._inverse * residual
