@@ -71,14 +71,17 @@ def extract(shot: Shot) -> ShotSamples:
 
 def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     cell = cell_size(shot.registration)
-    jpeg, raw = jpeg_cells(shot.jpeg, cell), raw_on_jpeg_cells(shot, cell)
+    raw = raw_on_jpeg_cells(shot, cell)
+    hot = raw.hot
+    raw = raw_on_jpeg_cells(shot, cell, hot) if hot else raw
+    jpeg = jpeg_cells(shot.jpeg, cell, hot)
     inside: NDArray[np.bool_] = np.isfinite(raw.mean[..., 0])
     clip = clipping(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation)
     usable = inside & ~clip.any
     flat = flatness(jpeg, raw, shot.metadata.multipliers, usable)
     agrees = agreement(jpeg, raw)
     is_flat = flat.level < len(LEVELS) - 1
-    notes: list[str] = []
+    notes = ["many hot pixels: left out by medians"] if hot else []
     if np.count_nonzero(is_flat & agrees) < FEW_TILES:
         relaxed = (flat.level < len(LEVELS)) & agrees
         if np.count_nonzero(relaxed) > np.count_nonzero(is_flat & agrees):

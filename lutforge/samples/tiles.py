@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lutforge.samples.clipping import Extremes
-from lutforge.shots.cells import CellStatistics
+from lutforge.shots.cells import REACH, CellStatistics, without_outliers
 from lutforge.shots.shot import Registration
 
 Array = NDArray[np.float64]
@@ -44,20 +44,16 @@ class Limits:
 
 LEVELS = (Limits(3, 0.06, 12), Limits(6, 0.12, 24), Limits(9, 0.2, 40))
 """From strict to the hard bound. Beyond the last a cell is never a tile."""
-_AROUND = 2.5  # times the limit for the structure inside the cells around
-_MAX_NOISE_CODES = 5.0
-_MAX_NOISE_RAW = 0.25
-_NOISE_SPREAD = 2.0  # variance of 64 correlated pixels: from its 10th percentile to its highest
-_GAMMA = 1 / 2.2
 
 
 @dataclass(frozen=True, eq=False)
 class JpegCells:
-    """Statistics of cell × cell JPEG pixels, each (hc, wc, 3), in codes 0–255."""
+    """Statistics of cell × cell JPEG pixels, each (hc, wc, 3), in codes 0–255; count: pixels in a cell."""
 
     mean: Array
     std: Array
     extremes: Extremes
+    count: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +70,35 @@ def cell_size(registration: Registration) -> int:
     return BLOCK * max(1, math.ceil(RAW_SPAN / (BLOCK * registration.scale) - 0.05))
 
 
-def jpeg_cells(jpeg: NDArray[np.uint8], cell: int) -> JpegCells:
-    """Statistics over the grid of cells of a JPEG (h, w, 3); a rest at the right and bottom is left out."""
+def jpeg_cells(jpeg: NDArray[np.uint8], cell: int, hot: bool = False) -> JpegCells:
+    """Statistics over the grid of cells of a JPEG (h, w, 3), of which outliers are no part, as in `raw_on_grid`.
+
+    A rest at the right and bottom is left out.
+    """
     h, w = jpeg.shape[0] // cell, jpeg.shape[1] // cell
-    blocks = jpeg[: h * cell, : w * cell].reshape(h, cell, w, cell, 3)
-    mean = blocks.mean(axis=(1, 3), dtype=np.float64)
-    square = np.square(blocks, dtype=np.float32).mean(axis=(1, 3), dtype=np.float64)
-    std = np.sqrt(np.maximum(0.0, square - mean * mean))
-    low, high = blocks.min(axis=(1, 3)), blocks.max(axis=(1, 3))
-    return JpegCells(mean, std, Extremes(low.astype(np.float64), high.astype(np.float64)))
+    found = np.empty((4, h, w, 3))
+    for channel in range(3):
+        blocks = jpeg[: h * cell, : w * cell, channel].reshape(h, cell, w, cell).swapaxes(1, 2).reshape(h, w, -1)
+        found[..., channel] = mean, std, low, high = _moments(blocks)
+        doubtful = (np.maximum(high - mean, mean - low) > 4 * std) | hot
+        cleaned, _ = without_outliers(
+            blocks[doubtful].astype(np.float64),
+            lambda values: values.mean(axis=-1),
+            lambda cells: cells[:, None],
+            (lambda values: np.median(values, axis=-1)) if hot else None,
+        )
+        found[:, doubtful, channel] = _moments(cleaned)
+    mean, std, low, high = found
+    extremes = Extremes(np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std))
+    return JpegCells(mean, std, extremes, cell * cell)
+
+
+def _moments(blocks: NDArray[np.uint8] | Array) -> tuple[Array, Array, Array, Array]:
+    """Mean, standard deviation, minimum and maximum over the last axis."""
+    mean: Array = blocks.mean(axis=-1, dtype=np.float64)
+    square = np.square(blocks, dtype=np.float32 if blocks.dtype == np.uint8 else np.float64)
+    std = np.sqrt(np.maximum(0.0, square.mean(axis=-1, dtype=np.float64) - mean * mean))
+    return mean, std, blocks.min(axis=-1).astype(np.float64), blocks.max(axis=-1).astype(np.float64)
 
 
 def flatness(jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, usable: Mask) -> Flatness:
@@ -93,21 +109,29 @@ def flatness(jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, us
     level = np.full(usable.shape, len(LEVELS), dtype=np.intp)
     if not usable.any():
         return Flatness(level, np.full(usable.shape, np.inf))
-    jpeg_structure = _structure(jpeg.mean, jpeg.std, usable, _MAX_NOISE_CODES, relative=False).max(axis=-1)
     mean = np.maximum(np.nan_to_num(raw.mean), 1e-6)
-    raw_structure = _structure(mean, np.nan_to_num(raw.std), usable, _MAX_NOISE_RAW, relative=True)
-    raw_structure = (raw_structure / mean).max(axis=-1)
+    raw_std = np.nan_to_num(raw.std)
+    raw_noise = np.minimum(_noise(mean, raw_std, usable, photons=True), (0.25 * mean) ** 2)
+    raw_structure = (_structure(raw_std, raw_noise) / mean).max(axis=-1)
+    # The JPEG's noise is believed up to 5 codes, or what a power of 1/2.2 makes of the RAW's, which white balance,
+    # colour matrix and demosaicking may double. More of it is texture.
+    explained = 2 / 2.2 * jpeg.mean * (np.sqrt(raw_noise) / mean).max(axis=-1, keepdims=True)
+    jpeg_noise = np.minimum(_noise(jpeg.mean, jpeg.std, usable, photons=False), np.maximum(5, explained) ** 2)
+    jpeg_structure = _structure(jpeg.std, jpeg_noise).max(axis=-1)
     if multipliers is None:
         multipliers = mean[usable].mean() / mean[usable].mean(axis=0)
     # RAW on the scale of codes: cell means brought to the brightness of the JPEG's by one gain.
-    encoded = np.power(mean * multipliers, _GAMMA)
+    encoded = np.power(mean * multipliers, 1 / 2.2)
     encoded *= jpeg.mean[usable].mean() / encoded[usable].mean()
-    step = np.maximum(_step(jpeg.mean), _step(encoded))
+    # Neighbours' means differ by their noise, too: four standard deviations of a difference, where those of the means
+    # are twice what they were if pixels were independent.
+    unsure = 4 * math.sqrt(2) * 2 * np.sqrt(_SPREAD * jpeg_noise.max(axis=-1) / jpeg.count)
+    step = np.sqrt(np.maximum(0, np.maximum(_step(jpeg.mean), _step(encoded)) ** 2 - unsure**2))
     around = ndimage.maximum_filter(jpeg_structure, 3)
     for index in reversed(range(len(LEVELS))):
         limits = LEVELS[index]
         flat = (jpeg_structure <= limits.jpeg) & (raw_structure <= limits.raw) & (step <= limits.step)
-        flat &= around <= _AROUND * limits.jpeg
+        flat &= around <= 2.5 * limits.jpeg
         level[usable & flat] = index
     strict = LEVELS[0]
     shares = np.stack([jpeg_structure / strict.jpeg, raw_structure / strict.raw, step / strict.step])
@@ -132,10 +156,21 @@ def agreement(jpeg: JpegCells, raw: CellStatistics) -> Mask:
     return ~varies | agree
 
 
-def _structure(mean: Array, std: Array, usable: Mask, ceiling: float, relative: bool) -> Array:
-    """Standard deviation less noise. Noise against brightness is the lower envelope (10th percentile) over
-    the usable cells of like mean: a picture's flattest tenth shows its noise. It is believed up to
-    `ceiling`."""
+_SPREAD = 2.0
+"""Ratio of the largest variance of 64 correlated pixels of noise to the 10th percentile."""
+
+
+def _structure(std: Array, noise: Array) -> Array:
+    """Standard deviation less that of noise, whose variance is given."""
+    return np.sqrt(np.maximum(0.0, std**2 - _SPREAD * noise))
+
+
+def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
+    """The variance of noise against brightness: its 10th percentile over the usable cells of like mean.
+
+    A picture's flattest tenth shows its noise. photons: it has variance a + b·x, which never falls with x, while
+    variance / x never rises; so one flat group tells the others, whose flattest tenth may be textured.
+    """
     result = np.empty_like(std)
     for channel in range(3):
         x, variance = mean[..., channel], std[..., channel] ** 2
@@ -143,14 +178,10 @@ def _structure(mean: Array, std: Array, usable: Mask, ceiling: float, relative: 
         groups = np.array_split(order, max(1, min(12, len(order) // 50)))
         centres = np.array([np.median(x[usable][group]) for group in groups])
         envelope = np.array([np.quantile(variance[usable][group], 0.1) for group in groups])
-        if relative:
-            # Photon noise has variance a + b·x: it never falls with x, and variance / x never rises.
-            # So one flat group tells the others, whose flattest tenth may be textured.
+        if photons:
             envelope = np.minimum.accumulate(envelope / centres) * centres
             envelope = np.minimum.accumulate(envelope[::-1])[::-1]
-        noise = _NOISE_SPREAD * np.interp(x, centres, envelope)
-        bound = (ceiling * x) ** 2 if relative else np.full_like(x, ceiling**2)
-        result[..., channel] = np.sqrt(np.maximum(0.0, variance - np.minimum(noise, _NOISE_SPREAD * bound)))
+        result[..., channel] = np.interp(x, centres, envelope)
     return result
 
 

@@ -1,15 +1,20 @@
 """RAW statistics over the area of JPEG pixels: each RAW pixel counts by as much of it as a cell covers."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
+from scipy import ndimage, sparse
 
 from lutforge.images.raw import RawImage
 from lutforge.shots.shot import Registration, Shot
 
 Array = NDArray[np.float64]
+
+REACH = 2.4
+"""How far, in standard deviations, noise is taken to reach: 64 pixels of it do on average. Where no more than these
+0.8 % are clipped, the mean moves by less than 0.003 standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,27 +22,37 @@ class CellStatistics:
     """RAW statistics over the areas of cell×cell JPEG pixels: each (hc, wc, 3) float64; NaN where RAW has no
     pixels.
 
-    minimum and maximum are over every RAW pixel that the cell touches.
+    Outliers do not count, see `without_outliers`. minimum and maximum are over every RAW pixel that the cell touches,
+    but no further from the mean than REACH standard deviations. outliers: the share of each cell that does not count.
     """
 
     mean: Array
     std: Array
     minimum: Array
     maximum: Array
+    outliers: Array
+
+    @property
+    def hot(self) -> bool:
+        """True where most cells hold outliers: the picture is strewn with hot pixels."""
+        return bool(np.nanmedian(self.outliers.max(axis=-1)) > 0) if np.isfinite(self.mean).any() else False
 
 
-def raw_on_jpeg_cells(shot: Shot, cell: int) -> CellStatistics:
+def raw_on_jpeg_cells(shot: Shot, cell: int, hot: bool = False) -> CellStatistics:
     """RAW statistics over the grid of non-overlapping cell×cell blocks of JPEG pixels (a rest at the border
     is left out).
 
     The mean and standard deviation weigh each RAW pixel by the area of it that the cell covers, exactly.
+    hot: judge outliers by medians, which takes longer.
     """
     height, width = shot.jpeg.shape[0] // cell, shot.jpeg.shape[1] // cell
-    return raw_on_grid(shot.raw, shot.registration, height, width, cell)
+    return raw_on_grid(shot.raw, shot.registration, height, width, cell, hot)
 
 
-def raw_on_grid(raw: RawImage, registration: Registration, height: int, width: int, cell: int) -> CellStatistics:
-    """As `raw_on_jpeg_cells`, for a grid of height × width cells."""
+def raw_on_grid(
+    raw: RawImage, registration: Registration, height: int, width: int, cell: int, hot: bool = False
+) -> CellStatistics:
+    """RAW statistics as `raw_on_jpeg_cells`, for a grid of height × width cells."""
     pixels = raw.pixels
     rows = cell_edges(registration.scale, registration.offset_y, height, cell, raw.pixel_size)
     columns = cell_edges(registration.scale, registration.offset_x, width, cell, raw.pixel_size)
@@ -45,18 +60,64 @@ def raw_on_grid(raw: RawImage, registration: Registration, height: int, width: i
     weigh_columns = area_weights(columns, pixels.shape[1])
     covered_rows = (rows[:-1] >= -1e-9) & (rows[1:] <= pixels.shape[0] + 1e-9)
     covered_columns = (columns[:-1] >= -1e-9) & (columns[1:] <= pixels.shape[1] + 1e-9)
+    in_row, in_column = (
+        np.clip(np.searchsorted(edges, np.arange(size) + 0.5) - 1, 0, len(edges) - 2)
+        for edges, size in ((rows, pixels.shape[0]), (columns, pixels.shape[1]))
+    )
+    label = in_row[:, None] * width + in_column[None, :]
+
+    def median(values: Array) -> Array:
+        found = ndimage.median(values, label, np.arange(height * width))
+        return np.nan_to_num(np.asarray(found, dtype=np.float64)).reshape(height, width)
+
     outside = ~(covered_rows[:, None] & covered_columns[None, :])
-    result = np.full((4, height, width, 3), np.nan)
+    result = np.full((5, height, width, 3), np.nan)
     for channel in range(3):
-        plane = pixels[..., channel].astype(np.float64)
+        plane, result[4, ..., channel] = without_outliers(
+            pixels[..., channel].astype(np.float64),
+            lambda values: np.asarray(weigh_rows @ values @ weigh_columns.T),
+            lambda cells: cells[np.ix_(in_row, in_column)],
+            median if hot else None,
+        )
         mean = weigh_rows @ plane @ weigh_columns.T
         square = weigh_rows @ (plane * plane) @ weigh_columns.T
-        result[0, ..., channel] = mean
-        result[1, ..., channel] = np.sqrt(np.maximum(0, square - mean * mean))
-        result[2, ..., channel] = _touched(np.minimum, plane, rows, columns)
-        result[3, ..., channel] = _touched(np.maximum, plane, rows, columns)
+        std = np.sqrt(np.maximum(0, square - mean * mean))
+        result[0, ..., channel], result[1, ..., channel] = mean, std
+        result[2, ..., channel] = np.maximum(_touched(np.minimum, plane, rows, columns), mean - REACH * std)
+        result[3, ..., channel] = np.minimum(_touched(np.maximum, plane, rows, columns), mean + REACH * std)
     result[:, outside] = np.nan
     return CellStatistics(*result)
+
+
+def without_outliers(
+    values: Array,
+    average: Callable[[Array], Array],
+    spread: Callable[[Array], Array],
+    median: Callable[[Array], Array] | None = None,
+) -> tuple[Array, Array]:
+    """Replace what lies over four standard deviations from its cell's mean (hot pixels, dust) by that mean, repeatedly.
+
+    average: the means over the cells of such an array. spread: brings numbers of the cells back to its shape. A cell
+    of which that would be more than a sixteenth stays as it is: it shows something. median: the medians over the
+    cells; where given, they and the median deviation take the place of mean and standard deviation, and a quarter of
+    a cell may be outliers. Returns the array, and the share of each cell that was replaced.
+    """
+    replaced = np.zeros(values.shape, dtype=np.bool_)
+    for _ in range(3):
+        if median is None:
+            mean = average(values)
+            std = np.sqrt(np.maximum(0, average(values * values) - mean * mean))
+        else:
+            mean = median(values)
+            std = 1.4826 * median(np.abs(values - spread(mean)))
+        centre = spread(mean)
+        outlier = np.abs(values - centre) > spread(4 * std + 1e-9)
+        outlier &= spread(average((outlier | replaced).astype(np.float64)) <= (1 / 16 if median is None else 1 / 4))
+        if not outlier.any():
+            break
+        values = np.where(outlier, centre, values)
+        replaced |= outlier
+    return values, average(replaced.astype(np.float64))
 
 
 def cell_edges(scale: float, offset: float, count: int, cell: int, pixel_size: float) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lutforge.samples.balance import PER_SHOT
 from lutforge.samples.extract import extract
 from lutforge.shots.read import read_shot
+from lutforge.shots.shot import Shot
 from tests.samples.samples_synthetic import MULTIPLIERS, render, synthetic_shot
 
 
@@ -139,3 +140,28 @@ def test_real_shots(name: str, shared_data: Path) -> None:
     design = np.column_stack([np.ones(len(x)), x, x**2, x**3, x[:, [0]] * x[:, [1]], x[:, [1]] * x[:, [2]]])
     residual = samples.srgb - design @ np.linalg.lstsq(design, samples.srgb, rcond=None)[0]
     assert 255 * np.median(np.abs(residual)) < 3
+
+
+def noisy_shot(raw: NDArray[np.float64], hot: float = 0.0) -> Shot:
+    """A shot whose JPEG is rendered from the noisy RAW, with a share of hot pixels in both."""
+    rng = np.random.default_rng(12)
+    strewn = np.where(rng.random((*raw.shape[:2], 1)) < hot, rng.uniform(0.5, 1, raw.shape), raw)
+    return synthetic_shot(strewn, np.rint(render(np.clip(strewn, 0, 1))).astype(np.uint8))
+
+
+def test_a_high_iso_hides_no_flat_squares() -> None:
+    rng = np.random.default_rng(11)
+    clean = squares(80, 24, 9)
+    noisy = clean + np.sqrt(clean / 400 + 1e-4) * rng.standard_normal(clean.shape)  # 400 electrons at saturation
+    samples = extract(noisy_shot(noisy)).samples
+    assert len(samples) > 100
+    # Noise bends the mean through the tone curve; what is left is far below its own size, 20 codes and more.
+    assert np.abs(samples.srgb * 255 - render(samples.raw)).mean() < 4
+
+
+def test_hot_pixels_are_left_out() -> None:
+    clean = squares(40, 96, 10)
+    few, many = (extract(noisy_shot(clean, share)) for share in (0.0, 0.02))
+    assert many.kept > 0.8 * few.kept > 80
+    assert "hot pixels" in many.summary
+    np.testing.assert_allclose(many.samples.srgb * 255, render(many.samples.raw), atol=0.8)

@@ -18,7 +18,7 @@ def raw_cells(raw: Array) -> CellStatistics:
     h, w = raw.shape[0] // CELL, raw.shape[1] // CELL
     blocks = raw[: h * CELL, : w * CELL].reshape(h, CELL, w, CELL, 3)
     over = (1, 3)
-    return CellStatistics(blocks.mean(over), blocks.std(over), blocks.min(over), blocks.max(over))
+    return CellStatistics(blocks.mean(over), blocks.std(over), blocks.min(over), blocks.max(over), 0 * blocks.min(over))
 
 
 def render(raw: Array) -> NDArray[np.uint8]:

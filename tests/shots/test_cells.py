@@ -13,17 +13,22 @@ def test_cell_statistics_weigh_fractional_borders(pixel_size: float) -> None:
     rng = np.random.default_rng(0)
     pixels = rng.uniform(0, 1, (40, 50, 3))
     found = Registration(1.3, 2.6, 1.1, 1.0)
-    cells = raw_on_grid(raw_image(pixels, pixel_size), found, 4, 5, 3)
+    cells = raw_on_grid(raw_image(pixels, pixel_size), found, 3, 4, 6)
     # by counting on a grid so fine that every border lies on it: 1/20 of a full-resolution pixel
     fine = np.repeat(np.repeat(pixels, round(20 * pixel_size), axis=0), round(20 * pixel_size), axis=1)
-    for row in range(4):
-        for column in range(5):
-            top, left = (1.3 * 3 * row + 1.1) * 20, (1.3 * 3 * column + 2.6) * 20
-            block = fine[round(top) : round(top + 78), round(left) : round(left + 78)]
+    for row in range(3):
+        for column in range(4):
+            top, left = (1.3 * 6 * row + 1.1) * 20, (1.3 * 6 * column + 2.6) * 20
+            block = fine[round(top) : round(top + 156), round(left) : round(left + 156)]
             np.testing.assert_allclose(cells.mean[row, column], block.mean(axis=(0, 1)), atol=1e-6)
             np.testing.assert_allclose(cells.std[row, column], block.std(axis=(0, 1)), atol=1e-5)
-            np.testing.assert_allclose(cells.minimum[row, column], block.min(axis=(0, 1)), atol=1e-6)
-            np.testing.assert_allclose(cells.maximum[row, column], block.max(axis=(0, 1)), atol=1e-6)
+            mean, reach = block.mean(axis=(0, 1)), 2.4 * block.std(axis=(0, 1))
+            low, high = (
+                np.maximum(block.min(axis=(0, 1)), mean - reach),
+                np.minimum(block.max(axis=(0, 1)), mean + reach),
+            )
+            np.testing.assert_allclose(cells.minimum[row, column], low, atol=2e-5)
+            np.testing.assert_allclose(cells.maximum[row, column], high, atol=2e-5)
 
 
 def test_cells_outside_the_raw_are_nan() -> None:
@@ -32,3 +37,16 @@ def test_cells_outside_the_raw_are_nan() -> None:
     assert np.isnan(cells.mean[5]).all()
     np.testing.assert_allclose(cells.mean[:5, 1:5], 1)
     np.testing.assert_allclose(cells.std[:5, 1:5], 0, atol=1e-9)
+
+
+def test_hot_pixels_are_no_part_of_a_cell() -> None:
+    rng = np.random.default_rng(1)
+    clean = 0.2 + 0.01 * rng.standard_normal((80, 80, 3))
+    strewn = np.where(rng.random(clean.shape) < 0.03, 1.0, clean)
+    found = Registration(1.0, 0.0, 0.0, 1.0)
+    for pixels, hot in ((clean, False), (strewn, True)):
+        cells = raw_on_grid(raw_image(pixels), found, 10, 10, 8)
+        assert cells.hot == hot
+        cells = raw_on_grid(raw_image(pixels), found, 10, 10, 8, hot)
+        np.testing.assert_allclose(cells.mean, 0.2, atol=0.006)
+        assert cells.maximum.max() < 0.25
