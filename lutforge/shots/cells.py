@@ -112,7 +112,8 @@ def without_outliers(
             std = 1.4826 * median(np.abs(values - spread(mean)))
         centre = spread(mean)
         outlier = np.abs(values - centre) > spread(4 * std + 1e-9)
-        outlier &= spread(average((outlier | replaced).astype(np.float64)) <= (1 / 16 if median is None else 1 / 4))
+        share = average((outlier | replaced).astype(np.float64))
+        outlier &= spread(share) <= (1 / 16 if median is None else 1 / 4)
         if not outlier.any():
             break
         values = np.where(outlier, centre, values)
