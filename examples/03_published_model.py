@@ -15,7 +15,9 @@ import lutforge as lf
 from lutforge.model.published_model import read_published_model
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_03")
-data = Path(os.environ["LUTFORGE_TEST_DATA"]) / "nus_nikon_d40"
+data = Path(os.environ.get("LUTFORGE_TEST_DATA", "")) / "nus_nikon_d40"
+if not data.is_dir():
+    sys.exit("set LUTFORGE_TEST_DATA to the folder that holds nus_nikon_d40, the authors' model of a Nikon D40")
 
 profile = lf.import_published([data / "fluorescent", data / "other_white_balances"], "Nikon D40")
 print("white balances:", ", ".join(profile.white_balances))

@@ -1,6 +1,6 @@
 """The response of two cameras from exposure brackets without RAW: a digital camera's JPEGs, and scans of film.
 
-    LUTFORGE_TEST_DATA=FOLDER python examples/05_response_from_a_bracket.py OUTPUT_FOLDER
+    LUTFORGE_TEST_DATA=FOLDER python examples/06_response_from_a_bracket.py OUTPUT_FOLDER
 
 FOLDER holds brackets/nikon_e995_window (exposures in EXIF) and brackets/debevec_memorial (exposures in a list).
 """
@@ -14,8 +14,10 @@ from matplotlib.figure import Figure
 
 import lutforge as lf
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_05")
-data = Path(os.environ["LUTFORGE_TEST_DATA"]) / "brackets"
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_06")
+data = Path(os.environ.get("LUTFORGE_TEST_DATA", "")) / "brackets"
+if not data.is_dir():
+    sys.exit("set LUTFORGE_TEST_DATA to the folder that holds brackets, photographs at several exposures")
 
 window = lf.response_from_bracket(sorted((data / "nikon_e995_window").glob("*.jpg")))
 

@@ -1,0 +1,99 @@
+"""README and guide are true: their commands, options, links and pictures exist, and the README's Python runs."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lutforge as lf
+from lutforge.samples.sample_set import SampleSet
+from lutforge.simulate.camera import nikon_d5100
+from tests.conftest import CommandLine
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "examples" / "guide").glob("*.md"))]
+
+
+def commands(text: str) -> list[str]:
+    """The lines of a page that run LutForge, whole where a backslash continues them, and those named in its prose."""
+    whole = text.replace("\\\n", " ")
+    blocks = re.findall(r"^ {4,}(lutforge [^\n]*)", whole, flags=re.MULTILINE)
+    return blocks + re.findall(r"`(lutforge [^`]*)`", whole)
+
+
+@pytest.fixture
+def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("TERM", "dumb")
+
+
+@pytest.fixture
+def known(lutforge: CommandLine, wide: None) -> set[str]:
+    """The commands that `lutforge --help` lists."""
+    listed = lutforge("--help").stdout.split("Commands", 1)[1]
+    return set(re.findall(r"^\W*([a-z][a-z-]+)  ", listed, flags=re.MULTILINE))
+
+
+def test_every_command_is_documented(known: set[str]) -> None:
+    assert len(known) >= 9
+    table = (ROOT / "examples" / "guide" / "commands.md").read_text(encoding="utf-8")
+    assert known == set(re.findall(r"^\| `lutforge ([a-z-]+)", table, flags=re.MULTILINE))
+
+
+@pytest.mark.usefixtures("wide")
+def test_every_command_and_option_in_the_pages_exists(lutforge: CommandLine, known: set[str]) -> None:
+    used: dict[str, set[str]] = {}
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for line in commands(text):
+            command = line.split()[1]
+            if command.startswith("-") or command == "COMMAND":
+                continue
+            assert command in known, f"{page.name}: {line}"
+            used.setdefault(command, set()).update(re.findall(r"(?<!\S)--[a-z-]+", line))
+    for row in re.findall(r"^\| `lutforge [a-z-]+.*", (ROOT / "examples/guide/commands.md").read_text(), re.MULTILINE):
+        used[row.split()[2].strip("`")].update(re.findall(r"(?<=`)--[a-z-]+", row))
+    for command, options in used.items():
+        text = lutforge(command, "--help").stdout
+        assert all(re.search(rf"{option}\b", text) for option in options), (command, options)
+
+
+def test_every_link_and_picture_leads_somewhere() -> None:
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
+            if not target.startswith("http"):
+                assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_the_readme_is_short_and_its_figures_are_those_of_the_guide() -> None:
+    assert len(README.splitlines()) <= 200
+    tables = (ROOT / "examples" / "guide" / "accuracy.md").read_text(encoding="utf-8")
+    figures = re.findall(r"^\| [^|]*\| [^|]*\| \*\*(.+?)\*\*", README, flags=re.MULTILINE)
+    assert len(figures) >= 6
+    for figure in figures:
+        assert figure in tables or figure == "9 of 10", figure
+
+
+def test_its_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = README.split("```python\n", 1)[1].split("```", 1)[0]
+    camera, rng, count = nikon_d5100(), np.random.default_rng(2), 400
+    balances = rng.choice(["tungsten", "daylight"], count)
+    styles = np.where(np.arange(count) % 2, "standard", "vivid")
+    gains = np.array([camera.white_balances[name].multipliers for name in balances])
+    raw = rng.uniform(0.02, 0.5, (count, 3)) / gains
+    srgb = np.array([camera.render(r, s, b) for r, s, b in zip(raw, styles, balances, strict=True)])
+    shot = np.char.add("shot", (np.arange(count) % 4).astype(np.str_))
+    patch = np.arange(count).astype(np.str_)
+    name = np.full(count, "Simulated")
+    lf.write_samples(
+        tmp_path / "samples.csv",
+        SampleSet(name, styles, balances, shot, patch, np.full(count, 0.01), raw, srgb, gains, name),
+    )
+    monkeypatch.chdir(tmp_path)
+    names = {"pixels": rng.random((4, 5, 3))}
+    exec(code, names)
+    assert names["image"].shape == (4, 5, 3)
+    assert (tmp_path / "fix.clf").stat().st_size > 0
+    assert (tmp_path / "camera.npz").stat().st_size > 0
