@@ -3,13 +3,16 @@ of a pixel.
 
 The two pictures differ by a tone curve and a colour matrix, so what is compared is their local structure:
 luma, gamma-compressed, band-passed, and divided by its local contrast. A coarse search (all plausible scales;
-all offsets at once by FFT) is refined by Gauss–Newton steps on scale and offset (Lucas & Kanade 1981), coarse
-to fine. The RAW is always averaged over exactly the area of a JPEG pixel.
+all offsets at once by FFT) proposes places. The one where the RAW's colours explain the JPEG's best is taken, if no
+other does nearly as well, and refined by Gauss–Newton steps on scale and offset (Lucas & Kanade 1981,
+https://www.ijcai.org/Proceedings/81-2/Papers/017.pdf), coarse to fine. The RAW is always averaged over exactly the
+area of a JPEG pixel.
 """
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +29,9 @@ MIN_SIDE = 200
 MIN_CORRELATION = 0.5
 """Below this, structure does not agree: another scene, or a picture too blurred or noisy to register."""
 
-SCALE_SLACK = 0.06
-"""Search range around the scales that the two sizes suggest: cameras trim the borders before they make the
-JPEG."""
-
 _LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601, as in JPEG
-_CODE_NOISE = 0.3 / 255  # of rounding to 8 bits: less structure than this is none
 _COARSE_SIDE = 192
-_WORK_PIXELS = 1_000_000
-_BAND_SIGMA = 6.0  # JPEG pixels: structure coarser than this is left out (shading, tone)
+"""Pixels of the longer side of the copy that is searched."""
 
 Array = NDArray[np.float64]
 
@@ -52,58 +49,119 @@ def register_rotated(
 ) -> tuple[NDArray[np.uint8], Registration]:
     """Turn the JPEG to the sensor's orientation, and register it.
 
-    turns: quarter turns (numpy.rot90) that may do it, the likeliest first; the first to match clearly is
-    taken, else the best. Raises ShotError as `register`.
+    turns: quarter turns (numpy.rot90) that may do it, the likeliest first; the first to match clearly is taken, else
+    the one that explains the JPEG's colours best. Raises ShotError as `register`, and where another place or turn
+    explains them nearly as well.
     """
     channels = _compressed_channels(raw)
     luma = channels @ _LUMA
-    starts: list[tuple[Registration, int]] = []
+    found: list[_Candidate] = []
     for turn in turns:
         reduced = _reduced(raw, np.rot90(jpeg, turn))
-        starts.append((_search(luma, raw.pixel_size, reduced), turn))
-        if starts[-1][0].correlation > 0.55:
+        places = _search(luma, raw.pixel_size, reduced)
+        candidates = [_judged(channels, raw.pixel_size, reduced, place, turn) for place in places]
+        found += candidates
+        if candidates and candidates[0].is_clear:
+            if any(other.turn % 4 == (turn + 2) % 4 for other in found):
+                break
+            # A scene may look alike upside down; the same scale serves there.
+            over = _reduced(raw, np.rot90(jpeg, turn + 2))
+            place = _search(luma, raw.pixel_size, over, scale=places[0].scale)
+            found += [_judged(channels, raw.pixel_size, over, start, turn + 2) for start in place]
             break
-    start, turn = max(starts, key=lambda found: found[0].correlation)
-    turned = np.ascontiguousarray(np.rot90(jpeg, turn))
-    found = _refine(channels, raw.pixel_size, _reduced(raw, turned), start)
-    if not found.correlation >= MIN_CORRELATION:
+    found.sort(key=lambda candidate: candidate.explained, reverse=True)
+    if not found or found[0].explained < 0.5 or found[0].start.correlation < 0.3:
+        best = max((candidate.start.correlation for candidate in found), default=0.0)
+        raise ShotError(_NO_MATCH.format(max(best, 0.0), MIN_CORRELATION))
+    if len(found) > 1 and 1 - found[1].explained < 1.5 * (1 - found[0].explained):
         raise ShotError(
-            f"the JPEG does not match the RAW (correlation {found.correlation:.2f}, "
-            f"needed {MIN_CORRELATION}): another scene, or too little structure to register"
+            "the JPEG lies on the RAW nearly as well at a second place, or turned; register it by another picture: one "
+            "with more structure, as the camera wrote it"
         )
-    return turned, found
+    turned = np.ascontiguousarray(np.rot90(jpeg, found[0].turn))
+    registration = _refine(channels, raw.pixel_size, _reduced(raw, turned), found[0].start)
+    if not registration.correlation >= MIN_CORRELATION:
+        raise ShotError(_NO_MATCH.format(registration.correlation, MIN_CORRELATION))
+    return turned, registration
+
+
+_NO_MATCH = (
+    "the JPEG does not match the RAW (correlation {:.2f}, needed {}): another scene, cropped or retouched, or too "
+    "little structure to register"
+)
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A place, by coarse search, after quarter turns; explained: see `_explained`."""
+
+    start: Registration
+    turn: int
+    explained: float
+
+    @property
+    def is_clear(self) -> bool:
+        return self.start.correlation > 0.55 and self.explained > 0.9
+
+
+def _judged(channels: Array, pixel_size: float, jpeg: "_ReducedJpeg", start: Registration, turn: int) -> _Candidate:
+    """A place that the coarse search found, moved to where it fits best on a coarse copy, and how well it does."""
+    level = jpeg.halved(_halvings(jpeg))
+    place = _unreduced(start, 1 / level.factor)
+    luma = _predicted_luma(channels, pixel_size, level, place)
+    place = _gauss_newton(luma, pixel_size, level.luma, level.weight, place)
+    explained = _explained(channels, pixel_size, level, place)
+    return _Candidate(_unreduced(place, level.factor), turn, explained)
+
+
+def _explained(channels: Array, pixel_size: float, jpeg: "_ReducedJpeg", place: Registration) -> float:
+    """Share of the variance of the JPEG's colours that a quadratic of the RAW's channels explains at a place.
+
+    At a wrong place the layout may agree by chance or symmetry; the colours hardly do.
+    """
+    terms, use = _terms_at(channels, pixel_size, jpeg, place)
+    codes = jpeg.codes.reshape(-1, 3)[use]
+    if len(codes) < 200:
+        return 0.0
+    residual = codes - terms @ _least_squares(terms, codes)
+    total = float(np.square(codes - codes.mean(axis=0)).sum())
+    return 1 - float(np.square(residual).sum()) / max(total, 1e-9)
 
 
 @dataclass(frozen=True, eq=False)
 class _ReducedJpeg:
-    """Luma of the JPEG, averaged over factor×factor pixels, and the weight of each pixel (0: clipped, or a
-    black bar)."""
+    """The JPEG's codes (h, w, 3) / 255, averaged over factor×factor pixels, and the weight of each pixel (0: clipped,
+    or a black bar)."""
 
-    luma: Array
+    codes: Array
     weight: Array
     factor: int
+
+    @cached_property
+    def luma(self) -> Array:
+        return np.asarray(self.codes @ _LUMA)
 
     def halved(self, times: int) -> "_ReducedJpeg":
         """Reduced by 2^times more."""
         if times == 0:
             return self
         weight = (_block_mean(self.weight, 2**times) > 0.99).astype(np.float64)
-        return _ReducedJpeg(_block_mean(self.luma, 2**times), weight, self.factor * 2**times)
+        return _ReducedJpeg(_block_mean(self.codes, 2**times), weight, self.factor * 2**times)
 
 
 def _reduced(raw: RawImage, jpeg: NDArray[np.uint8]) -> _ReducedJpeg:
-    """At most _WORK_PIXELS, and not finer than the RAW array, whose blocks would be compared otherwise."""
+    """At most a million pixels, and not finer than the RAW array, whose blocks would be compared otherwise."""
     height, width = jpeg.shape[:2]
     if max(height, width) < MIN_SIDE or min(height, width) < MIN_SIDE // 2:
         raise ShotError(f"only {width}×{height} pixels: a thumbnail, too small to register")
     factor = max(
-        math.ceil(math.sqrt(height * width / _WORK_PIXELS)),
+        math.ceil(math.sqrt(height * width / 1e6)),
         math.ceil(max(height, width) / max(raw.pixels.shape)),
     )
     small = _block_mean(jpeg.astype(np.float32), factor).astype(np.float64)
     brightest = small.max(axis=2)
     weight = ((brightest < 252) & (brightest > 4)) * _inside_bars(brightest)
-    return _ReducedJpeg(small @ _LUMA / 255, weight, factor)
+    return _ReducedJpeg(small / 255, weight, factor)
 
 
 def _compressed_channels(raw: RawImage) -> Array:
@@ -119,18 +177,29 @@ def _predicted_luma(channels: Array, pixel_size: float, jpeg: _ReducedJpeg, foun
     The colour matrix and the tone curve are unknown; a fixed luma would invert the contrast of many edges
     between saturated colours.
     """
-    shape = (jpeg.luma.shape[0], jpeg.luma.shape[1])
-    sampled = [_sample(channels[..., index], pixel_size, found, shape) for index in range(3)]
-    use = np.flatnonzero((jpeg.weight * sampled[0][1]).ravel() > 0.5)
-    use = use[:: max(1, len(use) // 20_000)]
-    terms = np.stack([*_quadratic(*(plane.ravel()[use] for plane, _ in sampled))], axis=1)
-    normal = terms.T @ terms
-    normal += 1e-6 * (np.trace(normal) / len(normal) + 1e-12) * np.eye(len(normal))
-    weights = np.linalg.solve(normal, terms.T @ jpeg.luma.ravel()[use])
+    terms, use = _terms_at(channels, pixel_size, jpeg, found)
+    weights = _least_squares(terms, jpeg.luma.ravel()[use])
     luma = np.zeros(channels.shape[:2])
     for weight, term in zip(weights, _quadratic(*np.moveaxis(channels, 2, 0)), strict=True):
         luma += weight * term
     return luma
+
+
+def _terms_at(
+    channels: Array, pixel_size: float, jpeg: _ReducedJpeg, place: Registration
+) -> tuple[Array, NDArray[np.intp]]:
+    """The quadratic terms (n, 10) of the RAW under some 20,000 of the JPEG's pixels, and which these are (n,)."""
+    shape = (jpeg.luma.shape[0], jpeg.luma.shape[1])
+    sampled = [_sample(channels[..., index], pixel_size, place, shape) for index in range(3)]
+    use = np.flatnonzero((jpeg.weight * sampled[0][1]).ravel() > 0.5)
+    use = use[:: max(1, len(use) // 20_000)]
+    return np.stack([*_quadratic(*(plane.ravel()[use] for plane, _ in sampled))], axis=1), use
+
+
+def _least_squares(terms: Array, values: Array) -> Array:
+    normal = terms.T @ terms
+    normal += 1e-6 * (np.trace(normal) / len(normal) + 1e-12) * np.eye(len(normal))
+    return np.asarray(np.linalg.solve(normal, terms.T @ values))
 
 
 def _quadratic(r: Array, g: Array, b: Array) -> Iterator[Array]:
@@ -160,13 +229,17 @@ def _block_mean(image: Array, factor: int) -> Array:
     return np.asarray(blocks.mean(axis=(1, 3)))
 
 
-def _structure(luma: Array, weight: Array, sigma: float = _BAND_SIGMA) -> Array:
-    """Luma without its coarse part, divided by its local contrast: what a tone curve leaves as it is."""
+def _structure(luma: Array, weight: Array) -> Array:
+    """Luma without its coarse part, divided by its local contrast: what a tone curve leaves as it is.
+
+    Structure much coarser than 6 pixels is shading and tone. Structure below the noise of rounding to 8 bits is none.
+    """
+    sigma = 6.0
     share = np.maximum(ndimage.gaussian_filter(weight, sigma), 1e-6)
     detail = luma - ndimage.gaussian_filter(luma * weight, sigma) / share
     energy = ndimage.gaussian_filter(detail * detail * weight, sigma) / share
     floor = 0.5 * float(np.average(energy, weights=weight + 1e-12))
-    return np.asarray(detail / np.sqrt(energy + floor + _CODE_NOISE**2) * weight)
+    return np.asarray(detail / np.sqrt(energy + floor + (0.3 / 255) ** 2) * weight)
 
 
 def _sample(luma: Array, pixel_size: float, registration: Registration, shape: tuple[int, int]) -> tuple[Array, Array]:
@@ -180,66 +253,95 @@ def _sample(luma: Array, pixel_size: float, registration: Registration, shape: t
     return np.asarray(sampled), (covers[0][:, None] & covers[1][None, :]).astype(np.float64)
 
 
-def _search(raw_luma: Array, pixel_size: float, jpeg: _ReducedJpeg) -> Registration:
-    """Best of all plausible scales, each with all offsets, on a small copy; in coordinates of the whole
-    JPEG."""
+def _search(raw_luma: Array, pixel_size: float, jpeg: _ReducedJpeg, scale: float | None = None) -> list[Registration]:
+    """The best place at all plausible scales (or at the one given) with all offsets, and the second best of that scale.
+
+    Searched on a small copy; in coordinates of the whole JPEG. Empty where there is nothing to compare.
+    """
     factor = max(1, round(max(jpeg.luma.shape) / _COARSE_SIDE))
     mask = (_block_mean(jpeg.weight, factor) > 0.5).astype(np.float64)
     template = _structure(_block_mean(jpeg.luma, factor), mask)
-    best = Registration(1.0, 0.0, 0.0, -1.0)
-    for scale in _plausible_scales(raw_luma.shape, pixel_size, mask):
-        found = _match(raw_luma, pixel_size, template, mask, float(scale))
-        if found.correlation > best.correlation:
-            best = found
-    return _unreduced(best, factor * jpeg.factor)
+    whole = factor * jpeg.factor
+    scales = _plausible_scales(raw_luma.shape, pixel_size, mask) if scale is None else np.array([scale * whole])
+    if not scales.size:
+        return []
+    sides = [math.ceil(size * pixel_size / scales.min()) for size in raw_luma.shape]
+    shape = [fft.next_fast_len(size + own, real=True) for size, own in zip(sides, template.shape, strict=True)]
+    pattern = _Pattern(template, mask, np.conj(fft.rfft2(template, shape)), np.conj(fft.rfft2(mask, shape)), shape)
+    found = [_match(raw_luma, pixel_size, pattern, float(scale)) for scale in scales]
+    best = max(found, key=lambda places: places[0].correlation)
+    return [_unreduced(place, whole) for place in best]
+
+
+@dataclass(frozen=True, eq=False)
+class _Pattern:
+    """What is looked for: the small JPEG's structure, its mask, and their transforms' conjugates at a shape."""
+
+    template: Array
+    mask: Array
+    matched: NDArray[np.complex128]
+    covering: NDArray[np.complex128]
+    shape: list[int]
 
 
 def _plausible_scales(raw_shape: tuple[int, ...], pixel_size: float, mask: Array) -> Array:
-    """Scales at which the picture (without bars) is as wide or as high as the RAW, and some percent less or
-    more."""
+    """Scales at which the picture (without bars) is as wide or as high as the RAW, 6 % less to 3 % more.
+
+    Cameras trim the borders before they make the JPEG.
+    """
     inside = np.flatnonzero(mask.max(axis=1)), np.flatnonzero(mask.max(axis=0))
     if not inside[0].size or not inside[1].size:
         return np.zeros(0)
     ratios = [raw_shape[axis] * pixel_size / (inside[axis][-1] - inside[axis][0] + 1) for axis in (0, 1)]
-    steps = np.arange(-round(SCALE_SLACK / 0.0075), 2 + round(SCALE_SLACK / 2 / 0.0075)) * 0.0075
+    steps = np.arange(-8, 6) * 0.0075
     scales = np.concatenate([ratio * np.exp(steps) for ratio in ratios])
     scales = np.sort(scales)
     keep = np.concatenate([[True], np.diff(np.log(scales)) > 1e-9])
     return np.asarray(scales[keep])
 
 
-def _match(raw_luma: Array, pixel_size: float, template: Array, mask: Array, scale: float) -> Registration:
-    """Best offset at one scale: normalised cross-correlation of the masked template by FFT."""
-    height, width = template.shape
+def _match(raw_luma: Array, pixel_size: float, pattern: _Pattern, scale: float) -> list[Registration]:
+    """The best offset at one scale by normalised cross-correlation of the masked template, and the best a tenth of the
+    picture or more away from it."""
+    (height, width), shape = pattern.template.shape, pattern.shape
     rows = math.ceil(raw_luma.shape[0] * pixel_size / scale)
     columns = math.ceil(raw_luma.shape[1] * pixel_size / scale)
     origin = Registration(scale, 0.0, 0.0, 0.0)
     plane, cover = _sample(raw_luma, pixel_size, origin, (rows, columns))
     field = _structure(plane, cover)
-    shape = [fft.next_fast_len(size, real=True) for size in (rows + height, columns + width)]
-    transform = fft.rfft2(field, shape)
-    matched = fft.irfft2(transform * np.conj(fft.rfft2(template, shape)), shape)
-    kernel = np.conj(fft.rfft2(mask, shape))
-    energy = fft.irfft2(fft.rfft2(field * field, shape) * kernel, shape)
-    overlap = fft.irfft2(fft.rfft2(cover, shape) * kernel, shape)
-    total = float((template * template).sum())
+    matched = fft.irfft2(fft.rfft2(field, shape) * pattern.matched, shape)
+    energy = fft.irfft2(fft.rfft2(field * field, shape) * pattern.covering, shape)
+    overlap = fft.irfft2(fft.rfft2(cover, shape) * pattern.covering, shape)
+    total = float((pattern.template**2).sum())
     score = matched / np.sqrt(np.maximum(energy, 0.2 * total) * total + 1e-12)
-    score[overlap < 0.8 * mask.sum()] = -1.0
-    y, x = np.unravel_index(int(np.argmax(score)), score.shape)
-    shift_y = int(y) if y < rows else int(y) - shape[0]
-    shift_x = int(x) if x < columns else int(x) - shape[1]
-    return Registration(scale, scale * shift_x, scale * shift_y, float(score[y, x]))
+    score[overlap < 0.8 * pattern.mask.sum()] = -1.0
+    places: list[Registration] = []
+    for _ in range(2):
+        y, x = np.unravel_index(int(np.argmax(score)), score.shape)
+        if places and score[y, x] < 0.5 * places[0].correlation:
+            break
+        shift_y = int(y) if y < rows else int(y) - shape[0]
+        shift_x = int(x) if x < columns else int(x) - shape[1]
+        places.append(Registration(scale, scale * shift_x, scale * shift_y, float(score[y, x])))
+        near_y, near_x = (np.arange(-round(size / 10), round(size / 10) + 1) for size in (height, width))
+        score[np.ix_((y + near_y) % shape[0], (x + near_x) % shape[1])] = -1.0
+    return places
 
 
 def _refine(channels: Array, pixel_size: float, jpeg: _ReducedJpeg, start: Registration) -> Registration:
     """Gauss–Newton from coarse to fine copies of the JPEG; in coordinates of the whole JPEG."""
     found = start
-    for times in range(max(0, round(math.log2(max(jpeg.luma.shape) / _COARSE_SIDE))), -1, -1):
+    for times in range(_halvings(jpeg), -1, -1):
         level = jpeg.halved(times)
         scaled = _unreduced(found, 1 / level.factor)
         raw_luma = _predicted_luma(channels, pixel_size, level, scaled)
         found = _unreduced(_gauss_newton(raw_luma, pixel_size, level.luma, level.weight, scaled), level.factor)
     return found
+
+
+def _halvings(jpeg: _ReducedJpeg) -> int:
+    """How often a JPEG is halved to become about as small as for the coarse search."""
+    return max(0, round(math.log2(max(jpeg.luma.shape) / _COARSE_SIDE)))
 
 
 def _gauss_newton(raw_luma: Array, pixel_size: float, jpeg: Array, weight: Array, start: Registration) -> Registration:

@@ -100,6 +100,36 @@ def test_finds_the_rotation(turns: int) -> None:
     assert error(found, 2.37, (11.3, 7.7), jpeg) < 0.1
 
 
+def symmetric(share: float) -> Array:
+    """A scene that looks alike upside down; in colour too, but for a share of it."""
+    scene = rectangles(seed=6)
+    turned = np.clip(scene[::-1, ::-1] + share * (scene - scene[::-1, ::-1]), 0.02, 0.9)
+    scene[:300] = turned[:300]
+    return scene
+
+
+@pytest.mark.parametrize("turns", [0, 2])
+def test_the_colours_tell_which_side_is_up(turns: int) -> None:
+    scene = symmetric(0.3)
+    jpeg = developed(scene, 2.37, (11.3, 7.7), (245, 330))
+    turned, found = register_rotated(sensor(scene), np.rot90(jpeg, -turns), (0, 2))
+    np.testing.assert_array_equal(turned, jpeg)
+    assert error(found, 2.37, (11.3, 7.7), jpeg) < 0.1
+
+
+def test_refuses_what_fits_nearly_as_well_upside_down() -> None:
+    scene = symmetric(0.01)
+    with pytest.raises(ShotError, match="nearly as well at a second place, or turned"):
+        register_rotated(sensor(scene), developed(scene, 2.4, (4.0, 2.6), (247, 330)), (0, 2))
+
+
+def test_refuses_a_cropped_picture() -> None:
+    scene = rectangles(seed=7)
+    jpeg = developed(scene, 1.2, (5.2, 4.1), (490, 655))
+    with pytest.raises(ShotError, match="another scene, cropped or retouched"):
+        register_rotated(sensor(scene), np.ascontiguousarray(jpeg[98:392, 131:524]))
+
+
 def test_ignores_black_bars() -> None:
     scene = rectangles(seed=3)
     jpeg = developed(scene, 2.45, (3.0, 82.5), (180, 324))
