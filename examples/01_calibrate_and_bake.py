@@ -25,8 +25,7 @@ for name, style in profile.styles.items():
 
 # The camera's look as a LUT: RAW in, JPEG out. The white balance is a gain in front; all share one cube.
 render = profile.render("vivid/daylight")
-lut = lf.bake(render, title="Vivid, daylight")
 for file in ("vivid.clf", "vivid.resolve.cube", "vivid.cube"):
-    written = lut.write(folder / file)
-    error = lf.verify(written.path, render, lut)
-    print(f"{file}: {written.format}; mean error {error.mean:.1e} {written.what_was_lost}")
+    lut = lf.bake(render, folder / file, title="Vivid, daylight")  # to the form that this file can hold
+    error = lf.verify(folder / file, render, lut)
+    print(f"{file}: {lut.summary}; mean error {error.mean:.1e}")

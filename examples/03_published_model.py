@@ -29,6 +29,7 @@ error = render(pairs.balanced / profile.multipliers("standard/daylight")) - pair
 print(f"its {len(error)} measured colours: mean error {np.linalg.norm(error, axis=1).mean() * 255:.2f} codes")
 
 lut = lf.bake(profile.refinish("standard/tungsten", "standard/daylight"), size=33)
-print(lut.write(folder / "tungsten_to_daylight.clf").format)
+lut.write(folder / "tungsten_to_daylight.clf")
+print(lut)
 spaces = lf.build_config([profile]).getColorSpaceNames()
 print("as colour spaces:", ", ".join(name for name in spaces if "standard" in name))

@@ -5,8 +5,9 @@
     samples = lf.read_samples("samples.csv")  # or lf.sample(["a.CRW", …])
     profile = lf.calibrate(samples)
     transform = profile.refinish("standard/tungsten", "vivid/5200K", ev=0.5)
-    lut = lf.bake(transform, size=33)
-    lut.write("fix.cube")
+    lut = lf.bake(transform, size=33)  # a sequence of operations: print(lut), lut(pixels)
+    lut.write("fix.clf")
+    lf.bake(transform, "fix.cube")  # baked to the form of that file, and written
 
 The names are loaded when they are first used, so that importing the package stays fast.
 """
@@ -24,9 +25,9 @@ if TYPE_CHECKING:
     from lutforge.images.raw import read_raw
     from lutforge.luts.bake import bake
     from lutforge.luts.check import check_lut
-    from lutforge.luts.lut import Lut
+    from lutforge.luts.read import read_lut
+    from lutforge.luts.sequence import Lut
     from lutforge.luts.verify import verify
-    from lutforge.luts.write import bake_for
     from lutforge.model.camera_profile import CameraProfile, match
     from lutforge.model.profile_file import load_profile, save_profile
     from lutforge.model.published_model import import_published
@@ -48,7 +49,6 @@ __all__ = [
     "SampleSet",
     "apply",
     "bake",
-    "bake_for",
     "build_config",
     "calibrate",
     "check_lut",
@@ -57,6 +57,7 @@ __all__ = [
     "learning_curves",
     "load_profile",
     "match",
+    "read_lut",
     "read_raw",
     "read_samples",
     "report",
@@ -73,12 +74,11 @@ _HOMES = {
     "CalibrationOptions": "calibration.options",
     "CameraProfile": "model.camera_profile",
     "Evaluation": "evaluation.evaluation",
-    "Lut": "luts.lut",
+    "Lut": "luts.sequence",
     "LutForgeError": "errors",
     "SampleSet": "samples.sample_set",
     "apply": "pipeline.grading",
     "bake": "luts.bake",
-    "bake_for": "luts.write",
     "build_config": "ocio.config",
     "calibrate": "pipeline.calibration",
     "check_lut": "luts.check",
@@ -87,6 +87,7 @@ _HOMES = {
     "learning_curves": "pipeline.calibration",
     "load_profile": "model.profile_file",
     "match": "model.camera_profile",
+    "read_lut": "luts.read",
     "read_raw": "images.raw",
     "read_samples": "samples.table",
     "report": "pipeline.reports",

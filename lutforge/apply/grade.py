@@ -12,9 +12,9 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge import __version__
 from lutforge.errors import ConfigError, LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.chain import LutChain
 from lutforge.luts.ends import read_ends
 from lutforge.luts.processor import OCIO_ERRORS, file_processor
+from lutforge.luts.sequence import Lut
 from lutforge.ocio.check import load_config
 
 
@@ -40,7 +40,7 @@ class Grade:
     takes_linear: bool = False
     gives_linear: bool = False
     oiiotool: tuple[str, ...] = ()
-    lut: LutChain | None = None
+    lut: Lut | None = None
     unchanged: bool = False
 
 

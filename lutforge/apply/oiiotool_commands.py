@@ -11,7 +11,7 @@ from lutforge.apply.job import Job
 from lutforge.errors import ImageError, LutForgeError
 from lutforge.images.read import ImageReader, is_premultiplied
 from lutforge.images.write import SOFTWARE, describe_output, keeps_orientation
-from lutforge.luts.chain import LutChain
+from lutforge.luts.sequence import Lut
 
 _CONVERSIONS = ("--ociofiletransform", "--colorconvert")
 
@@ -22,7 +22,7 @@ def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iter
     folder: where the LUT of a profile's grade is written, once for the images that share it. Pixels are those of
     `apply_image` to within a code value; masks are not written.
     """
-    files: dict[int, tuple[LutChain, Path]] = {}
+    files: dict[int, tuple[Lut, Path]] = {}
     for job in jobs:
         try:
             grade = recipe.grade(job.source)

@@ -16,14 +16,16 @@ from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.images.write import IN_SRGB
 from lutforge.luts.bake import bake
-from lutforge.luts.chain import LutChain, grading_chain
-from lutforge.luts.lut import Lut, lut_from_lattice
+from lutforge.luts.ops import Cube, Matrix, Range
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
+from lutforge.luts.steps import grading_lut
 from lutforge.model.camera_profile import CameraProfile, match, same_light
 from lutforge.model.coverage import confidence
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.profile_file import load_profile
 from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
-from lutforge.model.transform import Refinish, Transform
+from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
 from lutforge.model.white_balance import tinted
 from lutforge.settings import Multipliers, Selector, checked_tint, parse_selector
 from lutforge.shots.discover import RAW_SUFFIXES
@@ -118,14 +120,14 @@ class ProfileRecipe(Rebuilt):
 
     def chain(
         self, camera: CameraProfile, given: Selector, look: CameraProfile, wanted: Selector
-    ) -> tuple[LutChain, OCIO.CPUProcessor]:
+    ) -> tuple[Lut, OCIO.CPUProcessor]:
         """The refinish as LUTs, the same for all pictures with the same settings."""
         key = (camera.camera, str(given), str(wanted))
         found = self._chains.get(key)
         if found is None:
             transform = match(camera, given, look, wanted, self.ev, transfer=self._transfer(camera, look))
             assert isinstance(transform, Refinish)
-            chain = grading_chain(transform, self._baked(transform.linearize), self._baked(transform.render))
+            chain = grading_lut(transform, self._baked(transform.linearize), self._baked(transform.render))
             while len(self._chains) >= MOST_CHAINS:
                 self._chains.pop(next(iter(self._chains)), None)
             found = self._chains[key] = chain, chain.processor()
@@ -153,10 +155,10 @@ class ProfileRecipe(Rebuilt):
         k = 2.0**self.ev
         levels = uniform_levels(2 if transfer is None or transfer.is_linear else 49)
         balanced = transform.exposed(grid(levels) / before) * after
-        first = Lut(before * max(k, 1.0), levels, balanced, min(k, 1.0) * np.eye(3), interpolation="trilinear")
-        chain = LutChain((first, replace(self._baked(transform.render), gain=np.ones(3))))
+        gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
+        exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
         return Grade(
-            chain.processor(),
+            Lut((*exposed, *self._baked(transform.render).ops)).processor(),
             _history(camera.camera, "RAW", look.camera, str(wanted), self.ev),
             attributes=_attributes(look, wanted),
             raw=True,
@@ -208,7 +210,7 @@ class ProfileRecipe(Rebuilt):
         return found
 
     @cached_property
-    def _chains(self) -> dict[tuple[str, str, str], tuple[LutChain, OCIO.CPUProcessor]]:
+    def _chains(self) -> dict[tuple[str, str, str], tuple[Lut, OCIO.CPUProcessor]]:
         return {}
 
     @cached_property
@@ -220,17 +222,18 @@ class ProfileRecipe(Rebuilt):
         return {}
 
     def _baked(self, step: Transform) -> Lut:
-        """The LUT of a linearize or render step, made once for all white balances."""
-        core: object = getattr(step, "lattice", None) or getattr(step, "gamut_map", step)
+        """The LUT of a linearize or render step without its gain and matrix, made once for all white balances."""
+        assert isinstance(step, LatticeTransform | RenderChain | LinearizeChain)
+        core: object = step.lattice if isinstance(step, LatticeTransform) else step.gamut_map
         if core not in self._luts:
-            self._luts[core] = bake(step, display_referred=False)
+            self._luts[core] = bake(replace(step, gain=np.ones(3), matrix=np.eye(3)), display_referred=False)
         return self._luts[core]
 
     def _confidence(self, camera: CameraProfile, style: str) -> OCIO.CPUProcessor:
         key = (camera.camera, style)
         if key not in self._confidences:
             lattice = confidence(camera.styles[style])
-            self._confidences[key] = LutChain((lut_from_lattice(lattice),)).processor()
+            self._confidences[key] = Lut(lattice_ops(lattice)).processor()
         return self._confidences[key]
 
     def _transfer(self, camera: CameraProfile, look: CameraProfile) -> RawTransfer | None:

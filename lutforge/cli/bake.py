@@ -12,8 +12,7 @@ from lutforge.cli.console import note, progress_bar, say
 from lutforge.errors import LutError, SettingsError
 
 if TYPE_CHECKING:
-    from lutforge.luts.chain import LutChain
-    from lutforge.luts.lut import Lut
+    from lutforge.luts.sequence import Lut
     from lutforge.model.camera_profile import CameraProfile
     from lutforge.model.transform import Transform
 
@@ -61,19 +60,16 @@ def bake(
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
     from lutforge.interpolation import INTERPOLATIONS
-    from lutforge.luts.bake import bake as fit_lut
-    from lutforge.luts.chain import bake_chain
-    from lutforge.luts.dialects import DIALECTS
+    from lutforge.luts.bake import bake_forms
     from lutforge.luts.ends import ends_of
-    from lutforge.luts.write import require_form
+    from lutforge.luts.programs import program_named, target_of
+    from lutforge.luts.steps import bake_steps
     from lutforge.model.profile_file import load_profile
 
     if interpolation is not None and interpolation not in INTERPOLATIONS:
         raise SettingsError(f'unknown interpolation "{interpolation}"; choose {" or ".join(INTERPOLATIONS)}')
-    if reader is not None and reader not in DIALECTS:
-        raise LutError(f'unknown program "{reader}" for --for; known: {", ".join(DIALECTS)}')
-    if reader is not None and interpolation is None:
-        interpolation = DIALECTS[reader].interpolation
+    if reader is not None:
+        interpolation = interpolation or program_named(reader).interpolation
     if stages and tolerance is not None:
         raise SettingsError("--stages goes with --size: steps that are exact alone need no tolerance")
     for path in output or []:
@@ -84,36 +80,33 @@ def bake(
         camera, kind, partner, source, target, ev, space, model, transfer or (), neutral_highlights=not stages
     )
     outputs, ends = _outputs(output or [], reader, title, stages), ends_of(kind, space)
-    for path, dialect in outputs.items():
-        require_form(path, dialect, size, scenes=kind == "render" and space != "raw")
+    scenes = kind == "render" and space != "raw"
+    targets = [target_of(path, program, size, interpolation, scenes) for path, program in outputs.items()]
     comments = (f"LutForge {__version__}", *ends.comments, *_held_out(camera, kind, source, target))
-    if stages:
-        with progress_bar("baking"):
-            chain = bake_chain(transform, size, interpolation=interpolation, title=title, comments=comments)
-        for path in outputs:
-            _say_stages(path, chain, transform, kind)
-        return
     with progress_bar("baking") as report:
-        lut = fit_lut(
-            transform,
-            size,
-            tolerance=tolerance,
-            interpolation=interpolation,
-            display_referred=kind != "linearize",
-            title=title,
-            comments=comments,
-            progress=report,
-        )
-    for path, dialect in outputs.items():
-        _write(path, dialect, size, lut, transform, kind)
+        if stages:
+            steps = bake_steps(transform, size, interpolation=interpolation, title=title, comments=comments)
+            luts = [steps] * len(targets)
+        else:
+            luts = bake_forms(
+                transform,
+                targets,
+                tolerance=tolerance,
+                display_referred=kind != "linearize",
+                title=title,
+                comments=comments,
+                progress=report,
+            )
+    for path, lut in zip(outputs, luts, strict=True):
+        _write(path, lut, transform, kind)
     if kind in ("render", "linearize"):
         note("; ".join(ends.comments))
 
 
 def _outputs(named: list[Path], reader: str | None, title: str, stages: bool) -> "dict[Path, str | None]":
-    """Files to write, each once, and the dialect of each; without names, those that suit the program."""
-    from lutforge.luts.dialects import files_for
-    from lutforge.luts.formats.clf import FORMATS as PROCESS_LISTS
+    """Files to write, each once, and the program of each; without names, those that suit the program."""
+    from lutforge.luts.formats.clf import KINDS as PROCESS_LISTS
+    from lutforge.luts.programs import files_for
 
     if not named and reader is None:
         raise LutError(
@@ -132,28 +125,15 @@ def _outputs(named: list[Path], reader: str | None, title: str, stages: bool) ->
     return outputs
 
 
-def _write(path: Path, dialect: str | None, size: int | None, lut: "Lut", transform: "Transform", kind: str) -> None:
+def _write(path: Path, lut: "Lut", transform: "Transform", kind: str) -> None:
+    from lutforge.luts.sequence import format_of
     from lutforge.luts.verify import verify
-    from lutforge.luts.write import write_lut
 
-    written = write_lut(lut, path, dialect, size)
-    held = written.lut or lut
-    error = verify(written.path, transform, held, display_referred=kind != "linearize")
-    lost = f"; {written.what_was_lost}" if written.what_was_lost else ""
-    nodes = "" if "nodes" in written.format else f", {held.size} nodes per axis"
-    say(f"{written.path}: {written.format}{nodes}, {held.interpolation}{lost}")
+    error = verify(lut.write(path), transform, lut, display_referred=kind != "linearize")
+    say(f"{path}: {lut.summary}, {lut.interpolation}")
     say(f"  read back, against the model: {error}")
-    if kind == "linearize" and written.integers:
+    if kind == "linearize" and format_of(path).bits is not None:
         note(f"{path}: whole numbers hold linear light badly: the darks band, and values beyond 1 are lost; use .clf")
-
-
-def _say_stages(path: Path, chain: "LutChain", transform: "Transform", kind: str) -> None:
-    from lutforge.luts.verify import verify
-
-    error = verify(chain.write(path), transform, chain.luts[0], display_referred=kind != "linearize")
-    cubes = " → ".join(f"{lut.size}³" for lut in chain.luts)
-    say(f"{path}: {path.suffix[1:].upper()} in stages, {cubes} nodes")
-    say(f"  read back, against the model: {error}")
 
 
 def choose_transform(

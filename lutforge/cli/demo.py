@@ -97,21 +97,20 @@ class _Row:
 def _bake(profile: "CameraProfile", shots: "DemoShots", folder: Path) -> None:
     from lutforge.luts.bake import bake
     from lutforge.luts.verify import verify
-    from lutforge.luts.write import write_lut
 
     refinish = profile.refinish(shots.source, shots.target, shots.ev)
     jobs = (
-        ("render", profile.render(shots.target), "render.clf", None, True),
-        ("linearize", profile.linearize(shots.source, "acescg"), "linearize_acescg.clf", None, False),
-        ("refinish", refinish, "refinish.clf", None, True),
-        ("refinish", refinish, "refinish.resolve.cube", "resolve", True),
-        ("refinish", refinish, "refinish.cube", None, True),
+        ("render", profile.render(shots.target), "render.clf", True),
+        ("linearize", profile.linearize(shots.source, "acescg"), "linearize_acescg.clf", False),
+        ("refinish", refinish, "refinish.clf", True),
+        ("refinish", refinish, "refinish.resolve.cube", True),
+        ("refinish", refinish, "refinish.cube", True),
     )
-    for title, transform, name, reader, display in jobs:
-        lut = bake(transform, title=f"{profile.camera} {title}", display_referred=display)
-        written = write_lut(lut, folder / name, reader)
-        error = verify(written.path, transform, written.lut or lut, display_referred=display)
-        say(f"   {written.path}: {written.format}; {error}")
+    for title, transform, name, display in jobs:
+        path = folder / name
+        lut = bake(transform, path, title=f"{profile.camera} {title}", display_referred=display)
+        error = verify(path, transform, lut, display_referred=display)
+        say(f"   {path}: {lut.summary}; {error}")
 
 
 def _config(profile: "CameraProfile", folder: Path) -> None:

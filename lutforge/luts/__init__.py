@@ -1,1 +1,3 @@
-"""A baked transform: a 1D shaper per axis in front of a uniform cube, and the files that hold it."""
+"""LUTs: sequences of operations, the files that hold them, and the fit of a transform to them."""
+
+import lutforge.luts.formats  # noqa: F401 - makes the formats known to `Lut.write` and `read_lut`

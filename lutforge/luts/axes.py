@@ -42,10 +42,16 @@ FLOOR = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Axes:
-    """curve: (SHAPER_SIZE, 3) or as given, increasing from 0 to 1; levels: of the input, on the shaper's grid."""
+    """The axes of a cube. levels: of the input, on the shaper's grid. curve: (m, 3), increasing from 0 to 1, or none:
+    the cube is linear in its values between two nodes.
+    """
 
-    curve: Array
+    curve: Array | None
     levels: Levels
+
+    def stretched(self, x: Array) -> Array:
+        """Inputs (…, 3) along the curve; straight on beyond 1."""
+        return x if self.curve is None else through(self.curve, x) + np.maximum(x - 1.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +104,7 @@ def fit_axes(
     if shared:
         masses = [np.mean(masses, axis=0)] * 3
     r, g, b = (snap_levels(_equal(mass, t, size), SHAPER_SIZE) for mass in masses)
-    return Axes(curve, (r, g, b))
+    return Axes(curve if len(curve) > 2 else None, (r, g, b))  # a straight line stretches nothing
 
 
 def _lines(function: Function, t: Array, axis: int, places: Array, gain: Array) -> Array:

@@ -1,11 +1,14 @@
-"""Bake a transform into a shaper and a cube, and a response behind it where the file can hold one.
+"""Bake a transform into a LUT of the form that a file can hold.
 
-A lattice of a profile is baked as it stands, without loss, in the form that the file can hold. Any other transform is
-evaluated densely and fitted by least squares under the reader's own interpolation, with node levels where the function
-bends; it is never merely sampled at the nodes.
+A lattice of a profile is baked as it stands, without loss. Any other transform is evaluated densely and fitted by least
+squares under the reader's own interpolation, with node levels where the function bends; it is never merely sampled at
+the nodes.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,20 +17,17 @@ from scipy.stats import qmc
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.fit import Evaluated, Progress, fit_lut, fit_without_response
-from lutforge.luts.lut import Lut, lut_from_lattice
-from lutforge.luts.parts import Parts, as_one, parts_of
+from lutforge.luts.fit import Evaluated, evaluate, fit_ops
+from lutforge.luts.ops import Cube, Matrix, Op, Range
+from lutforge.luts.programs import Target, target_of
+from lutforge.luts.sequence import FORMS, MAX_SIZE, Form, Lut
+from lutforge.luts.shaper import lattice_ops, levels_behind_gain, node_levels, shaper
+from lutforge.model.lattice import grid
 from lutforge.model.scene_render import SceneRender
 from lutforge.model.transform import LatticeTransform, Transform
+from lutforge.progress import Progress, silent
 
 Array = NDArray[np.float64]
-
-DEFAULT_SIZE = 33
-SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
-"""Sizes that a tolerance is tried at."""
-BEST_ORDER = 3
-"""No error falls faster than with this power of the size (piecewise linear: 2); sizes that cannot do are left out."""
-CHECK_POINTS = 1 << 15
 
 
 @dataclass(frozen=True)
@@ -41,63 +41,113 @@ class BakeError:
 
 def bake(
     transform: Transform,
-    size: int | None = None,
+    path: str | Path | None = None,
     *,
+    size: int | None = None,
+    form: Form = "full",
+    program: str | None = None,
     tolerance: float | None = None,
     interpolation: Interpolation | None = None,
     display_referred: bool = True,
     title: str = "",
     comments: tuple[str, ...] = (),
-    progress: Progress = lambda what, share: None,
-    shaper: bool = True,
-    response: bool = True,
-    shared: bool = False,
     highest: float = 1.0,
+    progress: Progress = silent,
 ) -> Lut:
-    """A LUT of any transform of colours, (…, 3) → (…, 3) on [0, 1]³.
+    """Bake any transform of colours, (…, 3) → (…, 3) on [0, 1]³, to a LUT.
 
-    size: nodes per axis (33; a lattice of a profile keeps its own). tolerance: instead, the smallest size at which 99 %
-    of colours are within this ΔE00; display_referred: the output is encoded sRGB, so that ΔE00 has a meaning.
-    shaper: node levels and input curve are free, else the cube is uniform; shared: one shaper for all three axes;
-    response: there may be a curve behind the cube, which only process lists hold. highest: inputs reach from 0 to this,
-    for scene-linear light. A `SceneRender` brings its own, and a matrix in front where a response may be behind.
-    `Lut.write` fits again where the format of a file cannot hold these.
-    Raises LutError where the size or tolerance cannot be had, or the transform gives numbers that are not finite.
+    path: a file to be written, too; its suffix, and the program that will read it, then choose form, size and
+    interpolation where they are not given. size: nodes per axis (33; a lattice of a profile keeps its own). form: what
+    the LUT may be made of: "full" (CLF, CTF) has curves and matrices around its cube, "shaper" (Resolve's .cube, .csp,
+    .cub, .spi1d with .spi3d) a curve per channel in front of it, "shared" (Houdini's .lut) one curve for all channels,
+    "plain" (3D only) nothing but a uniform cube. tolerance: instead of a size, the ΔE00 that 99 % of colours keep
+    within; the smallest size that does is taken. display_referred: the output is encoded sRGB, so that ΔE00 has a
+    meaning. highest: inputs reach from 0 to this, for scene-linear light.
+    Raises LutError where the size or tolerance cannot be had, the transform gives numbers that are not finite, or the
+    file cannot be written.
     """
-    if size is not None and tolerance is not None:
-        raise LutError("give a size or a tolerance, not both")
-    if size is not None and not 2 <= size <= 129:
-        raise LutError(f"{size} nodes per axis: choose 2 to 129 (17, 33 and 65 are usual)")
-    known = transform if isinstance(transform, Evaluated) else None
-    transform = transform if known is None else known.transform
-    whole = shaper and response and not shared
-    if isinstance(transform, SceneRender) and whole:
-        lut = bake(
-            transform.render, size, tolerance=tolerance, interpolation=interpolation, display_referred=display_referred,
-            progress=progress,
-        )  # fmt: skip
-        return replace(lut, before=transform.to_raw, source=transform, title=title, comments=comments)
-    exact = (
-        _as_it_stands(transform, size, interpolation, response) if shaper and not shared and tolerance is None else None
-    )
-    if exact is not None:
-        return replace(exact, title=title, comments=comments, source=transform)
-    method = interpolation or "tetrahedral"
-    if known is not None and shaper and not (response or shared) and size == known.lut.size:
-        return replace(fit_without_response(known, method), title=title, comments=comments)
-    if isinstance(transform, SceneRender):
-        highest = transform.highest
-    parts = parts_of(transform, response) if shaper and not shared and highest == 1 else as_one(transform, highest)
-    if tolerance is None:
-        lut = fit_lut(transform, parts, size or DEFAULT_SIZE, method, shaper, shared, progress)
-    else:
-        lut = _smallest(transform, parts, tolerance, method, shaper, shared, display_referred, progress)
-    return replace(lut, title=title, comments=comments, highest=highest)
+    if form not in FORMS:
+        raise LutError(f'unknown form "{form}"; choose {", ".join(FORMS)}')
+    target = Target(form, size, interpolation)
+    if path is not None:
+        scenes = highest != 1 or isinstance(transform, SceneRender)
+        target = target_of(Path(path), program, size, interpolation, scenes)
+    (lut,) = bake_forms(
+        transform, [target], tolerance=tolerance, display_referred=display_referred, title=title, comments=comments,
+        highest=highest, progress=progress,
+    )  # fmt: skip
+    if path is not None:
+        lut.write(path)
+    return lut
 
 
-def bake_error(lut: Lut, transform: Transform, display_referred: bool = True) -> BakeError:
-    """Measure a LUT against its transform on a scrambled Sobol set of its input cube."""
-    x = qmc.Sobol(3, rng=7).random(CHECK_POINTS) * lut.highest
+def bake_forms(
+    transform: Transform,
+    targets: Sequence[Target],
+    *,
+    tolerance: float | None = None,
+    display_referred: bool = True,
+    title: str = "",
+    comments: tuple[str, ...] = (),
+    highest: float = 1.0,
+    progress: Progress = silent,
+) -> list[Lut]:
+    """Bake one transform to several forms, as `bake` does to one, and evaluate it once for all forms of a size."""
+    if tolerance is not None and not display_referred:
+        raise LutError("a ΔE00 tolerance has no meaning for scene-linear output; give a size (33 or 65) instead")
+    if tolerance is not None and not tolerance > 0:
+        raise LutError(f"tolerance {tolerance:g}: a ΔE00 above 0 is needed")
+    if not 0 < highest < 65504:
+        raise LutError(f"LUT: inputs up to {highest:g}; half floats end at 65504")
+    scene = transform if isinstance(transform, SceneRender) else None
+    known: dict[tuple[str, int], Evaluated] = {}
+
+    def together(form: Form) -> str:
+        return form if scene is not None or form in ("plain", "shared") else "curves"
+
+    def fitted(target: Target, size: int) -> tuple[Op, ...]:
+        form, key = target.form, (together(target.form), size)
+        whole = scene is not None and form == "full"
+        if key not in known:
+            forms = list(dict.fromkeys(other.form for other in targets if together(other.form) == key[0]))
+            function, reach = transform, _highest(transform, highest)
+            if scene is not None and whole:
+                function, reach = scene.render, 1.0
+            known[key] = evaluate(function, size, forms, reach, progress)
+        progress(f"{size}³ nodes: fitted", 0.8)
+        ops = fit_ops(known[key], form, target.interpolation or "tetrahedral")
+        return joined((Matrix(scene.to_raw), *ops)) if scene is not None and whole else ops
+
+    luts = []
+    for target in targets:
+        if target.size is not None and tolerance is not None:
+            raise LutError("give a size or a tolerance, not both")
+        if target.size is not None and not 2 <= target.size <= MAX_SIZE:
+            raise LutError(f"{target.size} nodes per axis: choose 2 to {MAX_SIZE} (17, 33 and 65 are usual)")
+        if tolerance is not None:
+            measured = partial(_p99, transform, _highest(transform, highest))
+            ops = _smallest(partial(fitted, target), measured, tolerance, target.sizes)
+        else:
+            ops = _as_it_stands(transform, target) or fitted(target, target.size or target.default)
+        luts.append(Lut(ops, title, comments))
+    return luts
+
+
+def joined(ops: Sequence[Op]) -> tuple[Op, ...]:
+    """The same operations with neighbouring matrices made one."""
+    result: list[Op] = []
+    for op in ops:
+        before = result[-1] if result else None
+        if isinstance(op, Matrix) and isinstance(before, Matrix):
+            result[-1] = Matrix(op.matrix @ before.matrix, op.matrix @ before.offset + op.offset)
+        else:
+            result.append(op)
+    return tuple(op for op in result if not (isinstance(op, Matrix) and op.is_identity))
+
+
+def bake_error(lut: Lut, transform: Transform, display_referred: bool = True, highest: float = 1.0) -> BakeError:
+    """Measure a LUT against its transform on a scrambled Sobol set of its input cube, from 0 to `highest`."""
+    x = qmc.Sobol(3, rng=7).random(1 << 15) * highest
     got, wanted = lut(x), transform(x)
     norm = np.linalg.norm(got - wanted, axis=1)
     p99 = None
@@ -106,49 +156,69 @@ def bake_error(lut: Lut, transform: Transform, display_referred: bool = True) ->
     return BakeError(float(norm.mean()), float(norm.max()), p99)
 
 
-def _as_it_stands(
-    transform: Transform, size: int | None, interpolation: Interpolation | None, response: bool
-) -> Lut | None:
-    """A lattice of a profile, where it has the size and the interpolation that are asked for."""
+def _highest(transform: Transform, highest: float) -> float:
+    return transform.highest if isinstance(transform, SceneRender) else highest
+
+
+def _p99(transform: Transform, highest: float, ops: tuple[Op, ...]) -> float:
+    return bake_error(Lut(ops), transform, highest=highest).de00_p99 or 0.0
+
+
+def _as_it_stands(transform: Transform, target: Target) -> tuple[Op, ...] | None:
+    """A lattice of a profile, where it has the size and the interpolation that are asked for and fits the form."""
+    if isinstance(transform, SceneRender) and target.form == "full":
+        ops = _as_it_stands(transform.render, target)
+        return None if ops is None else joined((Matrix(transform.to_raw), *ops))
     if not isinstance(transform, LatticeTransform):
         return None
-    lattice = transform.lattice
-    if lattice.response is not None and not response:
-        if lattice.plain is None:
-            return None
-        lattice = lattice.plain
-    if set(lattice.size) != {size or lattice.size[0]}:
+    lattice = transform.lattice if target.form == "full" else transform.lattice.plain or transform.lattice
+    if set(lattice.size) != {target.size or lattice.size[0]}:
         return None
-    if (interpolation or lattice.interpolation) != lattice.interpolation:
+    if (target.interpolation or lattice.interpolation) != lattice.interpolation:
         return None
-    return lut_from_lattice(lattice, transform.gain, transform.matrix)
+    ops = lattice_ops(lattice)
+    if target.form == "full":
+        return joined((Matrix(np.diag(transform.gain)), Range(), *ops, Matrix(transform.matrix)))
+    folded = _folded(ops, transform)
+    return folded if folded is not None and Lut(folded).has_form(target.form) else None
+
+
+def _folded(ops: tuple[Op, ...], transform: LatticeTransform) -> tuple[Op, ...] | None:
+    """A lattice with its gain in the shaper and its matrix in the cube; None where a response is behind it.
+
+    Node levels L / gain are moved to the shaper's grid, and the cube is evaluated there, so that an output changes by
+    less than its kinks do over one step of the shaper.
+    """
+    parts = Lut(ops).shaper_and_cube()
+    if parts is None:
+        return None
+    curve, cube = parts
+    gain, matrix = transform.gain, transform.matrix
+    if np.all(gain == 1):
+        return (*ops[:-1], Cube(cube.values @ matrix.T, cube.interpolation))
+    levels = levels_behind_gain(node_levels(curve, cube), gain)
+    values = Lut(ops)(np.clip(grid(levels) * gain, 0.0, 1.0)) @ matrix.T
+    return shaper(levels), Cube(values, cube.interpolation)
 
 
 def _smallest(
-    transform: Transform,
-    parts: Parts,
+    fitted: Callable[[int], tuple[Op, ...]],
+    error_of: Callable[[tuple[Op, ...]], float],
     tolerance: float,
-    method: Interpolation,
-    shaper: bool,
-    shared: bool,
-    display_referred: bool,
-    progress: Progress,
-) -> Lut:
-    if not display_referred:
-        raise LutError("a ΔE00 tolerance has no meaning for scene-linear output; give a size (33 or 65) instead")
-    if not tolerance > 0:
-        raise LutError(f"tolerance {tolerance:g}: a ΔE00 above 0 is needed")
-    best, at, sizes = float("inf"), 0, list(SIZES)
-    while sizes:
-        size = sizes[0]
-        lut = fit_lut(transform, parts, size, method, shaper, shared, progress)
-        error = bake_error(replace(lut, highest=2.0**parts.stops), transform).de00_p99 or 0.0
+    sizes: Sequence[int],
+) -> tuple[Op, ...]:
+    best, at, left = float("inf"), 0, list(sizes)
+    while left:
+        size = left[0]
+        ops = fitted(size)
+        error = error_of(ops)
         if error < best:
             best, at = error, size
         if error <= tolerance:
-            return lut
-        sizes = [larger for larger in sizes[1:] if error * (size / larger) ** BEST_ORDER <= tolerance]
+            return ops
+        # No error falls faster than with the third power of the size (piecewise linear: the second).
+        left = [larger for larger in left[1:] if error * (size / larger) ** 3 <= tolerance]
     raise LutError(
-        f"no size up to {SIZES[-1]} brings 99 % of colours within {tolerance:g} ΔE00: the smallest error found is "
-        f"{best:.2g}, at {at}; give a larger tolerance, or --size {SIZES[-1]} for the best there is"
+        f"no size up to {sizes[-1]} brings 99 % of colours within {tolerance:g} ΔE00: the smallest error found is "
+        f"{best:.2g}, at {at}; give a larger tolerance, or --size {sizes[-1]} for the best there is"
     )

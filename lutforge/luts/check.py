@@ -8,140 +8,141 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
-from lutforge.errors import LutError
-from lutforge.luts.contents import Curve, LutContents
+from lutforge.errors import LutError, one_line
+from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.read import read_lut
+from lutforge.luts.sequence import Lut
 
 Array = NDArray[np.float64]
+Colour = tuple[float, float, float]
 
 FALL = 1e-5
 """A step of an output in the wrong direction that is more than rounding."""
-MOST_FALLING = 0.1
-"""Share of steps at which a channel may fall: cameras press strong colours into their gamut, where one makes room."""
-USUAL_SIZES = (17, 33, 65)
 MARKED = "begins with a byte order mark: OpenColorIO and ffmpeg refuse it; save it as UTF-8 without one"
 _NOT_TEXT = ("CLF", "CTF", "Hald image")
 """Formats in which a byte order mark does no harm, or means nothing."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LutReport:
     """A LUT file in figures and words.
 
-    size: nodes per axis, or none; shaper: entries of the 1D table, or none; lowest, highest: of all outputs; clipped:
-    share of nodes with a channel at or beyond 0 or 1; falling: share of the steps along a channel's own axis that go
-    down; problems: what is wrong with the file; readers: program → what it makes of the file.
+    lut: what it holds; dialect: which kind of its format. domain: lowest and highest input; lowest, highest: of all
+    outputs of the last table; clipped: share of its nodes with a channel at 0 or 1, where none is beyond; falling:
+    share of the steps along a channel's own axis that go down; black, white: outputs of the ends of the domain;
+    problems: what is wrong with the file; readers: program → what it makes of the file.
     """
 
     path: Path
-    format: str
+    lut: Lut
     dialect: str
-    title: str
-    comments: tuple[str, ...]
-    size: tuple[int, int, int] | None
-    shaper: int | None
-    response: int | None
-    domain: tuple[tuple[float, float, float], tuple[float, float, float]]
+    domain: tuple[Colour, Colour]
     lowest: float
     highest: float
-    clipped: float
+    clipped: float | None
     falling: float
-    black: tuple[float, float, float] | None
-    white: tuple[float, float, float] | None
+    black: Colour
+    white: Colour
     problems: tuple[str, ...]
     readers: dict[str, str]
-    stages: tuple[str, ...] = ()
 
 
 def check_lut(path: str | Path) -> LutReport:
     """Read any LUT file and say what is in it. Raises LutError, one line, where it cannot be read."""
     path = Path(path)
-    contents = read_lut(path)
-    cube, shaper = contents.cube, contents.shaper
-    last = contents.response
-    outputs = (
-        last.outputs
-        if last is not None
-        else cube
-        if cube is not None
-        else shaper.outputs
-        if shaper is not None
-        else np.zeros((1, 3))
-    )
-    falling = _falling(cube) if cube is not None else 0.0
-    ends: list[tuple[float, float, float] | None] = [None, None]
-    if cube is not None:
-        ends = [_triple(cube[0, 0, 0]), _triple(cube[-1, -1, -1])]
-    marked = contents.format not in _NOT_TEXT and _begins_with_mark(path)
-    opencolorio, black_white = _through_opencolorio(path, contents)
-    if black_white is not None:
-        ends = [_triple(black_white[0]), _triple(black_white[1])]
+    lut = read_lut(path)
+    domain = _domain(lut)
+    outputs = _outputs(lut)
+    beyond = bool(outputs.min() < -1e-6 or outputs.max() > 1 + 1e-6)
+    falling = _falling(lut.cube.values) if lut.cube is not None else 0.0
+    with path.open("rb") as file:
+        marked = lut.metadata.get("format") not in _NOT_TEXT and file.read(len(BOM_UTF8)) == BOM_UTF8
+    dialect = _dialect(lut)
+    black, white = (_triple(colour) for colour in lut(np.array(domain)))
+    found = _through_opencolorio(path, lut, domain)
+    found |= {"other programs": "many refuse the byte order mark"} if marked else _readers(lut, dialect, domain)
     return LutReport(
         path=path,
-        format=contents.format,
-        dialect=contents.dialect,
-        title=contents.title,
-        comments=tuple(text for text in contents.comments if text),
-        size=None if cube is None else (cube.shape[0], cube.shape[1], cube.shape[2]),
-        shaper=None if shaper is None else len(shaper.outputs),
-        response=None if contents.response is None else len(contents.response.outputs),
-        domain=contents.domain,
+        lut=lut,
+        dialect=dialect,
+        domain=domain,
         lowest=float(outputs.min()),
         highest=float(outputs.max()),
-        clipped=float(np.mean(np.any((outputs <= 0) | (outputs >= 1), axis=-1))),
+        clipped=None if beyond else float(np.mean(np.any((outputs <= 0) | (outputs >= 1), axis=-1))),
         falling=falling,
-        black=ends[0],
-        white=ends[1],
-        problems=(*([MARKED] if marked else []), *_problems(contents, falling)),
-        readers={
-            **opencolorio,
-            **({"other programs": "many refuse the byte order mark"} if marked else _readers(contents)),
-        },
-        stages=contents.stages,
+        black=black,
+        white=white,
+        problems=(*([MARKED] if marked else []), *_problems(lut, dialect, falling, beyond)),
+        readers=found,
     )
-
-
-def _begins_with_mark(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(len(BOM_UTF8)) == BOM_UTF8
 
 
 def report_lines(report: LutReport) -> list[str]:
     """The report as lines of text."""
-    lines = [f"{report.path}: {report.format}" + (f", {report.dialect}" if report.dialect else "")]
-    if report.title:
-        lines.append(f"  title     {_shown(report.title)}")
-    lines += [f"  comment   {_shown(text)}" for text in report.comments[:8]]
-    if report.stages:
-        lines.append(f"  stages    {' → '.join(report.stages)}")
-    if report.size is not None:
-        lines.append(f"  cube      {' × '.join(map(str, report.size))} nodes")
-    if report.shaper is not None:
-        lines.append(f"  shaper    {report.shaper} entries")
-    if report.response is not None:
-        lines.append(f"  response  {report.response} entries behind the cube")
+    lut = report.lut
+    dialect = f", {report.dialect}" if report.dialect else ""
+    lines = [f"{report.path}: {lut.metadata.get('format', 'LUT')}{dialect}"]
+    if lut.title:
+        lines.append(f"  title     {one_line(lut.title, 160)}")
+    lines += [f"  comment   {one_line(text, 160)}" for text in lut.comments[:8] if text.strip()]
+    lines += [f"  {number}. {op}" for number, op in enumerate(lut.ops, 1)]
     low, high = report.domain
     if (low, high) != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):
         lines.append(f"  domain    {' '.join(f'{v:g}' for v in low)} to {' '.join(f'{v:g}' for v in high)}")
-    lines.append(
-        f"  outputs   {report.lowest:.6g} to {report.highest:.6g}, {report.clipped:.1%} of the nodes at a limit"
-    )
+    limits = "" if report.clipped is None else f", {report.clipped:.1%} of the nodes at a limit"
+    lines.append(f"  outputs   {report.lowest:.6g} to {report.highest:.6g}{limits}")
     for name, colour in (("black", report.black), ("white", report.white)):
-        if colour is not None:
-            lines.append(f"  {name}     {' '.join(f'{v:.5f}' for v in colour)}")
+        lines.append(f"  {name}     {' '.join(f'{v:.5f}' for v in colour)}")
     lines += [f"  problem   {text}" for text in report.problems]
     lines += [f"  {program}: {verdict}" for program, verdict in report.readers.items()]
     return lines
 
 
-def _shown(text: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in text)[:160]
-
-
-def _triple(colour: NDArray[np.floating]) -> tuple[float, float, float]:
+def _triple(colour: NDArray[np.floating]) -> Colour:
     r, g, b = (float(v) for v in colour)
     return r, g, b
+
+
+def _dialect(lut: Lut) -> str:
+    """Which kind of its format a LUT is, by its tables."""
+    if lut.metadata.get("format") in _NOT_TEXT:
+        return ""
+    if lut.cube is None:
+        return "1D"
+    return "3D" if lut.shaper is None else "1D shaper + 3D"
+
+
+def _domain(lut: Lut) -> tuple[Colour, Colour]:
+    """The inputs of a LUT between which its first table lies; 0 and 1 where a matrix mixes channels in front of it."""
+    low, high = np.zeros(3), np.ones(3)
+    matrix = Matrix(np.eye(3))
+    for op in lut.ops:
+        if isinstance(op, Matrix):
+            matrix = Matrix(op.matrix @ matrix.matrix, op.matrix @ matrix.offset + op.offset)
+        elif isinstance(op, Curve):
+            low, high = (op.inputs[0], op.inputs[-1]) if op.inputs is not None else (low + op.low, 0 * high + op.high)
+            break
+        elif isinstance(op, Cube):
+            break
+    scale = np.diag(matrix.matrix)
+    if not matrix.is_diagonal or np.any(scale <= 0):
+        return (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+    ends = ((end - matrix.offset) / scale for end in (low, high))
+    first, last = (_triple(np.round(end, 9) + 0.0) for end in ends)
+    return first, last
+
+
+def _outputs(lut: Lut) -> Array:
+    """The outputs of the last table (…, 3), behind all that follows it."""
+    for number in range(len(lut.ops) - 1, -1, -1):
+        op = lut.ops[number]
+        if isinstance(op, Curve | Cube):
+            y = op.outputs if isinstance(op, Curve) else op.values
+            for behind in lut.ops[number + 1 :]:
+                y = behind(y)
+            return y
+    return lut(np.array([[0.0] * 3, [1.0] * 3]))
 
 
 def _falling(cube: Array) -> float:
@@ -150,31 +151,50 @@ def _falling(cube: Array) -> float:
     return float(np.mean(np.concatenate([(step < -FALL).ravel() for step in steps])))
 
 
-def _problems(contents: LutContents, falling: float) -> list[str]:
+def _problems(lut: Lut, dialect: str, falling: float, beyond: bool) -> list[str]:
     found = []
-    for name, curve in (("shaper", contents.shaper), ("response", contents.response)):
-        if curve is not None:
-            found += _curve_problems(name, curve)
-    cube = contents.cube
-    if cube is not None:
-        diagonal = cube[tuple(np.arange(min(cube.shape[:3])) for _ in range(3))]
-        if np.any(np.diff(diagonal.mean(axis=1)) < -FALL):
-            found.append("grey becomes darker somewhere where the input becomes lighter")
-        if falling > MOST_FALLING:
-            found.append(
-                f"a channel falls while its own input rises at {falling:.1%} of the steps: banding or solarisation"
-            )
-        if np.ptp(cube) < 1e-6:
-            found.append("all colours become one")
-        if contents.response is None and (cube.min() < -1e-6 or cube.max() > 1 + 1e-6):
-            found.append("outputs leave [0, 1]: programs with integers clip them, others pass them on")
-    if contents.bits == 8:
+    for number, op in enumerate(lut.ops, 1):
+        if isinstance(op, Curve):
+            found += _curve_problems("curve" if len(lut.ops) == 1 else f"curve (operation {number})", op)
+    if lut.cube is not None:
+        found += _cube_problems(lut.cube.values, falling)
+    if beyond:
+        found.append("outputs leave [0, 1]: programs with integers clip them, others pass them on")
+    if lut.metadata.get("bits") == "8":
         found.append("8 bits per channel: gradients will show bands; 16 are usual")
-    if "TITLE" in contents.keywords and contents.dialect.startswith("1D shaper"):
-        found.append("TITLE in a .cube with a shaper: OpenColorIO and Nuke refuse it; delete that line")
-    if contents.keywords & {"DOMAIN_MIN", "DOMAIN_MAX"} and contents.dialect.startswith("1D shaper"):
-        found.append("DOMAIN lines in a .cube with a shaper: OpenColorIO refuses it; delete them")
+    keywords = lut.metadata.get("keywords", "").split()
+    if lut.metadata.get("format") == ".cube" and dialect == "1D shaper + 3D":
+        if "TITLE" in keywords:
+            found.append("TITLE in a .cube with a shaper: OpenColorIO and Nuke refuse it; delete that line")
+        if {"DOMAIN_MIN", "DOMAIN_MAX"} & set(keywords):
+            found.append("DOMAIN lines in a .cube with a shaper: OpenColorIO refuses it; delete them")
     return found
+
+
+def _cube_problems(cube: Array, falling: float) -> list[str]:
+    found = []
+    diagonal = cube[tuple(np.arange(min(cube.shape[:3])) for _ in range(3))]
+    if np.any(np.diff(diagonal.mean(axis=1)) < -FALL):
+        found.append("grey becomes darker somewhere where the input becomes lighter")
+    # Cameras press strong colours into their gamut, where one channel makes room for another.
+    if falling > 0.1:
+        found.append(
+            f"a channel falls while its own input rises at {falling:.1%} of the steps: banding or solarisation"
+        )
+    if np.ptp(cube) < 1e-6:
+        found.append("all colours become one")
+    follows = _followed(cube)
+    if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
+        pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
+        found.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
+    return found
+
+
+def _followed(cube: Array) -> tuple[int, int, int]:
+    """Per output channel, the input channel with which it changes most from end to end, on average."""
+    ends = [np.abs(np.take(cube, -1, axis) - np.take(cube, 0, axis)).reshape(-1, 3).mean(axis=0) for axis in range(3)]
+    r, g, b = np.argmax(np.stack(ends), axis=0).tolist()
+    return r, g, b
 
 
 def _curve_problems(name: str, curve: Curve) -> list[str]:
@@ -188,27 +208,36 @@ def _curve_problems(name: str, curve: Curve) -> list[str]:
     return found
 
 
-def _through_opencolorio(path: Path, contents: LutContents) -> tuple[dict[str, str], Array | None]:
-    """What OpenColorIO makes of the file: its verdict, and the outputs of the lowest and highest input."""
-    if contents.format == "Hald image":
-        return {"OpenColorIO, Nuke": "cannot read images as LUTs"}, None
+def _through_opencolorio(path: Path, lut: Lut, domain: tuple[Colour, Colour]) -> dict[str, str]:
+    """What OpenColorIO makes of the file: its verdict, and how far it is from straight lines between the entries."""
+    if lut.metadata.get("format") == "Hald image":
+        return {"OpenColorIO, Nuke": "cannot read images as LUTs"}
     warnings: list[str] = []
     OCIO.SetLoggingFunction(warnings.append)  # else they appear on the terminal
     try:
-        ends = evaluate(file_processor(path), np.array(contents.domain))
+        processor = file_processor(path)
     except LutError as error:
-        return {"OpenColorIO, Nuke": f"refuses it: {_shown(str(error).removeprefix(f'{path}: '))}"}, None
+        return {"OpenColorIO, Nuke": f"refuses it: {one_line(str(error).removeprefix(f'{path}: '), 300)}"}
     finally:
         OCIO.ResetToDefaultLoggingFunction()
-    verdict = "reads it" + "".join(f"; it warns: {_shown(' '.join(text.split()))}" for text in warnings[:2])
-    return {"OpenColorIO, Nuke": verdict}, ends.astype(np.float64)
+    low, high = np.array(domain)
+    x = (low + np.random.default_rng(0).random((4096, 3)) * (high - low)).astype(np.float32)
+    got, wanted = evaluate(processor, x), lut(x.astype(np.float64))
+    apart = float(np.abs(got - wanted).max() / max(float(np.ptp(wanted)), 1e-9))
+    verdict = "reads it"
+    if apart > 1e-3:
+        curved = lut.shaper is not None and lut.shaper.inputs is not None
+        why = ": it lays a spline through the knots of the curve, others draw straight lines" if curved else ""
+        verdict = f"reads it, up to {apart:.1%} of full scale from what its numbers say{why}"
+    said = "".join(f"; it warns: {one_line(text, 160)}" for text in warnings[:2])
+    return {"OpenColorIO, Nuke": verdict + said}
 
 
-def _readers(contents: LutContents) -> dict[str, str]:
+def _readers(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[str, str]:
     """The other programs that can be expected to meet such a file."""
-    match contents.format, contents.dialect:
-        case ".cube", "1D shaper + 3D (Resolve)":
-            refuses = bool(contents.keywords & {"LUT_1D_INPUT_RANGE", "LUT_3D_INPUT_RANGE"})
+    match lut.metadata.get("format"), dialect:
+        case ".cube", "1D shaper + 3D":
+            refuses = "INPUT_RANGE" in lut.metadata.get("keywords", "")
             wrong = "refuses it" if refuses else "reads it without a word and renders wrong colours"
             return {
                 "DaVinci Resolve": "reads it, shaper included",
@@ -219,22 +248,19 @@ def _readers(contents: LutContents) -> dict[str, str]:
                 "Premiere, After Effects, Photoshop, Final Cut": "do not expect them to read the shaper",
             }
         case ".cube", "3D":
-            return _plain_cube_readers(contents)
+            return _plain_cube_readers(lut.size, domain)
         case ".cube", _:
             return {"ffmpeg lut1d, Resolve, OBS": "read it", "programs of 3D LUTs": "refuse it, or misread it"}
-        case (("CLF" | "CTF"), _):
-            found = {"Resolve, Flame, Baselight, ART": "read CLF" if contents.format == "CLF" else "Flame reads CTF"}
-            if "SMPTE" in contents.keywords:
+        case (("CLF" | "CTF") as kind, _):
+            found = {"Resolve, Flame, Baselight, ART": "read CLF" if kind == "CLF" else "Flame reads CTF"}
+            if "namespace" in lut.metadata:
                 found["colour-clf-io 0.2.0"] = "refuses its namespace (SMPTE ST 2136-1)"
             found["ffmpeg, Photoshop, darktable"] = "cannot read it: give them a 3D-only .cube"
             return found
         case ".csp", _:
             return {"ffmpeg, Photoshop, After Effects": "read it", "Resolve, darktable": "do not read .csp"}
         case ".3dl", _:
-            size = 0 if contents.cube is None else len(contents.cube)
-            found = {"Flame, Lustre, darktable": "read it"}
-            found["ffmpeg"] = "reads it" if size == 17 else f"takes 17 nodes per axis only, not {size}: garbage"
-            return found
+            return _3dl_readers(lut)
         case "Hald image", _:
             return {"RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it", "video programs": "mostly do not"}
         case ((".spi1d" | ".spi3d"), _):
@@ -243,9 +269,22 @@ def _readers(contents: LutContents) -> dict[str, str]:
             return {"other programs": "mostly do not read it"}
 
 
-def _plain_cube_readers(contents: LutContents) -> dict[str, str]:
-    size = 0 if contents.cube is None else len(contents.cube)
-    low, high = contents.domain
+def _3dl_readers(lut: Lut) -> dict[str, str]:
+    """ffmpeg skips one line and takes the rest for 17³ rows of 12 bits (libavfilter/vf_lut3d.c, parse_3dl)."""
+    found = {"Flame, Lustre, darktable": "read it"}
+    if "3DMESH" in lut.metadata.get("keywords", ""):
+        found["ffmpeg"] = "cannot read a .3dl that begins with 3DMESH"
+    elif lut.size != 17:
+        found["ffmpeg"] = f"takes 17 nodes per axis only, not {lut.size}: garbage"
+    elif lut.metadata.get("bits") != "12":
+        found["ffmpeg"] = f"takes the numbers for 12 bits, not {lut.metadata.get('bits')}: wrong colours"
+    else:
+        found["ffmpeg"] = "reads it"
+    return found
+
+
+def _plain_cube_readers(size: int, domain: tuple[Colour, Colour]) -> dict[str, str]:
+    low, high = domain
     found = {"Resolve, Premiere, Photoshop, Final Cut, ffmpeg, OBS, darktable, G'MIC": "read it"}
     if (low, high) != ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)):
         found = {
@@ -258,6 +297,6 @@ def _plain_cube_readers(contents: LutContents) -> dict[str, str]:
         found["After Effects before 2022"] = f"takes up to 64 nodes per axis, not {size}"
     if size > 129:
         found["OpenColorIO, Nuke"] = f"takes up to 129 nodes per axis, not {size}"
-    elif size not in USUAL_SIZES:
+    elif size not in (17, 33, 65):
         found["cameras and monitors"] = f"often take 17, 33 or 65 nodes per axis only, not {size}"
     return found

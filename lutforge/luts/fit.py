@@ -1,90 +1,116 @@
-"""Fit a LUT of a given size to a transform: axes along which it is smooth, then the cube by least squares."""
+"""Fit a cube of a given size to a transform: axes along which it is smooth, then the nodes by least squares.
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+What is costly is evaluating the transform; `evaluate` does it once for all forms of a size.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.axes import Axes, fit_axes, measure_lines
 from lutforge.luts.least_squares import Samples, fit_cube, sample
-from lutforge.luts.lut import Lut
-from lutforge.luts.parts import Parts, slope_weight
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
+from lutforge.luts.parts import Parts, as_one, parts_of, slope_weight
+from lutforge.luts.sequence import Form
+from lutforge.luts.shaper import SHAPER_SIZE, is_even, levels_behind_gain, shaper
 from lutforge.model.lattice import uniform_levels
 from lutforge.model.transform import Transform
+from lutforge.progress import Progress, silent
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
-"""Called with what is being done and the share that is done, 0 … 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluated:
-    """A transform, and what was evaluated of it for a LUT with a response: one without need not do so again.
+    """A transform at the points of a fit, for one size and one or more forms.
 
-    plain: the axes of that one; lut: the one with a response.
+    designs: per form the axes of its cube, behind the gain of the parts; inputs span 0 to `highest`.
     """
 
-    transform: Transform
     parts: Parts
-    plain: Axes
+    designs: Mapping[Form, Axes]
     samples: Samples
-    lut: Lut
-
-    def __call__(self, x: ArrayLike) -> Array:
-        """The transform, (…, 3) → (…, 3)."""
-        return self.transform(x)
+    highest: float
 
 
-def fit_lut(
-    transform: Transform,
-    parts: Parts,
-    size: int,
-    method: Interpolation,
-    shaper: bool = True,
-    shared: bool = False,
-    progress: Progress = lambda what, share: None,
-) -> Lut:
-    """A LUT of a transform's parts; its source is the transform, evaluated where it has a response."""
+def evaluate(
+    transform: Transform, size: int, forms: Sequence[Form], highest: float = 1.0,
+    progress: Progress = silent,
+) -> Evaluated:  # fmt: skip
+    """Evaluate a transform for fits of `size` nodes per axis. O(size³) evaluations.
+
+    forms: "full" and "shaper" share what is evaluated; each of the others stands alone. highest: inputs reach from 0 to
+    this. Raises LutError where the transform is no function of colours.
+    """
     progress(f"{size}³ nodes: where they lie", 0.0)
-    axes, plain = Axes(np.repeat([[0.0], [1.0]], 3, axis=1), uniform_levels(size)), None
-    if shaper:
-        weight = None if parts.response is None else slope_weight(parts.response)
+    shared, plain = "shared" in forms, "plain" in forms
+    parts = parts_of(transform) if highest == 1 and not (shared or plain) else as_one(transform, highest)
+    designs: dict[Form, Axes] = {}
+    if plain:
+        designs["plain"] = Axes(None, uniform_levels(size))
+    else:
         lines = measure_lines(parts.inner, parts.gain, parts.stops)
-        axes = fit_axes(lines, size, weight, parts.curve, shared)
-        if parts.response is not None:
-            plain = fit_axes(lines.through(parts.response), size)
-    designs = (axes.levels,) if plain is None else (axes.levels, plain.levels)
-    samples = sample(parts.inner, designs, parts.gain, lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share))
-    progress(f"{size}³ nodes: fitted", 0.8)
-    lut = _fitted(parts, axes, samples, 0, method, parts.response)
-    source = transform if plain is None else Evaluated(transform, parts, plain, samples, lut)
-    return replace(lut, source=source)
-
-
-def fit_without_response(known: Evaluated, method: Interpolation) -> Lut:
-    """The same transform at the same size as a shaper and a cube."""
-    if known.parts.response is None:
-        raise LutError("the LUT has no response")
-    samples = known.samples.through(known.parts.response)
-    return replace(_fitted(known.parts, known.plain, samples, 1, method, None), source=known)
-
-
-def _fitted(
-    parts: Parts, axes: Axes, samples: Samples, design: int, method: Interpolation, response: Array | None
-) -> Lut:
-    curve = axes.curve if len(axes.curve) > 2 else None  # a straight line stretches nothing
-    empty = Lut(
+        rendered = lines if parts.response is None else lines.through(parts.response)
+        for form in forms:
+            if form == "full":
+                weight = None if parts.response is None else slope_weight(parts.response)
+                designs[form] = fit_axes(lines, size, weight, parts.curve)
+            else:
+                curve = parts.curve if parts.response is None else None
+                axes = fit_axes(rendered, size, None, curve, shared)
+                folded = levels_behind_gain(axes.levels, parts.gain)
+                r, g, b = (axis * gain for axis, gain in zip(folded, parts.gain, strict=True))
+                designs[form] = Axes(axes.curve, (r, g, b))
+    samples = sample(
+        lambda x: parts.inner(np.minimum(x, 1.0)),  # a level in front of a gain is rounded up, beyond what clips
+        tuple(axes.levels for axes in designs.values()),
         parts.gain,
-        axes.levels,
-        samples.nodes[design],
-        parts.matrix,
-        interpolation=method,
-        curve=curve,
-        response=response,
+        lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share),
     )
+    return Evaluated(parts, designs, samples, highest)
+
+
+def fit_ops(evaluated: Evaluated, form: Form, method: Interpolation) -> tuple[Op, ...]:
+    """The operations of a form that come nearest to what was evaluated, under the reader's own interpolation."""
+    parts, axes = evaluated.parts, evaluated.designs[form]
+    response = parts.response if form == "full" else None
+    samples = evaluated.samples
+    if parts.response is not None and response is None:
+        samples = samples.through(parts.response)
     weight = None if response is None else slope_weight(response)
-    cube = fit_cube(samples, design, empty.knots, method, empty.stretched, weight, response is None)
-    return replace(empty, cube=cube)
+    r, g, b = (axes.stretched(np.stack(axes.levels, axis=1))[:, c].copy() for c in range(3))
+    design = list(evaluated.designs).index(form)
+    values = fit_cube(samples, design, (r, g, b), method, axes.stretched, weight, response is None)
+    if form == "full":
+        return full_ops(parts, axes, Cube(values, method), evaluated.highest)
+    folded, gain = Cube(values @ parts.matrix.T, method), parts.gain
+    if form == "plain":
+        return (folded,)
+    if np.all(gain == 1):
+        return (*_shaper(axes, evaluated.highest), folded)
+    r, g, b = (axis / factor for axis, factor in zip(axes.levels, gain, strict=True))
+    at = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None] * gain
+    in_front = None if axes.curve is None else axes.stretched(at)
+    return shaper((r, g, b), SHAPER_SIZE, in_front, evaluated.highest), folded
+
+
+def full_ops(parts: Parts, axes: Axes, cube: Cube, highest: float = 1.0) -> tuple[Op, ...]:
+    """Gain → clamp → shaper → cube → response → matrix, without what changes nothing."""
+    ahead, behind = Matrix(np.diag(parts.gain / highest)), Matrix(parts.matrix)
+    return (
+        *(() if ahead.is_identity else (ahead,)),
+        Range(),
+        *_shaper(axes),
+        cube,
+        *(() if parts.response is None else (Curve(parts.response),)),
+        *(() if behind.is_identity else (behind,)),
+    )
+
+
+def _shaper(axes: Axes, high: float = 1.0) -> tuple[Op, ...]:
+    if axes.curve is None and is_even(axes.levels) and high == 1:
+        return ()
+    return (shaper(axes.levels, SHAPER_SIZE, axes.curve, high),)

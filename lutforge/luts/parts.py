@@ -40,22 +40,22 @@ class Parts:
     stops: float = 0.0
 
 
-def parts_of(transform: Transform, response: bool) -> Parts:
+def parts_of(transform: Transform) -> Parts:
     """What of a transform can be a gain, a curve, a response and a matrix; the cube has to hold the rest."""
     one = np.eye(3)
     if isinstance(transform, LinearizeChain):
         return Parts(_checked(transform.core), transform.gain, transform.matrix, _input_curve(transform.response))
-    if isinstance(transform, RenderChain) and response:
+    if isinstance(transform, RenderChain):
         ahead, back = _output_curve(transform.response)
         to_linear, forward = transform.to_linear, transform.gamut_map
         straight = np.repeat([[0.0], [1.0]], 3, axis=1)
         return Parts(_checked(lambda x: ahead(forward(x @ to_linear.T))), transform.gain, one, straight, back)
-    if isinstance(transform, LatticeTransform) and response and transform.lattice.response is not None:
+    if isinstance(transform, LatticeTransform) and transform.lattice.response is not None:
         lattice = transform.lattice
         return Parts(_checked(lattice.inner), transform.gain, transform.matrix, None, lattice.response)
     if isinstance(transform, Refinish) and transform.transfer is None:
-        first = parts_of(transform.linearize, response)
-        last = parts_of(transform.render, response)
+        first = parts_of(transform.linearize)
+        last = parts_of(transform.render)
         if np.all(first.gain == 1) and first.response is None:
 
             def both(x: Array) -> Array:

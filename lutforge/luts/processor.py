@@ -1,15 +1,20 @@
-"""A LUT file as OpenColorIO evaluates it."""
+"""LUTs and LUT files as OpenColorIO evaluates them."""
 
 import tempfile
 from codecs import BOM_UTF8
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import ArrayLike, NDArray
 
-from lutforge.errors import LutError
+from lutforge.boundary import reading, require_file
+from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
+
+Array = NDArray[np.float64]
 
 OCIO_ERRORS = (OCIO.Exception, OCIO.ExceptionMissingFile)
 """What OpenColorIO raises; in Python the second is not a kind of the first."""
@@ -18,40 +23,140 @@ MAX_BYTES = 512 * 1024 * 1024
 """Largest LUT file that is read; a 129³ cube as text takes about 70 MB."""
 
 
+def group_of(ops: Sequence[Op]) -> OCIO.GroupTransform:
+    """The operations as OpenColorIO's transforms. Raises LutError on a curve at free knots, which it has none of."""
+    group = OCIO.GroupTransform()
+    for op in ops:
+        match op:
+            case Matrix():
+                four = np.eye(4)
+                four[:3, :3] = op.matrix
+                group.appendTransform(OCIO.MatrixTransform(four.ravel().tolist(), [*op.offset.tolist(), 0.0]))
+            case Range():
+                ends = {f"{end}{side}Value": value for end, value in (("min", op.low), ("max", op.high))
+                        for side in ("In", "Out") if value is not None}  # fmt: skip
+                group.appendTransform(OCIO.RangeTransform(**ends))
+            case Curve():
+                if op.inputs is not None:
+                    raise LutError("LUT: OpenColorIO has no curves at free knots; read the file with it instead")
+                if (op.low, op.high) != (0.0, 1.0):
+                    span = op.high - op.low
+                    scale = np.diag([1 / span] * 3 + [1.0]).ravel().tolist()
+                    group.appendTransform(OCIO.MatrixTransform(scale, [-op.low / span] * 3 + [0.0]))
+                curve = OCIO.Lut1DTransform(len(op.outputs), False)
+                curve.setFileOutputBitDepth(OCIO.BIT_DEPTH_F32)
+                curve.setInterpolation(OCIO.INTERP_LINEAR)
+                curve.setData(np.ascontiguousarray(op.outputs, dtype=np.float32).ravel())
+                group.appendTransform(curve)
+            case Cube():
+                cube = OCIO.Lut3DTransform(op.size)
+                cube.setFileOutputBitDepth(OCIO.BIT_DEPTH_F32)
+                tetrahedral = op.interpolation == "tetrahedral"
+                cube.setInterpolation(OCIO.INTERP_TETRAHEDRAL if tetrahedral else OCIO.INTERP_LINEAR)
+                cube.setData(np.ascontiguousarray(op.values, dtype=np.float32).ravel())  # blue fastest
+                group.appendTransform(cube)
+    return group
+
+
+def processor_of(ops: Sequence[Op]) -> OCIO.CPUProcessor:
+    """The operations as OpenColorIO evaluates them, float32 in and out. Raises LutError where it has none such."""
+    try:
+        processor = OCIO.Config.CreateRaw().getProcessor(group_of(ops))
+        return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+    except OCIO_ERRORS as error:
+        raise LutError(f"LUT: OpenColorIO cannot evaluate it: {one_line(str(error))}") from error
+
+
+def ops_of(group: OCIO.GroupTransform) -> tuple[Op, ...]:
+    """OpenColorIO's transforms as operations: those that work channel by channel become curves.
+
+    Raises LutError on one that mixes channels in another way than a matrix or a cube does.
+    """
+    ops: list[Op] = []
+    for part in group:
+        match part:
+            case OCIO.MatrixTransform():
+                four = np.array(part.getMatrix()).reshape(4, 4)
+                ops.append(Matrix(four[:3, :3], np.array(part.getOffset()[:3])))
+            case OCIO.RangeTransform():
+                ops += _range(part)
+            case OCIO.Lut1DTransform() if not part.getInputHalfDomain():
+                ops.append(Curve(part.getData().reshape(-1, 3).astype(np.float64)))
+            case OCIO.Lut3DTransform():
+                size = part.getGridSize()
+                linear = part.getInterpolation() == OCIO.INTERP_LINEAR
+                values = part.getData().reshape(size, size, size, 3).astype(np.float64)
+                ops.append(Cube(values, "trilinear" if linear else "tetrahedral"))
+            case _:
+                ops.append(_tabulated(part))
+    return tuple(ops)
+
+
+def _range(part: OCIO.RangeTransform) -> list[Op]:
+    low = part.getMinInValue() if part.hasMinInValue() else None
+    high = part.getMaxInValue() if part.hasMaxInValue() else None
+    found: list[Op] = [Range(low, high)]
+    if low is not None and high is not None:
+        scale = (part.getMaxOutValue() - part.getMinOutValue()) / (high - low)
+        offset = part.getMinOutValue() - scale * low
+        if (scale, offset) != (1.0, 0.0):
+            found.append(Matrix(scale * np.eye(3), np.full(3, offset)))
+    return found
+
+
+def _tabulated(part: OCIO.Transform) -> Curve:
+    """A transform of single channels at every finite half float, as CLF's half-domain tables have it."""
+    halves = np.unique(np.arange(1 << 16, dtype=np.uint16).view(np.float16))
+    at = np.repeat(halves[np.isfinite(halves)].astype(np.float64)[:, None], 3, axis=1)
+    processor = OCIO.Config.CreateRaw().getProcessor(part).getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+    outputs = evaluate(processor, at).astype(np.float64)
+    # Where one channel changes, the others may not.
+    probes = np.array([[0.1, 0.5, 0.9], [0.1, 0.2, 0.9], [0.1, 0.5, 0.3], [0.7, 0.5, 0.9]])
+    alone = np.stack([np.interp(probes[:, c], at[:, c], outputs[:, c]) for c in range(3)], axis=1)
+    if not np.allclose(evaluate(processor, probes), alone, rtol=1e-3, atol=1e-3):
+        raise LutError(f"{type(part).__name__} mixes channels, which only a matrix or cube may; OpenColorIO applies it")
+    finite = np.all(np.isfinite(outputs), axis=1)
+    return Curve(outputs[finite], inputs=at[finite])
+
+
+def file_group(
+    path: str | Path, interpolation: Interpolation = "tetrahedral", inverse: bool = False
+) -> tuple[OCIO.GroupTransform, OCIO.Processor]:
+    """What OpenColorIO reads in a LUT file: its transforms, with their metadata, and their processor.
+
+    Raises LutError, in one line, also where a table holds what is not a finite number.
+    """
+    path = Path(path)
+    require_file(path, "a LUT", LutError, MAX_BYTES)
+    OCIO.ClearAllCaches()  # else a file that was written again is read from memory
+    direction = OCIO.TRANSFORM_DIR_INVERSE if inverse else OCIO.TRANSFORM_DIR_FORWARD
+    # "Best" is tetrahedral for cubes, and unlike that name it is quiet about files of 1D tables.
+    method = OCIO.INTERP_BEST if interpolation == "tetrahedral" else OCIO.INTERP_LINEAR
+    with tempfile.TemporaryDirectory() as folder, reading(path, "a LUT", LutError):
+        link = path.absolute()
+        if {"$", "%"} & set(str(path)):  # OpenColorIO replaces variables in a path: give it one that has none
+            link = Path(folder) / f"lut{path.suffix}"
+            link.symlink_to(path.resolve())
+        try:
+            processor = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(str(link), "", method, direction))
+            group = processor.createGroupTransform()
+            _require_finite(group, path)
+            return group, processor
+        except OCIO_ERRORS as error:
+            raise LutError(f"{path}: {_reason(str(error), str(link), path)}") from error
+
+
 def file_processor(
     path: str | Path, interpolation: Interpolation = "tetrahedral", inverse: bool = False
 ) -> OCIO.CPUProcessor:
     """An OpenColorIO processor, float32 in and out, of any LUT file that it reads.
 
     interpolation: for cubes of files that name none themselves (CLF and CTF do). inverse: the file backward.
-    Raises LutError, in one line, also where a table holds what is not a finite number.
+    Raises LutError as `file_group` does.
     """
-    path = Path(path)
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise LutError(f"{path}: {error.strerror or 'cannot be opened'}") from error
-    if path.is_dir() or size == 0 or size > MAX_BYTES:
-        what = "a folder" if path.is_dir() else "empty" if size == 0 else "too large for a LUT"
-        raise LutError(f"{path}: {what}, not a LUT file")
-    OCIO.ClearAllCaches()  # else a file that was written again is read from memory
-    direction = OCIO.TRANSFORM_DIR_INVERSE if inverse else OCIO.TRANSFORM_DIR_FORWARD
-    # "Best" is tetrahedral for cubes, and unlike that name it is quiet about files of 1D tables.
-    method = OCIO.INTERP_BEST if interpolation == "tetrahedral" else OCIO.INTERP_LINEAR
-    with tempfile.TemporaryDirectory() as folder:
-        link = path.absolute()
-        if {"$", "%"} & set(str(path)):  # OpenColorIO replaces variables in a path: give it one that has none
-            link = Path(folder) / f"lut{path.suffix}"
-            link.symlink_to(path.resolve())
-        try:
-            transform = OCIO.FileTransform(str(link), "", method, direction)
-            processor = OCIO.Config.CreateRaw().getProcessor(transform)
-            _require_finite(processor.createGroupTransform(), path)
-            return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
-        except OCIO_ERRORS as error:
-            raise LutError(f"{path}: {_reason(str(error), str(link), path)}") from error
-        except UnicodeDecodeError as error:  # its message quotes bytes of the file
-            raise LutError(f"{path}: OpenColorIO cannot read it: there is text in it that is not UTF-8") from error
+    _, processor = file_group(path, interpolation, inverse)
+    with reading(path, "a LUT", LutError):
+        return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
 
 
 def evaluate(processor: OCIO.CPUProcessor, x: ArrayLike) -> NDArray[np.float32]:
@@ -72,15 +177,16 @@ def _require_finite(parts: OCIO.GroupTransform, path: Path) -> None:
 
 def _reason(message: str, link: str, path: Path) -> str:
     """OpenColorIO's message about a file as part of one line, with what to do where the cause is known."""
-    line = " ".join(message.replace(link, path.name).split())
     with path.open("rb") as file:
-        if file.read(len(BOM_UTF8)) == BOM_UTF8:
-            return "begins with a byte order mark, which OpenColorIO does not read; save it as UTF-8 without one"
+        head = file.read(4096)
+    if head.startswith(BOM_UTF8):
+        return "begins with a byte order mark, which OpenColorIO does not read; save it as UTF-8 without one"
     if path.suffix.lower() == ".cube":
-        text = path.read_text("utf-8", "replace")[:4000].upper()
+        text = head.decode("utf-8", "replace").upper()
         if "LUT_1D_SIZE" in text and "LUT_3D_SIZE" in text and ("TITLE" in text or "DOMAIN_M" in text):
             return (
                 "a .cube with a shaper (LUT_1D_SIZE and LUT_3D_SIZE) must hold neither TITLE nor DOMAIN "
                 "lines for OpenColorIO; delete those lines"
             )
-    return f"OpenColorIO cannot read it: {line[:300]}"
+    said = message.replace(link, path.name).split("failed with: ")[-1]
+    return f"OpenColorIO cannot read it: {one_line(said.split('All formats')[0])}"

@@ -13,18 +13,14 @@ from numpy.typing import NDArray
 
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.errors import LutError
-from lutforge.interpolation import Interpolation, interpolate
-from lutforge.luts.lut import Lut
+from lutforge.interpolation import Interpolation
+from lutforge.luts.formats import hald, spi
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.read import read_lut
 from lutforge.luts.sample_points import sample_points
 from lutforge.luts.second_reader import disagreement
-from lutforge.model.lattice import uniform_levels
+from lutforge.luts.sequence import Lut
 from lutforge.model.transform import Transform
-
-HALD_SUFFIXES = (".png", ".tif", ".tiff")
-SPI_SUFFIXES = (".spi1d", ".spi3d")
-"""A shaper and a cube that belong together, in the order in which they are used."""
 
 
 @dataclass(frozen=True)
@@ -63,21 +59,13 @@ def verify(
 ) -> FileError:
     """Compare the file, as a reader evaluates it in float32, with a reference.
 
-    lut: the LUT that was written: more points near its node levels, and its interpolation; without it, a
-    uniform cube and tetrahedral. interpolation overrides: what the file's consumer will use. Raises LutError.
+    lut: the LUT that was written: points near its nodes, and its interpolation; without it, those of the file, and
+    tetrahedral. interpolation overrides: what the file's consumer will use. Raises LutError.
     """
-    method = interpolation or (lut.interpolation if lut is not None else "tetrahedral")
-    levels = lut.levels if lut is not None else uniform_levels(33)
-    gain = lut.gain if lut is not None else np.ones(3)
-    x = sample_points(levels, gain)
-    if lut is not None:
-        x = x * lut.highest
-    if lut is not None and lut.before is not None:
-        x = x @ np.linalg.inv(lut.before).T
-        x = np.concatenate([x, 2 * x[::8]])  # and what the camera clips
-    # Rounded to float32 first: both sides get the very same input.
-    x = x.astype(np.float32).astype(np.float64)
     path = Path(path)
+    method = interpolation or (lut.interpolation if lut is not None else "tetrahedral")
+    # Rounded to float32 first: both sides get the very same input.
+    x = sample_points(lut or read_lut(path)).astype(np.float32).astype(np.float64)
     got = _read_back(path, method)(x)
     second = disagreement(_files(path), x, got.astype(np.float64), method)
     return replace(compare(got, reference(x), x, display_referred), second=second)
@@ -85,13 +73,13 @@ def verify(
 
 def _files(path: Path) -> list[Path]:
     """The file, or the pair that it belongs to, in the order in which they are used."""
-    pair = [path.with_suffix(end) for end in SPI_SUFFIXES]
-    return pair if path.suffix.lower() in SPI_SUFFIXES and all(file.is_file() for file in pair) else [path]
+    pair = [path.with_suffix(end) for end in spi.PAIR]
+    return pair if path.suffix.lower() in spi.PAIR and all(file.is_file() for file in pair) else [path]
 
 
 def _read_back(path: Path, method: Interpolation) -> Callable[[NDArray[np.float64]], NDArray[np.float32]]:
     """What a reader of the file makes of colours (n, 3)."""
-    if path.suffix.lower() not in HALD_SUFFIXES:
+    if path.suffix.lower() not in hald.FORMAT.suffixes:
         processors = [file_processor(file, method) for file in _files(path)]
 
         def through(x: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -104,8 +92,8 @@ def _read_back(path: Path, method: Interpolation) -> Callable[[NDArray[np.float6
     cube = read_lut(path).cube
     if cube is None:
         raise LutError(f"{path}: holds no cube")
-    levels = uniform_levels(len(cube))
-    return lambda x: interpolate(x, levels, cube, method).astype(np.float32)
+    as_read = replace(cube, interpolation=method)
+    return lambda x: as_read(x).astype(np.float32)
 
 
 def compare(

@@ -7,13 +7,13 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.errors import ConfigError
-from lutforge.luts.lut import Lut
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.archive import write_archive
 from lutforge.ocio.base_config import LUT_FOLDER, add_displays, base_config
 from lutforge.ocio.cameras import Camera, name_cameras
 from lutforge.ocio.file_rules import camera_rules, put_first
+from lutforge.ocio.lattice_lut import LatticeLut as Lut
 from lutforge.ocio.looks import REFINISH, add_looks
 from lutforge.ocio.lut_files import write_compact
 from lutforge.ocio.merge import BaseConfig, merged, open_base

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.atomic_write import atomic_path
 from lutforge.interpolation import through
 from lutforge.luts.formats import clf
-from lutforge.luts.lut import Lut
+from lutforge.luts.formats.text import write_text
 from lutforge.model.lattice import grid
+from lutforge.ocio.lattice_lut import LatticeLut as Lut
 from lutforge.solvers.node_levels import snap_levels
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def compact(lut: Lut) -> Lut:
     if lut.response is not None:
         table = lut.response if len(lut.response) <= CURVE_SIZE else through(lut.response, even)
         lut = replace(lut, response=rounded(table))
-    return replace(lut, cube=rounded(lut.cube), source=None)
+    return replace(lut, cube=rounded(lut.cube))
 
 
 def rounded(values: Array) -> Array:
@@ -50,10 +50,7 @@ def rounded(values: Array) -> Array:
 
 def write_compact(lut: Lut, path: Path) -> None:
     """Write a compact LUT as CLF, atomically; the same bytes for the same LUT. Raises LutError."""
-    with atomic_path(path) as temporary:
-        clf.write(lut, temporary)
-        text = temporary.read_text(encoding="utf-8")
-        temporary.write_text(_squeezed(text), encoding="utf-8", newline="\n")
+    write_text(path, _squeezed(clf.text_of(lut.as_lut())), "utf-8")
 
 
 def _squeezed(text: str) -> str:

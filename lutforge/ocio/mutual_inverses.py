@@ -29,10 +29,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.interpolation import Levels, interpolate
-from lutforge.luts.lut import Lut, padded_levels
+from lutforge.luts.shaper import padded_levels
 from lutforge.model.lattice import grid
 from lutforge.model.transform import Transform
 from lutforge.ocio.exact_inverse import exact_inverse
+from lutforge.ocio.lattice_lut import LatticeLut as Lut
 from lutforge.ocio.layered_levels import even_levels, layered, neutral_nodes, unlayered
 from lutforge.ocio.lut_files import CURVE_SIZE, compact
 from lutforge.ocio.made_colours import MadeColours
@@ -125,7 +126,7 @@ def finer(render: Render, size: int) -> Render:
         return render
     lut = render.lut
     r, g, b = (snap_levels(padded_levels(axis, size), CURVE_SIZE) for axis in lut.levels)
-    cube = lut.inner(lut.lowest + (lut.highest - lut.lowest) * grid((r, g, b)))
+    cube = lut.inner(lut.lowest + (1 - lut.lowest) * grid((r, g, b)))
     return as_render(compact(replace(lut, levels=(r, g, b), cube=cube, shaper_size=CURVE_SIZE)))
 
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from lutforge.interpolation import Levels, interpolate
-from lutforge.luts.lut import Lut
 from lutforge.model.lattice import grid
 from lutforge.ocio.joint_fit import Cubes, places, refine
+from lutforge.ocio.lattice_lut import LatticeLut as Lut
 from lutforge.ocio.layered_levels import neutral_nodes
 from lutforge.ocio.lut_files import CURVE_SIZE, compact, rounded
 from lutforge.ocio.made_colours import MadeColours, cells, climbed, crowded, scattered, tetrahedra, thinned

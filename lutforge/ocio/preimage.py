@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lutforge.compiled import compiled
 from lutforge.interpolation import locate, through
-from lutforge.luts.lut import Lut
+from lutforge.ocio.lattice_lut import LatticeLut as Lut
 from lutforge.threads import run, slabs
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ class Render:
 def as_render(lut: Lut) -> Render:
     """The parts of a render LUT."""
     response = np.repeat([[0.0], [1.0]], 3, axis=1) if lut.response is None else lut.response
-    levels = lut.lowest + (lut.highest - lut.lowest) * np.stack(lut.knots)
+    levels = lut.lowest + (1 - lut.lowest) * np.stack(lut.knots)
     return Render(lut, levels, lut.cube, lut.interpolation == "tetrahedral", response)
 
 

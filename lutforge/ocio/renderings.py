@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from lutforge.errors import ConfigError
 from lutforge.luts.bake import bake
-from lutforge.luts.lut import Lut
 from lutforge.model.transform import LatticeTransform, LinearizeChain, RenderChain, Transform
 from lutforge.ocio.cameras import Camera
+from lutforge.ocio.lattice_lut import LatticeLut as Lut
+from lutforge.ocio.lattice_lut import lattice_lut
 from lutforge.ocio.lut_files import compact
 from lutforge.ocio.made_colours import climbed, spread
 from lutforge.ocio.mutual_inverses import consistent
@@ -100,9 +101,9 @@ def baked(rendering: Rendering) -> BakedRendering:
     title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
     render = linearize = trip = None
     if rendering.render is not None:
-        render = compact(bake(rendering.render, title=f"{title} render"))
+        render = compact(lattice_lut(bake(rendering.render, title=f"{title} render")))
     if rendering.linearize is not None:
-        linearize = compact(bake(rendering.linearize, title=f"{title} linearize"))
+        linearize = compact(lattice_lut(bake(rendering.linearize, title=f"{title} linearize")))
     if render is not None and linearize is not None:
         render, linearize, trip = consistent(render, linearize, rendering.render, rendering.support)
     luts: dict[str, Lut] = {}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.luts.lut import Lut
+from lutforge.ocio.lattice_lut import LatticeLut as Lut
 from lutforge.ocio.made_colours import as_8_bit, climbed, spread
 
 Array = NDArray[np.float64]

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from io import BytesIO
 from os import cpu_count
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
@@ -23,8 +22,6 @@ from lutforge.errors import ImageError, SettingsError
 from lutforge.images.read import read_image
 from lutforge.images.write import upright
 from lutforge.luts.bake import bake
-from lutforge.luts.processor import file_processor
-from lutforge.luts.write import write_lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.transform import LatticeTransform, LinearizeChain, RenderChain, Transform
 from lutforge.model.white_balance import temperature_range
@@ -128,9 +125,7 @@ class Preview:
 
 
 def _processor(transform: Transform) -> OCIO.CPUProcessor:
-    with TemporaryDirectory() as folder:
-        written = write_lut(bake(transform, interpolation=None), Path(folder) / "preview.clf")
-        return file_processor(written.path)
+    return bake(transform).processor()
 
 
 def _shown(codes: NDArray[np.uint8], overlay: bool, began: float) -> Shown:

@@ -16,11 +16,12 @@ from lutforge.apply.inputs import Input
 from lutforge.errors import ImageError, LutError
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
-from lutforge.luts.lut import Lut
 from lutforge.luts.processor import file_processor
+from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import grid
 from lutforge.solvers.node_levels import snap_levels
+from tests.luts.made_luts import lut_of_nodes
 
 Pixels = NDArray[np.float32]
 
@@ -29,12 +30,12 @@ Pixels = NDArray[np.float32]
 def lut() -> Lut:
     axis = snap_levels(np.linspace(0, 1, 17) ** 2, SHAPER_SIZE)
     levels = (axis, axis, axis)
-    return Lut(np.array([1.4, 1.0, 0.9]), levels, np.sqrt(grid(levels))[..., ::-1], np.eye(3))
+    return lut_of_nodes(levels, np.sqrt(grid(levels))[..., ::-1], (1.4, 1.0, 0.9))
 
 
 @pytest.fixture(scope="module")
 def lut_file(lut: Lut, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return lut.write(tmp_path_factory.mktemp("lut") / "look.clf").path
+    return lut.write(tmp_path_factory.mktemp("lut") / "look.clf")
 
 
 def picture(height: int = 30, width: int = 50, channels: int = 3) -> Pixels:
@@ -121,7 +122,7 @@ def test_what_cannot_be_graded(tmp_path: Path, lut_file: Path) -> None:
     os.link(colour, tmp_path / "link.tif")
     with pytest.raises(ImageError, match="replace the input"):
         apply_image(grade, colour, tmp_path / "link.tif")
-    with pytest.raises(LutError, match="No such file"):
+    with pytest.raises(LutError, match="no such file"):
         LutRecipe(tmp_path / "none.clf").grade(colour)
     assert not (tmp_path / "out.tif").exists()
 

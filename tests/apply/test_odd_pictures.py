@@ -17,8 +17,8 @@ from lutforge.apply.inputs import find_inputs
 from lutforge.colour.adobe_rgb import NAME, adobe_rgb_profile
 from lutforge.images.read import read_image
 from lutforge.luts.ends import ends_of, read_ends
-from lutforge.luts.formats import clf, csp, cube_3d
-from lutforge.luts.lut import Lut
+from lutforge.luts.ops import Cube
+from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from tests.apply.graded_images import Pixels, write_cube, write_picture
 
@@ -151,9 +151,7 @@ def test_raw_files_of_a_folder_are_rendered_unless_their_picture_is_there(tmp_pa
 @pytest.mark.parametrize(("kind", "space"), [("render", "raw"), ("linearize", "acescg"), ("refinish", "raw")])
 def test_a_lut_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, suffix: str, kind: str, space: str) -> None:
     ends, levels = ends_of(kind, space), uniform_levels(2)
-    lut = Lut(np.ones(3), levels, grid(levels), np.eye(3), title="x", comments=("LutForge 1", *ends.comments))
-    write = {".cube": cube_3d.write, ".csp": csp.write}.get(suffix, clf.write)
-    write(lut, tmp_path / f"a{suffix}")
+    Lut((Cube(grid(levels)),), "x", ("LutForge 1", *ends.comments)).write(tmp_path / f"a{suffix}")
     assert read_ends(tmp_path / f"a{suffix}") == ends
     assert read_ends(tmp_path / "none") is None
     assert read_ends(write_cube(tmp_path / "other.cube")) is None
@@ -163,7 +161,7 @@ def test_scene_linear_light_in_eight_bits_is_told(tmp_path: Path) -> None:
     levels = uniform_levels(2)
     for kind in ("render", "linearize", "refinish"):
         comments = ("LutForge 1", *ends_of(kind, "raw").comments)
-        clf.write(Lut(np.ones(3), levels, grid(levels), np.eye(3), comments=comments), tmp_path / f"{kind}.clf")
+        Lut((Cube(grid(levels)),), comments=comments).write(tmp_path / f"{kind}.clf")
     write_picture(tmp_path / "a.jpg")
     write_picture(tmp_path / "a.tif", kind="uint16")
     sources = [tmp_path / "a.jpg", tmp_path / "a.tif"]

@@ -16,8 +16,8 @@ from lutforge.apply.grade import ConfigRecipe, Grade, LutRecipe, Recipe
 from lutforge.apply.inputs import Input
 from lutforge.apply.oiiotool_commands import oiiotool_commands
 from lutforge.images.read import read_image
-from lutforge.luts.chain import LutChain
-from lutforge.luts.lut import Lut
+from lutforge.luts.ops import Cube
+from lutforge.luts.sequence import Lut
 from tests.apply.graded_images import write_cube, write_picture
 
 
@@ -31,10 +31,10 @@ class BakedRecipe:
         pass
 
     @cached_property
-    def _lut(self) -> LutChain:
+    def _lut(self) -> Lut:
         axis = np.linspace(0, 1, 5)
         cube = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1) ** 2
-        return LutChain((Lut(np.ones(3), (axis, axis, axis), cube, np.eye(3)),))
+        return Lut((Cube(cube),))
 
     def grade(self, source: Path) -> Grade:
         return Grade(self._lut.processor(), "baked", {"Artist": "it's {me}"}, lut=self._lut)

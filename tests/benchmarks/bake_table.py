@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.interpolation import INTERPOLATIONS
-from lutforge.luts.bake import bake
-from lutforge.luts.chain import bake_chain
+from lutforge.luts.bake import bake_forms
 from lutforge.luts.processor import evaluate, file_processor
-from lutforge.luts.write import write_lut
+from lutforge.luts.programs import target_of
+from lutforge.luts.steps import bake_steps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.published_model import import_published
 from lutforge.model.transform import Transform
@@ -81,7 +81,7 @@ def colours() -> Array:
 
 def write_config(transform: Transform, folder: Path) -> OCIO.CPUProcessor:
     """Write a config whose colour space "jpeg" is the transform, and others to shape with; what it makes of colours."""
-    bake_chain(transform, 65).write(folder / "model.clf")
+    bake_steps(transform, 65).write(folder / "model.clf")
     spaces = [
         f"  - !<ColorSpace>\n    name: shaper{index}\n    from_scene_reference: {shape}\n"
         for index, shape in enumerate(
@@ -126,9 +126,10 @@ def ours(transform: Transform, folder: Path, sizes: tuple[int, ...], suffixes: t
     errors: dict[str, list[tuple[float, float]]] = {}
     for size in sizes:
         for method in INTERPOLATIONS:
-            lut = bake(transform, size, interpolation=method)
-            for suffix in suffixes:
-                path = write_lut(lut, folder / OURS[suffix]).path
+            paths = [folder / OURS[suffix] for suffix in suffixes]
+            luts = bake_forms(transform, [target_of(path, None, size, method) for path in paths])
+            for suffix, path, lut in zip(suffixes, paths, luts, strict=True):
+                lut.write(path)
                 errors.setdefault(f"{suffix} {size}", []).append(measured(path, method, x, wanted))
     return {name: min(both) for name, both in errors.items()}
 

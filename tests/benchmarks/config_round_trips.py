@@ -30,6 +30,7 @@ from lutforge.images.read import read_image
 from lutforge.interpolation import through
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.cameras import name_cameras
+from lutforge.ocio.lattice_lut import lattice_lut
 from lutforge.ocio.lut_files import CURVE_SIZE, compact
 from lutforge.ocio.made_colours import as_8_bit, spread
 from lutforge.ocio.preimage import as_render, curve_inverse, preimages
@@ -65,7 +66,7 @@ def made(jpeg: Array, rendering: Rendering) -> Array:
     """Those of the colours (n, 3) that the model's own render makes, searched from its own linearization."""
     assert rendering.render is not None
     assert rendering.linearize is not None
-    render = as_render(compact(lf.bake(rendering.render)))
+    render = as_render(compact(lattice_lut(lf.bake(rendering.render))))
     inner = through(curve_inverse(render.response, CURVE_SIZE), jpeg)
     return np.asarray(jpeg[preimages(render, inner, jpeg, rendering.linearize(jpeg))[1]])
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from lutforge.luts.bake import bake
-from lutforge.luts.write import write_lut
+from lutforge.luts.bake import bake, bake_forms
+from lutforge.luts.programs import target_of
 from lutforge.model.camera_profile import CameraProfile
 from tests.benchmarks.bake_table import colours, nikon_d40, ours, table, theirs, transforms
 
@@ -62,7 +62,8 @@ def test_stages_beside_one_cube(profile: CameraProfile, benchmark: BenchmarkFixt
 
     def all_of_them() -> None:
         for name, transform in chosen.items():
-            luts = (bake(transform, 17), bake(transform, 33, shaper=False), bake(transform, 33, response=False))
+            one = (bake(transform, size=33, form="plain"), bake(transform, size=33, form="shaper"))
+            luts = (bake(transform, size=17), *one)
             errors = [np.linalg.norm(lut(x) - transform(x), axis=1) for lut in luts]
             rows[name] = [(float(error.mean()), float(error.max())) for error in errors]
 
@@ -88,17 +89,18 @@ def test_a_refinish_is_baked_and_written_in_time(
 ) -> None:
     """The model with 3,018 centres each way, to .clf and to .cube. The limit is asserted with --benchmark-only."""
     transform = profile.refinish("standard/tungsten", "standard/daylight")
-    bake(transform, 5).write(tmp_path / "warm.cube")  # compiled code is loaded once
+    bake(transform, tmp_path / "warm.cube", size=5)  # compiled code is loaded once
 
     def bake_and_write() -> None:
         begin = time.perf_counter()
-        lut = bake(transform, size)
-        write_lut(lut, tmp_path / "a.clf")
+        paths = [tmp_path / "a.clf", tmp_path / "a.resolve.cube"]
+        luts = bake_forms(transform, [target_of(path, None, size) for path in paths])
         middle = time.perf_counter()
-        write_lut(lut, tmp_path / "a.resolve.cube")
+        for lut, path in zip(luts, paths, strict=True):
+            lut.write(path)
         end = time.perf_counter()
         took.append(end - begin)
-        print(f"\n{size}³: baked and .clf {middle - begin:.2f} s, .cube fitted and written {end - middle:.2f} s")
+        print(f"\n{size}³: baked for .clf and .cube {middle - begin:.2f} s, written {end - middle:.2f} s")
 
     took: list[float] = []
     only = bool(request.config.getoption("benchmark_only"))

@@ -32,8 +32,9 @@ from lutforge.calibration.lattice.lattice_fit import fit_samples
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.luts.lut import lut_from_lattice
 from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from lutforge.model.lattice import uniform_levels
 from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100
@@ -80,7 +81,7 @@ def lattice(folder: Path, options: CalibrationOptions) -> Fit:
         fitted = fit_samples(x, y, shots, guess, options, clips=True, curve=curve).lattice
 
         def predict(points: Array) -> Array:
-            lut_from_lattice(fitted).write(folder / "fitted.clf")
+            Lut(lattice_ops(fitted)).write(folder / "fitted.clf")
             read = evaluate(file_processor(folder / "fitted.clf", options.interpolation), points)
             return read.astype(np.float64)
 

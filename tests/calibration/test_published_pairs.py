@@ -18,8 +18,9 @@ from lutforge.calibration.lattice.lattice_result import LatticeResult
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.luts.lut import lut_from_lattice
 from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from tests.real_data import PublishedPairs
 
 Array = NDArray[np.float64]
@@ -152,7 +153,7 @@ def test_through_the_file(
     x, y, held_x, held_y = split(d40_pairs, 1)
     lattice = fit(x, y, options).lattice
     path = tmp_path / "d40.clf"
-    lut_from_lattice(lattice).write(path)
+    Lut(lattice_ops(lattice)).write(path)
     read = evaluate(file_processor(path, "trilinear"), held_x)
     np.testing.assert_allclose(read, lattice(held_x), atol=1e-5)
     assert np.linalg.norm(np.clip(read, 0, 1) - held_y, axis=1).mean() <= wanted

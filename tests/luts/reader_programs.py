@@ -20,6 +20,9 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.interpolation import Interpolation
+from lutforge.luts.bake import bake
+from lutforge.luts.sequence import Lut
+from lutforge.model.transform import Transform
 
 Array = NDArray[np.float64]
 SIDE = 64
@@ -82,7 +85,7 @@ class Program:
     interpolation: Interpolation
     apply: Callable[[str, Path, Path], Path]
     version: tuple[str, ...] = ("--version",)
-    dialect: str | None = None
+    reader: str | None = None
 
     @property
     def command(self) -> str | None:
@@ -161,14 +164,14 @@ PROGRAMS = (
     Program("ffmpeg lut3d", ("ffmpeg",), "ffmpeg", ".cube", "tetrahedral", _ffmpeg, ("-version",), "ffmpeg"),
     Program("ffmpeg lut3d", ("ffmpeg",), "ffmpeg", ".csp", "tetrahedral", _ffmpeg, ("-version",), "ffmpeg"),
     Program("oiiotool", ("oiiotool",), "openimageio-tools", ".clf", "tetrahedral", _oiiotool),
-    Program("oiiotool", ("oiiotool",), "openimageio-tools", ".cube", "tetrahedral", _oiiotool, dialect="oiio"),
-    Program("oiiotool", ("oiiotool",), "openimageio-tools", ".csp", "tetrahedral", _oiiotool, dialect="oiio"),
+    Program("oiiotool", ("oiiotool",), "openimageio-tools", ".cube", "tetrahedral", _oiiotool, reader="oiio"),
+    Program("oiiotool", ("oiiotool",), "openimageio-tools", ".csp", "tetrahedral", _oiiotool, reader="oiio"),
     Program(
         "ImageMagick", ("convert-im6.q16", "magick"), "imagemagick", ".png", "trilinear", _imagemagick, ("-version",)
     ),
     Program("G'MIC", ("gmic",), "gmic", ".cube", "trilinear", _gmic, ("-h",), "gmic"),
     Program("G'MIC", ("gmic",), "gmic", ".png", "trilinear", _gmic, ("-h",), "gmic"),
-    Program("darktable", ("darktable-cli",), "darktable", ".cube", "tetrahedral", _darktable, dialect="darktable"),
+    Program("darktable", ("darktable-cli",), "darktable", ".cube", "tetrahedral", _darktable, reader="darktable"),
     Program("RawTherapee", ("rawtherapee-cli",), "rawtherapee", ".tif", "trilinear", _rawtherapee, ("-v",)),
 )
 
@@ -184,12 +187,15 @@ def rendered(program: Program, lut: Path, folder: Path) -> tuple[Array, Array]:
     return codes.reshape(-1, 3) / 65535.0, out.reshape(-1, 3)
 
 
+def baked(program: Program, transform: Transform, folder: Path) -> Lut:
+    """The LUT that is baked for a program, and its file in a folder."""
+    path = folder / f"lut{program.suffix}"
+    return bake(transform, path, program=program.reader, interpolation=program.interpolation)
+
+
 def main() -> None:
     from lutforge.colour.colour_difference import delta_e_2000
-    from lutforge.luts.bake import bake
-    from lutforge.luts.write import write_lut
     from lutforge.model.profile_file import load_profile
-    from lutforge.model.transform import Transform
 
     transform: Transform = smooth_look
     if len(sys.argv) == 4:
@@ -201,13 +207,9 @@ def main() -> None:
             continue
         with TemporaryDirectory() as name:
             folder = Path(name)
-            written = write_lut(
-                bake(transform, 33, interpolation=program.interpolation),
-                folder / f"lut{program.suffix}",
-                program.dialect,
-            )
+            lut = baked(program, transform, folder)
             try:
-                x, got = rendered(program, written.path, folder)
+                x, got = rendered(program, folder / f"lut{program.suffix}", folder)
             except (AssertionError, subprocess.TimeoutExpired) as failure:
                 print(
                     f"| {program.name} | {program.version_text(folder)} | {program.suffix} | {str(failure)[:160]!r} | |"
@@ -215,7 +217,7 @@ def main() -> None:
                 continue
             error = delta_e_2000(got, transform(x))
             version = program.version_text(folder)
-        print(f"| {program.name} | {version} | {written.format} | {error.mean():.3f} | {error.max():.2f} |", flush=True)
+        print(f"| {program.name} | {version} | {lut.summary} | {error.mean():.3f} | {error.max():.2f} |", flush=True)
 
 
 if __name__ == "__main__":

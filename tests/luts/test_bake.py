@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.luts.bake import bake, bake_error
-from lutforge.luts.chain import bake_chain
+from lutforge.luts.bake import bake, bake_error, bake_forms
+from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.programs import Target
+from lutforge.luts.sequence import FORMS, Form, suffixes
 from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.luts.steps import bake_steps
 from lutforge.luts.verify import verify
-from lutforge.luts.write import FORMATS, bake_for, write_lut
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.published_model import import_published
@@ -65,32 +67,33 @@ def points(count: int = 20000) -> Array:
 def test_a_fit_has_less_error_than_sampling(method: Interpolation) -> None:
     x = points()
     wanted = look(x)
-    fitted = bake(look, 17, interpolation=method)
-    uniform = bake(look, 17, interpolation=method, shaper=False)
+    fitted = bake(look, size=17, interpolation=method)
+    uniform = bake(look, size=17, interpolation=method, form="plain")
     sampled = Lattice(uniform_levels(17), look(grid(uniform_levels(17))), method)
     errors = [np.sqrt(np.mean((f(x) - wanted) ** 2)) for f in (fitted, uniform, sampled)]
-    assert uniform.is_uniform
+    assert uniform.summary == "Cube 17³"
     assert errors[0] < 0.8 * errors[1]
     assert errors[1] < 0.75 * errors[2]
 
 
 def test_black_and_white_are_exact_and_grey_nearly() -> None:
     for transform in (look, render()):
-        lut = bake(transform, 33)
+        lut = bake(transform, size=33)
         ends = np.array([[0.0] * 3, [1.0] * 3])
         np.testing.assert_allclose(lut(ends), transform(ends), atol=1e-9)
     grey = np.repeat(np.linspace(0, 1, 500)[:, None], 3, axis=1)
-    assert np.abs(bake(look, 33)(grey) - look(grey)).max() < 2e-3
+    assert np.abs(bake(look, size=33)(grey) - look(grey)).max() < 2e-3
 
 
 def test_no_output_leaves_the_range_of_the_function() -> None:
     def clipped(x: ArrayLike) -> Array:
         return np.asarray(np.clip(3 * np.asarray(x) - 1, 0.0, 1.0))
 
-    for shaper in (True, False):
-        cube = bake(clipped, 17, shaper=shaper).cube
-        assert cube.min() >= 0.0
-        assert cube.max() <= 1.0
+    for form in FORMS:
+        cube = bake(clipped, size=17, form=form).cube
+        assert cube is not None
+        assert cube.values.min() >= 0.0
+        assert cube.values.max() <= 1.0
 
 
 def test_a_lattice_is_baked_as_it_stands() -> None:
@@ -99,7 +102,7 @@ def test_a_lattice_is_baked_as_it_stands() -> None:
     transform = LatticeTransform(GAIN, MATRIX, lattice)
     lut = bake(transform)
     np.testing.assert_allclose(lut(points()), transform(points()), atol=1e-12)
-    assert bake(transform, 17).size == 17
+    assert bake(transform, size=17).size == 17
 
 
 def test_a_lattice_with_a_response_is_kept_by_process_lists(tmp_path: Path) -> None:
@@ -113,19 +116,31 @@ def test_a_lattice_with_a_response_is_kept_by_process_lists(tmp_path: Path) -> N
     lattice = Lattice((axis, axis, axis), values, "trilinear", table, plain)
     x = points()
     transform = LatticeTransform(np.ones(3), np.eye(3), lattice)
-    clf = write_lut(bake(transform), tmp_path / "a.clf")
-    assert clf.what_was_lost == ""
-    read = evaluate(file_processor(clf.path), x)
+    assert bake(transform, tmp_path / "a.clf").cube is not None
+    read = evaluate(file_processor(tmp_path / "a.clf"), x)
     np.testing.assert_allclose(read, transform(x), atol=1e-5)
     assert read.min() >= 0.0 and read.max() <= 1.0
-    csp = write_lut(bake(transform), tmp_path / "a.csp")
-    assert "response" in csp.what_was_lost
-    np.testing.assert_allclose(evaluate(file_processor(csp.path, "trilinear"), x), plain(x), atol=1e-5)
-    other = bake(transform, 17)
-    assert other.response is not None and bake_error(other, transform).maximum < 0.01
+    bake(transform, tmp_path / "a.csp")
+    np.testing.assert_allclose(evaluate(file_processor(tmp_path / "a.csp", "trilinear"), x), plain(x), atol=1e-5)
+    other = bake(transform, size=17)
+    assert isinstance(other.ops[-1], Curve) and bake_error(other, transform).maximum < 0.01
     alone = LatticeTransform(np.ones(3), np.eye(3), replace(lattice, plain=None))
-    fitted = write_lut(bake(alone), tmp_path / "b.csp")
-    assert np.abs(evaluate(file_processor(fitted.path, "trilinear"), x) - transform(x)).mean() < 0.03
+    bake(alone, tmp_path / "b.csp")
+    fitted = evaluate(file_processor(tmp_path / "b.csp", "trilinear"), x)
+    assert np.abs(fitted - transform(x)).mean() < 0.03
+
+
+@pytest.mark.parametrize("form", ["full", "shaper"])
+def test_a_lattice_with_a_white_balance_is_near_in_any_form(tmp_path: Path, form: Form) -> None:
+    """The gain is a matrix, or moves the nodes by less than a step of the shaper."""
+    axis = snap_levels(np.linspace(0, 1, 33) ** 2, SHAPER_SIZE)
+    levels = (axis, axis, axis)
+    transform = LatticeTransform(GAIN, MATRIX, Lattice(levels, look(grid(levels)), "trilinear"))
+    lut = bake(transform, form=form)
+    x = points()
+    assert np.abs(lut(x) - transform(x)).max() < (1e-12 if form == "full" else 1e-3)
+    path = lut.write(tmp_path / ("a.clf" if form == "full" else "a.cube"))
+    assert verify(path, lut, lut, display_referred=False).max < 5e-6
 
 
 @pytest.mark.parametrize("suffix", [".clf", ".ctf"])
@@ -133,12 +148,10 @@ def test_a_physical_model_keeps_its_curves(tmp_path: Path, suffix: str) -> None:
     """The response stays a curve of its own in the file, and the file is the LUT."""
     x = points()
     for transform in (render(), linearize(), Refinish(linearize(), 1.4 * np.eye(3), render())):
-        staged = bake(transform, 17)
-        assert (staged.curve is None) == isinstance(transform, RenderChain)
-        assert (staged.response is None) == isinstance(transform, LinearizeChain)
-        written = write_lut(staged, tmp_path / f"a{suffix}")
-        assert written.what_was_lost == ""
-        got = evaluate(file_processor(written.path), x)
+        staged = bake(transform, tmp_path / f"a{suffix}", size=17)
+        behind = staged.ops[[isinstance(op, Cube) for op in staged.ops].index(True) + 1 :]
+        assert any(isinstance(op, Curve) for op in behind) != isinstance(transform, LinearizeChain)
+        got = evaluate(file_processor(tmp_path / f"a{suffix}"), x)
         np.testing.assert_allclose(got, staged(x), atol=1e-5)
 
 
@@ -149,66 +162,76 @@ def test_stages_at_17_beat_one_cube_at_33(shared_data: Path) -> None:
     x = points(8000)
     for transform in (profile.render("standard/daylight"), profile.linearize("standard/daylight")):
         wanted = transform(x)
-        staged, one = bake(transform, 17), bake(transform, 33, shaper=False)
+        staged, one = bake(transform, size=17), bake(transform, size=33, form="plain")
         ours, plain = (np.linalg.norm(lut(x) - wanted, axis=1) for lut in (staged, one))
         assert ours.mean() < 0.5 * plain.mean()
         assert ours.max() < 0.5 * plain.max()
 
 
-def test_other_formats_are_fitted_anew(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.cub", "a.lut", "a.cube", "a.3dl"])
+def test_each_form_is_a_fit_of_its_own(tmp_path: Path, name: str) -> None:
     """A curve behind the cube, or a shaper, is never lost by sampling what was fitted with it."""
     transform = Refinish(linearize(), 0.8 * np.eye(3), render())
-    lut = bake(transform, 17)
-    assert lut.curve is not None
-    assert lut.response is not None
     x = points()
-    for name in ("a.resolve.cube", "a.csp", "a.cub", "a.lut", "a.cube", "a.3dl"):
-        written = write_lut(lut, tmp_path / name)
-        assert "fitted" in written.what_was_lost
-        assert written.lut is not None
-        assert np.linalg.norm(written.lut(x) - transform(x), axis=1).mean() < 0.006
-        error = verify(written.path, written.lut, written.lut)
-        assert error.max < (3e-4 if name == "a.3dl" else 2e-5)
+    lut = bake(transform, tmp_path / name, size=None if name in ("a.cube", "a.3dl") else 17)
+    assert np.linalg.norm(lut(x) - transform(x), axis=1).mean() < 0.006
+    assert verify(tmp_path / name, lut, lut).max < (3e-4 if name == "a.3dl" else 2e-5)
 
 
-def test_another_form_is_fitted_to_what_was_evaluated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    transform = Refinish(linearize(), 0.8 * np.eye(3), render())
-    x, lut, anew = points(), bake(transform, 17), bake(transform, 17, response=False)
-    wanted = transform(x)
-    with monkeypatch.context() as without:
-        without.delattr(GamutMap, "__call__")
-        written = write_lut(lut, tmp_path / "a.resolve.cube")
-    assert written.lut is not None
-    shared, fresh = (np.linalg.norm(known(x) - wanted, axis=1).mean() for known in (written.lut, anew))
-    assert shared < 1.1 * fresh
+@pytest.mark.parametrize("gain", [(2.0, 1.0, 1.5), (0.7, 1.0, 3.1)])
+def test_a_white_balance_in_the_shaper_is_fitted_with_it(tmp_path: Path, gain: tuple[float, float, float]) -> None:
+    """The file is the model that was fitted, and no worse than with the gain apart."""
+    transform = replace(render(), gain=np.array(gain))
+    full, shaped = bake_forms(transform, [Target("full", 17), Target("shaper", 17)])
+    path = shaped.write(tmp_path / "a.cube")
+    assert verify(path, shaped, shaped, display_referred=False).max < 2e-6
+    behind = bake(lambda x: transform(np.asarray(x) / transform.gain), size=17, form="shaper")
+    x = points()
+    errors = [np.linalg.norm(y - transform(x), axis=1).mean() for y in (full(x), shaped(x), behind(x * transform.gain))]
+    assert errors[0] < errors[1] < 1.3 * errors[2]
+
+
+def test_forms_of_one_size_share_what_is_evaluated() -> None:
+    evaluated = 0
+
+    def counted(x: ArrayLike) -> Array:
+        nonlocal evaluated
+        evaluated += len(np.asarray(x))
+        return look(x)
+
+    bake(counted, size=9)
+    alone, evaluated = evaluated, 0
+    full, shaped = bake_forms(counted, [Target("full", 9), Target("shaper", 9)])
+    assert evaluated < 1.1 * alone
+    assert full.summary.endswith(shaped.summary)
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
 def test_a_hald_image_is_its_cube_to_16_bits(tmp_path: Path, name: str) -> None:
-    written = write_lut(bake(look, 9), tmp_path / name, size=16)
-    assert written.lut is not None
-    pixels = np.asarray(oiio.ImageBuf(str(written.path)).get_pixels(oiio.FLOAT))
+    cube = bake(look, tmp_path / name, size=16).cube
+    assert cube is not None
+    pixels = np.asarray(oiio.ImageBuf(str(tmp_path / name)).get_pixels(oiio.FLOAT))
     assert pixels.shape == (64, 64, 3)
-    red_first = written.lut.cube.transpose(2, 1, 0, 3).reshape(64, 64, 3)
+    red_first = cube.values.transpose(2, 1, 0, 3).reshape(64, 64, 3)
     np.testing.assert_allclose(pixels, red_first, atol=1e-5)
     with pytest.raises(LutError, match="17 nodes"):
-        write_lut(bake(look, 9), tmp_path / name, size=17)
+        bake(look, tmp_path / name, size=17)
 
 
-def test_a_chain_of_lattices_is_the_model(tmp_path: Path) -> None:
+def test_lattices_in_steps_are_the_model(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     levels = tuple(snap_levels(np.linspace(0, 1, 9) ** p, SHAPER_SIZE) for p in (1.5, 2.0, 2.5))
     r, g, b = levels
     back = LatticeTransform(np.ones(3), np.diag(1 / GAIN), Lattice((r, g, b), rng.random((9, 9, 9, 3)), "trilinear"))
     forth = LatticeTransform(GAIN, np.eye(3), Lattice((r, g, b), rng.random((9, 9, 9, 3)), "tetrahedral"))
     transform = Refinish(back, 1.3 * np.eye(3), forth)
-    chain = bake_chain(transform, title="a look")
+    lut = bake_steps(transform, title="a look")
     x = points()
-    np.testing.assert_allclose(chain(x), transform(x), atol=1e-12)
-    path = chain.write(tmp_path / "chain.clf")
+    np.testing.assert_allclose(lut(x), transform(x), atol=1e-9)
+    path = lut.write(tmp_path / "steps.clf")
     np.testing.assert_allclose(evaluate(file_processor(path), x), transform(x), atol=5e-5)
-    with pytest.raises(LutError, match="more than one cube"):
-        chain.write(tmp_path / "chain.cube")
+    with pytest.raises(LutError, match="holds one cube"):
+        lut.write(tmp_path / "steps.cube")
 
 
 def test_a_tolerance_that_no_size_can_reach_is_given_up_at_once() -> None:
@@ -227,29 +250,27 @@ def test_a_tolerance_picks_the_size() -> None:
     with pytest.raises(LutError, match="tolerance"):
         bake(look, tolerance=0.2, display_referred=False)
     with pytest.raises(LutError, match="not both"):
-        bake(look, 17, tolerance=0.2)
+        bake(look, size=17, tolerance=0.2)
 
 
 def test_what_is_not_a_transform_of_colours_is_refused() -> None:
     with pytest.raises(LutError, match="not finite"):
-        bake(lambda x: np.where(np.asarray(x) > 0.5, np.nan, 0.5), 5)
+        bake(lambda x: np.where(np.asarray(x) > 0.5, np.nan, 0.5), size=5)
     with pytest.raises(LutError, match="keep the shape"):
-        bake(lambda x: np.asarray(x)[..., :1], 5)
+        bake(lambda x: np.asarray(x)[..., :1], size=5)
 
 
 def test_each_program_gets_its_own_fit(tmp_path: Path) -> None:
-    ffmpeg = bake_for(look, tmp_path / "a.cube", "ffmpeg", 17)
-    resolve = bake_for(look, tmp_path / "b.cube", "resolve", 17, title="a look")
-    assert ffmpeg.lut is not None
-    assert resolve.lut is not None
-    assert (ffmpeg.lut.interpolation, ffmpeg.lut.size, ffmpeg.lut.is_uniform) == ("tetrahedral", 17, True)
-    assert (resolve.lut.interpolation, resolve.lut.size, resolve.lut.is_uniform) == ("trilinear", 17, False)
-    with pytest.raises(LutError, match="unknown dialect"):
-        bake_for(look, tmp_path / "c.cube", "paint")
+    ffmpeg = bake(look, tmp_path / "a.cube", program="ffmpeg", size=17)
+    resolve = bake(look, tmp_path / "b.cube", program="resolve", size=17, title="a look")
+    assert (ffmpeg.interpolation, ffmpeg.summary) == ("tetrahedral", "Cube 17³")
+    assert (resolve.interpolation, resolve.summary) == ("trilinear", "Curve 65536 → Cube 17³")
+    assert bake(look, tmp_path / "c.cube", tolerance=1.0).size < 65
+    with pytest.raises(LutError, match="unknown program"):
+        bake(look, tmp_path / "c.cube", program="paint")
 
 
 def test_a_program_gets_only_what_it_reads(tmp_path: Path) -> None:
-    lut = bake(look, 9)
     with pytest.raises(LutError, match="rawtherapee does not read"):
-        write_lut(lut, tmp_path / "a.cube", "rawtherapee")
-    assert set(FORMATS) >= {".clf", ".cube", ".csp", ".3dl", ".cub", ".lut", ".png", ".tif"}
+        bake(look, tmp_path / "a.cube", program="rawtherapee")
+    assert set(suffixes()) >= {".clf", ".cube", ".csp", ".3dl", ".cub", ".lut", ".png", ".tif"}

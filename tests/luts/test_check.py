@@ -10,52 +10,53 @@ from hypothesis import strategies as st
 
 from lutforge.errors import LutError
 from lutforge.luts.check import check_lut, report_lines
-from lutforge.luts.lut import Lut
+from lutforge.luts.ops import Cube
 from lutforge.luts.read import read_lut
-from lutforge.luts.write import write_lut
+from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from tests.luts.fuzz_luts import seeds, spoil, try_file
+from tests.luts.made_luts import lut_of_nodes
 
+CLF, DEPTHS = "compCLFversion='3' id='a'", "inBitDepth='32f' outBitDepth='32f'"
 LEVELS = (np.array([0.0, 0.125, 0.5, 1.0]),) * 3
 
 
 def curved() -> Lut:
     """A valid LUT with a shaper of 9 entries."""
-    return Lut(np.ones(3), LEVELS, grid(LEVELS) ** 0.5, np.eye(3), shaper_size=9, title="a look", comments=("made up",))
+    return lut_of_nodes(LEVELS, grid(LEVELS) ** 0.5, size=9, title="a look", comments=("made up",))
 
 
 @pytest.mark.parametrize("name", ["a.clf", "a.ctf", "a.resolve.cube", "a.csp", "a.cub", "a.lut", "a.spi3d"])
 def test_what_was_written_is_read_back(tmp_path: Path, name: str) -> None:
     lut = curved()
-    contents = read_lut(write_lut(lut, tmp_path / name).path)
-    assert contents.cube is not None
-    np.testing.assert_allclose(contents.cube, lut.cube, atol=1e-7)
-    if name not in ("a.spi3d", "a.csp"):  # the first has its shaper in another file, the second is resampled
-        assert contents.shaper is not None
-        np.testing.assert_allclose(contents.shaper.outputs + np.zeros(3), lut.shaper, atol=1e-6)
+    read = read_lut(lut.write(tmp_path / name))
+    assert read.cube is not None and lut.cube is not None and lut.shaper is not None
+    np.testing.assert_allclose(read.cube.values, lut.cube.values, atol=1e-7)
+    if name != "a.spi3d":  # it has its shaper in another file
+        assert read.shaper is not None
+        np.testing.assert_allclose(read.shaper.outputs, lut.shaper.outputs, atol=1e-6)
 
 
 @pytest.mark.parametrize(("name", "depth"), [("a.cube", 1e-7), ("a.png", 1e-5), ("a.tif", 1e-5)])
 def test_a_uniform_cube_is_read_back(tmp_path: Path, name: str, depth: float) -> None:
-    lut = Lut(np.ones(3), uniform_levels(4), grid(uniform_levels(4)) ** 0.7, np.eye(3), title="t")
-    contents = read_lut(write_lut(lut, tmp_path / name).path)
-    assert contents.cube is not None
-    assert contents.title == "t"
-    np.testing.assert_allclose(contents.cube, lut.cube, atol=depth)
+    values = grid(uniform_levels(4)) ** 0.7
+    read = read_lut(Lut((Cube(values),), title="t").write(tmp_path / name))
+    assert read.cube is not None
+    assert read.title == "t"
+    np.testing.assert_allclose(read.cube.values, values, atol=depth)
 
 
 def test_integers_are_scaled_by_their_depth(tmp_path: Path) -> None:
-    lut = Lut(np.ones(3), uniform_levels(17), grid(uniform_levels(17)), np.eye(3))
-    contents = read_lut(write_lut(lut, tmp_path / "a.3dl").path)
-    assert contents.bits == 12
-    assert contents.cube is not None
-    np.testing.assert_allclose(contents.cube, lut.cube, atol=0.5 / 4095 + 1e-9)
+    values = grid(uniform_levels(17))
+    read = read_lut(Lut((Cube(values),)).write(tmp_path / "a.3dl"))
+    assert read.metadata["bits"] == "12"
+    assert read.cube is not None
+    np.testing.assert_allclose(read.cube.values, values, atol=0.5 / 4095 + 1e-9)
 
 
 def test_a_shaper_cube_names_its_victims(tmp_path: Path) -> None:
-    report = check_lut(write_lut(curved(), tmp_path / "a.resolve.cube").path)
-    assert report.size == (4, 4, 4)
-    assert report.shaper == 9
+    report = check_lut(curved().write(tmp_path / "a.resolve.cube"))
+    assert report.lut.summary == "Curve 9 → Cube 4³"
     assert report.readers["OpenColorIO, Nuke"] == "reads it"
     assert "shaper included" in report.readers["DaVinci Resolve"]
     assert report.readers["ffmpeg, Kdenlive, Shotcut"].startswith("refuses it")
@@ -77,7 +78,7 @@ def test_a_title_in_a_shaper_cube(tmp_path: Path) -> None:
 
 def test_figures_of_a_bad_cube(tmp_path: Path) -> None:
     cube = 1.2 - 1.4 * grid(uniform_levels(5))
-    path = write_lut(Lut(np.ones(3), uniform_levels(5), cube, np.eye(3)), tmp_path / "negative.cube").path
+    path = Lut((Cube(cube),)).write(tmp_path / "negative.cube")
     report = check_lut(path)
     assert (report.lowest, report.highest) == pytest.approx((-0.2, 1.2))
     assert report.falling == 1.0
@@ -117,9 +118,9 @@ def test_a_falling_shaper_and_a_domain(tmp_path: Path) -> None:
         ("a.spi3d", "SPILUT 1.0\n3 3\n2 2 2\n" + "0 0 0 0 0 0\n" * 8, "never"),
         ("a.cub", "0 0 0\n", "Truelight"),
         ("a.lut", "Version 3\nType 3D\nLUT:\n", "no Length"),
-        ("a.clf", "<ProcessList id='a'><LUT3D><Array dim='9999 2 2 3'>", "not well-formed"),
-        ("a.clf", "<ProcessList><LUT3D><Array dim='9999 2 2 3'/></LUT3D></ProcessList>", "beyond what readers take"),
-        ("a.clf", "<ProcessList><LUT1D><Array dim='2 1'>0</Array></LUT1D></ProcessList>", "says 2 numbers and holds 1"),
+        ("a.clf", "<ProcessList id='a'><LUT3D><Array dim='9999 2 2 3'>", "At line 1"),
+        ("a.clf", f"<ProcessList {CLF}><LUT3D {DEPTHS}><Array dim='9999 2 2 3'/></LUT3D></ProcessList>", "9999 2 2 3"),
+        ("a.clf", f"<ProcessList {CLF}><LUT1D {DEPTHS}><Array dim='2 1'>0</Array></LUT1D></ProcessList>", "found 1"),
         ("a.clf", "<!DOCTYPE a [<!ENTITY b 'c'>]><ProcessList/>", "document type"),
         ("a.png", "\x89PNG", "neither a PNG"),
         ("a.png", "", "empty"),
@@ -183,4 +184,4 @@ def test_headers_of_other_programs(tmp_path: Path) -> None:
     for path in (lustre, blender):
         cube = read_lut(path).cube
         assert cube is not None
-        np.testing.assert_array_equal(cube, np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1))
+        np.testing.assert_array_equal(cube.values, np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1))

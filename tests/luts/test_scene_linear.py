@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.scene_spaces import from_linear_srgb
 from lutforge.errors import LutError, SettingsError
-from lutforge.interpolation import through
 from lutforge.luts.bake import bake
+from lutforge.luts.ops import Matrix
 from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.shaper import node_levels
 from lutforge.luts.verify import verify
-from lutforge.luts.write import write_lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.published_model import import_published
 from lutforge.model.scene_render import SceneRender, through_camera
@@ -68,47 +68,50 @@ def test_exposure_makes_room_for_highlights(profile: CameraProfile) -> None:
 @pytest.mark.parametrize("suffix", [".clf", ".ctf"])
 def test_a_process_list_takes_any_light(tmp_path: Path, footage: SceneRender, suffix: str) -> None:
     """Also negative values, which saturated colours of other spaces have, and what the camera clips."""
-    written = write_lut(bake(footage, 33), tmp_path / f"a{suffix}")
-    assert written.what_was_lost == ""
-    assert written.lut is not None
+    path = tmp_path / f"a{suffix}"
+    lut = bake(footage, path)
     x = np.concatenate([light(footage.highest), 3 * light(footage.highest), light(1.0) - 0.05])
-    got = evaluate(file_processor(written.path), x)
-    np.testing.assert_allclose(got, written.lut(x), atol=2e-5)
+    got = evaluate(file_processor(path), x)
+    np.testing.assert_allclose(got, lut(x), atol=2e-5)
     assert delta_e_2000(got.astype(np.float64), footage(x)).mean() < 0.05
-    assert verify(written.path, footage, written.lut).mean < 1e-3
+    assert verify(path, footage, lut).mean < 1e-3
 
 
 def test_tables_are_fine_enough_for_the_darks(tmp_path: Path, footage: SceneRender) -> None:
     """65,536 even entries, down to 2^-12 of saturation: node levels lie on them, so they are straight lines between."""
-    lut = bake(footage, 33)
+    lut = bake(footage, tmp_path / "a.clf")
+    assert lut.shaper is not None and lut.cube is not None
     raw = 2.0 ** np.arange(-12.0, -4.0, 0.125)[:, None] * np.ones(3)
-    even = np.linspace(0.0, 1.0, lut.size)
-    exact = np.stack([np.interp(raw[:, c], lut.levels[c], even) for c in range(3)], axis=1)
-    np.testing.assert_allclose(through(lut.shaper, raw), exact, rtol=1e-9)
-    x = (raw / lut.gain) @ np.linalg.inv(footage.to_raw).T
-    got = evaluate(file_processor(write_lut(lut, tmp_path / "a.clf").path), x)
+    levels, even = node_levels(lut.shaper, lut.cube), np.linspace(0.0, 1.0, lut.size)
+    exact = np.stack([np.interp(raw[:, c], levels[c], even) for c in range(3)], axis=1)
+    np.testing.assert_allclose(lut.shaper(raw), exact, rtol=1e-9)
+    front = lut.ops[0]
+    assert isinstance(front, Matrix)
+    x = raw @ np.linalg.inv(front.matrix).T
+    got = evaluate(file_processor(tmp_path / "a.clf"), x)
     np.testing.assert_allclose(got, lut(x), rtol=2e-5)
     assert delta_e_2000(got.astype(np.float64), footage(x)).max() < 1.0
 
 
 @pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.spi1d"])
 def test_other_files_span_the_range_of_the_camera(tmp_path: Path, footage: SceneRender, name: str) -> None:
-    written = write_lut(bake(footage, 33), tmp_path / name)
-    assert "negative ones become 0" in written.what_was_lost
-    assert written.lut is not None
-    assert written.lut.highest == footage.highest > 4.0
+    lut = bake(footage, tmp_path / name)
+    assert lut.shaper is not None
+    assert lut.shaper.high == footage.highest > 4.0
     x = light(footage.highest)
     if name != "a.spi1d":  # two files: verify reads them one after the other
-        got = evaluate(file_processor(written.path), x)
-        np.testing.assert_allclose(got, written.lut(x), atol=1e-3 if name == "a.csp" else 5e-5)
+        got = evaluate(file_processor(tmp_path / name), x)
+        np.testing.assert_allclose(got, lut(x), atol=1e-3 if name == "a.csp" else 5e-5)
         assert delta_e_2000(got.astype(np.float64), footage(x)).mean() < 0.25
-    assert verify(written.path, footage, written.lut).mean < 0.005
+    assert verify(tmp_path / name, footage, lut).mean < 0.005
 
 
-@pytest.mark.parametrize("name", ["a.cube", "a.png", "a.3dl", "a.cub", "a.lut"])
+@pytest.mark.parametrize("name", ["a.png", "a.3dl", "a.cub", "a.lut"])
 def test_files_without_a_range_are_refused(tmp_path: Path, footage: SceneRender, name: str) -> None:
     with pytest.raises(LutError, match="beyond 1"):
-        write_lut(bake(footage, 9), tmp_path / name)
+        bake(footage, tmp_path / name, size=9)
+    with pytest.raises(LutError, match=r"beyond 1|holds one (cube|curve)"):
+        bake(footage, form="shaper", size=9).write(tmp_path / name)
 
 
 def test_any_function_of_light(tmp_path: Path) -> None:
@@ -116,11 +119,11 @@ def test_any_function_of_light(tmp_path: Path) -> None:
         values = np.maximum(np.asarray(x, dtype=np.float64), 0.0)
         return np.asarray(values / (values + 0.3))
 
-    lut = bake(tone, 33, highest=64.0)
     x = light(64.0)
     for name in ("a.clf", "a.resolve.cube"):
-        got = evaluate(file_processor(lut.write(tmp_path / name).path), x)
+        lut = bake(tone, tmp_path / name, highest=64.0)
+        got = evaluate(file_processor(tmp_path / name), x)
         np.testing.assert_allclose(got, lut(x), atol=5e-5)
         assert np.abs(got - tone(x)).mean() < 2e-3
     with pytest.raises(LutError, match="65504"):
-        bake(tone, 5, highest=1e6)
+        bake(tone, size=5, highest=1e6)

@@ -12,7 +12,6 @@ from lutforge.luts.bake import bake
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.second_reader import disagreement
 from lutforge.luts.verify import verify
-from lutforge.luts.write import write_lut
 
 
 def look(x: ArrayLike) -> NDArray[np.float64]:
@@ -27,9 +26,8 @@ LIMITS = {"a.cube": 1e-6, "a.resolve.cube": 2e-6, "a.csp": 1e-5, "a.spi1d": 2e-6
 @pytest.mark.parametrize("method", INTERPOLATIONS)
 @pytest.mark.parametrize("name", sorted(LIMITS))
 def test_two_readers_agree(tmp_path: Path, name: str, method: Interpolation) -> None:
-    written = write_lut(bake(look, 17, interpolation=method), tmp_path / name, size=17)
-    assert written.lut is not None
-    error = verify(written.path, look, written.lut)
+    lut = bake(look, tmp_path / name, size=17, interpolation=method)
+    error = verify(tmp_path / name, look, lut)
     assert error.second is not None
     assert error.second < LIMITS[name]
     assert "colour-science agrees" in str(error)
@@ -37,14 +35,15 @@ def test_two_readers_agree(tmp_path: Path, name: str, method: Interpolation) -> 
 
 def test_a_range_beyond_one_is_read_alike(tmp_path: Path) -> None:
     for name in ("a.resolve.cube", "a.csp", "a.spi1d"):
-        lut = bake(look, 9, highest=8.0)
-        error = verify(lut.write(tmp_path / name).path, look, lut, display_referred=False)
+        lut = bake(look, tmp_path / name, size=9, highest=8.0)
+        error = verify(tmp_path / name, look, lut, display_referred=False)
         assert error.second is not None
         assert error.second < 5e-4
 
 
 def test_a_disagreement_is_an_error(tmp_path: Path) -> None:
-    path = bake(look, 9).write(tmp_path / "a.resolve.cube").path
+    path = tmp_path / "a.resolve.cube"
+    bake(look, path, size=9)
     x = np.random.default_rng(0).random((500, 3))
     y = evaluate(file_processor(path), x).astype(np.float64)
     assert disagreement([path], x, y, "tetrahedral") is not None
@@ -57,5 +56,5 @@ def test_a_disagreement_is_an_error(tmp_path: Path) -> None:
 
 def test_other_formats_have_one_reader(tmp_path: Path) -> None:
     for name in ("a.clf", "a.png"):
-        written = write_lut(bake(look, 9), tmp_path / name, size=9)
-        assert verify(written.path, look, written.lut).second is None
+        lut = bake(look, tmp_path / name, size=9)
+        assert verify(tmp_path / name, look, lut).second is None

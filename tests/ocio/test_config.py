@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from lutforge.colour.scene_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
-from lutforge.luts.lut import Lut
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.ocio.base_config import DISPLAYS
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config, config_luts, write_config
+from lutforge.ocio.lattice_lut import LatticeLut as Lut
 
 MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.5, 1.5]])
 GAINS = {"daylight": (2.0, 1.0, 1.4), "tungsten": (1.2, 1.0, 2.4)}

@@ -12,7 +12,7 @@ from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.luts.chain import bake_chain
+from lutforge.luts.steps import bake_steps
 from lutforge.pipeline.calibration import calibrate
 from lutforge.studio.folders import FolderError, Folders
 from lutforge.studio.jobs import Job
@@ -74,7 +74,7 @@ def test_preview_is_what_the_model_says(tmp_path: Path) -> None:
     assert pixels.shape == (120, 180, 3) and pixels.dtype == np.float32
     shown = Preview(profile, pixels).show("standard/tungsten", "vivid/4500K+5", ev=0.7)
     model = profile.refinish("standard/tungsten", "vivid/4500K+5", 0.7)
-    exact = np.clip(bake_chain(model)(pixels.reshape(-1, 3)), 0, 1).reshape(pixels.shape)
+    exact = np.clip(bake_steps(model)(pixels.reshape(-1, 3)), 0, 1).reshape(pixels.shape)
     assert np.abs(shown.pixels / 255 - exact).max() < 1.5 / 255
     assert shown.histogram.sum(axis=0) == pytest.approx([1, 1, 1])
     marked = Preview(profile, pixels).show("standard/tungsten", "standard/daylight", ev=3.0, overlay=True)

@@ -1,1 +1,8 @@
-"""One file per LUT format or dialect."""
+"""LUT file formats: a file for each, which says what sequences it holds, reads them and writes them.
+
+A new one is a file with `read`, `write` and a registered `FileFormat`, and its name in the line below.
+"""
+
+from lutforge.luts.formats import clf, csp, cube, hald, houdini, spi, threedl, truelight
+
+__all__ = ["clf", "csp", "cube", "hald", "houdini", "spi", "threedl", "truelight"]

@@ -1,63 +1,102 @@
-"""Reading `.cube`: 1D, 3D, or a 1D shaper in front of a 3D table, with the domain keywords of every dialect.
+"""`.cube`: a 3D table (Adobe Cube LUT Specification 1.0, Iridas), a 1D table, or a shaper in front of a 3D table.
 
-Adobe Cube LUT Specification 1.0, and Resolve's LUT_1D_INPUT_RANGE and LUT_3D_INPUT_RANGE.
+The last is what DaVinci Resolve writes and OpenColorIO reads. Comments come before its header, and there is no TITLE
+and no DOMAIN line: OpenColorIO (FileFormatResolveCube) refuses the file otherwise. The input ranges, whose default is 0
+to 1, are written out: a reader that knows the 3D form only, such as ffmpeg's lut3d, then refuses the file instead of
+rendering garbage.
 """
 
 from pathlib import Path
 
+import numpy as np
+
 from lutforge.errors import LutError
-from lutforge.luts.contents import Curve, LutContents
-from lutforge.luts.formats.lines import MAX_CURVE, MAX_SIZE, Lines, is_numeric, red_fastest
+from lutforge.luts.formats.lines import MAX_CURVE, MAX_SIZE, Lines, is_numeric, red_fastest, red_first
+from lutforge.luts.formats.text import comment_lines, plain, rows, write_text
+from lutforge.luts.ops import Cube, Curve, Matrix, Op
+from lutforge.luts.sequence import FileFormat, Lut, register
+
+RANGES = ("LUT_1D_INPUT_RANGE", "LUT_3D_INPUT_RANGE")
 
 
-def read(path: Path, data: bytes) -> LutContents:
-    """Read one. Raises LutError: file, line, text and cause in one line."""
+def write(lut: Lut, path: Path) -> None:
+    """Write a cube as the plain 3D form, one with a shaper as Resolve's; red varies fastest. Raises LutError."""
+    parts = lut.shaper_and_cube()
+    assert parts is not None
+    curve, cube = parts
+    if curve is None:
+        header = [
+            f'TITLE "{plain(lut.title) or "LutForge"}"',
+            *comment_lines("", lut.comments),
+            f"LUT_3D_SIZE {cube.size}",
+            "DOMAIN_MIN 0.0 0.0 0.0",
+            "DOMAIN_MAX 1.0 1.0 1.0",
+        ]
+    else:
+        header = [
+            *comment_lines(lut.title, lut.comments),
+            f"LUT_1D_SIZE {len(curve.outputs)}",
+            f"LUT_1D_INPUT_RANGE {curve.low!r} {curve.high!r}",
+            f"LUT_3D_SIZE {cube.size}",
+            "LUT_3D_INPUT_RANGE 0.0 1.0",
+        ]
+    shaper = "" if curve is None else rows(curve.outputs)
+    write_text(path, "\n".join(header) + "\n" + shaper + rows(red_first(cube.values)))
+
+
+def read(path: Path, data: bytes) -> Lut:
+    """Read any of the three. Raises LutError: file, line, text and cause in one line."""
     lines = Lines(path, data)
     sizes: dict[str, int] = {}
-    title, keywords, low, high = "", set(), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
-    ranges = {"LUT_1D_INPUT_RANGE": (0.0, 1.0), "LUT_3D_INPUT_RANGE": (0.0, 1.0)}
-    index = 0
+    pairs: dict[str, list[float]] = {}
+    title, keywords, index = "", [], 0
     while index < len(lines) and not is_numeric(lines.texts[index]):
         word, *rest = lines.texts[index].split()
-        keywords.add(word)
+        keywords.append(word)
         if word == "TITLE":
             title = lines.texts[index][5:].strip().strip('"')
         elif word in ("LUT_1D_SIZE", "LUT_3D_SIZE"):
             if len(rest) != 1:
                 raise lines.wrong(index, f"{word} takes one number")
             (sizes[word],) = lines.integers(index, rest, 2, MAX_CURVE if word == "LUT_1D_SIZE" else MAX_SIZE, word)
-        elif word in ranges:
-            first, second = lines.floats(index, rest, 2, word)
-            ranges[word] = (first, second)
-        elif word in ("DOMAIN_MIN", "DOMAIN_MAX"):
-            r, g, b = lines.floats(index, rest, 3, word)
-            low, high = ((r, g, b), high) if word == "DOMAIN_MIN" else (low, (r, g, b))
+        elif word in (*RANGES, "DOMAIN_MIN", "DOMAIN_MAX"):
+            pairs[word] = lines.floats(index, rest, 2 if word in RANGES else 3, word)
         else:
             raise lines.wrong(index, "not a keyword of .cube files")
         index += 1
     entries, size = sizes.get("LUT_1D_SIZE", 0), sizes.get("LUT_3D_SIZE", 0)
     if not entries and not size:
         raise LutError(f"{path}: neither LUT_1D_SIZE nor LUT_3D_SIZE; not a .cube file")
-    for name, (first, second) in {
-        **ranges,
-        **{f"DOMAIN {c}": pair for c, pair in enumerate(zip(low, high, strict=True))},
-    }.items():
-        if not first < second:
-            raise LutError(f"{path}: {name}: the range {first:g} to {second:g} is empty")
-    shaper = cube = None
+    domain = np.array([pairs.get("DOMAIN_MIN", [0.0] * 3), pairs.get("DOMAIN_MAX", [1.0] * 3)])
+    ranges = {name: np.repeat(np.array([pairs[name]]).T, 3, axis=1) for name in RANGES if name in pairs}
+    for name, (low, high) in (*ranges.items(), ("DOMAIN", domain)):
+        if not np.all(low < high):
+            raise LutError(f"{path}: {name}: the range {low.min():g} to {high.max():g} is empty")
+    ops: list[Op] = []
     if entries:
-        domain = ranges["LUT_1D_INPUT_RANGE"] if "LUT_1D_INPUT_RANGE" in keywords else (low[0], high[0])
-        shaper = Curve(lines.table(index, entries, 3, "the 1D table"), domain=domain)
+        table = lines.table(index, entries, 3, "the 1D table")
+        ops += _curve(table, ranges.get("LUT_1D_INPUT_RANGE", domain))
     if size:
-        cube = red_fastest(lines.table(index + entries, size**3, 3, "the 3D table"), (size, size, size))
+        between = np.array([[0.0] * 3, [1.0] * 3]) if entries else domain
+        ops += _to_unit(ranges.get("LUT_3D_INPUT_RANGE", between))
+        ops.append(Cube(red_fastest(lines.table(index + entries, size**3, 3, "the 3D table"), (size, size, size))))
     if len(lines) > index + entries + size**3:
         raise lines.wrong(index + entries + size**3, f"more rows than the {entries + size**3} that the header says")
-    dialect = "1D shaper + 3D (Resolve)" if entries and size else "3D" if size else "1D"
-    if size and shaper is not None:
-        low, high = (shaper.domain[0],) * 3, (shaper.domain[1],) * 3
-    if size and not entries and "LUT_3D_INPUT_RANGE" in keywords:
-        first, second = ranges["LUT_3D_INPUT_RANGE"]
-        low, high = (first, first, first), (second, second, second)
-    return LutContents(
-        ".cube", dialect, title, tuple(lines.comments), cube, shaper, None, (low, high), frozenset(keywords)
-    )
+    return Lut(tuple(ops), title, tuple(lines.comments), {"format": ".cube", "keywords": " ".join(keywords)})
+
+
+def _curve(table: np.ndarray, domain: np.ndarray) -> list[Op]:
+    """A table over a domain (2, 3), which curves have in common; a matrix where it differs by channel."""
+    if np.ptp(domain, axis=1).max() == 0:
+        return [Curve(table, float(domain[0, 0]), float(domain[1, 0]))]
+    return [*_to_unit(domain), Curve(table)]
+
+
+def _to_unit(domain: np.ndarray) -> list[Op]:
+    """A matrix that takes a domain (2, 3) to [0, 1], where it is another."""
+    span = domain[1] - domain[0]
+    matrix = Matrix(np.diag(1 / span), -domain[0] / span)
+    return [] if matrix.is_identity else [matrix]
+
+
+FORMAT = register(FileFormat(".cube", (".cube",), ("plain", "shaper"), read, write))

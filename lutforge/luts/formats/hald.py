@@ -11,23 +11,28 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.errors import LutError
-from lutforge.luts.contents import LutContents
-from lutforge.luts.formats.lines import red_fastest
+from lutforge.atomic_write import atomic_path
+from lutforge.errors import LutError, one_line
+from lutforge.luts.formats.lines import red_fastest, red_first
 from lutforge.luts.formats.text import plain
-from lutforge.luts.lut import Lut
+from lutforge.luts.ops import Cube
+from lutforge.luts.sequence import FileFormat, Lut, register
 
 SIZES = tuple(level * level for level in range(2, 12))
 """Nodes per axis that a Hald image can have."""
 
 
 def write(lut: Lut, path: Path) -> None:
-    """Write a uniform LUT, outputs clamped to [0, 1]. Raises LutError where the size is no square."""
-    if not lut.is_uniform or lut.has_gain or lut.has_matrix or lut.response is not None or lut.size not in SIZES:
-        raise LutError(f"{path}: a Hald image holds a uniform cube of 4, 9, 16, 25, 36, 49, 64 … nodes per axis")
+    """Write a cube in 16 bits, outputs clamped to [0, 1]. Raises LutError."""
+    with atomic_path(path) as temporary:
+        _write(lut, temporary)
+
+
+def _write(lut: Lut, path: Path) -> None:
+    parts = lut.shaper_and_cube()
+    assert parts is not None
     side = isqrt(lut.size) ** 3
-    table = np.ascontiguousarray(lut.cube.transpose(2, 1, 0, 3)).reshape(side, side, 3)
-    codes = np.rint(np.clip(table, 0.0, 1.0) * 65535).astype(np.uint16)
+    codes = np.rint(np.clip(red_first(parts[1].values), 0.0, 1.0) * 65535).astype(np.uint16).reshape(side, side, 3)
     spec = oiio.ImageSpec(side, side, 3, oiio.UINT16)
     spec["ImageDescription"] = "; ".join(plain(text) for text in (lut.title, *lut.comments) if plain(text))
     output = oiio.ImageOutput.create(str(path))
@@ -40,7 +45,7 @@ def write(lut: Lut, path: Path) -> None:
         output.close()
 
 
-def read(path: Path, data: bytes) -> LutContents:
+def read(path: Path, data: bytes) -> Lut:
     """Read it through OpenImageIO, after its size is known to be a Hald's. Raises LutError."""
     magic = (b"\x89PNG", b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")
     if not data.startswith(magic):
@@ -49,7 +54,7 @@ def read(path: Path, data: bytes) -> LutContents:
         _check_png(path, data)
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise LutError(f"{path}: cannot be read as an image: {' '.join(oiio.geterror().split())[:200]}")
+        raise LutError(f"{path}: cannot be read as an image: {one_line(oiio.geterror(), 200)}")
     try:
         spec = source.spec()
         level = next((level for level in range(2, 13) if level**3 == spec.width), None)
@@ -64,14 +69,15 @@ def read(path: Path, data: bytes) -> LutContents:
         title = str(spec.get_string_attribute("ImageDescription"))[:200]
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:
-            raise LutError(f"{path}: damaged: {' '.join(source.geterror().split())[:200]}")
+            raise LutError(f"{path}: damaged: {one_line(source.geterror(), 200)}")
     finally:
         source.close()
     table = np.asarray(pixels, dtype=np.float64).reshape(spec.width**2, -1)[:, :3]
     if not np.all(np.isfinite(table)):
         raise LutError(f"{path}: a pixel is not a finite number")
     size = level * level
-    return LutContents("Hald image", f"level {level}", title, cube=red_fastest(table, (size, size, size)), bits=bits)
+    cube = Cube(red_fastest(table, (size, size, size)), "trilinear")
+    return Lut((cube,), title, (), {"format": "Hald image", **({"bits": str(bits)} if bits else {})})
 
 
 def _check_png(path: Path, data: bytes) -> None:
@@ -88,3 +94,6 @@ def _check_png(path: Path, data: bytes) -> None:
             return
         at, number = end + 4, number + 1
     raise LutError(f"{path}, byte {min(at, len(data))}: damaged or cut PNG file")
+
+
+FORMAT = register(FileFormat("a Hald image", (".png", ".tif", ".tiff"), ("plain",), read, write, SIZES, 64, 16))

@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.contents import Curve, LutContents
-from lutforge.luts.formats.lines import MAX_CURVE, MAX_SIZE, Lines, is_numeric, red_fastest
-from lutforge.luts.formats.text import rows
-from lutforge.luts.lut import Lut
+from lutforge.luts.formats.lines import MAX_CURVE, MAX_SIZE, Lines, is_numeric, red_fastest, red_first
+from lutforge.luts.formats.text import rows, write_text
+from lutforge.luts.ops import Cube, Curve, Op
+from lutforge.luts.sequence import FileFormat, Lut, register
 
 
 def write(lut: Lut, path: Path) -> None:
-    """Write a LUT whose axes share their levels, without gain, response or matrix. Raises LutError on any other."""
-    shaper = lut.shaper
-    if lut.has_gain or lut.has_matrix or lut.response is not None or np.ptp(shaper, axis=1).max() > 1e-9:
-        raise LutError(f"{path}: a Houdini .lut holds one shaper for all channels, and no gain, response or matrix")
-    kind = "Type\t\t3D" if lut.is_uniform else "Type\t\t3D+1D"
-    length = str(lut.size) if lut.is_uniform else f"{lut.size} {lut.shaper_size}"
+    """Write a cube, and in front of it one curve for all channels, or none. Raises LutError."""
+    parts = lut.shaper_and_cube()
+    assert parts is not None
+    curve, cube = parts
+    kind = "Type\t\t3D" if curve is None else "Type\t\t3D+1D"
+    length = str(cube.size) if curve is None else f"{cube.size} {len(curve.outputs)}"
     lines = [
         "Version\t\t3",
         "Format\t\tany",
@@ -29,16 +29,15 @@ def write(lut: Lut, path: Path) -> None:
         f"Length\t\t{length}",
         "LUT:",
     ]
-    table = np.ascontiguousarray(lut.cube.transpose(2, 1, 0, 3)).reshape(-1, 3)
-    text = "\n".join(lines) + "\n"
-    if lut.is_uniform:
-        text += " {\n" + rows(table) + "}\n"
+    text, table = "\n".join(lines) + "\n", rows(red_first(cube.values))
+    if curve is None:
+        text += " {\n" + table + "}\n"
     else:
-        text += "Pre {\n" + "".join(f"{v:.10f}\n" for v in shaper[:, 0].tolist()) + "}\n3D {\n" + rows(table) + "}\n"
-    path.write_text(text, encoding="ascii", newline="\n")
+        text += "Pre {\n" + "".join(f"{v:.10f}\n" for v in curve.outputs[:, 0].tolist()) + "}\n3D {\n" + table + "}\n"
+    write_text(path, text)
 
 
-def read(path: Path, data: bytes) -> LutContents:
+def read(path: Path, data: bytes) -> Lut:
     """Read one. Raises LutError: file, line, text and cause in one line."""
     lines = Lines(path, data)
     if lines.at(0, "Version").split()[0].lower() != "version":
@@ -67,21 +66,24 @@ def read(path: Path, data: bytes) -> LutContents:
     for i in marks:
         if lines.texts[i].replace(" ", "") not in ("{", "}", "Pre{", "3D{", "RGB{", "C{", "A{", "R{", "G{", "B{"):
             raise lines.wrong(i, "not a line of Houdini LUTs")
-    low, high = ((domain[0],) * 3), ((domain[1],) * 3)
+    low, high = domain
+    ops: list[Op] = []
     if not kind.startswith("3d"):
         (entries,) = lines.integers(at, words[:1], 2, MAX_CURVE, "Length")
         if not body:
             raise LutError(f"{path}: no rows of numbers")
-        curve = Curve(lines.table(body[0], min(entries, len(body)), 1, "the curve"), domain=domain)
-        return LutContents("Houdini .lut", "1D", shaper=curve, domain=(low, high))
+        table = lines.table(body[0], min(entries, len(body)), 1, "the curve")
+        return Lut((Curve(np.repeat(table, 3, axis=1), low, high),), metadata={"format": "Houdini .lut"})
     (size,) = lines.integers(at, words[:1], 2, MAX_SIZE, "Length")
-    entries, shaper = 0, None
-    if kind == "3d+1d":
-        (entries,) = lines.integers(at, words[1:2] or ["?"], 2, MAX_CURVE, "Length")
+    entries = lines.integers(at, words[1:2] or ["?"], 2, MAX_CURVE, "Length")[0] if kind == "3d+1d" else 0
     if len(body) != entries + size**3:
         raise LutError(f"{path}: expected {entries + size**3} rows of numbers, found {len(body)}")
     if entries:
-        one = lines.table(body[0], entries, 1, "Pre")
-        shaper = Curve(np.repeat(one, 3, axis=1), domain=domain)
-    cube = red_fastest(lines.table(body[entries], size**3, 3, "3D"), (size, size, size))
-    return LutContents("Houdini .lut", kind.upper(), cube=cube, shaper=shaper, domain=(low, high))
+        ops.append(Curve(np.repeat(lines.table(body[0], entries, 1, "Pre"), 3, axis=1), low, high))
+    elif domain != (0.0, 1.0):
+        ops.append(Curve(np.repeat([[0.0], [1.0]], 3, axis=1), low, high))
+    ops.append(Cube(red_fastest(lines.table(body[entries], size**3, 3, "3D"), (size, size, size))))
+    return Lut(tuple(ops), metadata={"format": "Houdini .lut"})
+
+
+FORMAT = register(FileFormat("Houdini .lut", (".lut",), ("shared",), read, write, size=33, inputs="unit"))

@@ -64,7 +64,7 @@ class Lines:
         """Words of a line as integers within limits."""
         values = []
         for word in words:
-            if not word.isascii() or not word.lstrip("-").isdigit() or len(word) > 9:
+            if not word.isascii() or not word.removeprefix("-").isdigit() or len(word) > 9:
                 raise self.wrong(index, f"{what}: expected a whole number")
             if not low <= int(word) <= high:
                 raise self.wrong(index, f"{what}: {word} is not within {low} to {high}")
@@ -105,6 +105,11 @@ def red_fastest(table: Array, size: tuple[int, int, int]) -> Array:
     """Rows whose red index advances first → (N_r, N_g, N_b, 3)."""
     r, g, b = size
     return np.ascontiguousarray(table.reshape(b, g, r, 3).transpose(2, 1, 0, 3))
+
+
+def red_first(values: Array) -> Array:
+    """Node values (N_r, N_g, N_b, 3) as rows (n, 3) whose red index advances first."""
+    return np.ascontiguousarray(values.transpose(2, 1, 0, 3)).reshape(-1, 3)
 
 
 def is_numeric(text: str) -> bool:

@@ -5,59 +5,59 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.contents import Curve, LutContents
 from lutforge.luts.formats.lines import MAX_CURVE, MAX_SIZE, Lines
-from lutforge.luts.formats.text import rows
-from lutforge.luts.lut import Lut
+from lutforge.luts.formats.text import rows, write_text
+from lutforge.luts.ops import Cube, Curve
+from lutforge.luts.sequence import FileFormat, Lut, register
+
+PAIR = (".spi1d", ".spi3d")
+"""The suffixes of a shaper and a cube that belong together, in the order in which they are used."""
 
 
-def write_spi1d(lut: Lut, path: Path) -> None:
-    """Write the shaper of a LUT."""
-    header = f"Version 1\nFrom 0.0 {lut.highest!r}\nLength {lut.shaper_size}\nComponents 3\n{{\n"
-    path.write_text(header + rows(lut.shaper) + "}\n", encoding="ascii", newline="\n")
-
-
-def write_spi3d(lut: Lut, path: Path) -> None:
-    """Write the cube of a LUT, to be read behind its shaper. Raises LutError on a gain or matrix."""
-    if lut.has_gain or lut.has_matrix:
-        raise LutError(f"{path}: a .spi3d holds no gain and no matrix; fold them first")
-    n = lut.size
+def write(lut: Lut, path: Path) -> None:
+    """Write both files of a LUT: the shaper, which is straight where there is none, and the cube. Raises LutError."""
+    parts = lut.shaper_and_cube()
+    assert parts is not None
+    curve, cube = parts[0] or Curve(np.repeat([[0.0], [1.0]], 3, axis=1)), parts[1]
+    header = f"Version 1\nFrom {curve.low!r} {curve.high!r}\nLength {len(curve.outputs)}\nComponents 3\n{{\n"
+    write_text(path.with_suffix(PAIR[0]), header + rows(curve.outputs) + "}\n")
+    n = cube.size
     index = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    table = np.concatenate([index, np.round(lut.cube.reshape(-1, 3), 10) + 0.0], axis=1)
+    table = np.concatenate([index, np.round(cube.values.reshape(-1, 3), 10) + 0.0], axis=1)
     body = ("%d %d %d %.10f %.10f %.10f\n" * len(table)) % tuple(table.ravel().tolist())
-    path.write_text(f"SPILUT 1.0\n3 3\n{n} {n} {n}\n" + body, encoding="ascii", newline="\n")
+    write_text(path.with_suffix(PAIR[1]), f"SPILUT 1.0\n3 3\n{n} {n} {n}\n" + body)
 
 
-def read_spi1d(path: Path, data: bytes) -> LutContents:
+def read_spi1d(path: Path, data: bytes) -> Lut:
     """Read one. Raises LutError: file, line, text and cause in one line."""
     lines = Lines(path, data)
-    found: dict[str, list[str]] = {}
+    found: dict[str, int] = {}
     domain, index = (0.0, 1.0), 0
     while lines.at(index, "the table in { }") != "{":
         word, *rest = lines.texts[index].split()
         if word not in ("Version", "From", "Length", "Components"):
             raise lines.wrong(index, "not a keyword of .spi1d files")
-        found[word] = rest
         if word == "From":
             first, second = lines.floats(index, rest, 2, "From")
             domain = (first, second)
         elif word != "Version":
             limit = MAX_CURVE if word == "Length" else 3
-            lines.integers(index, rest[:1] or ["?"], 1, limit, word)
+            found[word] = lines.integers(index, rest[:1] or ["?"], 1, limit, word)[0]
         index += 1
     if "Length" not in found:
         raise LutError(f"{path}: no Length before the table")
     if domain[0] >= domain[1]:
         raise LutError(f"{path}: From: the range {domain[0]:g} to {domain[1]:g} is empty")
-    width = int(found["Components"][0]) if "Components" in found else 1
-    table = lines.table(index + 1, int(found["Length"][0]), width, "the table")
+    width = found.get("Components", 1)
+    table = lines.table(index + 1, found["Length"], width, "the table")
     if lines.at(index + 1 + len(table), "}") != "}":
         raise lines.wrong(index + 1 + len(table), "expected the table's end, }")
-    low, high = domain
-    return LutContents(".spi1d", "1D", shaper=Curve(table, domain=domain), domain=((low,) * 3, (high,) * 3))
+    if width == 2:
+        raise LutError(f"{path}: two components; a .spi1d of colours has one or three")
+    return Lut((Curve(table + np.zeros(3), *domain),), metadata={"format": ".spi1d"})
 
 
-def read_spi3d(path: Path, data: bytes) -> LutContents:
+def read_spi3d(path: Path, data: bytes) -> Lut:
     """Read one. Raises LutError: file, line, text and cause in one line."""
     lines = Lines(path, data)
     if not lines.at(0, "SPILUT").upper().startswith("SPILUT"):  # Blender's own are in lower case
@@ -78,4 +78,11 @@ def read_spi3d(path: Path, data: bytes) -> LutContents:
     cube[i, j, k] = table[:, 3:]
     if not np.all(np.isfinite(cube)):
         raise LutError(f"{path}: some nodes are given twice, others never")
-    return LutContents(".spi3d", "3D", cube=cube)
+    return Lut((Cube(cube),), metadata={"format": ".spi3d"})
+
+
+NAME = ".spi1d (shaper) and .spi3d (cube), to be used one after the other"
+FORMATS = tuple(
+    register(FileFormat(NAME, (suffix,), ("shaper",), read, write, size=33))
+    for suffix, read in zip(PAIR, (read_spi1d, read_spi3d), strict=True)
+)

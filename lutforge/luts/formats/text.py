@@ -1,10 +1,12 @@
 """The lines that text LUT formats share: plain ASCII comments and fixed-point numbers."""
 
 import unicodedata
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.atomic_write import atomic_path
 from lutforge.compiled import compiled
 
 DIGITS = 10
@@ -14,6 +16,12 @@ EXACT = 9e5
 """Below it, a number times ten to the power of DIGITS is a whole number that float64 holds."""
 LONGEST = 20
 """Most characters of such a number, sign, point and what follows it included."""
+
+
+def write_text(path: Path, text: str, encoding: str = "ascii") -> None:
+    """Write a text file atomically, with line feeds on every system."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding=encoding, newline="\n")
 
 
 def plain(text: str, limit: int = 200) -> str:

@@ -8,27 +8,24 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.contents import LutContents
 from lutforge.luts.formats.lines import MAX_SIZE, Lines, is_numeric
-from lutforge.luts.formats.text import comment_lines
-from lutforge.luts.lut import Lut
-
-SIZES = (17, 33, 65)
-TOP = 4095
+from lutforge.luts.formats.text import comment_lines, write_text
+from lutforge.luts.ops import Cube
+from lutforge.luts.sequence import FileFormat, Lut, register
 
 
 def write(lut: Lut, path: Path) -> None:
-    """Write a uniform LUT of 17, 33 or 65 nodes, outputs clamped to [0, 1]. Raises LutError on any other."""
-    if not lut.is_uniform or lut.has_gain or lut.has_matrix or lut.response is not None or lut.size not in SIZES:
-        raise LutError(f"{path}: a .3dl holds a uniform cube of 17, 33 or 65 nodes per axis; choose one of these sizes")
+    """Write a cube in 12 bits, outputs clamped to [0, 1]. Raises LutError."""
+    parts = lut.shaper_and_cube()
+    assert parts is not None
     mesh = np.rint(np.linspace(0, 1023, lut.size)).astype(int)
-    codes = np.rint(np.clip(lut.cube, 0.0, 1.0) * TOP).astype(int).reshape(-1, 3)
+    codes = np.rint(np.clip(parts[1].values, 0.0, 1.0) * 4095).astype(int).reshape(-1, 3)
     header = [*comment_lines(lut.title, lut.comments), " ".join(map(str, mesh.tolist()))]
     body = ("%d %d %d\n" * len(codes)) % tuple(codes.ravel().tolist())
-    path.write_text("\n".join(header) + "\n" + body, encoding="ascii", newline="\n")
+    write_text(path, "\n".join(header) + "\n" + body)
 
 
-def read(path: Path, data: bytes) -> LutContents:
+def read(path: Path, data: bytes) -> Lut:
     """Read one. Raises LutError: file, line, text and cause in one line."""
     lines = Lines(path, data)
     index = 0
@@ -49,5 +46,8 @@ def read(path: Path, data: bytes) -> LutContents:
     bits = next((depth for depth in (8, 10, 12, 16) if top < 2**depth), None)
     if bits is None:
         raise LutError(f"{path}: a value of {top:g}; a .3dl holds up to 16 bits")
-    cube = table.reshape(size, size, size, 3) / (2**bits - 1)
-    return LutContents(".3dl", "3D, integers", comments=tuple(lines.comments), cube=cube, bits=bits)
+    cube = Cube(table.reshape(size, size, size, 3) / (2**bits - 1))
+    return Lut((cube,), "", tuple(lines.comments), {"format": ".3dl", "bits": str(bits)})
+
+
+FORMAT = register(FileFormat(".3dl", (".3dl",), ("plain",), read, write, (17, 33, 65), 33, 12))

@@ -5,33 +5,33 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.contents import Curve, LutContents
-from lutforge.luts.formats.lines import MAX_CURVE, MAX_SIZE, Lines, red_fastest
-from lutforge.luts.formats.text import comment_lines, rows
-from lutforge.luts.lut import Lut
+from lutforge.luts.formats.lines import MAX_CURVE, MAX_SIZE, Lines, red_fastest, red_first
+from lutforge.luts.formats.text import comment_lines, rows, write_text
+from lutforge.luts.ops import Cube, Curve, Op
+from lutforge.luts.sequence import FileFormat, Lut, register
 
 
 def write(lut: Lut, path: Path) -> None:
-    """Write a LUT without gain, response or matrix; red varies fastest. Raises LutError on any other."""
-    if lut.has_gain or lut.has_matrix or lut.response is not None:
-        raise LutError(f"{path}: a .cub holds no gain, response or matrix; fold them first")
+    """Write a cube with a shaper, which is straight where there is none; red varies fastest. Raises LutError."""
+    parts = lut.shaper_and_cube()
+    assert parts is not None
+    curve, cube = parts[0] or Curve(np.repeat([[0.0], [1.0]], 3, axis=1)), parts[1]
     notes = [line for line in comment_lines(lut.title, lut.comments) if len(line.split()) > 2]
     header = [
         "# Truelight Cube v2.0",
         *notes,
-        f"# lutLength {lut.shaper_size}",
+        f"# lutLength {len(curve.outputs)}",
         "# iDims 3",
         "# oDims 3",
-        f"# width {lut.size} {lut.size} {lut.size}",
+        f"# width {cube.size} {cube.size} {cube.size}",
         "",
         "# InputLUT",
     ]
-    table = np.ascontiguousarray(lut.cube.transpose(2, 1, 0, 3)).reshape(-1, 3)
-    text = "\n".join(header) + "\n" + rows(lut.shaper * (lut.size - 1)) + "\n# Cube\n" + rows(table) + "\n# end\n"
-    path.write_text(text, encoding="ascii", newline="\n")
+    shaper, table = rows(curve.outputs * (cube.size - 1)), rows(red_first(cube.values))
+    write_text(path, "\n".join(header) + "\n" + shaper + "\n# Cube\n" + table + "\n# end\n")
 
 
-def read(path: Path, data: bytes) -> LutContents:
+def read(path: Path, data: bytes) -> Lut:
     """Read one. Raises LutError: file, line, text and cause in one line."""
     lines = Lines(path, data)
     header: dict[str, list[str]] = {}
@@ -52,9 +52,12 @@ def read(path: Path, data: bytes) -> LutContents:
 
     r, g, b = whole("width", 2, MAX_SIZE, 3)
     (entries,) = whole("lutLength", 2, MAX_CURVE, 1) if "InputLUT" in header else (0,)
-    shaper = None
+    ops: list[Op] = []
     if entries:
         nodes = np.array([r - 1, g - 1, b - 1], dtype=np.float64)
-        shaper = Curve(lines.table(0, entries, 3, "InputLUT") / nodes)
-    cube = red_fastest(lines.table(entries, r * g * b, 3, "Cube"), (r, g, b))
-    return LutContents("Truelight .cub", "shaper + 3D", comments=tuple(lines.comments), cube=cube, shaper=shaper)
+        ops.append(Curve(lines.table(0, entries, 3, "InputLUT") / nodes))
+    ops.append(Cube(red_fastest(lines.table(entries, r * g * b, 3, "Cube"), (r, g, b))))
+    return Lut(tuple(ops), "", tuple(lines.comments), {"format": "Truelight .cub"})
+
+
+FORMAT = register(FileFormat("Truelight .cub", (".cub",), ("shaper",), read, write, size=33, inputs="unit"))

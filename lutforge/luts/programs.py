@@ -1,0 +1,125 @@
+"""The programs that read LUT files, and what each of them takes."""
+
+import re
+import unicodedata
+from dataclasses import dataclass
+from pathlib import Path
+
+from lutforge.errors import LutError
+from lutforge.interpolation import Interpolation
+from lutforge.luts.sequence import MAX_SIZE, SCENES, Form, format_of
+
+TRIED = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
+"""Sizes that a tolerance is tried at."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """What a program takes. shaper: reads a .cube with a shaper; max_size: most nodes per axis; reads: suffixes."""
+
+    shaper: bool
+    reads: tuple[str, ...]
+    max_size: int = 129
+    size: int = 65
+    interpolation: Interpolation = "trilinear"
+    use: str = ""
+
+
+OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".cub", ".lut", ".3dl", ".spi1d", ".spi3d")
+HALD = (".png", ".tif", ".tiff")
+PROGRAMS: dict[str, Program] = {
+    "resolve": Program(shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Refresh"),
+    "nuke": Program(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
+    "ocio": Program(shaper=True, reads=OCIO_READS),
+    "oiio": Program(shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
+    "baselight": Program(shaper=False, reads=(".cub", ".clf", ".cube")),
+    "flame": Program(shaper=False, reads=(".clf", ".ctf", ".3dl", ".csp", ".cube")),
+    "houdini": Program(shaper=True, reads=OCIO_READS),
+    "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
+    "photoshop": Program(shaper=False, reads=(".cube", ".3dl", ".csp")),
+    "lightroom": Program(shaper=False, reads=(".cube",), size=33, use="in a profile made with Camera Raw"),
+    "premiere": Program(shaper=False, reads=(".cube", ".3dl")),
+    "aftereffects": Program(shaper=False, reads=(".cube", ".3dl", ".csp"), max_size=64, size=64),
+    "finalcut": Program(shaper=False, reads=(".cube",)),
+    "affinity": Program(shaper=False, reads=(".cube", ".3dl", ".csp")),
+    "ffmpeg": Program(shaper=False, reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral"),
+    "mlt": Program(shaper=False, reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral"),
+    "obs": Program(shaper=False, reads=(".cube",)),
+    "darktable": Program(
+        shaper=False,
+        reads=(".cube", ".3dl", ".png"),
+        interpolation="tetrahedral",
+        use="module lut 3D, colour space sRGB",
+    ),
+    "rawtherapee": Program(shaper=False, reads=HALD, use="Film Simulation, its folder in the preferences"),
+    "art": Program(shaper=False, reads=(*HALD, ".clf")),
+    "gmic": Program(shaper=False, reads=(".cube", ".png")),
+    "gimp": Program(shaper=False, reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
+    "imagemagick": Program(shaper=False, reads=HALD),
+}
+"""Programs that `--for` names, and what their readers take."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is to be baked.
+
+    size: nodes per axis, or none for a lattice's own, else `default`; interpolation: that of the reader, or none for a
+    lattice's own, else tetrahedral; sizes: those that a tolerance is tried at.
+    """
+
+    form: Form = "full"
+    size: int | None = None
+    interpolation: Interpolation | None = None
+    default: int = 33
+    sizes: tuple[int, ...] = TRIED
+
+
+def program_named(name: str) -> Program:
+    """The program of a name, in any case. Raises LutError listing those that are known."""
+    known = PROGRAMS.get(name.lower())
+    if known is None:
+        raise LutError(f'unknown program "{name}"; known: {", ".join(PROGRAMS)}')
+    return known
+
+
+def target_of(
+    path: Path, program: str | None = None, size: int | None = None, interpolation: Interpolation | None = None,
+    scenes: bool = False,
+) -> Target:  # fmt: skip
+    """What to bake for a file, before any work. scenes: the input reaches beyond 1.
+
+    A .cube is plain, save for a program that reads a shaper, or under a name that ends in .resolve.cube or
+    .shaper.cube. Raises LutError where the format or the program cannot hold it.
+    """
+    known, file_format = None if program is None else program_named(program), format_of(path)
+    suffix = path.suffix.lower()
+    if known is not None and suffix not in known.reads:
+        raise LutError(f"{path}: {program} does not read {suffix} files; write {' or '.join(known.reads)}")
+    form, default = file_format.forms[0], file_format.size
+    if suffix == ".cube" and (known.shaper if known else path.name.lower().endswith((".resolve.cube", ".shaper.cube"))):
+        form, default = "shaper", 33
+    if scenes and form != "full" and (form != "shaper" or file_format.inputs == "unit"):
+        raise LutError(f"{path}: {file_format.name} holds no scene-linear input beyond 1; {SCENES}")
+    most = MAX_SIZE
+    if form == "plain" and known is not None:
+        default, most = known.size if not file_format.sizes else default, known.max_size
+    if size is not None and not 2 <= size <= most:
+        raise LutError(f"{path}: {size} nodes per axis; this reader takes 2 to {most}")
+    if size is not None and file_format.sizes and size not in file_format.sizes:
+        sizes = ", ".join(map(str, file_format.sizes))
+        raise LutError(f"{path}: {size} nodes per axis; {file_format.name} has {sizes}: choose one of these, or none")
+    chosen = interpolation or (None if known is None else known.interpolation)
+    return Target(form, size, chosen, default, tuple(n for n in file_format.sizes or TRIED if n <= most))
+
+
+def files_for(program: str, title: str) -> dict[Path, str | None]:
+    """File names for a program, and the known of each; where it reads a shaper, a plain cube as the fallback, too."""
+    stem = "_".join(re.findall(r"[\w+.-]+", unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()))[
+        :100
+    ]
+    known = program_named(program)
+    first = f"{stem or 'lut'}{known.reads[0]}"
+    if known.shaper or known.reads[0] in (".clf", ".cub"):
+        return {Path(first): program, Path(f"{stem or 'lut'}.plain.cube"): None}
+    return {Path(first): program}

@@ -1,0 +1,218 @@
+"""A LUT: a sequence of operations, which is read, written, applied and printed as such."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+from numpy.typing import ArrayLike, NDArray
+
+from lutforge.errors import LutError
+from lutforge.interpolation import Interpolation
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
+from lutforge.luts.processor import processor_of
+from lutforge.model.transform import checked_colours
+
+Array = NDArray[np.float64]
+
+Form = Literal["full", "shaper", "shared", "plain"]
+"""What sequences a format holds: any; a curve per channel and a cube; one curve for all channels and a cube; a cube."""
+FORMS: tuple[Form, ...] = get_args(Form)
+
+HELD = {
+    "full": "any sequence of operations",
+    "shaper": "one curve per channel and one cube behind it",
+    "shared": "one curve for all channels and one cube behind it",
+    "plain": "one cube",
+}
+"""The forms in words, for messages."""
+
+SCENES = "write .clf, .ctf, .resolve.cube, .csp or .spi1d"
+"""What to do where a format holds no scene-linear input beyond 1."""
+
+MAX_SIZE = 129
+"""Most nodes per axis that OpenColorIO reads."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lut:
+    """Operations in the order in which they are applied, and what the file says beside them.
+
+    title, comments: for people; formats keep what they can of them. metadata: of a file that was read, such as its
+    "format" and the "bits" of its integers. Raises LutError where there is no operation.
+    """
+
+    ops: tuple[Op, ...]
+    title: str = ""
+    comments: tuple[str, ...] = ()
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.ops:
+            raise LutError("LUT: it has no operation")
+
+    def __call__(self, x: ArrayLike) -> Array:
+        """What a reader of the file computes, in float64: (…, 3) → (…, 3).
+
+        Raises ImageError on another shape, and on integers.
+        """
+        y = checked_colours(x)
+        for op in self.ops:
+            y = op(y)
+        return y
+
+    def __str__(self) -> str:
+        title = f'LUT "{self.title}"' if self.title else "LUT"
+        return "\n  ".join([title, *(f"{number}. {op}" for number, op in enumerate(self.ops, 1))])
+
+    def __repr__(self) -> str:
+        return f"<Lut {self.summary}{f' {self.title!r}' if self.title else ''}>"
+
+    @property
+    def summary(self) -> str:
+        """The operations in one line, such as "Matrix → Range → Curve 65536 → Cube 33³"."""
+        return " → ".join(_short(op) for op in self.ops)
+
+    @property
+    def cube(self) -> Cube | None:
+        """The first cube, or none."""
+        return next((op for op in self.ops if isinstance(op, Cube)), None)
+
+    @property
+    def shaper(self) -> Curve | None:
+        """The curve right in front of the first cube, or the only curve; or none."""
+        curve = None
+        for op in self.ops:
+            if isinstance(op, Cube):
+                return curve
+            curve = op if isinstance(op, Curve) else None if isinstance(op, Matrix) else curve
+        return curve
+
+    @property
+    def size(self) -> int:
+        """Nodes per axis of the first cube; 0 where there is none."""
+        return 0 if self.cube is None else self.cube.size
+
+    @property
+    def interpolation(self) -> Interpolation:
+        """How the first cube is interpolated."""
+        return "tetrahedral" if self.cube is None else self.cube.interpolation
+
+    def processor(self) -> OCIO.CPUProcessor:
+        """The sequence as OpenColorIO evaluates it, float32 in and out. Raises LutError on curves at free knots."""
+        return processor_of(self.ops)
+
+    def shaper_and_cube(self) -> tuple[Curve | None, Cube] | None:
+        """The whole sequence as a shaper, or none, and a cube; None where it is more than that.
+
+        What changes nothing is left out: identity matrices, and a clamp to the domain of the curve or cube behind it.
+        """
+        ops = [op for op in self.ops if not (isinstance(op, Matrix) and op.is_identity)]
+        if len(ops) > 1 and isinstance(ops[0], Range) and (ops[0].low, ops[0].high) == (0.0, 1.0):
+            behind = ops[1]
+            if isinstance(behind, Cube) or (isinstance(behind, Curve) and (behind.low, behind.high) == (0.0, 1.0)):
+                ops = ops[1:]
+        match ops:
+            case [Cube() as cube]:
+                return None, cube
+            case [Curve() as curve, Cube() as cube]:
+                return curve, cube
+        return None
+
+    def has_form(self, form: Form) -> bool:
+        """True where a format of this form can hold the sequence."""
+        if form == "full":
+            return True
+        parts = self.shaper_and_cube()
+        if parts is None or not parts[1].is_even:
+            return False
+        curve = parts[0]
+        return curve is None or form == "shaper" or (form == "shared" and curve.is_shared)
+
+    def write(self, path: str | Path) -> Path:
+        """Write the sequence to a file, atomically and exactly, in the format that the suffix names; return the path.
+
+        Nothing is fitted or sampled here. Raises LutError, with the form that the file needs, where its format cannot
+        hold the sequence; `lutforge.bake(transform, path)` bakes to the form of a file.
+        """
+        path = Path(path)
+        file_format = format_of(path)
+        file_format.require(self, path)
+        file_format.write(self, path)
+        return path
+
+
+def _short(op: Op) -> str:
+    match op:
+        case Cube():
+            return f"Cube {op.size}³"
+        case Curve():
+            return f"Curve {len(op.outputs)}"
+    return type(op).__name__
+
+
+@dataclass(frozen=True)
+class FileFormat:
+    """A kind of LUT file: what it holds, its reader and its writer.
+
+    forms: the sequences that it holds, first the one that is baked for it; sizes: nodes per axis that it can have,
+    where not all; size: of a cube that is baked for it where none is asked for; bits: of integer formats, which round,
+    and clamp to [0, 1]; inputs: where its shaper may have its entries: at even steps of [0, 1], at even steps of any
+    range, or at free knots.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    forms: tuple[Form, ...]
+    read: Callable[[Path, bytes], Lut]
+    write: Callable[[Lut, Path], None]
+    sizes: tuple[int, ...] = ()
+    size: int = 65
+    bits: int | None = None
+    inputs: Literal["unit", "range", "knots"] = "range"
+
+    def require(self, lut: Lut, path: Path) -> None:
+        """Raise LutError where this format cannot hold a LUT exactly, and say how to bake for it."""
+        form = self.forms[0]
+        if not any(lut.has_form(held) for held in self.forms):
+            raise LutError(
+                f"{path}: {self.name} holds {HELD[form]}, this LUT is {lut.summary}: bake it for this file, "
+                f'bake(transform, "{path.name}") or bake(transform, form="{form}")'
+            )
+        if lut.size > MAX_SIZE:
+            raise LutError(f"{path}: {lut.size} nodes per axis; OpenColorIO reads 2 to {MAX_SIZE}")
+        if self.sizes and lut.size not in self.sizes:
+            sizes = ", ".join(map(str, self.sizes))
+            raise LutError(f"{path}: {lut.size} nodes per axis; {self.name} has {sizes}: choose a size among them")
+        curve = lut.shaper
+        if curve is None:
+            return
+        if self.inputs == "unit" and (curve.low, curve.high) != (0.0, 1.0):
+            spanned = f"this LUT spans {curve.low:g} to {curve.high:g}"
+            raise LutError(f"{path}: {self.name} holds no input beyond 1, {spanned}; {SCENES}")
+        if self.inputs != "knots" and curve.inputs is not None:
+            raise LutError(f"{path}: {self.name} holds no curve at free knots; write a .csp")
+
+
+_FORMATS: dict[str, FileFormat] = {}
+
+
+def register(file_format: FileFormat) -> FileFormat:
+    """Make a format known by its suffixes, so that `Lut.write` and `read_lut` find it."""
+    _FORMATS.update(dict.fromkeys(file_format.suffixes, file_format))
+    return file_format
+
+
+def suffixes() -> tuple[str, ...]:
+    """The suffixes of all known formats."""
+    return tuple(_FORMATS)
+
+
+def format_of(path: Path) -> FileFormat:
+    """The format that the suffix of a path names. Raises LutError on an unknown one."""
+    known = _FORMATS.get(path.suffix.lower())
+    if known is None:
+        raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(_FORMATS)}')
+    return known
