@@ -143,7 +143,7 @@ def _figures(name: str, got: Array, wanted: Array, *, display: bool) -> Figures:
 def bakes(data: Path) -> Figures:
     """Baked files of the physical D40 model, a render and a refinish, and the best of `ociobakelut` at 33³ beside."""
     chosen = bake_table.transforms(bake_table.nikon_d40(data))
-    for name in ("render daylight", "refinish tungsten to daylight +0.0 EV"):
+    for name in ("render daylight", "refinish tungsten to daylight +0 EV"):
         with tempfile.TemporaryDirectory() as work:
             ours = bake_table.ours(chosen[name], Path(work), (17, 33), (".clf", ".cube", ".csp"))
             theirs = bake_table.theirs(chosen[name], Path(work), (33,), (".cube",))
@@ -294,8 +294,8 @@ def main() -> int:
                 marked += worse
                 print(line, flush=True)
             print(f"# {part}: {time.perf_counter() - began:.0f} s", file=sys.stderr, flush=True)
-    if arguments.json:
-        arguments.json.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+            if arguments.json:
+                arguments.json.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     if before:
         print(f"{marked} of {len(found)} rows are worse by more than {WORSE - 1:.0%}")
     return int(marked > 0)
