@@ -9,6 +9,9 @@ from lutforge.colour.colour_difference import delta_e_2000
 
 Array = NDArray[np.float64]
 
+JUST_VISIBLE = 1.0
+"""The ΔE00 that is just noticed side by side, about (CIE 142-2001)."""
+
 
 @dataclass(frozen=True)
 class ErrorFigures:
@@ -51,3 +54,12 @@ def error_figures(predicted: Array, measured: Array, *, display: bool) -> ErrorF
         de00_mean=de00_mean,
         de00_max=de00_max,
     )
+
+
+def visibility(de00: float) -> str:
+    """Say in words what a mean ΔE00 between two pictures looks like."""
+    if de00 < JUST_VISIBLE:
+        return "less than an eye sees side by side"
+    if de00 < 2 * JUST_VISIBLE:
+        return "what an eye just sees side by side"
+    return "visible" if de00 < 5 * JUST_VISIBLE else "far off"

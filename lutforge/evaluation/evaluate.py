@@ -1,13 +1,13 @@
 """The thesis's error tables of a profile on samples, held out by shot, beside plain baselines (chapters 4 to 6)."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.calibrate import Progress, _silent
 from lutforge.calibration.lattice.monochrome import monochrome_note
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers
@@ -15,78 +15,94 @@ from lutforge.calibration.style_data import style_data, styles_with_enough
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
-from lutforge.evaluation.held_out import RBF, Predictions, predict
+from lutforge.evaluation.held_out import Predictions, predict
 from lutforge.evaluation.linearisation import linearisation_errors
+from lutforge.evaluation.methods import RBF
 from lutforge.evaluation.refinish_errors import refinish_errors
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.progress import Progress, part, silent
 from lutforge.samples.sample_set import SampleSet
 from lutforge.settings import Selector
 
 Array = NDArray[np.float64]
 
-MOST_FOLDS = 10
-"""Shots are left out one at a time up to this many; more shots are left out in this many groups …"""
-MOST_FOLDS_OF_TABLES = 5
-"""… and in fewer for the thesis's tables, which take a dozen fits each."""
-TIMED_PIXELS = 1 << 17
-
 
 def evaluate(
-    profile: CameraProfile, samples: SampleSet, progress: Progress = _silent, *, tables: bool = False
+    profile: CameraProfile,
+    samples: SampleSet,
+    progress: Progress = silent,
+    *,
+    tables: bool = False,
+    sizes: Sequence[int] = (13, 17, 24),
 ) -> Evaluation:
-    """Errors of both directions, per shot and over all shots, for the profile's models and the baselines.
+    """Measure errors of both directions, per shot and over all shots, for the profile's models and the baselines.
 
     A shot that the profile was calibrated from is predicted by a refit without it, any other by the profile as it is.
-    tables: the physical model and the lattices of chapter 5's tables too, with their times, whatever the profile holds.
-    Raises CalibrationError where the samples hold none of the profile's styles.
+    tables: every method of the thesis's tables, with its times, whatever the profile holds; sizes: nodes per axis of
+    the lattices in these. Raises CalibrationError where the samples hold none of the profile's styles.
     """
     multipliers, notes = complete_multipliers(samples)
+    known, strange = _known_styles(profile, samples)
+    samples, multipliers = samples.select(known), multipliers[known]
+    if profile.raw_camera:
+        return _evaluate_by_reference(profile, samples)
+    data, clipped = style_data(samples, multipliers)
+    notes = (*notes, *strange, *styles_with_enough(samples, multipliers)[1])
+    if clipped:
+        notes = (*notes, f"{clipped} of {len(samples)} samples are clipped and are not counted")
+    notes = (*notes, *_missing_shots(profile, samples, tables=tables))
+    options, predictions = options_from_json(profile.options), {}
+    for index, (name, style) in enumerate(data.items()):
+        telling = part(progress, index / len(data), (index + 1) / len(data), name)
+        found = predict(
+            profile.styles[name],
+            name,
+            style,
+            profile.shots,
+            options,
+            sizes=sizes if tables else (),
+            progress=partial(telling, "leaving shots out"),
+        )
+        predictions[name] = found
+        notes = (*notes, *found.notes, *([monochrome_note(name)] if style.monochrome else []))
+    progress("done", 1.0)
+    return _evaluation(profile, predictions, notes, tables=tables)
+
+
+def _known_styles(profile: CameraProfile, samples: SampleSet) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """(n,): the samples of styles that the profile has, and notes on the others. Raises CalibrationError."""
+    notes = []
     others = [str(name) for name in np.unique(samples.camera) if name != profile.camera]
     if others:
-        notes = (*notes, f"the profile is of {profile.camera}, the samples are of {', '.join(others)}")
+        notes.append(f"the profile is of {profile.camera}, the samples are of {', '.join(others)}")
     known = np.isin(samples.style, list(profile.styles))
     if not known.any():
         raise CalibrationError(
             f"the samples' styles ({', '.join(np.unique(samples.style))}) are not in the profile "
             f"({', '.join(profile.styles)})"
         )
-    strange = np.unique(samples.style[~known])
-    if len(strange):
-        notes = (*notes, f"the samples of {', '.join(strange)} are not counted: not in the profile")
-    if profile.raw_camera:
-        return _evaluate_by_reference(profile, samples.select(known))
-    data, clipped = style_data(samples.select(known), multipliers[known])
-    notes = (*notes, *styles_with_enough(samples.select(known), multipliers[known])[1])
-    if clipped:
-        notes = (*notes, f"{clipped} of {known.sum()} samples are clipped and are not counted")
+    if not known.all():
+        strange = ", ".join(np.unique(samples.style[~known]))
+        notes.append(f"the samples of {strange} are not counted: not in the profile")
+    return known, tuple(notes)
+
+
+def _missing_shots(profile: CameraProfile, samples: SampleSet, *, tables: bool) -> Iterator[str]:
+    """Notes on shots of the calibration that are not among the samples."""
     missing = sum(shot not in samples.shot for shot in profile.shots)
     if 0 < missing < len(profile.shots):
-        notes = (
-            *notes,
+        yield (
             f"{missing} of the {len(profile.shots)} shots of the calibration are not among these: the refits without "
-            "each of the others see fewer colours than the profile did; give all for its error",
+            "each of the others see fewer colours than the profile did; give all for its error"
         )
-    if tables and not np.isin(samples.shot[known], profile.shots).any():
-        notes = (*notes, "no shot of the calibration is among these: add them for the baselines and the lattice sizes")
-    predictions: dict[str, Predictions] = {}
-    for index, (name, style) in enumerate(data.items()):
+    if tables and not np.isin(samples.shot, profile.shots).any():
+        yield "no shot of the calibration is among these: add them for the baselines and the lattice sizes"
 
-        def report(share: float, index: int = index, name: str = name) -> None:
-            progress(f"{name}: leaving shots out", (index + share) / len(data))
 
-        report(0.0)
-        predictions[name] = predict(
-            profile.styles[name],
-            name,
-            style,
-            profile.shots,
-            options_from_json(profile.options),
-            tables=tables,
-            most_folds=MOST_FOLDS_OF_TABLES if tables else MOST_FOLDS,
-            progress=report,
-        )
-        notes = (*notes, *predictions[name].notes, *([monochrome_note(name)] if style.monochrome else []))
-    progress("done", 1.0)
+def _evaluation(
+    profile: CameraProfile, predictions: dict[str, Predictions], notes: tuple[str, ...], *, tables: bool
+) -> Evaluation:
+    """The tables that predictions of styles make."""
     rows = (row for name, found in predictions.items() for row in error_rows(name, found))
     return Evaluation(
         camera=profile.camera,
@@ -104,7 +120,7 @@ def evaluate(
 
 def _timed(rows: Iterable[EvaluationRow], predictions: dict[str, Predictions]) -> Iterable[EvaluationRow]:
     """The rows over all shots with the times of their methods."""
-    pixels = np.random.default_rng(0).random((TIMED_PIXELS, 3))
+    pixels = np.random.default_rng(0).random((1 << 17, 3))
     for row in rows:
         fits = [fitted[row.method] for fitted in predictions[row.style].fits if row.method in fitted]
         if row.shot != "all" or not fits:
@@ -114,12 +130,12 @@ def _timed(rows: Iterable[EvaluationRow], predictions: dict[str, Predictions]) -
         known = [value for value in seconds if value is not None]
         evaluate_pixels = getattr(fits[-1], row.direction)
         took = []
-        for part in (pixels[:1], pixels, pixels, pixels):  # the first compiles
+        for some in (pixels[:1], pixels, pixels, pixels):  # the first compiles
             start = time.perf_counter()
-            evaluate_pixels(part)
+            evaluate_pixels(some)
             took.append(time.perf_counter() - start)
         fit_seconds = float(np.median(known)) if known else None
-        yield replace(row, fit_seconds=fit_seconds, seconds_per_megapixel=min(took[1:]) * 1e6 / TIMED_PIXELS)
+        yield replace(row, fit_seconds=fit_seconds, seconds_per_megapixel=min(took[1:]) * 1e6 / len(pixels))
 
 
 def _evaluate_by_reference(profile: CameraProfile, samples: SampleSet) -> Evaluation:
@@ -130,10 +146,10 @@ def _evaluate_by_reference(profile: CameraProfile, samples: SampleSet) -> Evalua
         for setting in np.unique(samples.white_balance[usable & (samples.style == name)]):
             if setting not in profile.white_balances:
                 continue
-            part = usable & (samples.style == name) & (samples.white_balance == setting)
-            rendered = profile.render(Selector(str(name), str(setting)))(samples.raw[part])
-            held_out = not bool(np.isin(samples.shot[part], profile.shots).any())
-            figures = error_figures(rendered, samples.srgb[part], display=True)
+            own = samples.select(usable & (samples.style == name) & (samples.white_balance == setting))
+            rendered = profile.render(Selector(str(name), str(setting)))(own.raw)
+            held_out = not bool(np.isin(own.shot, profile.shots).any())
+            figures = error_figures(rendered, own.srgb, display=True)
             rows.append(EvaluationRow("render", str(name), f"all {setting}", RBF, held_out, figures))
     note = f"{profile.camera} has no RAW of its own ({profile.raw_camera} stands in): only rendering can be measured"
     return Evaluation(profile.camera, tuple(rows), (note,))

@@ -22,8 +22,9 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from lutforge.evaluation.errors_table import ErrorFigures, error_figures
-from lutforge.evaluation.held_out import LATTICE, RBF, Predictions
+from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.linearisation import LinearisationError
+from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import RefinishError
 
 

@@ -1,109 +1,116 @@
-"""The error of a calibration on shots that its fits have not seen: refits without each shot in turn."""
+"""What shots that were left out say of a calibration: its errors, and how far its lattices may be trusted."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lutforge.calibration.calibrate import Calibration
-from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE
+from lutforge.calibration.calibrate import CalibratedStyle, Calibration
+from lutforge.calibration.lattice.shrinkage import shrinkable
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.physical_model import GamutMaps, linearize, render
-from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
-from lutforge.calibration.style_fit import StyleFit, fit_style, refit_physical
+from lutforge.calibration.style_fit import render_with_plain
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.errors_table import ErrorFigures, error_figures
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.solvers.cross_validation import leave_groups_out
-
-Array = NDArray[np.float64]
-
-FEW_SAMPLES = 500
-
-
-@dataclass(frozen=True, eq=False)
-class HeldOut:
-    """Predictions of samples by fits that did not see their shot. rendered: I (n, 3); linearized: Tw E (n, 3)."""
-
-    rendered: Array
-    linearized: Array
-
-
-def _predict(
-    data: StyleData, options: CalibrationOptions, smoothness: tuple[float, float] | None, most_folds: int
-) -> HeldOut:
-    """Refit without each shot (or each of `most_folds` groups of shots) and predict it. Needs two shots or more."""
-    rendered, linearized = np.empty_like(data.encoded), np.empty_like(data.balanced)
-    for mask in leave_groups_out(data.shot, most_folds):
-        fit = fit_style(data.select(~mask), options, smoothness, tolerance=MEASURING_TOLERANCE)
-        rendered[mask] = np.clip(fit.render.lattice(data.balanced[mask]), 0.0, 1.0)
-        linearized[mask] = np.clip(fit.linearize.lattice(data.encoded[mask]), 0.0, 1.0)
-    return HeldOut(rendered, linearized)
-
-
-def _predict_physical(data: StyleData, maps: GamutMaps, options: CalibrationOptions, most_folds: int) -> HeldOut:
-    """The same with the physical model. Raises CalibrationError where the rest of the shots does not determine it."""
-    rendered, linearized = np.empty_like(data.encoded), np.empty_like(data.balanced)
-    nuggets = (maps.nugget, maps.inverse_nugget)
-    for mask in leave_groups_out(data.shot, most_folds):
-        model = refit_physical(data.select(~mask), options, maps.model.white_balances, nuggets).model
-        rendered[mask] = render(model, data.balanced[mask])
-        linearized[mask] = np.clip(linearize(model, data.encoded[mask]), 0.0, 1.0)
-    return HeldOut(rendered, linearized)
+from lutforge.evaluation.errors_table import error_figures
+from lutforge.evaluation.held_out import Predictions, predict, reaches_within_a_shot
+from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, shrinks
+from lutforge.model.camera_profile import CameraProfile, PictureStyle
 
 
 def with_held_out_errors(
     calibration: Calibration, options: CalibrationOptions, progress: Callable[[str, float], None]
 ) -> CameraProfile:
-    """The calibrated profile with the errors of its styles on shots left out, and notes on what makes them weak."""
+    """Return the calibrated profile with the errors of its styles on shots left out, and notes on what makes them weak.
+
+    Where the left-out shots ask for it, its lattices are shrunk towards matrix and response away from their samples.
+    """
     profile = calibration.profile
     styles, notes = dict(profile.styles), list(profile.notes)
     for index, (name, style) in enumerate(calibration.styles.items()):
         progress(f"{name}: held-out error", index / len(calibration.styles))
-        errors, weak = held_out_error(style.data, style.fit, options, style.maps)
+        styles[name], weak = _measured(name, profile.styles[name], style, options)
         notes.extend(f"{name}: {note}" for note in weak)
-        styles[name] = replace(styles[name], errors=errors)
     progress("done", 1.0)
     return replace(profile, styles=styles, notes=tuple(notes))
 
 
-def held_out_error(
-    data: StyleData, fit: StyleFit, options: CalibrationOptions, maps: GamutMaps | None
-) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Held-out figures of the model asked for by name, and what makes this style's calibration weak."""
-    weak = []
-    shots = np.unique(data.shot)
-    if len(data.shot) < FEW_SAMPLES:
+def _measured(
+    name: str, model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions
+) -> tuple[PictureStyle, list[str]]:
+    """One style with its errors and shrunk lattices, and what makes its calibration weak."""
+    data, weak = style.data, []
+    shots = tuple(str(shot) for shot in np.unique(data.shot))
+    if len(data.shot) < 500:
         weak.append(f"only {len(data.shot)} samples: colours between them are guessed from the matrix and response")
     if len(shots) < 2:
         weak.append("one shot only: no shot is left to measure the error on; add another of other colours")
-        return {}, tuple(weak)
-    if any((~mask).sum() < LEAST_SAMPLES for mask in leave_groups_out(data.shot)):
+        reaches = reaches_within_a_shot(model, name, data, options) if shrinks(data, options) else (np.inf, np.inf)
+        return _shrunk(model, style, options, reaches), weak
+    try:
+        found = predict(model, name, data, shots, options, own_only=True)
+    except CalibrationError:
         weak.append("too few samples to leave a shot out: the error is not known")
-        return {}, tuple(weak)
-    if maps is None:
-        smoothness = (fit.render.smoothness, fit.linearize.smoothness)
-        held = _predict(data, options, smoothness, most_folds=5)
-    else:
-        try:
-            held = _predict_physical(data, maps, options, most_folds=5)
-        except CalibrationError as error:
-            weak.append(f"without one of its shots the rest does not suffice, so the error is not known ({error})")
-            return {}, tuple(weak)
-    return _figures(held, data), tuple(weak)
+        return model, weak
+    own = RBF if style.maps is not None else LATTICE
+    errors = _errors(found, own)
+    if not errors:
+        weak.append(f"without one of its shots the rest does not suffice, so the error is not known{_why(found)}")
+    weak.extend(_worse_than_baselines(found, errors))
+    return replace(_shrunk(model, style, options, found.reaches), errors=errors), weak
 
 
-def _figures(held: HeldOut, data: StyleData) -> dict[str, float]:
-    figures: dict[str, ErrorFigures] = {
-        "render": error_figures(held.rendered, data.encoded, display=True),
-    }
+def _why(found: Predictions) -> str:
+    return f" ({'; '.join(found.notes)})" if found.notes else ""
+
+
+def _shrunk(
+    model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions, reaches: tuple[float, float]
+) -> PictureStyle:
+    """A style with its lattices shrunk; reaches: of render and linearize."""
+    fit, data = style.fit, style.data
+    if np.isfinite(reaches[0]):
+        lattice = shrinkable(fit.render.lattice, fit.base, data, inverse=False).at(reaches[0])
+        fit = replace(fit, render=replace(fit.render, lattice=lattice))
+        model = replace(model, render=render_with_plain(data, fit, options))
+    if np.isfinite(reaches[1]):
+        lattice = shrinkable(fit.linearize.lattice, fit.base, data, inverse=True).at(reaches[1])
+        model = replace(model, linearize=lattice)
+    return model
+
+
+def _errors(found: Predictions, own: str) -> dict[str, float]:
+    """The figures that a profile keeps, by name; none where a sample was not predicted."""
+    data = found.data
+    pairs = {"render": (found.rendered.get(own), data.encoded)}
     if not data.monochrome:  # else the colour that its JPEGs do not hold would count
-        figures["linearize"] = error_figures(held.linearized, data.balanced, display=False)
+        pairs["linearize"] = (found.linearized.get(own), data.balanced)
     errors = {}
-    for direction, values in figures.items():
+    for direction, (predicted, measured) in pairs.items():
+        if predicted is None or not np.all(np.isfinite(predicted)):
+            return {}
+        values = error_figures(np.clip(predicted, 0.0, 1.0), measured, display=direction == "render")
         errors[f"{direction}_mean"] = values.mean
         errors[f"{direction}_max"] = values.maximum
         if values.de00_mean is not None:
             errors[f"{direction}_de00_mean"] = values.de00_mean
     return errors
+
+
+def _worse_than_baselines(found: Predictions, errors: dict[str, float]) -> list[str]:
+    """A note for each direction in which a plain method predicts the left-out shots better than the model does."""
+    notes = []
+    for direction, values, wanted in (
+        ("render", found.rendered, found.data.encoded),
+        ("linearize", found.linearized, found.data.balanced),
+    ):
+        own = errors.get(f"{direction}_mean", np.inf)
+        plain = {
+            method: float(np.linalg.norm(np.clip(values[method], 0.0, 1.0) - wanted, axis=1).mean())
+            for method in BASELINES
+        }
+        best = min(plain, key=lambda method: plain[method])
+        if np.isfinite(own) and own > 1.02 * plain[best]:
+            notes.append(
+                f"to {direction} shots that were left out, {best} alone is nearer ({plain[best]:.4f}, this model "
+                f"{own:.4f}): these shots tell too little; add shots of other colours"
+            )
+    return notes

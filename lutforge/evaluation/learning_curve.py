@@ -1,6 +1,6 @@
 """How many shots are enough: the error on shots left out, against the number of shots calibrated from."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,21 +10,24 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import fit_style
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.errors_table import error_figures
+from lutforge.evaluation.errors_table import JUST_VISIBLE, error_figures, visibility
 from lutforge.solvers.cross_validation import leave_groups_out
-
-SPLITS = 3
 
 
 @dataclass(frozen=True)
 class LearningPoint:
-    """shots fitted to; samples: their mean number; render, linearize: mean held-out error; spread: of render (1 σ)."""
+    """Mean errors on held-out shots of fits to so many shots.
+
+    samples: the mean number fitted to; render, linearize: RGB norms, 1 = full scale; de00: of render; spread: the
+    standard deviation of render over the groups of held-out shots.
+    """
 
     shots: int
     samples: float
     render: float
     linearize: float
     spread: float
+    de00: float
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ def learning_curve(
     options: CalibrationOptions | None = None,
     progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> LearningCurve:
-    """Held-out error of one style for 1, 2, 4, … shots, chosen at random, over up to three groups of held-out shots.
+    """Measure the held-out error of one style for 1, 2, 4, … random shots, over three groups of held-out shots.
 
     Raises CalibrationError below three shots, or where no part of them suffices for a fit.
     """
@@ -48,7 +51,7 @@ def learning_curve(
     shots = np.unique(data.shot)
     if len(shots) < 3:
         raise CalibrationError(f"{len(shots)} shots cannot tell how many are enough: at least 3 are needed")
-    masks = leave_groups_out(data.shot, SPLITS)
+    masks = leave_groups_out(data.shot, 3)
     most = min(len(np.unique(data.shot[~mask])) for mask in masks)
     counts = sorted({*(2**power for power in range(most.bit_length()) if 2**power <= most), most})
     points = []
@@ -75,24 +78,24 @@ def _point(
         fit = fit_style(train, options)
         rendered = error_figures(np.clip(fit.render.lattice(test.balanced), 0, 1), test.encoded, display=True)
         linear = error_figures(np.clip(fit.linearize.lattice(test.encoded), 0, 1), test.balanced, display=False)
-        rows.append((len(train.shot), rendered.mean, linear.mean))
+        rows.append((len(train.shot), rendered.mean, linear.mean, rendered.de00_mean or 0.0))
     if not rows:
         return []
-    samples, render, linearize = np.mean(rows, axis=0)
-    spread = float(np.std([row[1] for row in rows]))
-    return [LearningPoint(count, float(samples), float(render), float(linearize), spread)]
+    samples, render, linearize, de00 = (float(value) for value in np.mean(rows, axis=0))
+    return [LearningPoint(count, samples, render, linearize, float(np.std([row[1] for row in rows])), de00)]
 
 
-def _advice(points: list[LearningPoint]) -> str:
-    """Whether more shots would help, from the last doubling."""
+def _advice(points: Sequence[LearningPoint]) -> str:
+    """Whether more shots would help: they are enough only where three points say so, and no error is to be seen."""
     last = points[-1]
-    if len(points) < 2:
-        return f"{last.shots} shots: too few to see a trend; add shots of other colours"
+    now = f"the error on held-out shots is ΔE00 {last.de00:.1f}, {visibility(last.de00)}"
+    if len(points) < 3:
+        return f"{now}; {len(points)} point{'s' * (len(points) > 1)} cannot tell a trend: add shots of other colours"
     before = points[-2]
     gain = 1.0 - last.render / before.render
+    fell = f"from {before.shots} to {last.shots} shots the error fell by {max(gain, 0.0):.0%}; {now}"
     if gain > 0.1:
-        return (
-            f"from {before.shots} to {last.shots} shots the error fell by {gain:.0%}: more shots of other colours "
-            "will still help"
-        )
-    return f"from {before.shots} to {last.shots} shots the error fell by {max(gain, 0.0):.0%}: the shots are enough"
+        return f"{fell}: more shots of other colours will still help"
+    if last.de00 >= JUST_VISIBLE:
+        return f"{fell}: more shots like these will not help; add other colours, or see whether all shots agree"
+    return f"{fell}: the shots are enough"

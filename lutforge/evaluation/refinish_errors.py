@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.evaluation.errors_table import ErrorFigures, error_figures
-from lutforge.evaluation.held_out import LATTICE, NO_GAMUT_MAP, RBF, Predictions
+from lutforge.evaluation.held_out import Predictions
+from lutforge.evaluation.methods import LATTICE, NO_GAMUT_MAP, RBF
 
 Array = NDArray[np.float64]
 

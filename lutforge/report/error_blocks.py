@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
-from lutforge.evaluation.held_out import COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE
+from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE
 from lutforge.evaluation.refinish_errors import RefinishError
 from lutforge.report.error_maps import error_maps, error_maps_figure
 from lutforge.report.error_table_figure import error_boxes

@@ -10,7 +10,7 @@ from lutforge.calibration.options import options_from_json
 from lutforge.calibration.style_data import StyleData
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
-from lutforge.evaluation.held_out import LATTICE, RBF
+from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.report.error_blocks import error_map_pictures, error_pictures, error_tables
 from lutforge.report.page import Points, Report, Section

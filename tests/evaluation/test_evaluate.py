@@ -9,7 +9,6 @@ import pytest
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.evaluation import evaluation as evaluation_module
-from lutforge.evaluation import held_out
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.model.camera_profile import CameraProfile
@@ -119,14 +118,13 @@ def test_a_shot_that_the_profile_has_not_seen_is_predicted_as_it_is(samples: Sam
     assert any("add them" in note for note in alone.notes)
 
 
-def test_two_shots_on_the_thesis_preset_without_exposure_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_shots_on_the_thesis_preset_without_exposure_pairs() -> None:
     """Too little for f from exposure pairs: the tables take it from RAW, and say so."""
     one = photograph_patches(CAMERA, chart_140()[:60], balances=("daylight",), stops=(-1,))
     other = photograph_patches(CAMERA, chart_140(3)[40:100], balances=("daylight",), stops=(-0.5,), seed=1)
     samples = concatenate([one, other])
     profile = calibrate(samples, CalibrationOptions(preset="thesis", size=5, nonuniform=False))
-    monkeypatch.setattr(held_out, "TABLE_SIZES", (5,))  # the search for α takes long on larger ones
-    found = evaluate(profile, samples, tables=True)
+    found = evaluate(profile, samples, tables=True, sizes=(5,))  # the search for α takes long on larger ones
     assert "rbf" in {row.method for row in found.rows}
     assert any("f from RAW/JPEG pairs" in note for note in found.notes)
     assert found.linearisation == ()

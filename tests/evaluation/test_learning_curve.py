@@ -49,6 +49,22 @@ def test_more_shots_make_less_error() -> None:
     assert told[-1] == 1.0
 
 
+def test_two_points_are_no_trend() -> None:
+    """Three shots give fits to one and to two."""
+    curve = learning_curve(shots(3, 60), CalibrationOptions(size=5))
+    assert len(curve.points) == 2
+    assert "enough" not in curve.advice and "add shots" in curve.advice
+
+
+def test_a_visible_error_is_never_enough() -> None:
+    """Noise of the JPEG that no number of shots takes away: the error stays, and is seen."""
+    data = shots(9, 60)
+    noisy = np.clip(data.encoded + np.random.default_rng(3).normal(0, 0.06, data.encoded.shape), 0, 1)
+    curve = learning_curve(StyleData(data.balanced, noisy, data.shot, data.samples), CalibrationOptions(size=5))
+    assert curve.points[-1].de00 > 1
+    assert "enough" not in curve.advice
+
+
 def test_two_shots_are_too_few() -> None:
     with pytest.raises(CalibrationError, match="2 shots"):
         learning_curve(shots(2, 60))

@@ -1,0 +1,80 @@
+"""Shrinkage of a lattice towards matrix and response, where it is far from its samples.
+
+Few shots tell little of colours that they do not show; there matrix and response alone are often nearer to the truth
+than what a lattice continues from its samples. A node at the distance d from the nearest sample keeps the share
+1 / (1 + d / r) of its difference from matrix and response. The reach r is chosen on shots that the fits have not seen,
+so that many shots leave a lattice as it is: stacking of two predictors (Wolpert 1992,
+https://doi.org/10.1016/S0893-6080(05)80023-1) with a weight that depends on place.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lutforge.calibration.lattice.continuation import Continuation
+from lutforge.calibration.lattice.output_curve import output_curve
+from lutforge.calibration.lattice.rising_axis import with_rising_axis
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
+from lutforge.calibration.style_data import StyleData
+from lutforge.model.lattice import Lattice, grid
+
+Array = NDArray[np.float64]
+
+REACHES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, np.inf)
+"""Reaches that are tried, in encoded RGB; with the last one nothing is shrunk."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shrinkable:
+    """A lattice, and what it can be shrunk to.
+
+    target: what matrix and response make of its nodes, in the lattice's own values, (N_r, N_g, N_b, 3); distance: of
+    each node from the nearest sample, in encoded RGB, (N_r, N_g, N_b).
+    """
+
+    lattice: Lattice
+    target: Array
+    distance: Array
+
+    def at(self, reach: float) -> Lattice:
+        """Return the lattice shrunk with a reach; its black and its white stay."""
+        if not np.isfinite(reach):
+            return self.lattice
+        own = self.lattice.values
+        values = self.target + (own - self.target) / (1.0 + self.distance / reach)[..., None]
+        for corner in (0, -1):
+            values[corner, corner, corner] = own[corner, corner, corner]
+        return replace(
+            self.lattice, values=with_rising_axis(values, self.lattice.levels, self.lattice.interpolation), plain=None
+        )
+
+
+def shrinkable(lattice: Lattice, base: MatrixAndResponse, data: StyleData, *, inverse: bool) -> Shrinkable:
+    """Return what a lattice that was fitted to samples can be shrunk to; base: their matrix and response."""
+    base = with_matrix_of_all(base, data.balanced, data.encoded)
+    nodes = grid(lattice.levels)
+    if inverse:
+        samples, places = data.encoded, nodes
+        target = np.clip(base.linearize(nodes), -1.0, 2.0)
+    else:
+        samples, places = base.render(data.balanced), base.render(nodes)
+        curve = None if lattice.response is None else output_curve(base.response)
+        continued = None if curve is None else Continuation(base, curve).values(nodes)
+        target = (
+            places if continued is None else np.clip(continued, -1.0, 2.0)
+        )  # as far as a lattice continues clipping
+    distance = cKDTree(samples).query(places.reshape(-1, 3))[0]
+    return Shrinkable(lattice, target, distance.reshape(target.shape[:-1]))
+
+
+def chosen_reach(errors: Sequence[float], shots: int) -> float:
+    """Return the reach to shrink with, from the mean errors of REACHES on shots that the fits had not seen.
+
+    It is the shortest one whose error is within a share of the least that falls with the number of shots, 3 % at one:
+    200 draws of 1 to 4 shots from a dozen cameras were then worse than matrix and response in 2 % (render) and 5 %.
+    """
+    limit = (1.0 + 0.03 / shots) * min(errors)
+    return next(reach for reach, error in zip(REACHES, errors, strict=True) if error <= limit)

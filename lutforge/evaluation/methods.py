@@ -1,0 +1,165 @@
+"""The methods that are compared: the profile's own models, those of the thesis's tables, and plain baselines."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE
+from lutforge.calibration.lattice.shrinkage import Shrinkable, shrinkable
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical.matrix_and_response import (
+    MatrixAndResponse,
+    fit_matrix_and_response,
+    with_matrix_of_all,
+)
+from lutforge.calibration.physical.physical_model import conventional, linearize, render
+from lutforge.calibration.style_data import StyleData
+from lutforge.calibration.style_fit import fit_direction, refit_physical
+from lutforge.errors import CalibrationError
+from lutforge.evaluation.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
+from lutforge.model.camera_profile import PhysicalModel, PictureStyle
+
+Array = NDArray[np.float64]
+Predictor = Callable[[Array], Array]
+
+LATTICE, RBF, NO_GAMUT_MAP = "lattice", "rbf", "f and T, no h"
+MATRIX_AND_RESPONSE = "matrix and response"
+CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL = "polynomial per channel", "polynomial of all channels"
+BASELINES = (MATRIX_AND_RESPONSE, CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """One method, fitted once. render: Tw E (n, 3) → I; linearize: I → Tw E, not clipped.
+
+    render_seconds, linearize_seconds: what the fits took; None where they were not made here.
+    """
+
+    render: Predictor
+    linearize: Predictor
+    render_seconds: float | None = None
+    linearize_seconds: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """All methods, fitted to the same shots. own: the lattices (render, linearize) of LATTICE, if they may shrink."""
+
+    by_method: dict[str, Fit]
+    own: tuple[Shrinkable, Shrinkable] | None = None
+
+    def shrunk(self, reaches: tuple[float, float]) -> "Fits":
+        """Return the fits with shrunk lattices; reaches: of render and linearize."""
+        if self.own is None:
+            return self
+        render, linearize = (one.at(reach) for one, reach in zip(self.own, reaches, strict=True))
+        return Fits({**self.by_method, LATTICE: replace(self.by_method[LATTICE], render=render, linearize=linearize)})
+
+
+def fits_of_profile(style: PictureStyle, model: PhysicalModel | None) -> dict[str, Fit]:
+    """Return the profile's own models of a style, as they are."""
+    fits = {}
+    if style.render is not None and style.linearize is not None:
+        fits[LATTICE] = Fit(style.render, style.linearize)
+    return fits if model is None else fits | _physical_fits(model)
+
+
+def fit_baselines(train: StyleData, base: MatrixAndResponse | None = None) -> dict[str, Fit]:
+    """Return the plain methods, fitted to samples; base: their matrix and response, where that is known."""
+    x, y = train.balanced, train.encoded
+    base = with_matrix_of_all(base or fit_matrix_and_response(x, y), x, y)
+    return {
+        MATRIX_AND_RESPONSE: Fit(base.render, base.linearize),
+        CHANNEL_POLYNOMIALS: Fit(channel_polynomials(x, y), mixed_channel_polynomials(y, x)),
+        COLOUR_POLYNOMIAL: Fit(colour_polynomial(x, y), colour_polynomial(y, x)),
+    }
+
+
+def _physical_fits(model: PhysicalModel, seconds: float | None = None) -> dict[str, Fit]:
+    plain = conventional(model)
+    return {
+        RBF: Fit(lambda x: render(model, x), lambda x: linearize(model, x), seconds, seconds),
+        NO_GAMUT_MAP: Fit(lambda x: render(plain, x), lambda x: linearize(plain, x)),
+    }
+
+
+class Fitter:
+    """Fits all methods to one part of the shots after the other.
+
+    The smoothness of the gamut map that the first part chose serves the others. notes: is told what could not be done.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        style: PictureStyle,
+        options: CalibrationOptions,
+        notes: list[str],
+        *,
+        sizes: Sequence[int] = (),
+        own: bool = False,
+    ) -> None:
+        """Plan the methods of a style.
+
+        sizes: of the lattices of the thesis's tables, with its other methods; own: no model but the one asked for.
+        """
+        self.name, self.options, self.notes = name, options, notes
+        has_lattice = style.render is not None and not (own and options.model == "rbf")
+        self.lattices = {LATTICE: options} if has_lattice or sizes else {}
+        for size in sizes:
+            for nonuniform in (False, True):
+                method = f"{'nonuniform' if nonuniform else 'uniform'} lattice {size}"
+                self.lattices[method] = replace(options, size=size, nonuniform=nonuniform)
+        self.own_physical = bool(style.physical)
+        self.physical = self.own_physical or bool(sizes)
+        self.nuggets: tuple[float | None, float | None] = (None, None)
+
+    def fit(self, train: StyleData) -> Fits:
+        """Return all methods, fitted to these samples."""
+        base = fit_matrix_and_response(train.balanced, train.encoded)
+        fits, own = {}, None
+        for method, options in self.lattices.items():
+            fits[method], pair = _lattices(train, options, base)
+            own = pair if method == LATTICE else own
+        return Fits({**fits, **self._physical(train), **fit_baselines(train, base)}, own)
+
+    def _physical(self, train: StyleData) -> dict[str, Fit]:
+        if not self.physical:
+            return {}
+        start = time.perf_counter()
+        balances = tuple(str(name) for name in np.unique(train.samples.white_balance))
+        try:
+            maps = refit_physical(train, self.options, balances, self.nuggets)
+        except CalibrationError as error:
+            if not self.own_physical and self.options.preset == "thesis":
+                self.notes.append(f"{self.name}: the physical model takes f from RAW/JPEG pairs ({error})")
+                self.options = replace(self.options, preset="lutforge")
+                return self._physical(train)
+            self.notes.append(f"{self.name}: the physical model cannot be refitted without one of its shots ({error})")
+            return {}
+        self.nuggets = (maps.nugget, maps.inverse_nugget)
+        return _physical_fits(maps.model, time.perf_counter() - start)
+
+
+def _lattices(
+    train: StyleData, options: CalibrationOptions, base: MatrixAndResponse
+) -> tuple[Fit, tuple[Shrinkable, Shrinkable] | None]:
+    """Lattices of both directions with their times, and what they can be shrunk to, where the options shrink."""
+    lattices, seconds = [], []
+    for inverse in (False, True):
+        start = time.perf_counter()
+        lattices.append(fit_direction(train, options, base, inverse=inverse, tolerance=MEASURING_TOLERANCE).lattice)
+        seconds.append(time.perf_counter() - start)
+    fit = Fit(lattices[0], lattices[1], seconds[0], seconds[1])
+    if not shrinks(train, options):
+        return fit, None
+    forward, back = (shrinkable(lattice, base, train, inverse=i > 0) for i, lattice in enumerate(lattices))
+    return fit, (forward, back)
+
+
+def shrinks(data: StyleData, options: CalibrationOptions) -> bool:
+    """Whether the lattices of a style are shrunk: not those that follow the thesis, or stand beside its model."""
+    return options.preset == "lutforge" and options.model == "lattice" and not data.monochrome

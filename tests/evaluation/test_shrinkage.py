@@ -1,0 +1,71 @@
+"""Few shots: lattices are drawn towards matrix and response away from their samples, and never end up far worse."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lutforge.calibration.calibrate import data_by_style
+from lutforge.calibration.lattice.shrinkage import REACHES, chosen_reach, shrinkable
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical.matrix_and_response import with_matrix_of_all
+from lutforge.calibration.style_fit import fit_style
+from lutforge.evaluation.methods import MATRIX_AND_RESPONSE, fit_baselines
+from lutforge.pipeline.calibration import calibrate
+from lutforge.pipeline.evaluation import evaluate
+from lutforge.samples.sample_set import SampleSet
+from lutforge.simulate.camera import nikon_d5100
+from tests.calibration.samples_simulated import chart_140, photograph_patches
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def samples() -> SampleSet:
+    """A chart under five lights, vivid: a gamut map that a shot of other colours does not tell."""
+    return photograph_patches(nikon_d5100(), chart_140(), styles=("vivid",), stops=(-1,))
+
+
+def error(predict: object, x: Array, y: Array) -> float:
+    assert callable(predict)
+    return float(np.linalg.norm(np.clip(predict(x), 0.0, 1.0) - y, axis=1).mean())
+
+
+def test_one_shot_of_few_colours_is_no_worse_than_matrix_and_response(samples: SampleSet) -> None:
+    """The first 24 patches under one light against all 140 under the others, both directions."""
+    few = samples.select((samples.shot == samples.shot[0]) & (samples.patch < "0024"))
+    rest = next(iter(data_by_style(samples.select(samples.shot != samples.shot[0])).values()))
+    train = next(iter(data_by_style(few).values()))
+    style = calibrate(few, CalibrationOptions(size=17)).styles["vivid"]
+    plain = fit_baselines(train)[MATRIX_AND_RESPONSE]
+    assert error(style.render, rest.balanced, rest.encoded) <= 1.02 * error(plain.render, rest.balanced, rest.encoded)
+    worst = 1.02 * error(plain.linearize, rest.encoded, rest.balanced)
+    assert error(style.linearize, rest.encoded, rest.balanced) <= worst
+
+
+def test_a_short_reach_gives_matrix_and_response_far_away_and_keeps_black_and_white(samples: SampleSet) -> None:
+    data = next(iter(data_by_style(samples).values()))
+    fit = fit_style(data, CalibrationOptions(size=9))
+    pair = shrinkable(fit.render.lattice, fit.base, data, inverse=False)
+    assert pair.at(np.inf) is fit.render.lattice
+    near = pair.at(1e-4)
+    plain = with_matrix_of_all(fit.base, data.balanced, data.encoded)
+    green = np.array([[0.0, 1.0, 0.0]])
+    np.testing.assert_allclose(np.clip(near(green), 0, 1), plain.render(green), atol=0.02)
+    np.testing.assert_array_equal(near(np.zeros(3)), fit.render.lattice(np.zeros(3)))
+    np.testing.assert_allclose(near(np.ones(3)), 1.0, atol=1e-9)
+
+
+def test_the_reach_is_the_shortest_that_is_as_good_and_infinite_with_many_shots() -> None:
+    falling = list(np.linspace(1.035, 1.0, len(REACHES)))
+    assert chosen_reach(falling, shots=1) < chosen_reach(falling, shots=2) < chosen_reach(falling, shots=100) == np.inf
+
+
+def test_the_profile_holds_the_figure_that_evaluate_prints(samples: SampleSet) -> None:
+    """One protocol: the same shots left out, the same lattices."""
+    profile = calibrate(samples, CalibrationOptions(size=9))
+    rows = [row for row in evaluate(profile, samples).rows if (row.method, row.shot) == ("lattice", "all")]
+    errors = profile.styles["vivid"].errors
+    assert len(rows) == 2
+    for row in rows:
+        assert row.figures.mean == pytest.approx(errors[f"{row.direction}_mean"], rel=1e-9)
+        assert row.figures.maximum == pytest.approx(errors[f"{row.direction}_max"], rel=1e-9)
