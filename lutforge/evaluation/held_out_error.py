@@ -68,11 +68,11 @@ def _shrunk(
     """A style with its lattices shrunk; reaches: of render and linearize."""
     fit, data = style.fit, style.data
     if np.isfinite(reaches[0]):
-        lattice = shrinkable(fit.render.lattice, fit.base, data, inverse=False).at(reaches[0])
+        lattice = shrinkable(fit.render.lattice, fit.base, data.balanced, data.encoded, inverse=False).at(reaches[0])
         fit = replace(fit, render=replace(fit.render, lattice=lattice))
         model = replace(model, render=render_with_plain(data, fit, options))
     if np.isfinite(reaches[1]):
-        lattice = shrinkable(fit.linearize.lattice, fit.base, data, inverse=True).at(reaches[1])
+        lattice = shrinkable(fit.linearize.lattice, fit.base, data.balanced, data.encoded, inverse=True).at(reaches[1])
         model = replace(model, linearize=lattice)
     return model
 

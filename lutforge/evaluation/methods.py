@@ -156,7 +156,9 @@ def _lattices(
     fit = Fit(lattices[0], lattices[1], seconds[0], seconds[1])
     if not shrinks(train, options):
         return fit, None
-    forward, back = (shrinkable(lattice, base, train, inverse=i > 0) for i, lattice in enumerate(lattices))
+    forward, back = (
+        shrinkable(lattice, base, train.balanced, train.encoded, inverse=i > 0) for i, lattice in enumerate(lattices)
+    )
     return fit, (forward, back)
 
 

@@ -45,7 +45,7 @@ def test_one_shot_of_few_colours_is_no_worse_than_matrix_and_response(samples: S
 def test_a_short_reach_gives_matrix_and_response_far_away_and_keeps_black_and_white(samples: SampleSet) -> None:
     data = next(iter(data_by_style(samples).values()))
     fit = fit_style(data, CalibrationOptions(size=9))
-    pair = shrinkable(fit.render.lattice, fit.base, data, inverse=False)
+    pair = shrinkable(fit.render.lattice, fit.base, data.balanced, data.encoded, inverse=False)
     assert pair.at(np.inf) is fit.render.lattice
     near = pair.at(1e-4)
     plain = with_matrix_of_all(fit.base, data.balanced, data.encoded)

@@ -18,7 +18,6 @@ from lutforge.calibration.lattice.continuation import Continuation
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.lattice.rising_axis import with_rising_axis
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
-from lutforge.calibration.style_data import StyleData
 from lutforge.model.lattice import Lattice, grid
 
 Array = NDArray[np.float64]
@@ -52,15 +51,17 @@ class Shrinkable:
         )
 
 
-def shrinkable(lattice: Lattice, base: MatrixAndResponse, data: StyleData, *, inverse: bool) -> Shrinkable:
-    """Return what a lattice that was fitted to samples can be shrunk to; base: their matrix and response."""
-    base = with_matrix_of_all(base, data.balanced, data.encoded)
+def shrinkable(
+    lattice: Lattice, base: MatrixAndResponse, balanced: Array, encoded: Array, *, inverse: bool
+) -> Shrinkable:
+    """Return what a lattice can be shrunk to; balanced, encoded: its samples (n, 3); base: their matrix and response."""
+    base = with_matrix_of_all(base, balanced, encoded)
     nodes = grid(lattice.levels)
     if inverse:
-        samples, places = data.encoded, nodes
+        samples, places = encoded, nodes
         target = np.clip(base.linearize(nodes), -1.0, 2.0)
     else:
-        samples, places = base.render(data.balanced), base.render(nodes)
+        samples, places = base.render(balanced), base.render(nodes)
         curve = None if lattice.response is None else output_curve(base.response)
         continued = None if curve is None else Continuation(base, curve).values(nodes)
         target = (
