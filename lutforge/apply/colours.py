@@ -13,7 +13,7 @@ from lutforge.errors import ImageError
 from lutforge.images.read import is_premultiplied
 from lutforge.images.write import IN_ANOTHER_SPACE
 from lutforge.shots.maker_settings import in_adobe_rgb
-from lutforge.shots.metadata import file_tags
+from lutforge.shots.tags import tags
 
 Pixels = NDArray[np.float32]
 
@@ -52,7 +52,7 @@ def _last_words(names: Sequence[str]) -> Iterator[str]:
 def colour_space(source: Path, spec: oiio.ImageSpec, format: str) -> Mapping[str, object]:
     """What tells that a picture is in Adobe RGB, where only a tag said it that OpenImageIO does not keep."""
     known = format != "jpeg" or spec.getattribute("ICCProfile") is not None
-    return {} if known or not in_adobe_rgb(file_tags(source)) else TELL_ADOBE_RGB
+    return {} if known or not in_adobe_rgb(tags(source)) else TELL_ADOBE_RGB
 
 
 def wrong_light(grade: Grade, source: oiio.ImageSpec, output: oiio.ImageSpec) -> Iterator[str]:

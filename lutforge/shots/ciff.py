@@ -11,18 +11,6 @@ SIGNATURE = b"HEAPCCDR"
 Buffer = bytes | mmap
 """A whole file: both slice to bytes."""
 
-MAX_DEPTH = 8
-MAX_RECORDS = 2000
-MAX_RECORD_BYTES = 65536
-"""Larger records are pictures; they are not kept."""
-
-MAKE_AND_MODEL = 0x080A
-SHOT_INFO = 0x102A
-CAMERA_SETTINGS = 0x102D
-
-_IN_DIRECTORY = 0x4000
-_SUBHEAPS = (0x2800, 0x3000)
-
 
 def is_ciff(data: Buffer) -> bool:
     """Whether a file that starts with these bytes (14 or more) is CIFF."""
@@ -38,8 +26,7 @@ def read_ciff(data: Buffer) -> tuple[str, dict[int, bytes]]:
     records: dict[int, bytes] = {}
     if is_ciff(data):
         (start,) = struct.unpack_from(order + "I", data, 2)
-        budget = [MAX_RECORDS]
-        _read_heap(data, order, start, len(data), records, MAX_DEPTH, budget)
+        _read_heap(data, order, start, len(data), records, depth=8, budget=[2000])
     return order, records
 
 
@@ -60,13 +47,13 @@ def _read_heap(
             return
         budget[0] -= 1
         tag, size, offset = struct.unpack_from(order + "HII", data, entry)
-        if tag & _IN_DIRECTORY:
+        if tag & 0x4000:  # the value stands in the directory
             records.setdefault(tag & 0x3FFF, data[entry + 2 : entry + 10])
             continue
         low, high = start + offset, start + offset + size
         if high > end:
             continue
-        if tag & 0x3800 in _SUBHEAPS:
+        if tag & 0x3800 in (0x2800, 0x3000):  # a heap in this heap
             _read_heap(data, order, low, high, records, depth - 1, budget)
-        elif size <= MAX_RECORD_BYTES:
+        elif size <= 65536:  # larger ones are pictures
             records.setdefault(tag & 0x3FFF, data[low:high])

@@ -2,7 +2,7 @@
 
 import re
 
-from lutforge.shots.exif import Tags
+from lutforge.shots.tags import SOFTWARE, Tags
 
 _EDITORS = re.compile(
     "photoshop|lightroom|camera raw|dng converter|gimp|darktable|rawtherapee|^art |capture one|affinity|dxo|luminar|"
@@ -14,7 +14,7 @@ _EDITORS = re.compile(
 
 def editor_of(tags: Tags) -> str | None:
     """The program that wrote a file, where it is not the camera's firmware."""
-    software = str(tags.get(("Image", 0x0131), "")).strip()
+    software = str(tags.get(SOFTWARE, "")).strip()
     return software if _EDITORS.search(software) else None
 
 

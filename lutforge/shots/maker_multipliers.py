@@ -1,33 +1,14 @@
 """As-shot white balance out of each maker's tags, where a finished picture carries it: multipliers or temperature.
 
-Layouts: exiftool.org/TagNames, exiv2.org/tags.html; Canon's ColorData by its length. A new maker is a few rows here.
+Layouts: exiftool.org/TagNames, exiv2.org/tags.html; Canon's ColorData by its length, in data/settings.json.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.shots.exif import Tags, Value
+from lutforge.shots.tags import Tags, Value, key_of, maker_table
 
 Array = NDArray[np.float64]
-Key = tuple[str, int]
-
-_CANON_AS_SHOT = {
-    582: 25, 653: 24, 5120: 71, 1816: 71, 1820: 71, 1824: 71, 2024: 85, 3656: 85, 3973: 105, 3778: 105,
-    796: 63, 674: 63, 692: 63, 702: 63, 1227: 63, 1250: 63, 1251: 63, 1337: 63, 1338: 63, 1346: 63, 1273: 63,
-    1275: 63, 1312: 63, 1313: 63, 1316: 63, 1506: 63, 1560: 63, 1592: 63, 1353: 63, 1602: 63,
-}  # fmt: skip
-"""Length of Canon's ColorData (tag 0x4001) in 16-bit words → where the four as-shot levels (R, G, G, B) begin."""
-
-_KELVIN: tuple[Key, ...] = (
-    ("CanonPr", 9),
-    ("Sony", 0xB021),
-    ("Fujifilm", 0x1005),
-    ("OlympusCs", 0x0501),
-    ("Panasonic", 0x0044),
-    ("Pentax", 0x0050),
-    ("Nikon", 0x004F),
-)
-"""The colour temperature that was dialled in; it counts only where the white balance is set to a temperature."""
 
 
 def multipliers_of(tags: Tags) -> Array | None:
@@ -43,8 +24,8 @@ def multipliers_of(tags: Tags) -> Array | None:
 
 def kelvin_of(tags: Tags) -> float | None:
     """The temperature of a white balance that was set as one; None where no tag tells it."""
-    for key in _KELVIN:
-        values = _numbers(tags.get(key))
+    for text in maker_table("settings")["kelvin"]["tags"]:
+        values = _numbers(tags.get(key_of(text)))
         if values and 1500 <= values[0] <= 25000:
             return float(values[0])
     return None
@@ -66,7 +47,7 @@ def _dng(tags: Tags) -> tuple[float, float, float] | None:
 
 def _canon(tags: Tags) -> tuple[float, float, float] | None:
     words = _numbers(tags.get(("Canon", 0x4001)))
-    start = _CANON_AS_SHOT.get(len(words))
+    start = maker_table("settings")["canon_as_shot"]["starts"].get(str(len(words)))
     if start is None:
         return None
     red, green, green2, blue = words[start : start + 4]

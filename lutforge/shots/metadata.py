@@ -1,8 +1,6 @@
 """What the file says about a shot: camera, picture style, white balance, exposure."""
 
-import contextlib
 import math
-import mmap
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.images.raw import RawImage
-from lutforge.shots.exif import Tags, Value, read_exif
 from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
+from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Value, tags, tags_of
 
 UNKNOWN = "unknown"
 
@@ -54,36 +52,35 @@ class ShotMetadata:
 def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     """Settings from the RAW file's own tags, completed by those of its preview and of the JPEG beside it.
 
-    The optional package exiv2 completes them where it is installed. Exposure, ISO and multipliers are LibRaw's. Never
+    Exposure, ISO and multipliers are LibRaw's. Never
     raises: what is not to be found is unknown, and said so in the notes.
     """
-    tags = file_tags(path)
-    preview = read_exif(raw.preview or b"")
-    software = str(preview.get(("Image", 0x0131), "")).lower()
-    if software.startswith(("dcraw", "libraw")):
+    found = tags(path)
+    preview = tags_of(raw.preview or b"")
+    if str(preview.get(SOFTWARE, "")).lower().startswith(("dcraw", "libraw")):
         # LibRaw made this header for a preview that had none: it names the camera, nothing else that is new.
-        preview = {key: value for key, value in preview.items() if key in (("Image", 0x010F), ("Image", 0x0110))}
-    for other in (file_tags(jpeg) if jpeg else {}, preview):
-        tags = {**other, **tags}
-    make, model = (str(tags.get(("Image", tag), "")).strip() for tag in (0x010F, 0x0110))
-    notes = list(notes_of(tags))
+        preview = {key: value for key, value in preview.items() if key in (MAKE, MODEL)}
+    for other in (tags(jpeg) if jpeg else {}, preview):
+        found = {**other, **found}
+    make, model = (str(found.get(key, "")).strip() for key in (MAKE, MODEL))
+    notes = list(notes_of(found))
     if raw.multipliers is None:
         notes.append("the file has no valid white-balance multipliers: they must be fitted or given")
     if not make and not model:
         notes.append("the file does not name its camera")
-    style = style_of(tags)
+    style = style_of(found)
     if style is None:
         notes.append('the file does not name its picture style: taken for "standard"')
     return ShotMetadata(
         make=make or UNKNOWN,
         model=model or "camera",
         style=style or "standard",
-        white_balance=white_balance_of(tags) or UNKNOWN,
+        white_balance=white_balance_of(found) or UNKNOWN,
         multipliers=raw.multipliers,
-        exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else _ratio(tags.get(("Photo", 0x829A))),
-        iso=raw.iso if math.isfinite(raw.iso) else _number(tags.get(("Photo", 0x8827))),
+        exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else _ratio(found.get(("Photo", 0x829A))),
+        iso=raw.iso if math.isfinite(raw.iso) else _number(found.get(("Photo", 0x8827))),
         notes=tuple(notes),
-        lens=raw.lens or str(tags.get(("Photo", 0xA434), "")).strip(),
+        lens=raw.lens or str(found.get(("Photo", 0xA434), "")).strip(),
         focal_mm=raw.focal_mm,
         aperture=raw.aperture,
     )
@@ -91,11 +88,10 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
 
 def raw_attributes(path: Path, raw: RawImage) -> dict[str, object]:
     """What a picture rendered from a RAW file has to say of the shot, by OpenImageIO's names; unknown ones left out."""
-    tags = file_tags(path)
-    make, model = (str(tags.get(("Image", tag), "")).strip() for tag in (0x010F, 0x0110))
-    found: dict[str, object] = {
-        "Make": make,
-        "Model": model,
+    named = tags(path)
+    attributes: dict[str, object] = {
+        "Make": str(named.get(MAKE, "")).strip(),
+        "Model": str(named.get(MODEL, "")).strip(),
         "DateTime": raw.taken,
         "Exif:DateTimeOriginal": raw.taken,
         "ExposureTime": raw.exposure_s,
@@ -104,17 +100,7 @@ def raw_attributes(path: Path, raw: RawImage) -> dict[str, object]:
         "Exif:LensModel": raw.lens,
         "Exif:PhotographicSensitivity": min(round(raw.iso), 65535) if math.isfinite(raw.iso) else "",
     }
-    return {name: value for name, value in found.items() if value and value == value}  # NaN is not equal to itself
-
-
-def file_tags(path: Path) -> Tags:
-    """Tags of a file by LutForge's own reader, completed by exiv2's where it is installed and can read the file."""
-    tags: Tags = {}
-    with contextlib.suppress(OSError, ValueError), path.open("rb") as file:
-        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        with data:
-            tags = read_exif(data)
-    return {**_exiv2_tags(path), **tags}
+    return {name: value for name, value in attributes.items() if value and value == value}  # NaN is not equal to itself
 
 
 def tidy_camera(make: str, model: str) -> str:
@@ -128,32 +114,6 @@ def tidy_camera(make: str, model: str) -> str:
         return re.sub(r"\s+", " ", model if model.lower().startswith(make.lower()) else f"{make} {model}").strip()
     rest = re.sub(rf"^{brand}\b", "", model.strip(), flags=re.IGNORECASE).strip()
     return re.sub(r"\s+", " ", f"{brand} {rest}").strip()
-
-
-def _exiv2_tags(path: Path) -> Tags:
-    """Tags as the optional exiv2 package reads them; none where it is missing or fails."""
-    try:
-        import exiv2
-    except ImportError:
-        return {}
-    tags: Tags = {}
-    with contextlib.suppress(Exception):  # exiv2.Exiv2Error exists only where the package does
-        exiv2.LogMsg.setLevel(exiv2.LogMsg.Level.mute)
-        image = exiv2.ImageFactory.open(str(path))
-        image.readMetadata()
-        for datum in image.exifData():
-            group = re.sub(r"^(Nikon|Sony)\d$", r"\1", datum.groupName())
-            if datum.size() <= 8192:
-                tags.setdefault((group, int(datum.tag())), _parsed(datum.toString()))
-    return tags
-
-
-def _parsed(text: str) -> Value:
-    """exiv2's text of a value, as the own reader gives it: integers (ratios as two) or text."""
-    parts = text.replace("/", " ").split()
-    if parts and all(re.fullmatch(r"-?\d+", part) for part in parts):
-        return tuple(int(part) for part in parts)
-    return text.strip()
 
 
 def _number(value: Value | None) -> float:

@@ -14,10 +14,12 @@ from lutforge.images.read import ImageReader
 from lutforge.settings import Multipliers, parse_selector, setting_name
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
 from lutforge.shots.editors import edited_notes
-from lutforge.shots.exif import Tags
 from lutforge.shots.maker_multipliers import multipliers_of
 from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
-from lutforge.shots.metadata import UNKNOWN, file_tags, tidy_camera
+from lutforge.shots.metadata import UNKNOWN, tidy_camera
+from lutforge.shots.tags import MAKE, MODEL, Tags
+from lutforge.shots.tags import SOFTWARE as SOFTWARE_TAG
+from lutforge.shots.tags import tags as file_tags
 
 SOFTWARE = "LutForge"
 
@@ -72,7 +74,7 @@ def read_picture_settings(path: Path) -> PictureSettings:
 
 def camera_of(tags: Tags) -> str:
     """Make and model in one; "" where neither is there."""
-    make, model = (str(tags.get(("Image", tag), "")).strip() for tag in (0x010F, 0x0110))
+    make, model = (str(tags.get(key, "")).strip() for key in (MAKE, MODEL))
     return tidy_camera(make, model) if make or model else ""
 
 
@@ -83,7 +85,7 @@ def software_tag(camera: str, selector: str) -> str:
 
 def _made_by_lutforge(tags: Tags) -> PictureSettings | None:
     """Settings of a picture that LutForge wrote: unknown ones, where it was not a profile that made it."""
-    software = str(tags.get(("Image", 0x0131), ""))
+    software = str(tags.get(SOFTWARE_TAG, ""))
     if software != SOFTWARE and not software.startswith(f"{SOFTWARE} ("):
         return None
     found = re.fullmatch(rf"{SOFTWARE} \((.+): ([^:]+)\)", software)
@@ -103,9 +105,9 @@ def _header_tags(path: Path) -> Tags:
         spec = image.spec
     names = {
         ("Image", 0x010E): "ImageDescription",
-        ("Image", 0x010F): "Make",
-        ("Image", 0x0110): "Model",
-        ("Image", 0x0131): "Software",
+        MAKE: "Make",
+        MODEL: "Model",
+        SOFTWARE_TAG: "Software",
     }
     tags: Tags = {}
     for key, name in names.items():

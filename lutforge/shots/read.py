@@ -13,9 +13,9 @@ from lutforge.images.read import read_image
 from lutforge.shots.align import register_rotated
 from lutforge.shots.discover import JPEG_SUFFIXES, jpeg_beside
 from lutforge.shots.editors import edited_notes
-from lutforge.shots.jpeg_header import read_jpeg_header
-from lutforge.shots.metadata import file_tags, read_metadata
+from lutforge.shots.metadata import read_metadata
 from lutforge.shots.shot import Registration, Shot
+from lutforge.shots.tags import tags
 
 EMBEDDED = "embedded preview"
 
@@ -54,8 +54,8 @@ def read_shot(path: Path | str) -> Shot:
 def _candidates(path: Path) -> list[tuple[str, tuple[str, ...]]]:
     """Where the JPEG may be, best first, with what is to be said of each."""
     beside = jpeg_beside(path)
-    embedded = (EMBEDDED, edited_notes(file_tags(path)))
-    return [(str(beside), edited_notes(file_tags(beside))), embedded] if beside else [embedded]
+    embedded = (EMBEDDED, edited_notes(tags(path)))
+    return [(str(beside), edited_notes(tags(beside))), embedded] if beside else [embedded]
 
 
 def _registered(raw: RawImage, path: Path, source: str) -> tuple[NDArray[np.uint8], Registration]:
@@ -76,9 +76,8 @@ def _registered(raw: RawImage, path: Path, source: str) -> tuple[NDArray[np.uint
 
 def _decode(data: bytes, source: str) -> NDArray[np.uint8]:
     """(h, w, 3) of JPEG bytes, as stored. Raises ImageError: damaged, not RGB, or too large."""
-    header = read_jpeg_header(data, source)
-    if header.components != 3:
-        raise ImageError(f"{source}: a JPEG of {header.components} components; a colour (RGB) JPEG is needed")
+    if not data.startswith(b"\xff\xd8"):
+        raise ImageError(f"{source}: not a JPEG file")
     with tempfile.NamedTemporaryFile(suffix=".jpg") as file:
         file.write(data)
         file.flush()

@@ -1,6 +1,7 @@
 """Settings from tags: gold values of real files, codes of the makers, and damaged metadata."""
 
 import struct
+import time
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,10 @@ import pytest
 
 from lutforge.images.raw import read_raw
 from lutforge.shots.ciff import read_ciff
-from lutforge.shots.exif import Tags, read_exif
 from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
-from lutforge.shots.metadata import file_tags, read_metadata, tidy_camera
+from lutforge.shots.metadata import read_metadata, tidy_camera
+from lutforge.shots.tags import Tags, key_of, maker_table, tags_of
+from lutforge.shots.tags import tags as file_tags
 
 
 @pytest.mark.parametrize(
@@ -148,18 +150,18 @@ def test_each_version_of_nikons_picture_controls(version: bytes, name: int, cont
     control = bytearray([0x80]) * 74
     control[:4], control[name : name + 20], control[contrast] = version, b"VIVID".ljust(20, b"\0"), 0x82
     note = b"Nikon\0\2\x10\0\0MM\0*\0\0\0\x08" + struct.pack(">HHHIII", 1, 0x0023, 7, len(control), 26, 0)
-    tags = read_exif(tiff_with_note(note + bytes(control)))
+    tags = tags_of(tiff_with_note(note + bytes(control)))
     assert style_of(tags) == style
     assert list(notes_of(tags)) == []
     control[contrast] = 0
-    assert "automatic contrast" in next(notes_of(read_exif(tiff_with_note(note + bytes(control)))))
+    assert "automatic contrast" in next(notes_of(tags_of(tiff_with_note(note + bytes(control)))))
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_a_note_in_the_other_byte_order_than_it_states(order: str) -> None:
     """As of a Pentax *ist DL, after a program that rewrote the file."""
     note = b"AOC\0MM" + struct.pack(order + "HHHIHHI", 1, 0x004F, 3, 1, 1, 0, 0)
-    assert style_of(read_exif(tiff_with_note(note, b"PENTAX\0", ">"))) == "bright"
+    assert style_of(tags_of(tiff_with_note(note, b"PENTAX\0", ">"))) == "bright"
 
 
 PENTAX_DNG = b"PENTAX \0MM" + struct.pack("<HHHII", 1, 0x004F, 3, 1, 3)
@@ -173,7 +175,7 @@ MOVED_NOTE = b"Adobe\0MakN" + struct.pack(">I", 6 + len(NOTE)) + b"II" + struct.
 @pytest.mark.parametrize(("private", "style"), [(PENTAX_DNG, "landscape"), (MOVED_NOTE, "vivid")])
 def test_the_maker_note_in_a_dngs_private_data(private: bytes, style: str) -> None:
     first = struct.pack("<HHHII", 1, 0xC634, 1, len(private), 8 + 2 + 12)
-    assert style_of(read_exif(b"II" + struct.pack("<HI", 42, 8) + first + private)) == style
+    assert style_of(tags_of(b"II" + struct.pack("<HI", 42, 8) + first + private)) == style
 
 
 def ciff(entries: list[tuple[int, bytes]]) -> bytes:
@@ -187,7 +189,7 @@ def ciff(entries: list[tuple[int, bytes]]) -> bytes:
 
 def test_ciff_records() -> None:
     data = ciff([(0x080A, b"Canon\0Canon EOS X\0"), (0x102D, struct.pack("<16H", 32, *[0] * 13, 1, 0))])
-    tags = read_exif(data)
+    tags = tags_of(data)
     assert tags["Image", 0x0110] == "Canon EOS X"
     assert style_of(tags) == "standard saturation+1"
 
@@ -210,5 +212,32 @@ def test_damaged_metadata_never_raises(shared_data: Path) -> None:
             broken = bytearray(data)
             for place in rng.integers(0, min(len(data), 4000), 20):
                 broken[place] = rng.integers(0, 256)
-            tags = read_exif(bytes(broken[: rng.integers(0, len(broken))]))
+            tags = tags_of(bytes(broken[: rng.integers(0, len(broken))]))
             style_of(tags), white_balance_of(tags), list(notes_of(tags))
+
+
+def test_endless_metadata_end_and_nothing_is_printed(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    entries = b"".join(struct.pack("<HHII", tag, 3, 999, 8) for tag in range(1, 60_000))
+    (tmp_path / "a.tif").write_bytes(b"II" + struct.pack("<HIH", 42, 8, 59_999) + entries + bytes(4))
+    start = time.perf_counter()
+    assert len(file_tags(tmp_path / "a.tif")) < 1000
+    assert time.perf_counter() - start < 3
+    (tmp_path / "b.jpg").write_bytes(b"\xff\xd8\xff\xe1\0\x10Exif\0\0II*\0\xff\xff\xff\xff")
+    assert file_tags(tmp_path / "b.jpg") == {}
+    assert capfd.readouterr() == ("", "")
+    assert not caplog.records
+
+
+def test_tables_name_known_groups_and_codes() -> None:
+    settings, notes = maker_table("settings"), maker_table("maker_notes")
+    groups = {row["group"] for row in notes["notes"]} | {group for group, _ in notes["arrays"]["tags"].values()}
+    groups |= {"Image", "Photo", "Iop", "NikonPc", "OlympusCs", "OlympusIp"}
+    for name, table in settings.items():
+        for text in table.get("tags", ()) if isinstance(table, dict) else ():
+            for key in text if isinstance(text, list) else [text]:
+                assert key_of(key)[0] in groups, (name, key)
+    for table in ("styles", "effects", "white_balances"):
+        for names in settings[table]["tags"].values():
+            assert all(hex(int(code, 16)) == code for code in names)

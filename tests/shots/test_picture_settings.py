@@ -9,10 +9,10 @@ import pytest
 from lutforge.errors import ImageError
 from lutforge.images.read import Image
 from lutforge.images.write import write_image
-from lutforge.shots.exif import Tags
 from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
 from lutforge.shots.maker_settings import white_balance_of
 from lutforge.shots.picture_settings import read_picture_settings, software_tag
+from lutforge.shots.tags import Tags
 
 
 @pytest.mark.parametrize(
