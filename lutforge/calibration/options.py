@@ -1,13 +1,13 @@
 """How a camera is calibrated: one record of options, and the presets that name two sets of them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Literal, get_args
 
+from lutforge.calibration.lattice_options import LatticeFitOptions
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.model.camera_profile import MODELS, ModelName
-from lutforge.solvers.lattice_regression import Regularisation
 
 Preset = Literal["lutforge", "thesis"]
 PRESETS: tuple[Preset, ...] = get_args(Preset)
@@ -26,8 +26,8 @@ class CalibrationOptions:
     β); "lutforge" continues the matrix and response where there are no samples, smooths in all directions, chooses its
     weights by cross-validation over shots, and tells outliers by their residual. size: nodes per axis, 3 … 65.
     nonuniform: False stops at the uniform lattice. response: the lattice that renders has a curve behind it, which CLF
-    and CTF files hold, and a plain form beside it for other files (lutforge preset only). Raises CalibrationError on
-    values outside these.
+    and CTF files hold, and a plain form beside it for other files (lutforge preset only). lattice: the numbers of the
+    lattice fit. Raises CalibrationError on values outside these.
     """
 
     model: ModelName = "lattice"
@@ -37,6 +37,7 @@ class CalibrationOptions:
     nonuniform: bool = True
     shaper_size: int = SHAPER_SIZE
     response: bool = True
+    lattice: LatticeFitOptions = field(default_factory=LatticeFitOptions)
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
@@ -65,13 +66,10 @@ class CalibrationOptions:
         }
 
 
-THESIS = Regularisation()
-"""λ_S = 0.1, λ_A = 0.01, λ_K = 1e−6 (thesis 5.3)."""
-
-
 def options_from_json(values: Mapping[str, object]) -> CalibrationOptions:
     """The options that a profile was calibrated with; what it does not say is the default."""
-    known = {field.name: values[field.name] for field in fields(CalibrationOptions) if field.name in values}
+    names = {each.name for each in fields(CalibrationOptions)} - {"lattice"}
+    known = {name: value for name, value in values.items() if name in names}
     try:
         return CalibrationOptions(**known)  # type: ignore[arg-type]  # checked by __post_init__, and TypeError here
     except TypeError as error:

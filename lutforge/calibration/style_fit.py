@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lutforge.calibration.lattice.continuation import Continuation, continuation
-from lutforge.calibration.lattice.lattice_fit import TOLERANCE, fit_samples
-from lutforge.calibration.lattice.lattice_result import LatticeResult, result
+from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
-from lutforge.calibration.lattice.plain_lattice import fit_plain
+from lutforge.calibration.lattice.plain import fit_plain
+from lutforge.calibration.lattice.result import LatticeResult, result
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
 from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
@@ -30,7 +30,7 @@ def fit_style(
     options: CalibrationOptions,
     smoothness: tuple[float, float] | None = None,
     base: MatrixAndResponse | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
 ) -> StyleFit:
     """Both lattices of a style; smoothness: λ_S of (render, linearize), and base, where known already."""
     base = base or fit_matrix_and_response(data.balanced, data.encoded)
@@ -50,7 +50,7 @@ def fit_direction(
     *,
     inverse: bool,
     smoothness: float | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
 ) -> LatticeResult:
     """One lattice of a style: inverse is linearize, else render, with a response behind where the options have it.
 
@@ -69,7 +69,12 @@ def _guess(data: StyleData, options: CalibrationOptions, base: MatrixAndResponse
 
 
 def _fit(
-    data: StyleData, options: CalibrationOptions, guess: Continuation, *, smoothness: float | None, tolerance: float
+    data: StyleData,
+    options: CalibrationOptions,
+    guess: Continuation,
+    *,
+    smoothness: float | None,
+    tolerance: float | None,
 ) -> LatticeResult:
     """The lattice that continues a guess, in its direction."""
     inverse = guess.curve is None

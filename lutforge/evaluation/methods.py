@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE
 from lutforge.calibration.lattice.shrinkage import Shrinkable, shrinkable
+from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import (
     MatrixAndResponse,

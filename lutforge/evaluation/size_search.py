@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE
+from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData

@@ -20,7 +20,7 @@ from scipy.stats import qmc
 
 from lutforge.interpolation import Levels, through
 from lutforge.luts.shaper import SHAPER_SIZE
-from lutforge.solvers.node_levels import snap_levels
+from lutforge.model.node_levels import snap_levels
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import uniform_levels
+from lutforge.model.node_levels import snap_levels
 from lutforge.ocio.lut_files import CURVE_SIZE
 from lutforge.ocio.made_colours import MadeColours
-from lutforge.solvers.node_levels import snap_levels
 
 LAYER = 8
 """Entry of the shaper at which the second level stands, within half an 8-bit code of the first; likewise at the end."""

@@ -15,8 +15,8 @@ from lutforge.interpolation import through
 from lutforge.luts.formats import clf
 from lutforge.luts.formats.text import write_text
 from lutforge.model.lattice import grid
+from lutforge.model.node_levels import snap_levels
 from lutforge.ocio.lattice_lut import LatticeLut as Lut
-from lutforge.solvers.node_levels import snap_levels
 
 Array = NDArray[np.float64]
 

@@ -28,9 +28,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.calibration.lattice.node_levels import equidistributed_levels
 from lutforge.interpolation import Levels, interpolate
 from lutforge.luts.shaper import padded_levels
 from lutforge.model.lattice import grid
+from lutforge.model.node_levels import resized_levels, snap_levels
 from lutforge.model.transform import Transform
 from lutforge.ocio.exact_inverse import exact_inverse
 from lutforge.ocio.lattice_lut import LatticeLut as Lut
@@ -42,7 +44,6 @@ from lutforge.ocio.preimage import Render, as_render, preimages
 from lutforge.ocio.round_trip import RoundTrip, measure
 from lutforge.ocio.unfolding import folded_share, share_of_samples, unfolded
 from lutforge.solvers.lattice_regression import Prior, Regularisation, fit_lattice
-from lutforge.solvers.node_levels import equidistributed_levels, resized_levels, snap_levels
 
 Array = NDArray[np.float64]
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style_data import StyleData
@@ -16,7 +17,6 @@ from lutforge.report.lattice_figures import lattice_figure, levels_on_errors, pl
 from lutforge.report.page import Block, Picture, Table
 from lutforge.report.response_figure import response_figure
 from lutforge.report.sheets import DIRECTIONS
-from lutforge.solvers.node_levels import error_histogram
 
 Array = NDArray[np.float64]
 

@@ -100,10 +100,14 @@ def solve_lattice(
         right = right + held * (target if prior is None else target - prior.values)
         anchor = anchor + held
     offset = np.zeros_like(right) if prior is None else prior.values
-    multigrid = Multigrid(levels, equations.stencil, anchor, regularisation.smoothness, regularisation.twist)
+    smoothness, twist = regularisation.smoothness, regularisation.twist
+    multigrid = Multigrid(levels, equations.stencil, anchor, smoothness, twist)
     operator: Operator = multigrid
-    if regularisation.thin_plate:
-        operator = _WithThinPlate(multigrid, thin_plate(multigrid.size), regularisation.thin_plate)
+    if (weight := regularisation.thin_plate) > 0:
+        # In index space ∂²b/∂u² is twice S b, and K counts ∂²b/∂u∂v twice. With both in the preconditioner the
+        # equations are solved where nothing else smooths, too (λ_S = 0).
+        like = Multigrid(levels, equations.stencil, anchor, smoothness + 4 * weight, twist + 2 * weight)
+        operator = _WithThinPlate(multigrid, like, thin_plate(multigrid.size), weight)
     first = None if start is None else planar(start - offset)
     solution = conjugate_gradients(operator, planar(right), first, tolerance=tolerance, most=most)
     if not solution.residual <= 1e3 * tolerance:  # what is nearer to the goal than that is of use
@@ -117,9 +121,10 @@ def solve_lattice(
 
 @dataclass(frozen=True, eq=False)
 class _WithThinPlate:
-    """The operator of a multigrid cycle and λ_K K, preconditioned by the cycle alone."""
+    """The operator of a multigrid cycle and λ_K K, preconditioned by the cycle of a like operator."""
 
     multigrid: Multigrid
+    like: Multigrid
     plate: ThinPlate
     weight: float
 
@@ -132,7 +137,7 @@ class _WithThinPlate:
         out += self.weight * planar(self.plate(from_planar(b, self.multigrid.size)))
 
     def precondition(self, residual: Array) -> NDArray[np.float32]:
-        return self.multigrid.precondition(residual)
+        return self.like.precondition(residual)
 
 
 def predict(fit: LatticeFit, x: Array, method: Interpolation = "trilinear") -> Array:

@@ -92,18 +92,6 @@ def _neighbours(start: int, count: int) -> Array:
     return spread
 
 
-@compiled()
-def _along(matrix: Array, b: Array, total: Array) -> None:
-    """Add matrix · b along the middle axis: matrix (N, N) of bandwidth 3, b and total (before, N, after)."""
-    count = b.shape[1]
-    for before in range(b.shape[0]):
-        for i in range(count):
-            for j in range(max(0, i - 3), min(count, i + 4)):
-                weight = matrix[i, j]
-                for after in range(b.shape[2]):
-                    total[before, i, after] += weight * b[before, j, after]
-
-
 @dataclass(frozen=True, eq=False)
 class ThinPlate:
     """The thin-plate regulariser b'Kb of Garcia & Gupta (2009): ∫ Σ (∂²f/∂u∂v)² with tricubic interpolation.
@@ -115,22 +103,18 @@ class ThinPlate:
     axes: tuple[tuple[Array, Array, Array], tuple[Array, Array, Array], tuple[Array, Array, Array]]
 
     def __call__(self, b: Array) -> Array:
-        """K b for node values (N_r, N_g, N_b, C): a sum of tensor products, one axis after the other. O(N³)."""
+        """Return K b for node values (N_r, N_g, N_b, C): a sum of tensor products, one axis after the other."""
         (mr, sr, br), (mg, sg, bg), (mb, sb, bb) = self.axes
-        mass, slope, bend = (self._apply(2, (matrix, b)) for matrix in (mb, sb, bb))
-        one = self._apply(1, (mg, mass))
-        two = self._apply(1, (2 * sg, mass), (2 * mg, slope))
-        three = self._apply(1, (bg, mass), (mg, bend), (2 * sg, slope))
-        return self._apply(0, (br, one), (sr, two), (mr, three))
+        mass, slope, bend = (_along(2, matrix, b) for matrix in (mb, sb, bb))
+        one = _along(1, mg, mass)
+        two = _along(1, 2 * sg, mass) + _along(1, 2 * mg, slope)
+        three = _along(1, bg, mass) + _along(1, mg, bend) + _along(1, 2 * sg, slope)
+        return _along(0, br, one) + _along(0, sr, two) + _along(0, mr, three)
 
-    @staticmethod
-    def _apply(axis: int, *terms: tuple[Array, Array]) -> Array:
-        """The sum of matrix · b along one axis."""
-        shape = terms[0][1].shape
-        total = np.zeros((int(np.prod(shape[:axis])), shape[axis], int(np.prod(shape[axis + 1 :]))))
-        for matrix, b in terms:
-            _along(matrix, np.ascontiguousarray(b).reshape(total.shape), total)
-        return total.reshape(shape)
+
+def _along(axis: int, matrix: Array, b: Array) -> Array:
+    """A matrix (N, N) times b along one of its axes."""
+    return np.moveaxis(np.tensordot(matrix, b, axes=(1, axis)), 0, axis)
 
 
 def thin_plate(size: tuple[int, int, int]) -> ThinPlate:

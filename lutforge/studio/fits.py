@@ -6,7 +6,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.lattice.lattice_fit import MEASURING_TOLERANCE
+from lutforge.calibration.lattice.node_levels import error_histogram
+from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.gamut_map import identity_gamut_map
@@ -25,7 +26,6 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.settings import Multipliers, Selector
-from lutforge.solvers.node_levels import error_histogram
 from lutforge.studio.workspace import FittedModel
 
 Array = NDArray[np.float64]

@@ -28,7 +28,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.interpolate import RBFInterpolator
 
 from lutforge.calibration.lattice.continuation import continuation
-from lutforge.calibration.lattice.lattice_fit import fit_samples
+from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response

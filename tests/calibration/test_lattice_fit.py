@@ -7,9 +7,9 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # i
 
 from lutforge import threads as shared
 from lutforge.calibration.lattice.continuation import continuation
-from lutforge.calibration.lattice.lattice_fit import fit_samples
-from lutforge.calibration.lattice.lattice_result import LatticeResult
+from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.output_curve import output_curve
+from lutforge.calibration.lattice.result import LatticeResult
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.colour.colour_difference import delta_e_2000

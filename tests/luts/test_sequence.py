@@ -12,7 +12,7 @@ from lutforge.luts.processor import evaluate
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, on_grid, shaper
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.solvers.node_levels import snap_levels
+from lutforge.model.node_levels import snap_levels
 from tests.luts.made_luts import lut_of_nodes
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from lutforge.luts.sequence import Lut, suffixes
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.luts.verify import verify
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.solvers.node_levels import snap_levels
+from lutforge.model.node_levels import snap_levels
 from tests.luts.made_luts import lut_of_nodes
 
 EXACT = 1e-5

@@ -24,34 +24,17 @@ from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse,
 from lutforge.calibration.physical.radial_basis import RadialBasis, RadialBasisProblem, spread
 from lutforge.model.gamut_map import even_slope, from_even, to_even
 from lutforge.solvers.blas import one_blas_thread
+from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 Array = NDArray[np.float64]
 
 OFFSET = 0.005
 """ε of the even scale."""
-CENTRES, MOST_CENTRES = 200, 1_000
-CENTRES_PER_FACE_NODE = 2 / 3
-"""What a lattice can follow: a guess for one has this many per node of its face, MOST_CENTRES at most."""
-SAMPLES_PER_CENTRE, MOST_SAMPLES, MOST_SPREAD = 20, 3_000, 20_000
-"""Samples that are fitted, and those among which the centres are spread; the centres themselves are always fitted."""
-FEW_CENTRES, ROUNDS = 100, 2
-"""So many, the first as they are spread, tell the outliers in so many rounds before all are fitted."""
-TRIAL_CENTRES, TRIAL_SAMPLES = 54, 1_080
-"""So many tell, of so many samples, which matrix is continued: those of the guess for a lattice of 9 nodes per axis."""
-FEWEST_COLOURS = 30
-"""Fewer distinct ones do not bend a guess: matrix and response alone are continued."""
-CLEARER = 0.92
-"""The matrix of the unsaturated colours is continued where few functions then leave less than this share of what they
-leave with the matrix of all colours, which is the safer one beyond the samples; to render only, as to linearize they
-leave no less."""
-OUTLIER_SCALE = 4.0
-"""A sample whose error is this many times the median counts half (Cauchy)."""
-LEAST_OUTLIER = 4.0 / 255.0
+TRIAL_CENTRES = 54
+"""So many functions tell which matrix is continued: those of the guess for a lattice of 9 nodes per axis."""
+OUTLIERS = RobustWeights(cauchy, multiple=4.0, least=4.0 / 255.0)
 GREYS = np.linspace(0.0, 0.3, 11)[:, None].repeat(3, axis=1)
-GREY_WEIGHT = 1.0
-"""What each of these dark greys, black the first, counts beside a sample: the gamut map leaves them alone."""
-LEAST_SPREAD = 1e-3
-"""Samples whose smallest principal deviation is below this lie in a plane, and bend no guess."""
+"""Dark greys, black the first, which the gamut map leaves alone: each counts as one sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +65,7 @@ class Continuation:
             linear = from_even(even + self.bend(even), OFFSET)
         return np.asarray(linear @ np.linalg.inv(self.base.matrix).T)
 
-    def refit(self, x: Array, y: Array, most_centres: int = CENTRES) -> "Continuation":
+    def refit(self, x: Array, y: Array, most_centres: int = 200) -> "Continuation":
         """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response."""
         return self._bent(self._trial(x, y, most_centres))
 
@@ -108,7 +91,7 @@ class Continuation:
 
     def _pairs(self, x: Array, y: Array, most_centres: int) -> "_Pairs | None":
         """What r is fitted to; None where the samples cannot tell it."""
-        rows = _rows(len(x), MOST_SPREAD)
+        rows = _rows(len(x), 20_000)
         linear = self._linear(x[rows])
         if not _fills_space(linear):
             return None
@@ -123,7 +106,7 @@ class Continuation:
         return (
             np.concatenate([source, GREYS]),
             np.concatenate([target, np.zeros_like(GREYS)]),
-            np.concatenate([weight, np.full(len(GREYS), GREY_WEIGHT)]),
+            np.concatenate([weight, np.ones(len(GREYS))]),
         )
 
     def leave_out(self, x: Array, y: Array, held: Sequence[NDArray[np.bool_]]) -> "list[Continuation]":
@@ -137,7 +120,7 @@ class Continuation:
         x, y = x[rows], y[rows]
         source, target, weight = self._with_greys(*self._wanted(self._linear(x), y))
         system = RadialBasisProblem(source, self.bend.centres)
-        weight = weight * _robust(_error(self.bend(source) - target, weight), self.half)
+        weight = weight * cauchy(_error(self.bend(source) - target, weight) / self.half)
         masks = [np.concatenate([mask[rows], np.zeros(len(GREYS), dtype=np.bool_)]) for mask in held]
         parts = [system.equations(target, weight, mask) for mask in (*masks, ~np.any(masks, axis=0))]
         total = np.sum(parts, axis=0)
@@ -179,7 +162,7 @@ def continuation(
     size: nodes per axis of the lattice that it is for, where that is known; curve: `output_curve(base.response)`,
     where that is made already.
     """
-    most = CENTRES if size is None else min(MOST_CENTRES, int(CENTRES_PER_FACE_NODE * size**2))
+    most = 200 if size is None else min(1_000, int(2 / 3 * size**2))  # what a lattice can follow: by nodes of its face
     if inverse:
         return Continuation(with_matrix_of_all(base, *_some(y, x)), None).refit(x, y, most)
     clearer = _clearer(base, x, y, curve or output_curve(base.response))
@@ -191,13 +174,13 @@ def _clearer(base: MatrixAndResponse, x: Array, encoded: Array, curve: OutputCur
     x, encoded = _some(x, encoded)
     own, safer = (Continuation(each, curve) for each in (base, with_matrix_of_all(base, x, encoded)))
     of_own, of_safer = (guess._trial(x, encoded, TRIAL_CENTRES) for guess in (own, safer))
-    clear = of_own is not None and (of_safer is None or of_own.left < CLEARER * of_safer.left)
+    clear = of_own is not None and (of_safer is None or of_own.rms < 0.92 * of_safer.rms)
     return own._bent(of_own) if clear else safer._bent(of_safer)
 
 
 def _some(x: Array, encoded: Array) -> tuple[Array, Array]:
     """Samples that tell which matrix is continued."""
-    rows = _rows(len(x), TRIAL_SAMPLES)
+    rows = _rows(len(x), _enough(TRIAL_CENTRES))
     return x[rows], encoded[rows]
 
 
@@ -217,25 +200,26 @@ class _Pairs:
 
     def trial(self) -> "_Trial":
         """Fits of few functions, which tell the outliers. Raises LinAlgError where colours coincide."""
-        robust = np.ones(len(self.source))
-        all_few = len(self.centres) <= FEW_CENTRES
-        few = self.problem if all_few else RadialBasisProblem(self.source, self.centres[:FEW_CENTRES])
-        for _ in range(ROUNDS):
+        robust, most = np.ones(len(self.source)), 100
+        few = self.problem if len(self.centres) <= most else RadialBasisProblem(self.source, self.centres[:most])
+        for _ in range(2):
             error = _error(few.fit(self.target, self.weight * robust)[1], self.weight)
-            half = max(OUTLIER_SCALE * float(np.median(error)), LEAST_OUTLIER)
-            robust = _robust(error, half)
+            half = OUTLIERS.scale(error)
+            robust = cauchy(error / half)
         return _Trial(self, robust, half, float(np.sqrt(robust @ error**2 / robust.sum())))
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """robust: weights (n,) that tell the outliers; half: the error that counts half; left: the root mean square of the
-    others."""
+    """A fit of few functions.
+
+    robust: weights (n,) that tell the outliers; half: the error that counts half; rms: root mean square of the others.
+    """
 
     pairs: _Pairs
     robust: Array
     half: float
-    left: float
+    rms: float
 
 
 def _rows(count: int, most: int) -> NDArray[np.intp]:
@@ -245,7 +229,7 @@ def _rows(count: int, most: int) -> NDArray[np.intp]:
 
 def _enough(centres: int) -> int:
     """How many samples tell the functions of so many centres."""
-    return min(MOST_SAMPLES, SAMPLES_PER_CENTRE * centres)
+    return min(3_000, 20 * centres)
 
 
 def _fills_space(source: Array) -> bool:
@@ -254,9 +238,9 @@ def _fills_space(source: Array) -> bool:
         return False
     centred = source - source.mean(axis=0)
     spread = float(np.sqrt(max(np.linalg.eigvalsh(centred.T @ centred)[0], 0.0)))
-    if spread < LEAST_SPREAD * len(source) ** 0.5:
+    if spread < 1e-3 * len(source) ** 0.5:  # the smallest principal deviation, in linear light
         return False
-    return any(_distinct(part) >= FEWEST_COLOURS for part in (source[: 10 * FEWEST_COLOURS], source))  # most soon show
+    return any(_distinct(part) >= 30 for part in (source[:300], source))  # most soon show
 
 
 def _distinct(source: Array) -> int:
@@ -268,8 +252,3 @@ def _distinct(source: Array) -> int:
 def _error(residual: Array, weight: Array) -> Array:
     """(n,): the lengths of residuals (n, 3), which count by weight (n,)."""
     return np.asarray(np.sqrt(np.einsum("nc,nc->n", residual, residual) * weight))
-
-
-def _robust(error: Array, half: float) -> Array:
-    """Cauchy weights in [0, 1] of samples with these errors (n,)."""
-    return np.asarray(1.0 / (1.0 + (error / half) ** 2))

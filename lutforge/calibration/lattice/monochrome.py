@@ -7,32 +7,28 @@ with render(t, t, t) = g; off the grey axis, where no such JPEG lies, the same c
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.lattice.lattice_result import snapped
+from lutforge.calibration.lattice.result import snapped
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 
 Array = NDArray[np.float64]
 
-NEUTRAL = 2.0 / 255.0
-"""Range of the channels of a JPEG sample that holds no colour."""
-COLOURFUL = 16.0 / 255.0
-"""Range that a tenth of the samples would have at least, had the style rendered each channel of RAW by its tones."""
-STEPS, CODES = 4096, 1024
-"""Steps of light in which the grey axis is rendered, and of codes on which the nodes of its inverse may lie."""
-HALVINGS = 16
-"""Of the range of the chords' error: to 1/256 of a code."""
+CODES = 1024
+"""Steps of codes on which the nodes of an inverse may lie."""
 
 
 def is_monochrome(balanced: Array, encoded: Array) -> bool:
-    """Whether a style made neutral JPEG values (n, 3) of colourful balanced RAW (n, 3), all unclipped, n > 0.
+    """Tell whether a style made neutral JPEG values (n, 3) of colourful balanced RAW (n, 3), all unclipped, n > 0.
 
-    The tones match the ranks of brightness, so that noise of dark greys counts as little as it shows.
+    Neutral values differ by two codes at most. Colourful is RAW of which a tenth would differ by 16 codes, had the
+    style rendered each channel by its tones. The tones match the ranks of brightness, so that noise of dark greys
+    counts as little as it shows.
     """
-    if np.ptp(encoded, axis=1).max() > NEUTRAL:
+    if np.ptp(encoded, axis=1).max() > 2.0 / 255.0:
         return False
     in_colour = np.interp(balanced, np.sort(balanced.mean(axis=1)), np.sort(encoded.mean(axis=1)))
-    return bool(np.quantile(np.ptp(in_colour, axis=1), 0.9) >= COLOURFUL)
+    return bool(np.quantile(np.ptp(in_colour, axis=1), 0.9) >= 16.0 / 255.0)
 
 
 def monochrome_note(style: str) -> str:
@@ -48,7 +44,7 @@ def inverse_of_greys(render: Lattice, options: CalibrationOptions) -> Lattice:
 
     Rising; 0 stays 0, and the code of white becomes the least light that renders so.
     """
-    light = np.linspace(0.0, 1.0, STEPS + 1) ** 2  # even steps would pass over the darkest codes
+    light = np.linspace(0.0, 1.0, 4097) ** 2  # even steps would pass over the darkest codes
     grey = np.clip(render(np.repeat(light[:, None], 3, axis=1)).mean(axis=1), 0.0, 1.0)
     code, first = np.unique(np.maximum.accumulate(grey), return_index=True)
     if options.nonuniform:
@@ -63,7 +59,7 @@ def _levels(code: Array, light: Array, size: int) -> Levels:
     at = np.linspace(0.0, 1.0, CODES + 1)
     exact = np.interp(at, code, light)
     low, high, nodes = 0.0, 1.0, [0, CODES]
-    for _ in range(HALVINGS):
+    for _ in range(16):  # halves the range to 1/256 of a code
         tolerance = (low + high) / 2.0
         chords = _longest_chords(exact, code, light, tolerance, size)
         if chords[-1] == CODES:

@@ -19,12 +19,9 @@ from lutforge.model.response import Response
 Array = NDArray[np.float64]
 
 ENTRIES = 4096
-STEPS = 1024
-"""Of linear light whose place among the entries is noted."""
 STEEPEST = 8.0
 """Bound on f' with respect to the whole range of linear light. A fitted f can be arbitrarily steep at the very foot,
 where saturated colours stay away from black: errors of the cube must not be multiplied by that."""
-CODE = 1.0 / 255.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +47,7 @@ class OutputCurve:
 
     def slope(self, encoded: Array) -> Array:
         """dI/dv at I (…, 3), over two codes."""
-        low, high = np.clip(encoded - CODE, 0.0, 1.0), np.clip(encoded + CODE, 0.0, 1.0)
+        low, high = np.clip(encoded - 1 / 255, 0.0, 1.0), np.clip(encoded + 1 / 255, 0.0, 1.0)
         rise: Array = (high - low) / (self.enter(high) - self.enter(low))
         return rise
 
@@ -64,7 +61,7 @@ class OutputCurve:
     def _by_linear(self) -> tuple[Array, NDArray[np.int64]]:
         """f⁻¹ (3, n), and which of its cells even steps of linear light from its start to its end lie in."""
         axes = np.ascontiguousarray(self.linear.T)
-        cells = [np.searchsorted(axis[1:-1], np.linspace(axis[0], axis[-1], STEPS), side="right") for axis in axes]
+        cells = [np.searchsorted(axis[1:-1], np.linspace(axis[0], axis[-1], 1024), side="right") for axis in axes]
         return axes, np.array(cells)
 
 
@@ -110,27 +107,11 @@ def _continued(known: Array, cells: NDArray[np.int64], values: Array, ends: Arra
     return result
 
 
-@compiled()
-def _at_even_steps(pieces: Array, count: int) -> Array:
-    """Piecewise cubics between even knots on [0, 1], (4, pieces, 3), at `count` even steps: (count, 3)."""
-    result, last = np.empty((count, 3)), pieces.shape[1] - 1
-    for n in range(count):
-        at = n / (count - 1)
-        piece = min(int(at * (last + 1)), last)
-        beyond = at - piece / (last + 1)
-        for c in range(3):
-            value = pieces[0, piece, c]
-            for power in range(1, 4):
-                value = value * beyond + pieces[power, piece, c]
-            result[n, c] = value
-    return result
-
-
 def output_curve(response: Response) -> OutputCurve:
     """The curve of a camera with response f."""
     codes = np.linspace(0.0, 1.0, ENTRIES)
     inverse = response.inverse
-    linear = _at_even_steps(PchipInterpolator(np.linspace(0.0, 1.0, len(inverse)), inverse, axis=0).c, ENTRIES)
+    linear = PchipInterpolator(np.linspace(0.0, 1.0, len(inverse)), inverse, axis=0)(codes)
     span = linear[-1] - linear[0]
     slope = np.maximum(np.gradient(linear / span, 1.0 / (ENTRIES - 1), axis=0), 1.0 / STEEPEST)  # of f⁻¹
     rate = slope / (1.0 + slope)

@@ -15,14 +15,8 @@ from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-POINTS = 513
-INSIDE = (np.arange(4) + 0.5) / 4
-"""Where between two node levels of any axis it is looked at, too: cubic there, if trilinear."""
 RISE = 1e-7
 """Between two points, so that rounding does not make a fall of it."""
-CELLS_AROUND = 2
-"""Cells before and behind a fall whose differences are kept from becoming falls."""
-ROUNDS = 8
 
 
 def with_rising_axis(values: Array, levels: Levels, method: Interpolation) -> Array:
@@ -34,7 +28,7 @@ def with_rising_axis(values: Array, levels: Levels, method: Interpolation) -> Ar
     nodes, weights = np.empty((len(axis), 8), dtype=np.int64), np.empty((len(axis), 8))
     _rows(axis, *levels, method == "tetrahedral", nodes, weights)
     bounds = min(0.0, float(values.min())), max(1.0, float(values.max()))
-    around = CELLS_AROUND * len(axis) // len(levels[0])
+    around = 2 * len(axis) // len(levels[0])  # points of the cells next to a fall, which must not begin to fall
     changed = values.reshape(-1, 3).copy()
     for channel in range(3):
         _raise(changed[:, channel], nodes, weights, around, bounds)
@@ -54,14 +48,14 @@ def _points(levels: Levels) -> Array:
     crossing = apart[:, 0] * apart[:, 1] < 0.0
     share = apart[:, 0] / np.where(crossing, apart[:, 0] - apart[:, 1], 1.0)
     kinks = (low + share * (high - low))[crossing]
-    inside = low + INSIDE[:, None] * (high - low)
-    return np.unique(np.concatenate([np.linspace(0.0, 1.0, POINTS), knots, kinks, inside.ravel()]))
+    inside = low + (np.arange(4)[:, None] + 0.5) / 4 * (high - low)  # cubic there, if trilinear
+    return np.unique(np.concatenate([np.linspace(0.0, 1.0, 513), knots, kinks, inside.ravel()]))
 
 
 def _raise(values: Array, nodes: Index, weights: Array, around: int, bounds: tuple[float, float]) -> None:
     """Change the values (N³,) of a channel in place."""
     kept = np.zeros(len(nodes), dtype=np.bool_)
-    for _ in range(ROUNDS):
+    for _ in range(8):
         grey = np.sum(weights * values[nodes], axis=1)
         clipped = np.maximum.accumulate(grey >= 1.0)
         lacking = np.where(clipped, 1.0 - grey, RISE - np.diff(grey, prepend=-np.inf))

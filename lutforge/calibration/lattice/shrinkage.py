@@ -54,7 +54,7 @@ class Shrinkable:
 def shrinkable(
     lattice: Lattice, base: MatrixAndResponse, balanced: Array, encoded: Array, *, inverse: bool
 ) -> Shrinkable:
-    """Return what a lattice can be shrunk to; balanced, encoded: its samples (n, 3); base: their matrix and response."""
+    """Return what a lattice can be shrunk to; balanced, encoded: its samples (n, 3); base: of these."""
     base = with_matrix_of_all(base, balanced, encoded)
     nodes = grid(lattice.levels)
     if inverse:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels, through
 from lutforge.model.lattice import Lattice
-from lutforge.solvers.node_levels import snap_levels
+from lutforge.model.node_levels import snap_levels
 from lutforge.solvers.normal_equations import InterpolationMatrix
 
 Array = NDArray[np.float64]

@@ -9,50 +9,23 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from lutforge.calibration.lattice.continuation import OFFSET, Continuation
+from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_levels, even_to_the_eye
 from lutforge.calibration.lattice.output_curve import OutputCurve
 from lutforge.calibration.lattice.rising_axis import with_rising_axis
+from lutforge.calibration.lattice.weights import outlier_weights, squares
+from lutforge.calibration.lattice_options import SEARCH_SIZE
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.interpolation import Levels, interpolate, through
-from lutforge.model.gamut_map import from_even, to_even
+from lutforge.interpolation import Levels, interpolate
+from lutforge.model.gamut_map import from_even
 from lutforge.model.lattice import Lattice, grid
 from lutforge.solvers.lattice_regression import LatticeFit, Prior, Regularisation, solve_lattice
-from lutforge.solvers.node_levels import BINS, EVEN, equidistributed_levels
 from lutforge.solvers.normal_equations import InterpolationMatrix, NormalEquations
 
 Array = NDArray[np.float64]
 Guess = Callable[[Array], Array]
 """What the lattice should be where there are no samples: node positions (…, 3) → values (…, 3)."""
 
-SEARCH_SIZE = 13
-"""Levels and λ_S are searched on a lattice of this size first: the best levels hardly depend on their number."""
-SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE = 50_000, 2
-"""They are searched with at most so many samples, and so many per node of the lattice."""
-SEARCH_TOLERANCE = 1e-2
-ROUNDS, STALLED = 6, 0.9
-"""Of the search for node levels, and the share of the least error above which a round's is no gain."""
-HOLD = 1e3
-"""Weight that holds black to 0, and white to 1 where the camera clips: no sample can lie there."""
-LEAST_HOLD = 1e-5
-"""Weight that holds every node: next to a sample nothing, but what no sample can tell is the guess."""
-FARTHEST = (-1.0, 2.0)
-"""Bounds of the guess behind which a curve clamps to [0, 1]."""
 GREY = np.linspace(0.0, 1.0, 257)[:, None].repeat(3, axis=1)
-GREY_WEIGHTS = np.full(len(GREY), 0.02)
-"""What a point of the grey axis counts beside a sample: where there are samples nothing, else it keeps it neutral."""
-RISING_WEIGHT = 30.0
-"""What it counts where the fit would fall along the axis."""
-RISING_ROUNDS = 4
-LEAST_FALL = 1e-6
-OUTLIER_SCALE = 10.0
-"""A sample whose error is this many times the median counts half (Cauchy)."""
-LEAST_OUTLIER = 12.0 / 255.0
-EVEN_TO_THE_EYE = 0.1
-"""Share of the levels on RAW that stays even to the eye: where samples are bright, the first cell would else reach up
-to codes that any picture has."""
-FLOOR = EVEN + EVEN_TO_THE_EYE * np.diff(to_even(np.linspace(0.0, 1.0, BINS + 1), OFFSET))
-"""The density of levels that stay, these and those of any lattice."""
-SLOPES = 511
-"""Entries of the table of the curve's slopes, which are taken over two codes of 255."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +62,7 @@ class LatticeProblem:
     @cached_property
     def first_robust(self) -> Array:
         """(n,): robust weights before any lattice is fitted, from the guess, which no stray sample bends."""
-        return robust_weights(_squares(np.clip(self.guessed, 0.0, 1.0) - self.y))
+        return outlier_weights(squares(np.clip(self.guessed, 0.0, 1.0) - self.y), self.options.lattice)
 
     @cached_property
     def guessed(self) -> Array:
@@ -101,6 +74,11 @@ class LatticeProblem:
         """What the cube should give on GREY: neutral, as bright as the guess makes it on average."""
         values = np.clip(self.guess(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
         return values if self.curve is None else self.curve.enter(values)
+
+    @property
+    def grey_weight(self) -> Array:
+        """What each point of GREY counts beside a sample, (257,)."""
+        return np.full(len(GREY), self.options.lattice.grey_weight)
 
     def at(self, levels: Levels) -> "PlacedProblem":
         """The problem at given node levels."""
@@ -114,10 +92,10 @@ class LatticeProblem:
         even = np.linspace(0.0, 1.0, size)
         start = even if self.curve is None else from_even(even, OFFSET)
         levels, best = (start, start, start), (np.inf, (start, start, start))
-        for _ in range(ROUNDS):
+        for _ in range(6):
             error = self.at(levels).lost()
             mean = float(np.mean(error))
-            stalled = mean > STALLED * best[0]
+            stalled = mean > 0.9 * best[0]
             best = min(best, (mean, levels), key=lambda entry: entry[0])
             if stalled:
                 break
@@ -126,7 +104,8 @@ class LatticeProblem:
 
     def moved_levels(self, levels: Levels, error: Array) -> Levels:
         """Better node levels, from the squared errors (n,) of a lattice at `levels`."""
-        return equidistributed_levels(self.x, error, levels, floor=EVEN if self.curve is None else FLOOR)
+        floor = EVEN if self.curve is None else EVEN + even_to_the_eye(self.options.lattice.eye_share, OFFSET)
+        return equidistributed_levels(self.x, error, levels, floor=floor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,15 +123,15 @@ class PlacedProblem:
         if problem.curve is None:
             values = np.clip(problem.guess(positions), 0.0, 1.0)
         elif isinstance(problem.guess, Continuation):
-            values = np.clip(problem.guess.values(positions), *FARTHEST)
+            values = np.clip(problem.guess.values(positions), -1.0, 2.0)  # the curve clamps to [0, 1]
         else:
             values = problem.curve.enter(np.clip(problem.guess(positions), 0.0, 1.0))
-        hold = np.full_like(values, LEAST_HOLD)
-        values[0, 0, 0], hold[0, 0, 0] = 0.0, HOLD
+        hold, firm = np.full_like(values, problem.options.lattice.prior_weight), 1e3
+        values[0, 0, 0], hold[0, 0, 0] = 0.0, firm  # no sample can lie there, nor where the camera clips all channels
         if problem.clips:
             # Behind a curve white may lie beyond 1: the cube need not turn back to it.
             values[-1, -1, -1] = 1.0 if problem.curve is None else np.maximum(values[-1, -1, -1], 1.0)
-            hold[-1, -1, -1] = HOLD
+            hold[-1, -1, -1] = firm
         return Prior(values, hold)
 
     @cached_property
@@ -164,8 +143,12 @@ class PlacedProblem:
         difference = self.problem.target - self.matrix @ self.prior.values
         return self.matrix.normal_equations(difference, self.problem.weight * weight)
 
-    def with_grey(self, equations: NormalEquations, values: Array, weight: Array) -> NormalEquations:
-        """The same with values on the grey axis, (257, 3), of weights (257,)."""
+    def with_grey(
+        self, equations: NormalEquations, values: Array | None = None, weight: Array | None = None
+    ) -> NormalEquations:
+        """Add values on the grey axis, (257, 3), with weights (257,): by default the guess's, and the option's."""
+        values = self.problem.grey if values is None else values
+        weight = self.problem.grey_weight if weight is None else weight
         return equations + self._grey.normal_equations(values - self._grey @ self.prior.values, weight)
 
     def solve(
@@ -183,23 +166,23 @@ class PlacedProblem:
     def fit(self, weight: Array, tolerance: float, like: LatticeFit | None = None) -> LatticeFit:
         """The fit; like: one at other levels, to start from."""
         start = None if like is None else self.moved(like).values
-        equations = self.with_grey(self.equations(weight), self.problem.grey, GREY_WEIGHTS)
+        equations = self.with_grey(self.equations(weight))
         return self.solve(equations, self.prior, self.problem.smoothness, start, tolerance)
 
     def rising_fit(self, weight: Array, start: Array, tolerance: float) -> LatticeFit:
         """The fit, again with the isotonic regression of its own grey axis while that falls anywhere."""
-        problem = self.problem
-        values, grey_weight = problem.grey.copy(), GREY_WEIGHTS.copy()
+        problem, least_fall = self.problem, 1e-6
+        values, grey_weight = problem.grey.copy(), problem.grey_weight
         samples = self.equations(weight)
-        for _ in range(RISING_ROUNDS):
+        for _ in range(4):
             equations = self.with_grey(samples, values, grey_weight)
             fit = self.solve(equations, self.prior, problem.smoothness, start, tolerance)
             axis = np.clip(self._grey @ fit.values, 0.0, 1.0)
-            if np.diff(axis, axis=0).min() >= -LEAST_FALL:
+            if np.diff(axis, axis=0).min() >= -least_fall:
                 break
             rising = np.stack([isotonic_regression(channel).x for channel in axis.T], axis=1)
-            falls = np.any(np.abs(rising - axis) > 0.1 * LEAST_FALL, axis=1)
-            values[falls], grey_weight[falls] = rising[falls], RISING_WEIGHT
+            falls = np.any(np.abs(rising - axis) > 0.1 * least_fall, axis=1)
+            values[falls], grey_weight[falls] = rising[falls], 30.0
             start = fit.values
         return fit
 
@@ -219,41 +202,13 @@ class PlacedProblem:
 
     def squared_error(self, fit: LatticeFit) -> Array:
         """(n,) of the output, behind the curve, of a fit at these levels."""
-        return _squares(self._output(fit.values) - self.problem.y)
+        return squares(self._output(fit.values) - self.problem.y)
 
     def lost(self) -> Array:
         """(n,): the squared error that interpolating the guess between these nodes makes, as samples count."""
-        return self.problem.first_robust * _squares(self._output(self.prior.values) - self.problem.guessed)
+        return self.problem.first_robust * squares(self._output(self.prior.values) - self.problem.guessed)
 
     def _output(self, values: Array) -> Array:
         """(n, 3): what node values make of the samples, behind the curve."""
         between, curve = self.matrix @ values, self.problem.curve
         return between if curve is None else curve.leave(between)
-
-
-def _squares(difference: Array) -> Array:
-    """(n,): the squared lengths of differences (n, 3)."""
-    return np.asarray(np.einsum("nc,nc->n", difference, difference))
-
-
-def search_rows(count: int, size: int) -> NDArray[np.intp]:
-    """The samples to search with, the same ones every time, for a lattice of `size` nodes per axis."""
-    most = min(SEARCH_SAMPLES, SEARCH_SAMPLES_PER_NODE * size**3)
-    if count <= most:
-        return np.arange(count)
-    return np.random.default_rng(0).choice(count, most, replace=False, shuffle=False)
-
-
-def curve_weights(curve: OutputCurve, y: Array) -> Array:
-    """(n,): how much an error of the cube counts behind the curve at y (n, 3); 1 in the median."""
-    codes = np.linspace(0.0, 1.0, SLOPES)[:, None].repeat(3, axis=1)
-    slope = through(curve.slope(codes), y)  # tabulated: y may hold millions
-    square = np.einsum("nc,nc->n", slope, slope)
-    return np.asarray(square / np.median(square))
-
-
-def robust_weights(squared_error: Array) -> Array:
-    """Cauchy weights in [0, 1] of samples with these squared errors (n,)."""
-    scale = max(OUTLIER_SCALE * float(np.median(squared_error)) ** 0.5, LEAST_OUTLIER)
-    weight: Array = 1.0 / (1.0 + squared_error / scale**2)
-    return weight

@@ -1,0 +1,100 @@
+"""The lattice of one style and direction, fitted to samples in stages (thesis, chapter 5, and beyond).
+
+`fit_samples` states the problem, searches node levels and λ_S on a small lattice and few samples, fits a lattice of the
+size that is wanted to tell its errors, and from these takes the final levels and weights, with which it fits once more.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.calibration.lattice.output_curve import OutputCurve
+from lutforge.calibration.lattice.plain import fit_plain
+from lutforge.calibration.lattice.problem import Guess, LatticeProblem
+from lutforge.calibration.lattice.result import LatticeResult, result, snapped
+from lutforge.calibration.lattice.smoothness import choose_smoothness
+from lutforge.calibration.lattice.weights import curve_weights, outlier_weights, search_rows
+from lutforge.calibration.lattice_options import SEARCH_SIZE
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.thesis.lattice import fit_thesis
+from lutforge.interpolation import Levels
+from lutforge.model.lattice import Lattice, uniform_levels
+from lutforge.model.node_levels import resized_levels
+from lutforge.solvers.blas import one_blas_thread
+from lutforge.solvers.lattice_regression import LatticeFit
+
+Array = NDArray[np.float64]
+
+
+@one_blas_thread
+def fit_samples(
+    x: Array,
+    y: Array,
+    groups: NDArray[np.str_],
+    guess: Guess,
+    options: CalibrationOptions,
+    *,
+    clips: bool,
+    curve: OutputCurve | None = None,
+    smoothness: float | None = None,
+    tolerance: float | None = None,
+) -> LatticeResult:
+    """Fit a lattice to samples x (n, 3) → y (n, 3), both in [0, 1]; groups (n,): the shot of each sample.
+
+    clips: the camera clips in this direction (render), so values that the guess clips are held there, and the thesis's
+    boundary term applies. curve: what comes behind the cube, in the output's encoding; errors count after it. With
+    options.response off, the result is the plain form of that fit.
+    smoothness: λ_S where it is known already; else it is cross-validated over the groups.
+    tolerance: relative residual of the last solve; that of the options where None.
+    """
+    if options.preset == "thesis":
+        return fit_thesis(x, y, options, clips=clips)
+    target = y if curve is None else curve.enter(y)
+    weight = np.ones(len(x)) if curve is None else curve_weights(curve, y)
+    chosen = options.lattice.smoothness if smoothness is None else smoothness
+    problem = LatticeProblem(x, y, target, weight, guess, options, clips, chosen, curve)
+    rows = search_rows(len(x), options.size)
+    search = problem if len(rows) == len(x) else problem.select(rows, guess)
+    levels = search.levels(min(SEARCH_SIZE, options.size))
+    if smoothness is None:
+        search = replace(search, smoothness=choose_smoothness(search, groups[rows], levels))
+        problem = replace(problem, smoothness=search.smoothness)
+    found = _search(search, levels)
+    lattice = _final_fit(problem, found, found.error if search.x is problem.x else None, tolerance)
+    if curve is not None and not options.response:
+        return fit_plain(x, y, lattice, options, problem.smoothness)
+    return result(lattice, x, y, problem.smoothness)
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """What the search found: node levels, a fit at the levels before, and its squared errors (n,)."""
+
+    levels: Levels
+    fit: LatticeFit
+    error: Array
+
+
+def _search(problem: LatticeProblem, levels: Levels) -> _Search:
+    """Fit a lattice of SEARCH_SIZE and one of the size that is wanted, each with levels that follow the errors of the
+    last one."""
+    options, fit = problem.options, None
+    for size in sorted({min(SEARCH_SIZE, options.size), options.size}):
+        levels = resized_levels(levels, size) if options.nonuniform else uniform_levels(size)
+        placed = problem.at(levels)
+        fit = placed.fit(problem.first_robust, options.lattice.search_tolerance, fit)
+        error = placed.squared_error(fit)
+        if options.nonuniform:
+            levels = problem.moved_levels(levels, error)
+    assert fit is not None
+    return _Search(levels, fit, error)
+
+
+def _final_fit(problem: LatticeProblem, found: _Search, error: Array | None, tolerance: float | None) -> Lattice:
+    """Fit once more to all samples, with weights from the errors of the search; error: these, if they are of all."""
+    options = problem.options
+    error = problem.at(found.fit.levels).squared_error(found.fit) if error is None else error
+    placed = problem.at(snapped(found.levels, options))
+    weight, start = outlier_weights(error, options.lattice), placed.moved(found.fit).values
+    return placed.lattice(placed.rising_fit(weight, start, tolerance or options.lattice.tolerance))

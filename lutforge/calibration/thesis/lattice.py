@@ -1,0 +1,77 @@
+"""The lattice fit as the thesis has it (5.3): uniform fit, error histogram, α by the fitting error, final fit."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from lutforge.calibration.lattice.node_levels import BINS, error_histogram
+from lutforge.calibration.lattice.result import LatticeResult, result, snapped
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.interpolation import Levels
+from lutforge.model.lattice import Lattice, uniform_levels
+from lutforge.model.node_levels import equidistribute
+from lutforge.solvers.lattice_regression import LatticeFit, Regularisation, fit_lattice, predict
+
+Array = NDArray[np.float64]
+
+THESIS = Regularisation(smoothness=0.1, anchor=0.01, thin_plate=1e-6)
+"""λ_S, λ_A and λ_K of section 5.3."""
+LR_BASELINE = Regularisation(smoothness=0.0, anchor=0.0, thin_plate=1e-6)
+"""Equation 5.3, the uniform lattice regression that the thesis compares itself with: λ_K alone."""
+
+
+def fit_uniform(
+    x: Array, y: Array, options: CalibrationOptions, regularisation: Regularisation = LR_BASELINE
+) -> LatticeResult:
+    """Fit a lattice with evenly spaced nodes to samples x → y (n, 3): by equation 5.3, unless weights are given."""
+    return _result(_uniform(x, y, options, regularisation), x, y, options, regularisation)
+
+
+def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) -> LatticeResult:
+    """Fit a lattice to samples x → y (n, 3), its node levels with the α of least fitting error over [0, 1] (5.10).
+
+    clips: the boundary term applies, as to render. With options.nonuniform off the nodes are evenly spaced.
+    """
+    regularisation = THESIS if clips else replace(THESIS, anchor=0.0)
+    method = options.interpolation
+    first = _uniform(x, y, options, regularisation)
+    if not options.nonuniform:
+        return _result(first, x, y, options, regularisation)
+    histograms = error_histogram(x, np.sum((predict(first, x, method) - y) ** 2, axis=1))
+    fits: dict[float, tuple[float, Levels, Array]] = {}
+
+    def fitting_error(alpha: float) -> float:
+        levels = snapped(blended_levels(histograms, alpha, options.size), options)
+        start = fits[min(fits, key=lambda other: abs(other - alpha))][2] if fits else first.values
+        fit = fit_lattice(x, y, levels, regularisation, method=method, start=start, tolerance=1e-4)
+        error = float(np.sum((predict(fit, x, method) - y) ** 2))
+        fits[alpha] = (error, levels, fit.values)
+        return error
+
+    alphas = (0.0, 0.25, 0.5, 0.75, 1.0)  # the error over α has more than one minimum
+    best = int(np.argmin([fitting_error(alpha) for alpha in alphas]))
+    bounds = (alphas[max(best - 1, 0)], alphas[min(best + 1, len(alphas) - 1)])
+    # Every fit on the way is kept, so that the least of them is taken however the search ends.
+    minimize_scalar(fitting_error, bounds=bounds, method="bounded", options={"xatol": 0.02})
+    _, levels, start = min(fits.values(), key=lambda entry: entry[0])
+    last = fit_lattice(x, y, levels, regularisation, method=method, start=start)
+    return _result(last, x, y, options, regularisation)
+
+
+def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: int) -> Levels:
+    """Return node levels L_c(i; α) from the histogram blended with a constant, α·Gauss(hist) + (1 − α)/N_bin (5.7)."""
+    r, g, b = (equidistribute(alpha * hist + (1 - alpha) / BINS, size) for hist in histograms)
+    return (r, g, b)
+
+
+def _uniform(x: Array, y: Array, options: CalibrationOptions, regularisation: Regularisation) -> LatticeFit:
+    levels = snapped(uniform_levels(options.size), options)
+    return fit_lattice(x, y, levels, regularisation, method=options.interpolation)
+
+
+def _result(
+    fit: LatticeFit, x: Array, y: Array, options: CalibrationOptions, regularisation: Regularisation
+) -> LatticeResult:
+    return result(Lattice(fit.levels, fit.values, options.interpolation), x, y, regularisation.smoothness)
