@@ -5,22 +5,19 @@ from functools import cache
 
 NAME = "Compatible with Adobe RGB (1998)"
 
-_WHITE = (0.95045, 1.0, 1.08905)
-_PRIMARIES = ((0.60974, 0.31111, 0.01947), (0.20528, 0.62567, 0.06087), (0.14919, 0.06322, 0.74457))
-"""XYZ of red, green and blue, adapted to D50 (Adobe RGB (1998) Color Image Encoding, 4.3)."""
-_GAMMA = 2.19921875
-
 
 @cache
 def adobe_rgb_profile() -> bytes:
     """A matrix profile of version 2 (ICC.1:2001-04)."""
     text = NAME.encode() + b"\0"
-    curve = struct.pack(">4s4xIHxx", b"curv", 1, round(256 * _GAMMA))
+    curve = struct.pack(">4s4xIHxx", b"curv", 1, round(256 * 2.19921875))
+    # XYZ of red, green and blue, adapted to D50 (Adobe RGB (1998) Color Image Encoding, 4.3).
+    primaries = ((0.60974, 0.31111, 0.01947), (0.20528, 0.62567, 0.06087), (0.14919, 0.06322, 0.74457))
     tags = {
         b"desc": struct.pack(">4s4xI", b"desc", len(text)) + text + bytes(78),
         b"cprt": struct.pack(">4s4x", b"text") + b"No copyright, use freely\0",
-        b"wtpt": _xyz(_WHITE),
-        **{name: _xyz(colour) for name, colour in zip((b"rXYZ", b"gXYZ", b"bXYZ"), _PRIMARIES, strict=True)},
+        b"wtpt": _xyz((0.95045, 1.0, 1.08905)),
+        **{name: _xyz(colour) for name, colour in zip((b"rXYZ", b"gXYZ", b"bXYZ"), primaries, strict=True)},
         **dict.fromkeys((b"rTRC", b"gTRC", b"bTRC"), curve),
     }
     start, places, body = 132 + 12 * len(tags), b"", b""

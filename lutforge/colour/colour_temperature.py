@@ -9,18 +9,16 @@ the distance from the locus in CIE 1960 (u, v); positive makes the picture more 
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.colour.srgb import D65, SRGB_TO_XYZ
+from lutforge.settings import KELVIN_RANGE
+
 Array = NDArray[np.float64]
 
 TINT_PER_UV = 3000.0
 
-SRGB_TO_XYZ = np.array(
-    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
-)
-"""Linear sRGB → XYZ, D65 (IEC 61966-2-1)."""
 BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
-D65 = np.array([0.95047, 1.0, 1.08883])
 
-COOLEST, HOTTEST = 1500.0, 25000.0
+COOLEST, HOTTEST = KELVIN_RANGE
 
 
 def locus(kelvin: float) -> Array:

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from lutforge.colour.srgb import srgb_encode
 from lutforge.model.camera_profile import PictureStyle
 from lutforge.model.emor import inverse_emor
 from lutforge.report.drawing import CHANNELS
@@ -22,7 +23,7 @@ def response_figure(style: PictureStyle) -> Figure:
     curves = _curves(style, linear)
     codes = np.linspace(0, 1, 1024)
     mean = np.interp(linear, inverse_emor().mean, codes)
-    srgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    srgb = srgb_encode(linear)
     figure = Figure(figsize=(9, 3.4), layout="constrained")
     for axis, x, label in zip(
         figure.subplots(1, 2),

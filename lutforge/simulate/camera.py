@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import SettingsError
 from lutforge.simulate.gamut_map import GamutMap
 from lutforge.simulate.response import ToneResponse
@@ -136,16 +137,6 @@ class SimulatedCamera:
         return name
 
 
-SRGB_TO_XYZ = np.array(
-    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
-)
-"""Linear sRGB → XYZ, D65 (IEC 61966-2-1)."""
-
-
-LAYER_UNMIXING = np.array([[1.0, -0.6, 0.0], [-0.64, 1.0, -0.64], [0.0, -0.52, 1.0]])
-"""Takes out of each layer of the SD Merrill's sensor what its neighbours see too."""
-
-
 @cache
 def nikon_d5100() -> SimulatedCamera:
     """A camera with the sensitivities of a Nikon D5100 as measured by the NPL (Darrodi et al. 2015)."""
@@ -158,7 +149,8 @@ def sigma_sd_merrill() -> SimulatedCamera:
 
     The real sensor stacks layers that overlap widely; unmixed and cut at 0 they could be Bayer filters.
     """
-    unmixed = np.maximum(sensitivities("Sigma SDMerill (NPL)") @ LAYER_UNMIXING, 0.0)
+    unmixing = np.array([[1.0, -0.6, 0.0], [-0.64, 1.0, -0.64], [0.0, -0.52, 1.0]])  # what neighbouring layers see too
+    unmixed = np.maximum(sensitivities("Sigma SDMerill (NPL)") @ unmixing, 0.0)
     return _build("Simulated SD Merrill", unmixed / unmixed.max(axis=0) * (1.0, 1.0, 0.78), warmth=0.03)
 
 

@@ -14,16 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.atomic_write import atomic_path
+from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import ImageError
-
-XYZ_TO_LINEAR_SRGB: Final = np.array(
-    [
-        [3.2404542, -1.5371385, -0.4985314],
-        [-0.9692660, 1.8760108, 0.0415560],
-        [0.0556434, -0.2040259, 1.0572252],
-    ]
-)
-"""The colour matrix of a camera whose sensor sees linear sRGB (IEC 61966-2-1)."""
 
 LIGHT_SOURCES: Final[Mapping[str, int]] = {
     "auto": 0,
@@ -36,9 +28,6 @@ LIGHT_SOURCES: Final[Mapping[str, int]] = {
 }
 """White-balance names and their codes in the Exif tag LightSource (Exif 2.32, 4.6.5)."""
 
-LARGEST: Final = 2000.0
-"""Larger numbers are no exposure, aperture, neutral or matrix, and with six decimals overflow a rational."""
-
 CFA_COLORS: Final = "RGB"
 """A colour's place here is its code in CFAPattern (TIFF/EP)."""
 
@@ -46,6 +35,7 @@ CFA_COLORS: Final = "RGB"
 _BYTE, _ASCII, _SHORT, _LONG, _RATIONAL, _UNDEFINED, _SRATIONAL = 1, 2, 3, 4, 5, 7, 10
 _FORMATS: Final[Mapping[int, str]] = {_BYTE: "B", _SHORT: "H", _LONG: "I", _RATIONAL: "II", _SRATIONAL: "ii"}
 
+Array = NDArray[np.float64]
 Field = tuple[int, int, bytes]
 """Type, count and packed values of one TIFF field."""
 
@@ -58,7 +48,7 @@ def write_dng(
     white: int = 65535,
     cfa: str = "RGGB",
     as_shot_neutral: ArrayLike = (1.0, 1.0, 1.0),
-    color_matrix: ArrayLike = XYZ_TO_LINEAR_SRGB,
+    color_matrix: ArrayLike | None = None,
     make: str = "LutForge",
     model: str = "Simulated",
     exposure_s: float = 1 / 60,
@@ -75,18 +65,14 @@ def write_dng(
 
     black, white: the codes of no light and of saturation. cfa: colours of the top-left 2 × 2 pixels by row.
     as_shot_neutral: camera RGB of a neutral surface; its reciprocals are the multipliers. color_matrix: XYZ →
-    camera RGB (3, 3). light_source, saturation: codes of the Exif tags. profile_name: the picture style.
-    preview_jpeg: a whole JPEG file. orientation: 1 … 8 (TIFF). Raises ImageError on an illegal argument.
+    camera RGB (3, 3), None where the sensor sees linear sRGB. light_source, saturation: codes of the Exif tags.
+    profile_name: the picture style. preview_jpeg: a whole JPEG file. orientation: 1 … 8 (TIFF). Raises ImageError on
+    an illegal argument.
     """
+    matrix = np.linalg.inv(SRGB_TO_XYZ) if color_matrix is None else np.asarray(color_matrix, dtype=np.float64)
+    neutral = np.asarray(as_shot_neutral, dtype=np.float64)
     _validate(path, mosaic, black, white, cfa, orientation)
-    for key, number in (("ISO", iso), ("light source", light_source), ("saturation", saturation)):
-        if not 0 <= number <= 65535:
-            raise ImageError(f"{path}: {key} {number} is not 0 … 65535")
-    positive = np.asarray([exposure_s, f_number, *np.ravel(np.asarray(as_shot_neutral, dtype=np.float64))])
-    if not np.all((positive > 1e-6) & (positive < LARGEST)):
-        raise ImageError(f"{path}: exposure, aperture and neutral are not all positive numbers: {positive}")
-    if not np.all(np.abs(np.asarray(color_matrix, dtype=np.float64)) < LARGEST):
-        raise ImageError(f"{path}: the colour matrix holds something that is not a number, or is too large")
+    _validate_numbers(path, np.array([exposure_s, f_number, *neutral.ravel()]), matrix, iso, light_source, saturation)
     tiff = _TiffWriter()
     raw = _mosaic_fields(tiff, mosaic, black, white, cfa)
     first = raw if preview_jpeg is None else _preview_fields(tiff, preview_jpeg, path)
@@ -101,24 +87,13 @@ def write_dng(
         50706: _bytes(1, 4, 0, 0),  # DNGVersion
         50707: _bytes(1, 1, 0, 0),  # DNGBackwardVersion
         50708: _ascii(model if model.lower().startswith(make.lower()) else f"{make} {model}"),  # UniqueCameraModel
-        50721: _rationals(np.ravel(np.asarray(color_matrix, dtype=np.float64)), signed=True),  # ColorMatrix1
-        50728: _rationals(np.asarray(as_shot_neutral, dtype=np.float64)),
+        50721: _rationals(matrix.ravel(), signed=True),  # ColorMatrix1
+        50728: _rationals(neutral),
         50778: _shorts(21),  # CalibrationIlluminant1: D65
     }
     if profile_name is not None:
         first |= {50934: _ascii(profile_name), 50936: _ascii(profile_name)}  # AsShotProfileName, ProfileName
-    exif: dict[int, Field] = {
-        33434: _rationals([exposure_s]),
-        33437: _rationals([f_number]),
-        34850: _shorts(1),  # ExposureProgram: manual
-        34855: _shorts(iso),
-        36864: (_UNDEFINED, 4, b"0232"),
-        36867: _ascii(date_time),
-        37384: _shorts(light_source),
-        41986: _shorts(1),  # ExposureMode: manual
-        41987: _shorts(int(light_source != 0)),  # WhiteBalance: 0 auto, 1 manual
-        41993: _shorts(saturation),
-    }
+    exif = _exif_fields(exposure_s, f_number, iso, light_source, saturation, date_time)
     first[34665] = _longs(tiff.directory(exif))
     content = tiff.finish(tiff.directory(first))
     with atomic_path(path) as temporary:
@@ -134,6 +109,36 @@ def _validate(path: str | Path, mosaic: NDArray[np.uint16], black: int, white: i
         raise ImageError(f"{path}: black level {black} and white level {white} are not 0 ≤ black < white ≤ 65535")
     if not 1 <= orientation <= 8:
         raise ImageError(f"{path}: orientation {orientation} is not 1 … 8")
+
+
+def _validate_numbers(
+    path: str | Path, positive: Array, matrix: Array, iso: int, light_source: int, saturation: int
+) -> None:
+    """Larger numbers are no exposure, aperture, neutral or matrix, and with six decimals overflow a rational."""
+    for key, number in (("ISO", iso), ("light source", light_source), ("saturation", saturation)):
+        if not 0 <= number <= 65535:
+            raise ImageError(f"{path}: {key} {number} is not 0 … 65535")
+    if not np.all((positive > 1e-6) & (positive < 2000)):
+        raise ImageError(f"{path}: exposure, aperture and neutral are not all positive numbers: {positive}")
+    if not np.all(np.abs(matrix) < 2000):
+        raise ImageError(f"{path}: the colour matrix holds something that is not a number, or is too large")
+
+
+def _exif_fields(
+    exposure_s: float, f_number: float, iso: int, light_source: int, saturation: int, date_time: str
+) -> dict[int, Field]:
+    return {
+        33434: _rationals([exposure_s]),
+        33437: _rationals([f_number]),
+        34850: _shorts(1),  # ExposureProgram: manual
+        34855: _shorts(iso),
+        36864: (_UNDEFINED, 4, b"0232"),
+        36867: _ascii(date_time),
+        37384: _shorts(light_source),
+        41986: _shorts(1),  # ExposureMode: manual
+        41987: _shorts(int(light_source != 0)),  # WhiteBalance: 0 auto, 1 manual
+        41993: _shorts(saturation),
+    }
 
 
 def _mosaic_fields(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import ProfileError
 
 Array = NDArray[np.float64]
@@ -41,18 +42,6 @@ class ToneResponse:
         toe, shoulder = np.asarray(self.toe), np.asarray(self.shoulder)
         result: Array = v * (3 * toe * (1 - v) ** 2 + v * (3 * shoulder * (1 - v) + v))
         return result
-
-
-def srgb_encode(linear: ArrayLike) -> Array:
-    """Linear sRGB in [0, ∞) to encoded sRGB (IEC 61966-2-1)."""
-    x = np.asarray(linear, dtype=np.float64)
-    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
-
-
-def srgb_decode(encoded: ArrayLike) -> Array:
-    """Encoded sRGB in [0, ∞) to linear sRGB: the inverse of `srgb_encode`."""
-    v = np.asarray(encoded, dtype=np.float64)
-    return np.where(v <= 12.92 * 0.0031308, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
 
 
 def invert_increasing(function: Callable[[Array], Array], target: Array, low: float, high: float) -> Array:

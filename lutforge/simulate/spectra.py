@@ -13,6 +13,8 @@ import numpy as np
 from colour.quality.cfi2017 import load_TCS_CIE2017
 from numpy.typing import NDArray
 
+from lutforge.colour.srgb import D65
+
 Array = NDArray[np.float64]
 
 WAVELENGTHS = np.arange(380.0, 781.0, 5.0)
@@ -64,7 +66,6 @@ def linear_srgb_under(reflectances: Array, spectrum: Array) -> Array:
     weights = spectrum[:, None] * _resampled(observer.wavelengths, observer.values)
     white = weights.sum(axis=0) / weights[:, 1].sum()
     xyz = reflectances @ weights / weights[:, 1].sum()
-    d65 = np.array([0.95047, 1.0, 1.08883])
-    adapted = colour.chromatic_adaptation(xyz, white, d65, method="Von Kries", transform="Bradford")
+    adapted = colour.chromatic_adaptation(xyz, white, D65, method="Von Kries", transform="Bradford")
     srgb: Any = colour.RGB_COLOURSPACES["sRGB"]
     return np.asarray(adapted @ np.linalg.inv(srgb.matrix_RGB_to_XYZ).T)

@@ -18,6 +18,7 @@ from lutforge.calibration.physical.response_from_raw import fit_response_to_raw
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
 from lutforge.calibration.style_data import style_data, unclipped
 from lutforge.calibration.style_fit import fit_direction
+from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, ModelName, PhysicalModel, PictureStyle
 from lutforge.model.response import Response
@@ -207,7 +208,7 @@ def before(samples: SampleSet) -> FittedModel | None:
     except LutForgeError:
         return None
     codes = np.linspace(0.0, 1.0, 1024)
-    curve = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    curve = srgb_decode(codes)
     response = Response(np.repeat(curve[:, None], 3, axis=1))
     balances = {"any": WhiteBalance((1.0, 1.0, 1.0))}
     model = _conventional(response, np.eye(3), balances)

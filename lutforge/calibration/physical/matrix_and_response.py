@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.physical.unsaturated import saturation, untouched_odds
+from lutforge.colour.srgb import srgb_decode
 from lutforge.compiled import compiled
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
@@ -188,11 +189,6 @@ def _cell(encoded: float) -> tuple[int, float]:
     return cell, position - cell
 
 
-def _srgb_decoded(encoded: Array) -> Array:
-    """IEC 61966-2-1."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-
-
 @compiled()
 def _systems(
     x: Array, encoded: Array, weight: Array, slope: Array, bending: Array, towards: Array
@@ -305,6 +301,6 @@ def _matrix(x: Array, linear: Array, weight: Array, slope: Array) -> Array:
 
 OTHERS = np.array([[1, 2], [0, 2], [0, 1]])
 """The other channels of each."""
-SRGB = _srgb_decoded(np.linspace(0.0, 1.0, KNOTS))
+SRGB = srgb_decode(np.linspace(0.0, 1.0, KNOTS))
 LOWER = np.concatenate([[0.0], LEAST_STEP * np.diff(SRGB), [-3.0, -3.0]])
 UPPER = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
+from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.solvers.inequality_least_squares import solve_lsi
@@ -22,7 +23,7 @@ LEAST_RISE = 0.2
 def srgb_response(entries: int = 1024) -> Response:
     """The sRGB curve (IEC 61966-2-1) in all channels."""
     v = np.linspace(0.0, 1.0, entries)
-    linear = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+    linear = srgb_decode(v)
     return Response(np.stack([linear] * 3, axis=1))
 
 
