@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from lutforge.pipeline.grading import apply
     from lutforge.pipeline.reports import report
     from lutforge.pipeline.sampling import sample
+    from lutforge.pipeline.transforms import transform
     from lutforge.samples.sample_set import SampleSet
     from lutforge.samples.table import read_samples, write_samples
 
@@ -65,6 +66,7 @@ __all__ = [
     "sample",
     "save_profile",
     "smallest_size",
+    "transform",
     "verify",
     "write_config",
     "write_samples",
@@ -95,6 +97,7 @@ _HOMES = {
     "sample": "pipeline.sampling",
     "save_profile": "model.profile_file",
     "smallest_size": "pipeline.calibration",
+    "transform": "pipeline.transforms",
     "verify": "luts.verify",
     "write_config": "ocio.config",
     "write_samples": "samples.table",

@@ -21,9 +21,6 @@ from lutforge.atomic_write import remove_temporaries
 from lutforge.errors import ImageError
 from lutforge.shots.discover import RAW_SUFFIXES
 
-LEAST_REGION_SAMPLES = 1_000_000
-"""Values per region (4 MB) below which the work between two calls of a codec gets too small."""
-
 
 @dataclass(frozen=True)
 class Failure:
@@ -198,7 +195,8 @@ def _run_here(recipe: Recipe, jobs: Sequence[Job], workers: int, tally: "_Tally"
     """
     at_once = max(1, min(workers + 1 if workers > 1 else 1, len(jobs)))
     threads = max(1, workers // at_once)
-    samples = max(LEAST_REGION_SAMPLES, REGION_SAMPLES // at_once)
+    # With less than a million values (4 MB), the work between two calls of a codec gets too small.
+    samples = max(1_000_000, REGION_SAMPLES // at_once)
     waiting = iter(jobs)
     with _codec_threads(threads), ThreadPoolExecutor(at_once) as pool:
         running: set[Future[Outcome]] = set()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lutforge.apply.image import apply_to_pixels
 from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.apply.source_settings import AS_SHOT, STEADY, choose_camera
-from lutforge.errors import SettingsError
+from lutforge.errors import ImageError, SettingsError
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import upright, write_image
 from lutforge.model.camera_profile import CameraProfile
@@ -20,7 +20,6 @@ from lutforge.shots.picture_settings import read_picture_settings
 
 Pixels = NDArray[np.float32]
 
-COLUMNS = 4
 GAP, LABEL = 8, 40
 """Pixels between the pictures of a sheet, and for the line above each."""
 
@@ -65,7 +64,7 @@ def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[s
     if style not in camera.styles:
         known = ", ".join(sorted(camera.styles))
         raise SettingsError(f'{source}: unknown style "{style}"; name it with --from STYLE/auto, of {known}')
-    small, look = _small(read_image(source)), recipe.look_for(camera)
+    small, look = read_small(source, 480 * 360), recipe.look_for(camera)
     pictures = []
     for given in candidates(camera, style):
         wanted = recipe.wanted(camera, given, look)
@@ -78,22 +77,23 @@ def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[s
     return tuple(name for name, _ in pictures)
 
 
-def _small(image: Image) -> Pixels:
-    """The picture upright, no larger than a place on the sheet."""
-    pixels = upright(image.pixels[..., :3], image.spec.get_int_attribute("Orientation", 1))
-    step = 480 / max(pixels.shape[:2])
-    if step >= 1:
-        return pixels
-    buffer = oiio.ImageBuf(np.ascontiguousarray(pixels))
-    height, width = (max(1, round(length * step)) for length in pixels.shape[:2])
-    resized = oiio.ImageBufAlgo.resize(buffer, roi=oiio.ROI(0, width, 0, height, 0, 1, 0, 3))
-    small = np.asarray(resized.get_pixels(oiio.FLOAT), dtype=np.float32)
-    return np.ascontiguousarray(np.clip(small, 0.0, 1.0))
+def read_small(path: Path, most: int) -> Pixels:
+    """Read an image upright, RGB in [0, 1], averaged down to at most so many pixels. Raises ImageError."""
+    image = read_image(path)
+    if image.pixels.ndim != 3 or image.pixels.shape[2] < 3:
+        raise ImageError(f"{path.name}: it needs red, green and blue")
+    pixels = np.clip(upright(image.pixels[..., :3], image.spec.get_int_attribute("Orientation", 1)), 0.0, 1.0)
+    height, width = pixels.shape[:2]
+    factor = int(np.ceil(np.sqrt(height * width / most)))
+    if factor > 1:
+        pixels = pixels[: height // factor * factor, : width // factor * factor]
+        pixels = pixels.reshape(height // factor, factor, width // factor, factor, 3).mean(axis=(1, 3))
+    return np.ascontiguousarray(pixels, dtype=np.float32)
 
 
 def _page(pictures: Sequence[tuple[str, Pixels]]) -> Pixels:
     height, width = pictures[0][1].shape[:2]
-    columns = min(COLUMNS, len(pictures))
+    columns = min(4, len(pictures))
     rows = -(-len(pictures) // columns)
     cell = (height + LABEL + GAP, width + GAP)
     shape = (rows * cell[0] + GAP, columns * cell[1] + GAP, 3)

@@ -17,9 +17,6 @@ from lutforge.apply.grade import Recipe
 from lutforge.apply.job import Job, Outcome, run_job
 from lutforge.errors import LutForgeError
 
-CONNECT_SECONDS = 10
-FIRST_WORKER_SECONDS = 60
-
 FILE_SYSTEM_SECONDS = 10
 """How long a file that another machine wrote may take to appear on this one, as on network file systems it does."""
 
@@ -65,7 +62,7 @@ def _connected(address: str) -> Iterator[tuple[Any, Any]]:
         ) from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is told here
     try:
-        client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+        client = distributed.Client(address, timeout=10, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         reason = " ".join(str(error).split())[:200]
         raise LutForgeError(
@@ -73,7 +70,7 @@ def _connected(address: str) -> Iterator[tuple[Any, Any]]:
         ) from error
     with client:
         try:
-            client.wait_for_workers(1, timeout=FIRST_WORKER_SECONDS)
+            client.wait_for_workers(1, timeout=60)
         except TimeoutError as error:
             raise LutForgeError(f"{address}: the scheduler has no workers; start some with: dask worker") from error
         yield distributed, client

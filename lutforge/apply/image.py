@@ -33,9 +33,6 @@ Pixels = NDArray[np.float32]
 BLOCK = 64 * 1024
 """Pixels per call of OpenColorIO, which packs them into 1 MB of RGBA floats: what a core's cache holds."""
 
-SPAN = 2 * BLOCK
-"""Pixels that a thread takes at a time."""
-
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
 
@@ -238,13 +235,13 @@ def _grade(
     before, after = source.reshape(-1, channels), result.reshape(-1, channels)
 
     def grade(start: int) -> None:
-        for at in range(start, min(start + SPAN, len(before)), BLOCK):
+        for at in range(start, min(start + 2 * BLOCK, len(before)), BLOCK):
             block = after[at : at + BLOCK]
             if result is not source:
                 block[:] = before[at : at + BLOCK]
             _grade_block(processor, block, premultiplied)
 
-    starts = range(0, len(before), SPAN)
+    starts = range(0, len(before), 2 * BLOCK)
     for _ in map(grade, starts) if threads is None or len(starts) == 1 else threads.map(grade, starts):
         pass
 

@@ -14,8 +14,6 @@ from lutforge.apply import journal
 from lutforge.errors import ImageError, SettingsError
 from lutforge.shots.discover import RAW_SUFFIXES
 
-MAX_FRAMES = 10_000_000
-
 _PATTERN = re.compile(
     r"(?P<head>.*?)(?P<frames>\d+-\d+(?:x\d+)?(?:,\d+(?:-\d+(?:x\d+)?)?)*)?(?P<pad>#+|@+|%0?\d*d)(?P<tail>[^#@%]*)"
 )
@@ -95,7 +93,7 @@ def parse_frames(text: str) -> list[int]:
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d{1,9})(?:-(\d{1,9})(?:x(\d{1,9}))?)?\s*", part)
         first, last, step = (int(match[1]), int(match[2] or match[1]), int(match[3] or 1)) if match else (0, -1, 1)
-        if last < first or step < 1 or (last - first) // step + len(numbers) >= MAX_FRAMES:
+        if last < first or step < 1 or (last - first) // step + len(numbers) >= 10_000_000:
             raise SettingsError(f'"{text}": frames are written as 1001-1100, 1-9x2 (every second) or 1,5,9')
         numbers += range(first, last + 1, step)
     return numbers

@@ -12,20 +12,14 @@ from numpy.typing import NDArray
 
 from lutforge.apply.colours import TELL_ADOBE_RGB
 from lutforge.apply.grade import Grade, Rebuilt, fingerprint, unchanged
+from lutforge.apply.gradings import Gradings
 from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.images.write import IN_SRGB
-from lutforge.luts.bake import bake
-from lutforge.luts.ops import Cube, Matrix, Range
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import lattice_ops
-from lutforge.luts.steps import grading_lut
-from lutforge.model.camera_profile import CameraProfile, match, same_light
-from lutforge.model.coverage import confidence
-from lutforge.model.lattice import grid, uniform_levels
+from lutforge.model.camera_profile import CameraProfile, same_light
 from lutforge.model.profile_file import load_profile
 from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
-from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
 from lutforge.model.white_balance import tinted
 from lutforge.settings import Multipliers, Selector, checked_tint, parse_selector
 from lutforge.shots.discover import RAW_SUFFIXES
@@ -38,16 +32,12 @@ LIGHT_SOURCES: Mapping[str, int] = {
     "daylight": 1, "fluorescent": 2, "tungsten": 3, "incandescent": 3, "flash": 4, "cloudy": 10, "shade": 11,
 }  # fmt: skip
 """Codes of the Exif tag LightSource (Exif 2.32, 4.6.5)."""
-OTHER_LIGHT = 255
 
 STALE = (
     "Exif:MakerNote", "Exif:Saturation", "Exif:Contrast", "Exif:CustomRendered",
     "(Canon|Nikon|Olympus|Panasonic|Pentax|Fujifilm|Sony):.*",
 )  # fmt: skip
 """What the camera wrote about a rendering that is no longer the picture's."""
-
-MOST_CHAINS = 16
-"""Gradings kept in memory; pictures on automatic white balance each have their own."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +94,7 @@ class ProfileRecipe(Rebuilt):
             processor,
             _history(camera.camera, str(given), look.camera, str(wanted), self.ev),
             attributes=_attributes(look, wanted, given),
-            confidence=self._confidence(camera, given.style),
+            confidence=self._gradings.confidence(camera, given.style),
             notes=(*settings.notes, *notes, *doubts),
             lut=chain,
         )
@@ -122,23 +112,10 @@ class ProfileRecipe(Rebuilt):
         self, camera: CameraProfile, given: Selector, look: CameraProfile, wanted: Selector
     ) -> tuple[Lut, OCIO.CPUProcessor]:
         """The refinish as LUTs, the same for all pictures with the same settings."""
-        key = (camera.camera, str(given), str(wanted))
-        found = self._chains.get(key)
-        if found is None:
-            transform = match(camera, given, look, wanted, self.ev, transfer=self._transfer(camera, look))
-            assert isinstance(transform, Refinish)
-            chain = grading_lut(transform, self._baked(transform.linearize), self._baked(transform.render))
-            while len(self._chains) >= MOST_CHAINS:
-                self._chains.pop(next(iter(self._chains)), None)
-            found = self._chains[key] = chain, chain.processor()
-        return found
+        return self._gradings.refinish(camera, given, look, wanted, self.ev, self._transfer(camera, look))
 
     def _developed(self, source: Path, settings: PictureSettings, camera: CameraProfile, look: CameraProfile) -> Grade:
-        """The grade of a RAW file: rendered, with its own white balance or the one asked for.
-
-        Highlights are clipped where the white-balanced sensor saturates, before less exposure darkens them: they stay
-        neutral.
-        """
+        """The grade of a RAW file: rendered, with its own white balance or the one asked for."""
         told = (settings.style, settings.style.removesuffix(f" {ADOBE_RGB}"))
         style = next((name for name in told if name in camera.styles), next(iter(camera.styles)))
         asked = parse_selector(self.source) if self.source else Selector(AS_SHOT, AS_SHOT)
@@ -147,18 +124,8 @@ class ProfileRecipe(Rebuilt):
         if self._target.style == AS_SHOT and style not in told:
             notes = (*notes, f'the file does not tell a style of this profile; "{style}" is used')
         wanted = self.wanted(camera, given, look)
-        transfer = self._transfer(camera, look)
-        transform = match(camera, given, look, wanted, transfer=transfer)
-        assert isinstance(transform, Refinish)
-        before = camera.multipliers(given if look is not camera else wanted)
-        after = np.asarray(getattr(transform.render, "gain", np.ones(3)))
-        k = 2.0**self.ev
-        levels = uniform_levels(2 if transfer is None or transfer.is_linear else 49)
-        balanced = transform.exposed(grid(levels) / before) * after
-        gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
-        exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
         return Grade(
-            Lut((*exposed, *self._baked(transform.render).ops)).processor(),
+            self._gradings.develop(camera, given, look, wanted, self.ev, self._transfer(camera, look)),
             _history(camera.camera, "RAW", look.camera, str(wanted), self.ev),
             attributes=_attributes(look, wanted),
             raw=True,
@@ -210,31 +177,8 @@ class ProfileRecipe(Rebuilt):
         return found
 
     @cached_property
-    def _chains(self) -> dict[tuple[str, str, str], tuple[Lut, OCIO.CPUProcessor]]:
-        return {}
-
-    @cached_property
-    def _luts(self) -> dict[object, Lut]:
-        return {}
-
-    @cached_property
-    def _confidences(self) -> dict[tuple[str, str], OCIO.CPUProcessor]:
-        return {}
-
-    def _baked(self, step: Transform) -> Lut:
-        """The LUT of a linearize or render step without its gain and matrix, made once for all white balances."""
-        assert isinstance(step, LatticeTransform | RenderChain | LinearizeChain)
-        core: object = step.lattice if isinstance(step, LatticeTransform) else step.gamut_map
-        if core not in self._luts:
-            self._luts[core] = bake(replace(step, gain=np.ones(3), matrix=np.eye(3)), display_referred=False)
-        return self._luts[core]
-
-    def _confidence(self, camera: CameraProfile, style: str) -> OCIO.CPUProcessor:
-        key = (camera.camera, style)
-        if key not in self._confidences:
-            lattice = confidence(camera.styles[style])
-            self._confidences[key] = Lut(lattice_ops(lattice)).processor()
-        return self._confidences[key]
+    def _gradings(self) -> Gradings:
+        return Gradings()
 
     def _transfer(self, camera: CameraProfile, look: CameraProfile) -> RawTransfer | None:
         return None if look is camera else self._transfers.get(camera.camera)
@@ -292,7 +236,7 @@ def _history(camera: str, source: str, look: str, target: str, ev: float) -> str
 
 def _attributes(look: CameraProfile, wanted: Selector, given: Selector | None = None) -> dict[str, object]:
     """EXIF tags of the new rendering, and the stale ones of the old as None. given: the settings of a picture."""
-    light = LIGHT_SOURCES.get(wanted.white_balance, 0) if isinstance(wanted.white_balance, str) else OTHER_LIGHT
+    light = LIGHT_SOURCES.get(wanted.white_balance, 0) if isinstance(wanted.white_balance, str) else 255  # other
     software = software_tag(look.camera, str(wanted))
     space: Mapping[str, object] = {}
     if wanted.style.endswith(ADOBE_RGB):

@@ -16,8 +16,6 @@ NAMED_BY_FILE = (AS_SHOT, "auto")
 
 STEADY = 0.02
 """A named setting whose multipliers vary by less from shot to shot is the same for all shots."""
-LIKELY = 0.3
-"""Multipliers that depart further from the named setting are not believed."""
 
 
 def choose_camera(
@@ -85,7 +83,7 @@ def _balance_of_file(settings: PictureSettings, camera: CameraProfile) -> str | 
     if settings.multipliers is not None and not camera.raw_camera:
         r, g, b = (float(value) for value in settings.multipliers)
         departure = 0.0 if known is None else float(np.max(np.abs(settings.multipliers / known.multipliers - 1)))
-        if not steady or STEADY < departure <= LIKELY:
+        if not steady or STEADY < departure <= 0.3:  # multipliers that depart further are not believed
             return Multipliers((r, g, b))
     if steady:
         return name

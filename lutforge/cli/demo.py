@@ -2,7 +2,8 @@
 
 import subprocess
 import sys
-from dataclasses import dataclass
+from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,7 @@ from lutforge.cli.calibrate import print_held_out
 from lutforge.cli.console import note, print_table, progress_bar, say
 
 if TYPE_CHECKING:
+    from lutforge.evaluation.errors_table import ErrorFigures
     from lutforge.model.camera_profile import CameraProfile
     from lutforge.simulate.demo import DemoShots
 
@@ -22,26 +24,13 @@ def demo(
 ) -> None:
     """Photograph with a simulated camera, calibrate it, bake, write a config, grade, and compare with the truth."""
     from lutforge.calibration.options import CalibrationOptions
-    from lutforge.model.profile_file import save_profile
     from lutforge.pipeline.calibration import calibrate
     from lutforge.pipeline.reports import report as write_report
     from lutforge.pipeline.sampling import sample_shots
     from lutforge.report.sheets import calibration_sheet
     from lutforge.samples.table import write_samples
-    from lutforge.simulate.demo import SHOTS, demo_shots
 
-    say("1. Photograph: RAW (DNG) and JPEG files of a simulated Nikon D5100")
-    with progress_bar("photographing") as report:
-        taken = 0
-
-        def count(name: str) -> None:
-            nonlocal taken
-            report(name, taken / (len(SHOTS) + 1))
-            taken += 1
-
-        shots = demo_shots(output / "shots", count)
-    say(f"   {len(shots.calibration)} shots in {output / 'shots'}")
-
+    shots = _photograph(output / "shots")
     say("2. Sample: colours that RAW and JPEG share")
     with progress_bar("sampling") as report:
         sampled = sample_shots(shots.calibration, report)
@@ -54,23 +43,21 @@ def demo(
         profile = calibrate(sampled.samples, CalibrationOptions(size=size), report)
     for text in profile.notes:
         note(text)
-    save_profile(profile, output / "camera.npz")
+    profile.save(output / "camera.npz")
     calibration_sheet(profile, "standard", output / "calibration.png")
     print_held_out(profile)
 
     say("4. Bake: LUT files, each read back and compared with the model")
     _bake(profile, shots, output / "luts")
-
     say("5. Config: OpenColorIO")
     _config(profile, output / "ocio")
-
     say("6. Grade a photograph that went wrong: white balance, exposure and style")
     graded = _grade(shots, output)
 
     say("7. Compare with the simulated camera itself, on colours that it was not calibrated from")
     rows = [*_truth(profile, shots), graded]
     header = ("what", "n", "mean", "max", "RMSE", "mean ΔE00")
-    print_table("Error against the known truth (1 = full scale)", header, [row.cells() for row in rows])
+    print_table("Error against the known truth (1 = full scale)", header, rows)
     say("8. Report")
     with progress_bar("reporting") as report:
         page = write_report(profile, sampled, output / "report.html", progress=report)
@@ -78,70 +65,62 @@ def demo(
     say(f"Everything is in {output}; look at {output / 'refinish.png'} first")
 
 
-@dataclass(frozen=True)
-class _Row:
-    """A line of the table of errors against the truth."""
+def _photograph(folder: Path) -> "DemoShots":
+    from lutforge.simulate.demo import SHOTS, demo_shots
 
-    what: str
-    count: int
-    mean: float
-    maximum: float
-    rmse: float
-    de00: float | None
+    say("1. Photograph: RAW (DNG) and JPEG files of a simulated Nikon D5100")
+    taken = count()
+    with progress_bar("photographing") as report:
+        shots = demo_shots(folder, lambda name: report(name, next(taken) / (len(SHOTS) + 1)))
+    say(f"   {len(shots.calibration)} shots in {folder}")
+    return shots
 
-    def cells(self) -> tuple[str, ...]:
-        numbers = (f"{value:.4f}" for value in (self.mean, self.maximum, self.rmse))
-        return (self.what, str(self.count), *numbers, "–" if self.de00 is None else f"{self.de00:.2f}")
+
+def _cells(what: str, figures: "ErrorFigures") -> tuple[str, ...]:
+    numbers = (f"{value:.4f}" for value in (figures.mean, figures.maximum, figures.rmse))
+    return (what, str(figures.count), *numbers, "–" if figures.de00_mean is None else f"{figures.de00_mean:.2f}")
 
 
 def _bake(profile: "CameraProfile", shots: "DemoShots", folder: Path) -> None:
-    from lutforge.luts.bake import bake
-    from lutforge.luts.verify import verify
+    from lutforge.pipeline.baking import bake_files
+    from lutforge.pipeline.transforms import Wanted
 
-    refinish = profile.refinish(shots.source, shots.target, shots.ev)
-    jobs = (
-        ("render", profile.render(shots.target), "render.clf", True),
-        ("linearize", profile.linearize(shots.source, "acescg"), "linearize_acescg.clf", False),
-        ("refinish", refinish, "refinish.clf", True),
-        ("refinish", refinish, "refinish.resolve.cube", True),
-        ("refinish", refinish, "refinish.cube", True),
-    )
-    for title, transform, name, display in jobs:
-        path = folder / name
-        lut = bake(transform, path, title=f"{profile.camera} {title}", display_referred=display)
-        error = verify(path, transform, lut, display_referred=display)
-        say(f"   {path}: {lut.summary}; {error}")
+    for wanted, names in (
+        (Wanted("render", target=shots.target), ["render.clf"]),
+        (Wanted("linearize", shots.source, space="acescg"), ["linearize_acescg.clf"]),
+        (
+            Wanted("refinish", shots.source, shots.target, shots.ev),
+            ["refinish.clf", "refinish.resolve.cube", "refinish.cube"],
+        ),
+    ):
+        for file in bake_files(profile, wanted, [folder / name for name in names]).files:
+            say(f"   {file}; {file.error}")
 
 
 def _config(profile: "CameraProfile", folder: Path) -> None:
-    from lutforge.ocio.check import check_config, load_config
-    from lutforge.ocio.config import write_config
+    from lutforge.pipeline.configs import write_checked_config
 
-    path = write_config([profile], folder, replace=True)
-    findings = check_config(load_config(path))
-    for finding in findings:
+    written = write_checked_config([profile], folder, replace=True)
+    for finding in written.findings:
         note(str(finding))
-    verdict = "sound" if not findings else f"{len(findings)} finding{'s' * (len(findings) > 1)}"
+    verdict = f"{len(written.findings)} findings" if written.findings else "sound"
     program = Path(sys.executable).with_name("ociocheck")
     if program.exists():
-        result = subprocess.run(
-            [program, "--iconfig", str(path)], capture_output=True, text=True, timeout=120, check=False
-        )
+        checked = [str(program), "--iconfig", str(written.path)]
+        result = subprocess.run(checked, capture_output=True, text=True, timeout=120, check=False)
         verdict += "; ociocheck: " + ("passed" if result.returncode == 0 else "FAILED")
-    say(f"   {path}: {verdict}")
+    say(f"   {written.path}: {verdict}")
 
 
-def _grade(shots: "DemoShots", output: Path) -> _Row:
-    from lutforge.apply.grade import LutRecipe
-    from lutforge.apply.image import apply_image
+def _grade(shots: "DemoShots", output: Path) -> tuple[str, ...]:
     from lutforge.evaluation.errors_table import error_figures
     from lutforge.images.read import read_image
+    from lutforge.pipeline.grading import apply
     from lutforge.report.sheets import refinish_sheet
 
     spoilt = shots.held_out.jpeg
     assert spoilt is not None
-    grade = LutRecipe(output / "luts" / "refinish.clf").grade(spoilt)
-    applied = apply_image(grade, spoilt, output / "graded" / spoilt.name)
+    (applied,) = apply(output / "luts" / "refinish.clf", spoilt, output / "graded").done
     before, after, wanted = (read_image(path).pixels[..., :3] for path in (spoilt, applied.target, shots.wanted))
     titles = (
         f"as shot: {shots.source}",
@@ -150,35 +129,25 @@ def _grade(shots: "DemoShots", output: Path) -> _Row:
     )
     refinish_sheet(before, after, wanted, output / "refinish.png", titles)
     usable = ((before > 0) & (before < 1) & (wanted > 0) & (wanted < 1)).all(axis=-1)
-    figures = error_figures(after[usable].astype(float), wanted[usable].astype(float), display=True)
     say(f"   {applied.target}; {100 * (1 - usable.mean()):.1f} % of its pixels are clipped and are not counted")
-    return _Row("graded JPEG, 8 bit", figures.count, figures.mean, figures.maximum, figures.rmse, figures.de00_mean)
+    return _cells(
+        "graded JPEG, 8 bit", error_figures(after[usable].astype(float), wanted[usable].astype(float), display=True)
+    )
 
 
-def _truth(profile: "CameraProfile", shots: "DemoShots") -> list[_Row]:
+def _truth(profile: "CameraProfile", shots: "DemoShots") -> Iterator[tuple[str, ...]]:
     """Render, linearize and refinish on the colours of the held-out shot, against the camera's own functions."""
     from lutforge.evaluation.errors_table import error_figures
-    from lutforge.pipeline.sampling import sample_shots
+    from lutforge.pipeline.sampling import sample
 
-    raw = sample_shots([shots.held_out.dng]).samples.raw
-    camera, rows = shots.camera, []
-    source_style, source_balance = shots.source.split("/")
-    target_style, target_balance = shots.target.split("/")
-    before = camera.render(raw, source_style, source_balance)
-    after = camera.render(raw, target_style, target_balance, shots.ev)
-    cases = (
-        (f"render {shots.source}", profile.render(shots.source)(raw), before, True),
-        (
-            f"render {shots.target}, {shots.ev:+g} EV",
-            profile.render(shots.target)(raw * 2**shots.ev),
-            after,
-            True,
-        ),
-        (f"linearize {shots.source}", profile.linearize(shots.source)(before), raw, False),
-        ("refinish", profile.refinish(shots.source, shots.target, shots.ev)(before), after, True),
-    )
-    for what, got, wanted, display in cases:
-        usable = ((before > 0.002) & (before < 0.998) & (after > 0.002) & (after < 0.998)).all(axis=-1)
-        figures = error_figures(got[usable], wanted[usable], display=display)
-        rows.append(_Row(what, figures.count, figures.mean, figures.maximum, figures.rmse, figures.de00_mean))
-    return rows
+    raw, camera, ev = sample(shots.held_out.dng).raw, shots.camera, shots.ev
+    (style, balance), (wanted_style, wanted_balance) = shots.source.split("/"), shots.target.split("/")
+    before, after = camera.render(raw, style, balance), camera.render(raw, wanted_style, wanted_balance, ev)
+    usable = ((before > 0.002) & (before < 0.998) & (after > 0.002) & (after < 0.998)).all(axis=-1)
+    for what, got, wanted in (
+        (f"render {shots.source}", profile.render(shots.source)(raw), before),
+        (f"render {shots.target}, {ev:+g} EV", profile.render(shots.target)(raw * 2**ev), after),
+        (f"linearize {shots.source}", profile.linearize(shots.source)(before), raw),
+        ("refinish", profile.refinish(shots.source, shots.target, ev)(before), after),
+    ):
+        yield _cells(what, error_figures(got[usable], wanted[usable], display=wanted is not raw))

@@ -89,7 +89,7 @@ def _print_linearisation(evaluation: "Evaluation") -> None:
     ]
     if cells:
         header = ("style", "method", "held out", "n", "R", "G", "B")
-        print_table("Linearisation error δ over exposure pairs (4.11)", header, cells)
+        print_table("Linearisation error over pairs of exposures of one scene (1 = full scale)", header, cells)
 
 
 def _print_refinish(evaluation: "Evaluation") -> None:

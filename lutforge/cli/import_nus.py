@@ -6,12 +6,15 @@ from typing import Annotated
 import typer
 
 from lutforge.cli.console import say
+from lutforge.errors import ProfileError
 
 
 def import_nus(
     folders: Annotated[list[Path], typer.Argument(help="Folders that hold raw2jpg_transform.txt.", show_default=False)],
     output: Annotated[Path, typer.Option("-o", "--output", help="The profile to write (.npz).")] = Path("camera.npz"),
-    camera: Annotated[str, typer.Option(help="The camera's name; by default read off the folder's.")] = "",
+    camera: Annotated[
+        str, typer.Option(help="The camera's name; needed where their folder is not nus_MAKE_MODEL.")
+    ] = "",
     style: Annotated[str, typer.Option(help="The picture style that the folders are of.")] = "standard",
 ) -> None:
     """Read the thesis authors' model folders (response, matrix, white balances, gamut map) into a profile."""
@@ -28,6 +31,9 @@ def import_nus(
 
 
 def _camera_name(folder: Path) -> str:
-    """ "nus_nikon_d40/fluorescent" → "Nikon D40"; the folder's own name where it says nothing."""
-    words = folder.resolve().parent.name.removeprefix("nus_").split("_")
-    return " ".join(word.upper() if any(c.isdigit() for c in word) else word.capitalize() for word in words) or "camera"
+    """Read "Nikon D40" off "nus_nikon_d40/fluorescent". Raises ProfileError where nothing names the camera."""
+    above = folder.resolve().parent.name
+    if not above.startswith("nus_"):
+        raise ProfileError(f'{folder}: the model does not name its camera; name it, such as --camera "Nikon D40"')
+    words = above.removeprefix("nus_").split("_")
+    return " ".join(word.upper() if any(c.isdigit() for c in word) else word.capitalize() for word in words)

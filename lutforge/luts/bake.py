@@ -5,6 +5,8 @@ squares under the reader's own interpolation, with node levels where the functio
 the nodes.
 """
 
+from __future__ import annotations  # so that help() shows the names of types
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

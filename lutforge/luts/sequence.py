@@ -1,5 +1,7 @@
 """A LUT: a sequence of operations, which is read, written, applied and printed as such."""
 
+from __future__ import annotations  # so that help() shows the names of types
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -4,6 +4,8 @@ Through OpenColorIO; Hald images, which it does not read, through OpenImageIO an
 colour-science reads the same file where it can: two readers that disagree are an error.
 """
 
+from __future__ import annotations  # so that help() shows the names of types
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path

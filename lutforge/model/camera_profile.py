@@ -1,5 +1,7 @@
 """A calibrated camera: its white balances, its matrix, and per picture style the models of its rendering."""
 
+from __future__ import annotations  # so that help() shows the names of types
+
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

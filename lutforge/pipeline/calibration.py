@@ -1,5 +1,7 @@
 """Use case: samples → a camera profile; and how large and from how many shots it should be."""
 
+from __future__ import annotations  # so that help() shows the names of types
+
 from dataclasses import replace
 from typing import cast
 

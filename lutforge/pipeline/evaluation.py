@@ -1,5 +1,7 @@
 """Use case: a profile and samples → its errors."""
 
+from __future__ import annotations  # so that help() shows the names of types
+
 from pathlib import Path
 
 from lutforge.evaluation.evaluate import evaluate as evaluate_profile

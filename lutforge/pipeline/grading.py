@@ -1,5 +1,7 @@
 """Use case: a LUT, profiles or an OpenColorIO config, and images → graded images."""
 
+from __future__ import annotations  # so that help() shows the names of types
+
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property

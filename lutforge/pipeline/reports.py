@@ -1,12 +1,14 @@
 """Use case: a profile, and the samples that it was calibrated from → a page about it."""
 
+from __future__ import annotations  # so that help() shows the names of types
+
 from collections.abc import Sequence
 from pathlib import Path
 
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.evaluation import as_profile
 from lutforge.pipeline.outputs import check_output
-from lutforge.pipeline.sampling import Sampled
+from lutforge.pipeline.sampling import Paths, Sampled, gather_samples
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.report.page import Report, write_figures, write_page
 from lutforge.report.report import build_report
@@ -15,20 +17,22 @@ from lutforge.samples.sample_set import SampleSet, with_setting_names
 
 def report(
     profile: CameraProfile | str | Path,
-    samples: Sampled | SampleSet | None = None,
+    samples: Sampled | SampleSet | Paths | None = None,
     output: str | Path | None = None,
     figures: str | Path | None = None,
     progress: Progress = silent,
 ) -> Report:
     """Build the report of a profile: curves, maps and tables; with samples its held-out errors and what to shoot next.
 
-    samples: those that it was calibrated from; as `gather_samples` gives them, the error maps of real shots, too.
+    samples: those that it was calibrated from, or tables and shots; with shots the report has their error maps, too.
     output: the page to write (.html); figures: a folder for the figures, each as SVG and PNG.
     Raises ProfileError, CalibrationError where the samples hold none of its styles, LutForgeError where nothing can be
     written; that is asked before the work.
     """
     check_report_output(output, figures)
     sampled = Sampled(samples) if isinstance(samples, SampleSet) else samples
+    if sampled is not None and not isinstance(sampled, Sampled):
+        sampled = gather_samples(sampled, progress)
     with telling_of_compilation(progress) as telling:
         if sampled is None:
             page = build_report(as_profile(profile), progress=telling)

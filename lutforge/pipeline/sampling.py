@@ -1,5 +1,7 @@
 """Use case: RAW files and sample tables → samples."""
 
+from __future__ import annotations  # so that help() shows the names of types
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

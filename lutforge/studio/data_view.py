@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.brushed_plot import BrushedPlot
-from lutforge.studio.elements import NARROW, Slider, button, frame, text
+from lutforge.studio.elements import NARROW, WIDTH, Slider, entry, frame, select, text
 from lutforge.studio.loading import OPENED_SUFFIXES
 from lutforge.studio.plots import (
     COLOURS,
@@ -30,9 +30,6 @@ from lutforge.studio.thumbnails import shot_picture
 from lutforge.studio.workspace import Filters, Workspace, WorkspaceError
 
 Mask = NDArray[np.bool_]
-
-LARGEST_RESIDUAL = 0.25
-SHOWN_ROWS = 5
 
 
 def find_rows(samples: SampleSet, words: str) -> Mask:
@@ -54,80 +51,73 @@ class DataView:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        guard = session.guarded
         self._quiet = False
-        self.listed = pn.widgets.Select(name="File in the folders", options=[""], width=236, **NARROW)
-        self.path = pn.widgets.TextInput(name="or its path", width=236, **NARROW)
-        opening = button("Open", button_type="primary", on_click=guard(lambda event: self._open()))
-        again = button("List again", on_click=guard(lambda event: self.list_files()))
-        self.saturation = Slider(label="Saturation limit", value=1.0, start=0.02, greatest="off", width=236, **NARROW)
-        self.darkest = Slider(label="Darkest JPEG code", value=1, end=60, step=1, digits=0, width=236, **NARROW)
-        self.brightest = Slider(
-            label="Brightest JPEG code", value=254, start=180, end=255, step=1, digits=0, width=236, **NARROW
-        )
-        self.raw_white = Slider(label="RAW saturated from", value=0.98, start=0.5, width=236, **NARROW)
+        self.layout = pn.Row(self._controls(), pn.Column(*self._plots()))
+        self.list_files()
+
+    def _controls(self) -> pn.Column:
+        """Files, filters, marks by hand and groups."""
+        session = self.session
+        self.listed, self.path = select("File in the folders", [""]), entry("or its path")
+        self.saturation = Slider("Saturation limit", 1.0, start=0.02, greatest="off")
+        self.darkest = Slider("Darkest JPEG code", 1, end=60, step=1, digits=0)
+        self.brightest = Slider("Brightest JPEG code", 254, start=180, end=255, step=1, digits=0)
+        self.raw_white = Slider("RAW saturated from", 0.98, start=0.5)
         self.residual = Slider(
-            label="Residual distance", value=LARGEST_RESIDUAL, start=0.005, end=LARGEST_RESIDUAL, step=0.005,
-            digits=3, greatest="off", width=236, **NARROW,
+            "Residual distance", 0.25, start=0.005, end=0.25, step=0.005, digits=3,
+            greatest="off",
         )  # fmt: skip
-        for slider in (self.saturation, self.darkest, self.brightest, self.raw_white, self.residual):
-            slider.on_move(guard, self._filter)
-        mark = button("Mark outliers", on_click=guard(lambda event: self._mark(True)))
-        keep = button("Keep", on_click=guard(lambda event: self._mark(False)))
-        clear = button("Unmark", on_click=guard(lambda event: self._unmark()))
-        self.group = pn.widgets.TextInput(name="Outlier group", placeholder="name", width=130, **NARROW)
-        saving = button("Save group", margin=(21, 3, 3, 3), on_click=guard(lambda event: self._save_group()))
-        self.groups = pn.widgets.CheckBoxGroup(name="Groups in effect", options=[], width=236, **NARROW)
-        self.groups.param.watch(guard(lambda event: self._groups()), "value")
-        self.delete = button("Delete group", on_click=guard(lambda event: self._delete()))
-        self.counts = text(width=236)
-        options = {"width": 240, **NARROW}
-        plots = {title: key for key, title in PLOTS.items()}
-        self.first = pn.widgets.Select(name="Left plot", options=plots, value="srgb_btf", **options)
-        self.second = pn.widgets.Select(name="Right plot", options=plots, value="srgb_raw", **options)
-        self.channel = pn.widgets.Select(
-            name="Channel", options={"Red": 0, "Green": 1, "Blue": 2}, value=1, width=100, **NARROW
-        )
-        self.by = pn.widgets.Select(name="Colour by", options=list(COLOURS), width=130, **NARROW)
-        self.words = pn.widgets.TextInput(name="Select row, shot or patch", width=200, **NARROW)
-        self.words.param.watch(guard(lambda event: self._find()), "value")
-        for widget in (self.first, self.second, self.channel, self.by):
-            widget.param.watch(guard(lambda event: self.refresh()), "value")
-        self.left = BrushedPlot(session, "", 500, 290)
-        self.right = BrushedPlot(session, "", 500, 290)
+        filters = (self.saturation, self.darkest, self.brightest, self.raw_white, self.residual)
+        session.watch(self._filter, *filters)
+        self.group = entry("Outlier group", placeholder="name", width=130)
+        self.groups = pn.widgets.CheckBoxGroup(name="Groups in effect", options=[], width=WIDTH, **NARROW)
+        session.watch(self._groups, self.groups)
+        self.delete = session.button("Delete group", self._delete)
+        self.counts = text(width=WIDTH)
+        return pn.Column(
+            self.listed, self.path,
+            pn.Row(
+                session.button("Open", self._open, button_type="primary"),
+                session.button("List again", self.list_files),
+            ),
+            *filters,
+            pn.Row(
+                session.button("Mark outliers", lambda: self._mark(True)),
+                session.button("Keep", lambda: self._mark(False)),
+                session.button("Unmark", self._unmark),
+            ),
+            pn.Row(self.group, session.button("Save group", self._save_group, margin=(21, 3, 3, 3))),
+            self.groups, self.delete, self.counts, width=250, height=628, scroll=True,
+        )  # fmt: skip
+
+    def _plots(self) -> tuple[pn.Row, ...]:
+        """What is plotted, two plots of the samples, and their colours in space."""
+        session, plots = self.session, {title: key for key, title in PLOTS.items()}
+        self.first = select("Left plot", plots, value="srgb_btf", width=240)
+        self.second = select("Right plot", plots, value="srgb_raw", width=240)
+        self.channel = select("Channel", {"Red": 0, "Green": 1, "Blue": 2}, value=1, width=100)
+        self.by = select("Colour by", list(COLOURS), width=130)
+        self.words = entry("Select row, shot or patch", width=200)
+        session.watch(self._find, self.words)
+        session.watch(self.refresh, self.first, self.second, self.channel, self.by)
+        self.left, self.right = (BrushedPlot(session, "", 500, 290) for _ in range(2))
         self.chromaticity = BrushedPlot(session, "CIE xy: inliers ●, outliers ×", 320, 262)
         frame(self.chromaticity.figure, (-0.08, 0.92), (-0.03, 0.87))
         self.space = BrushedPlot(session, "CIE XYZ", 300, 218)
         frame(self.space.figure, (-1.1, 1.1), (-0.85, 0.85))
         self.chromaticity.framed = self.space.framed = None
         self._outlines()
-        self.azimuth = Slider(
-            label="Turn", value=-35, start=-180, end=180, step=5, digits=0, unit="°", width=136, **NARROW
-        )
-        self.elevation = Slider(
-            label="Tilt", value=20, start=-90, end=90, step=5, digits=0, unit="°", width=136, **NARROW
-        )
-        for slider in (self.azimuth, self.elevation):
-            slider.on_move(guard, self._turn)
+        turn = {"step": 5, "digits": 0, "unit": "°", "width": 136}
+        self.azimuth = Slider("Turn", -35, start=-180, end=180, **turn)
+        self.elevation = Slider("Tilt", 20, start=-90, end=90, **turn)
+        session.watch(self._turn, self.azimuth, self.elevation)
         self.selection = text(width=360, height=258, styles={"overflow": "auto"})
-        self.layout = pn.Row(
-            pn.Column(
-                self.listed, self.path, pn.Row(opening, again),
-                self.saturation, self.darkest, self.brightest, self.raw_white, self.residual,
-                pn.Row(mark, keep, clear), pn.Row(self.group, saving), self.groups, self.delete, self.counts,
-                width=250, height=628, scroll=True,
-            ),
-            pn.Column(
-                pn.Row(self.first, self.second, self.channel, self.by, self.words),
-                pn.Row(self.left.figure, self.right.figure),
-                pn.Row(
-                    self.chromaticity.figure,
-                    pn.Column(pn.Row(self.azimuth, self.elevation), self.space.figure),
-                    self.selection,
-                ),
-            ),
-        )  # fmt: skip
-        self.list_files()
+        space = pn.Column(pn.Row(self.azimuth, self.elevation), self.space.figure)
+        return (
+            pn.Row(self.first, self.second, self.channel, self.by, self.words),
+            pn.Row(self.left.figure, self.right.figure),
+            pn.Row(self.chromaticity.figure, space, self.selection),
+        )
 
     # --- what is shown ---------------------------------------------------------------------------------------------
 
@@ -189,7 +179,7 @@ class DataView:
         samples, workspace = self.session.workspace.samples, self.session.workspace
         out = int(workspace.outliers[rows].sum())
         lines = [f"<h2>{len(rows):,} selected, {out:,} of them outliers</h2>"]
-        for row in rows[:SHOWN_ROWS]:
+        for row in rows[:5]:
             colour = hex_colours(samples.srgb[row : row + 1])[0]
             codes = ", ".join(f"{255 * value:.0f}" for value in samples.srgb[row])
             raw = ", ".join(f"{value:.3f}" for value in samples.raw[row])
@@ -199,8 +189,8 @@ class DataView:
             lines.append(
                 f"<p>{swatch}</span>{escape(str(where))}<br>{escape(str(setting))}: JPEG {codes}; RAW {raw}</p>"
             )
-        if len(rows) > SHOWN_ROWS:
-            lines.append(f"<p>and {len(rows) - SHOWN_ROWS:,} more</p>")
+        if len(rows) > 5:
+            lines.append(f"<p>and {len(rows) - 5:,} more</p>")
         lines.append(shot_picture(samples, self.session.selected, str(samples.shot[rows[0]]), self.session.files))
         return "".join(lines)
 
@@ -209,7 +199,7 @@ class DataView:
         limits = workspace.filters
         self.saturation.value, self.raw_white.value = limits.saturation, limits.raw_saturated
         self.darkest.value, self.brightest.value = round(255 * limits.darkest), round(255 * limits.brightest)
-        self.residual.value = LARGEST_RESIDUAL if limits.residual is None else limits.residual
+        self.residual.value = self.residual.end if limits.residual is None else limits.residual
         self.groups.options = list(workspace.groups)
         self.groups.value = [name for name, group in workspace.groups.items() if group.active]
         found = ", ".join(f"{name} {int(rows.sum()):,}" for name, rows in workspace.filtered.items())
@@ -235,7 +225,7 @@ class DataView:
             darkest=self.darkest.value / 255,
             brightest=self.brightest.value / 255,
             raw_saturated=self.raw_white.value,
-            residual=None if far >= LARGEST_RESIDUAL else far,
+            residual=None if far >= self.residual.end else far,
         )
         if filters != self.session.workspace.filters:
             self.session.change(replace(self.session.workspace, filters=filters))

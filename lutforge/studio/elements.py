@@ -23,6 +23,8 @@ h2 { font-size: 13px; margin: 4px 0; }
 p { margin: 3px 0; }
 """
 NARROW = {"margin": (2, 5)}
+WIDTH = 236
+"""Pixels of a column of controls."""
 
 
 class Slider(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
@@ -81,6 +83,9 @@ class Slider(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as 
       return label;
     }
     """
+
+    def __init__(self, label: str, value: float = 0.0, **options: Any) -> None:
+        super().__init__(**{"label": label, "value": value, "width": WIDTH, **NARROW, **options})
 
     def on_move(
         self, guarded: Callable[[Callable[..., None]], Callable[..., None]], callback: Callable[[], None]
@@ -149,6 +154,16 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     title = f"<h2>{escape(caption)}</h2>" if caption else ""
     return f"{title}<table><tr>{head}</tr>{body}</table>"
+
+
+def select(name: str, options: Any, **more: Any) -> pn.widgets.Select:
+    """A list to choose from, with its label."""
+    return pn.widgets.Select(name=name, options=options, **{"width": WIDTH, **NARROW, **more})
+
+
+def entry(name: str, **more: Any) -> pn.widgets.TextInput:
+    """A line to write into, with its label."""
+    return pn.widgets.TextInput(name=name, **{"width": WIDTH, **NARROW, **more})
 
 
 def button(name: str, **options: Any) -> pn.widgets.Button:

@@ -1,62 +1,58 @@
-"""Exports: the profile as it stands, and what the command line makes of it, by the command line itself."""
+"""Exports: the use cases of the command line, each with the words that would do the same there."""
 
 import shlex
-import subprocess
-import sys
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from lutforge.errors import LutForgeError
-
-Progress = Callable[[str, float], None]
-
-LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".3dl", ".png")
-KINDS = ("render", "linearize", "refinish")
-MOST_SECONDS = 1800
-
-
-class ExportError(LutForgeError):
-    """An export that the command line refused."""
+from lutforge.pipeline.baking import bake_files
+from lutforge.pipeline.configs import write_checked_config
+from lutforge.pipeline.reports import report
+from lutforge.pipeline.transforms import Wanted
+from lutforge.progress import Progress
+from lutforge.samples.sample_set import SampleSet
 
 
-def bake_command(profile: Path, kind: str, source: str, target: str, ev: float, output: Path) -> list[str]:
-    """`lutforge bake` with the options that this kind of transform takes."""
-    command = ["bake", str(profile), kind, "-o", str(output)]
-    if kind in ("linearize", "refinish"):
-        command += ["--from", source]
-    if kind in ("render", "refinish"):
-        command += ["--to", target]
-    if kind == "refinish" and ev:
-        command += ["--ev", f"{ev:g}"]
-    return command
+@dataclass(frozen=True, eq=False)
+class Export:
+    """What to write. profile: the path that it was saved to; samples: those in the fit, and their path, for reports."""
+
+    command: str
+    profile: Path
+    output: Path
+    wanted: Wanted | None = None
+    samples: SampleSet | None = None
+    table: Path | None = None
+
+    def __str__(self) -> str:
+        """The command as one would type it."""
+        words = ["lutforge", self.command, str(self.profile)]
+        if self.table is not None:
+            words.append(str(self.table))
+        if self.wanted is not None:
+            words.append(self.wanted.kind)
+            for option, value in (("--from", self.wanted.source), ("--to", self.wanted.target)):
+                words += [option, value] if value else []
+            words += ["--ev", f"{self.wanted.ev:g}"] if self.wanted.ev else []
+        return shlex.join([*words, "-o", str(self.output)])
 
 
-def config_command(profile: Path, output: Path) -> list[str]:
-    """`lutforge config`."""
-    return ["config", str(profile), "-o", str(output)]
+def wanted_lut(kind: str, source: str, target: str, ev: float) -> Wanted:
+    """The transform of a LUT, with the options that its kind takes."""
+    return Wanted(
+        kind,
+        source if kind != "render" else None,
+        target if kind != "linearize" else None,
+        ev if kind == "refinish" else 0.0,
+    )
 
 
-def report_command(profile: Path, samples: Path | None, output: Path) -> list[str]:
-    """`lutforge report`, with the samples where there are some."""
-    return ["report", str(profile), *([] if samples is None else [str(samples)]), "-o", str(output)]
-
-
-def as_text(command: list[str]) -> str:
-    """The command as one would type it."""
-    return shlex.join(["lutforge", *command])
-
-
-def run(command: list[str], progress: Progress) -> tuple[str, ...]:
-    """Run the command line; the lines that it printed. Raises ExportError with its own message."""
-    progress(f"lutforge {command[0]}", 0.0)
-    try:
-        done = subprocess.run(
-            [sys.executable, "-m", "lutforge", *command],
-            capture_output=True, text=True, timeout=MOST_SECONDS, check=False, stdin=subprocess.DEVNULL,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        raise ExportError(f"lutforge {command[0]}: stopped after {MOST_SECONDS} s") from None
-    if done.returncode != 0:
-        last = (done.stderr.strip().splitlines() or ["it failed"])[-1]
-        raise ExportError(last.removeprefix("lutforge: "))
-    return tuple(done.stdout.strip().splitlines())
+def run(export: Export, progress: Progress) -> tuple[str, ...]:
+    """Write the export; the lines that tell of it. Raises LutForgeError."""
+    if export.wanted is not None:
+        baked = bake_files(export.profile, export.wanted, [export.output], progress=progress)
+        return (*(f"{file}; read back, against the model: {file.error}" for file in baked.files), *baked.notes)
+    if export.command == "config":
+        written = write_checked_config([export.profile], export.output, progress=progress)
+        return (f"{written.path}: {len(written.spaces)} input colour spaces, {len(written.looks)} looks",)
+    page = report(export.profile, export.samples, export.output, progress=progress)
+    return (f"{export.output}: {len(page.pictures)} figures",)

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from lutforge.errors import LutForgeError
 
-MOST_LISTED = 500
-
 
 class FolderError(LutForgeError):
     """A path outside the folders that the studio was started with."""
@@ -55,7 +53,7 @@ class Folders:
                     if path.suffix.lower() in wanted and not path.name.startswith(".") and path.is_file():
                         if any(path.resolve().is_relative_to(folder) for folder in self.roots):
                             found.append(self.name(path))
-                        if len(found) >= MOST_LISTED:
+                        if len(found) >= 500:  # more would make a list that nobody reads
                             return found
         return list(dict.fromkeys(found))
 

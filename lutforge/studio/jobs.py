@@ -8,17 +8,26 @@ import os
 import signal
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing.connection import Connection
 from typing import Any, Literal
 
-from lutforge.errors import LutForgeError
+from lutforge.errors import LutForgeError, one_line
+from lutforge.progress import Progress
 
 State = Literal["running", "done", "failed", "cancelled"]
-Progress = Callable[[str, float], None]
 
-_CONTEXT = multiprocessing.get_context("forkserver")
-_PRELOADED = ["lutforge.studio.fits", "lutforge.studio.loading"]
+
+@cache
+def _context() -> Any:
+    """How processes are started: from a server that has loaded the fits already, where the system can fork."""
+    if os.name != "posix":
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["lutforge.studio.fits", "lutforge.studio.loading"])
+    return context
 
 
 @dataclass(frozen=True)
@@ -56,7 +65,7 @@ class Job:
             if self._report.state == "running":
                 self._report = Report("cancelled", "cancelled")
             if self._process is not None:
-                _end(self._process)
+                self._process.terminate()
 
     def wait(self, seconds: float | None = None) -> Report:
         """The report once the job has ended, or after so many seconds."""
@@ -64,9 +73,8 @@ class Job:
         return self._report
 
     def _watch(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-        _CONTEXT.set_forkserver_preload(_PRELOADED)
-        receive, send = _CONTEXT.Pipe(duplex=False)
-        process = _CONTEXT.Process(target=_work, args=(send, function, arguments), daemon=True)
+        receive, send = _context().Pipe(duplex=False)
+        process = _context().Process(target=_work, args=(send, function, arguments), daemon=True)
         with self._lock:
             if self._report.state != "running":
                 return
@@ -89,7 +97,7 @@ class Job:
 
 
 def _work(send: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-    os.setsid()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C is for the studio, which ends its jobs
 
     def progress(what: str, share: float) -> None:
         send.send(Report("running", what, share))
@@ -97,24 +105,25 @@ def _work(send: Connection, function: Callable[..., Any], arguments: tuple[Any, 
     try:
         report = Report("done", "done", 1.0, function(*arguments, progress))
     except LutForgeError as error:
-        report = Report("failed", " ".join(str(error).split()))
+        report = Report("failed", one_line(str(error)))
     except MemoryError:
         report = Report("failed", "not enough memory: give fewer samples, or a smaller lattice")
     except Exception as error:  # whatever fails is told in the page, and the server goes on
-        report = Report("failed", f"{type(error).__name__}: {' '.join(str(error).split())[:300]}")
-    send.send(report)
-
-
-def _end(process: Any) -> None:
-    """End a process with whatever it has started."""
-    try:
-        os.killpg(process.pid, signal.SIGTERM)
-    except (ProcessLookupError, PermissionError):  # it has not made its own group yet, or is gone
-        process.terminate()
+        report = Report("failed", f"{type(error).__name__}: {one_line(str(error), 300)}")
+    with suppress(OSError):  # the studio has ended
+        send.send(report)
 
 
 def warm_up() -> None:
-    """Start the server of processes ahead of the first job."""
+    """Start the server of processes ahead of the first job, so that Ctrl+C reaches the studio alone."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # children inherit it
+    try:
+        if _context().get_start_method() == "forkserver":
+            from multiprocessing.forkserver import ensure_running
+
+            ensure_running()
+    finally:
+        signal.signal(signal.SIGINT, before)
     Job("warm-up", _nothing)
 
 

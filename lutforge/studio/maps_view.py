@@ -12,12 +12,11 @@ from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.model.lattice import Lattice
 from lutforge.report.drawing import CHANNELS
 from lutforge.report.gamut_slices import gamut_slice
-from lutforge.studio.elements import NARROW, Slider, extent, frame, plot, text
+from lutforge.studio.elements import Slider, extent, frame, plot, select, text
 from lutforge.studio.session import Session
 
 Array = NDArray[np.float64]
 
-SIDE_BY_SIDE = 3
 PALETTE = "Cividis256"
 DIRECTIONS = {"RAW → JPEG": "render", "JPEG → RAW": "linearize"}
 
@@ -59,19 +58,14 @@ class MapsView:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        guard = session.guarded
-        options = {"width": 190, **NARROW}
-        self.direction = pn.widgets.Select(name="Direction", options=DIRECTIONS, **options)
-        self.luminance = Slider(label="Luminance Y of the slices", value=0.25, start=0.02, end=0.9, **options)
-        self.style = pn.widgets.Select(name="Style of the lattice", options=[""], **options)
-        self.channel = pn.widgets.Select(name="Plane of", options={"Red": 0, "Green": 1, "Blue": 2}, value=2, **options)
-        self.level = Slider(label="at its level", value=0.4, **options)
-        for slider in (self.luminance, self.level):
-            slider.on_move(guard, self._draw)
-        for control in (self.direction, self.style, self.channel):
-            control.param.watch(guard(lambda event: self._draw()), "value")
+        self.direction = select("Direction", DIRECTIONS, width=190)
+        self.luminance = Slider("Luminance Y of the slices", 0.25, start=0.02, end=0.9, width=190)
+        self.style = select("Style of the lattice", [""], width=190)
+        self.channel = select("Plane of", {"Red": 0, "Green": 1, "Blue": 2}, value=2, width=190)
+        self.level = Slider("at its level", 0.4, width=190)
+        session.watch(self._draw, self.luminance, self.level, self.direction, self.style, self.channel)
         self._quiet = False
-        self.slices = [_Slice() for _ in range(SIDE_BY_SIDE)]
+        self.slices = [_Slice() for _ in range(3)]
         self.plane = plot("", 405, 275)
         self.net = [ColumnDataSource({"xs": [], "ys": []}) for _ in range(2)]
         self.net_lines = [self.plane.multi_line("xs", "ys", source=net, line_width=0.9, alpha=0.8) for net in self.net]

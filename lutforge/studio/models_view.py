@@ -10,14 +10,12 @@ from bokeh.models import ColumnDataSource, Range1d
 from lutforge.calibration.options import LARGEST, PRESETS, SMALLEST, CalibrationOptions, Preset
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.report.drawing import CHANNELS
-from lutforge.studio.elements import NARROW, Slider, button, frame, plot, table, text
+from lutforge.studio.elements import WIDTH, Slider, frame, plot, select, table, text
 from lutforge.studio.fits import ResidualRow, before, fit_model, residuals
 from lutforge.studio.plots import curves
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceError
 
-BINS = 60
-LARGEST_RESIDUAL = 0.15
 _EARLY = "Samples marked by hand, in groups in effect, or found by any filter do not."
 _LATE = (
     "Samples marked by hand or in groups in effect do not, nor what filters find whose limits were moved; the "
@@ -44,22 +42,16 @@ class ModelsView:
         self.session = session
         self._quiet = False
         self._before: tuple[Any, FittedModel | None] = (None, None)
-        guard = session.guarded
-        names = {title: key for key, title in MODELS.items()}
-        self.kind = pn.widgets.Select(name="Model", options=names, value="response", width=236, **NARROW)
-        self.preset = pn.widgets.Select(name="Preset", options=list(PRESETS), width=236, **NARROW)
-        self.size = Slider(
-            label="Nodes per axis", value=33, start=SMALLEST, end=LARGEST, step=1, digits=0, width=236, **NARROW
-        )
-        self.nonuniform = pn.widgets.Select(
-            name="Node levels", options={"follow the error": True, "evenly spaced": False}, width=236, **NARROW
-        )
-        self.interpolation = pn.widgets.Select(name="Interpolation", options=list(INTERPOLATIONS), width=236, **NARROW)
-        self.compute = button("Compute", button_type="primary", on_click=guard(lambda event: self._compute()))
-        self.takes = text(width=236)
-        self.used = pn.widgets.Select(name="Model in use", options=[""], width=236, **NARROW)
-        self.used.param.watch(guard(lambda event: self._use()), "value")
-        self.kind.param.watch(guard(lambda event: self._count()), "value")
+        self.kind = select("Model", {title: key for key, title in MODELS.items()}, value="response")
+        self.preset = select("Preset", list(PRESETS))
+        self.size = Slider("Nodes per axis", 33, start=SMALLEST, end=LARGEST, step=1, digits=0)
+        self.nonuniform = select("Node levels", {"follow the error": True, "evenly spaced": False})
+        self.interpolation = select("Interpolation", list(INTERPOLATIONS))
+        self.compute = session.button("Compute", self._compute, button_type="primary")
+        self.takes = text(width=WIDTH)
+        self.used = select("Model in use", [""])
+        session.watch(self._use, self.used)
+        session.watch(self._count, self.kind)
         self.curve = ColumnDataSource({name: [] for name in ("x", "r", "g", "b", "mean")})
         self.response = plot("The response f", 500, 330, y_range=Range1d(0, 1.02))
         self.response.xaxis.axis_label, self.response.yaxis.axis_label = "linear value, 1 = saturation", "JPEG value"
@@ -160,17 +152,17 @@ class ModelsView:
         self.curve.data = {"x": linear, "r": values[:, 0], "g": values[:, 1], "b": values[:, 2], "mean": mean}
 
     def _draw_residuals(self, workspace: Workspace, start: FittedModel | None) -> None:
-        edges = np.linspace(0.0, LARGEST_RESIDUAL, BINS + 1)
+        edges = np.linspace(0.0, 0.15, 61)
         rows = workspace.fitted_rows
         shares = {}
         for name, fitted in (("before", start), ("after", workspace.fitted)):
-            shares[name] = np.zeros(BINS)
+            shares[name] = np.zeros(len(edges) - 1)
             if fitted is not None and rows.any():
                 distance = np.linalg.norm(fitted.predicted[rows] - workspace.samples.srgb[rows], axis=1)
                 distance = distance[np.isfinite(distance)]
                 shares[name] = np.histogram(np.minimum(distance, edges[-1]), edges)[0] / max(len(distance), 1)
         top = max(float(share.max()) for share in shares.values())
-        frame(self.histogram, (0.0, LARGEST_RESIDUAL), (0.0, 1.05 * max(top, 1e-3)))
+        frame(self.histogram, (0.0, edges[-1]), (0.0, 1.05 * max(top, 1e-3)))
         self.bars.data = {"left": edges[:-1], "right": edges[1:], **shares}
 
 
@@ -191,15 +183,15 @@ def _residual_table(workspace: Workspace, start: FittedModel | None) -> str:
 
 def _numbers(fitted: FittedModel | None) -> str:
     if fitted is None:
-        return "<p>Ts and Tw stand here once a model is fitted.</p>"
+        return "<p>The matrix and the white balances stand here once a model is fitted.</p>"
     profile = fitted.profile
     matrix = [
         (f"sRGB {name}", *(f"{value:.4f}" for value in row)) for name, row in zip("RGB", profile.matrix, strict=True)
     ]
-    parts = [table(("", "camera R", "camera G", "camera B"), matrix, "Ts: white-balanced camera RGB → linear sRGB")]
+    parts = [table(("", "camera R", "camera G", "camera B"), matrix, "Matrix: white-balanced camera RGB → linear sRGB")]
     balances = []
     for name, balance in profile.white_balances.items():
         kelvin = "–" if balance.kelvin is None else f"{balance.kelvin:.0f} K"
         balances.append((name, *(f"{value:.4f}" for value in balance.multipliers), kelvin, f"{balance.spread:.1%}"))
-    parts.append(table(("white balance", "R", "G", "B", "about", "spread"), balances, "Tw: multipliers"))
+    parts.append(table(("white balance", "R", "G", "B", "about", "spread"), balances, "Multipliers"))
     return "".join(parts)

@@ -1,12 +1,13 @@
 """The page of one visitor: five views under one another's heading, at home on 1280 × 720."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import panel as pn
 
 from lutforge.studio.data_view import DataView
-from lutforge.studio.elements import NARROW, button, text
+from lutforge.studio.elements import NARROW, text
 from lutforge.studio.export_view import ExportView
 from lutforge.studio.folders import Folders
 from lutforge.studio.maps_view import MapsView
@@ -34,10 +35,9 @@ class Page:
         self.shown = VIEWS[0]
         self.session.on_change = self._changed
         self.session.on_select = data.mark
-        self.tabs = {name: self._tab(name) for name in VIEWS}
-        guard = self.session.guarded
-        self.undo = button("Undo", on_click=guard(lambda event: self.session.undo()))
-        self.redo = button("Redo", on_click=guard(lambda event: self.session.redo()))
+        self.tabs = {name: self.session.button(name, partial(self.show, name)) for name in VIEWS}
+        self.undo = self.session.button("Undo", self.session.undo)
+        self.redo = self.session.button("Redo", self.session.redo)
         heading = text("<b>LutForge studio</b>", width=130, margin=(9, 4, 4, 10))
         self.body = pn.Column(self.views[self.shown].layout, margin=0)
         bar = pn.Row(heading, *self.tabs.values(), pn.Spacer(width=30), self.undo, self.redo, **NARROW)
@@ -46,9 +46,6 @@ class Page:
         self._buttons()
         if inputs:
             self.session.guarded(self.session.open)(inputs)
-
-    def _tab(self, name: str) -> pn.widgets.Button:
-        return button(name, on_click=self.session.guarded(lambda event: self.show(name)))
 
     def show(self, name: str) -> None:
         """Look at a view."""

@@ -23,12 +23,9 @@ PLOTS = {
     "linearisation": "Linearisation",
 }
 COLOURS = ("exposure pair", "own colour", "shot", "residual")
-MOST_DRAWN = 4000
-"""Points that a plot draws; every sample is fitted, filtered and selected all the same."""
 _NONE: tuple[Array, ...] = ()
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#5b5b5b", "#8c6d31")
 """Okabe and Ito's colours, told apart by colour-blind eyes, and three more."""
-LARGEST_RESIDUAL = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +73,7 @@ def _of_samples(workspace: Workspace, plot: str, channel: int) -> Points:
         )
     line = (np.array([[0.0, 1.0], [0.0, 1.0]]),)
     x, y = fitted.scene[:, channel], fitted.linearized[:, channel]
-    return _finite(Points(x, y, row, row, pair, "transformed RAW, Ts Tw E", "linearised sRGB", line))
+    return _finite(Points(x, y, row, row, pair, "transformed RAW", "linearised sRGB", line))
 
 
 def _of_pairs(workspace: Workspace, plot: str, channel: int) -> Points:
@@ -154,7 +151,7 @@ def pair_of_rows(workspace: Workspace) -> Rows:
     return number
 
 
-def drawn(count: int, always: Rows | None = None, most: int = MOST_DRAWN) -> Rows:
+def drawn(count: int, always: Rows | None = None, most: int = 4000) -> Rows:
     """Which of `count` points are drawn: at most `most`, the same ones each time, and up to as many that must be."""
     if count <= most:
         return np.arange(count)
@@ -170,7 +167,7 @@ def colours(workspace: Workspace, all_points: Points, chosen: Rows, by: str) -> 
     if by == "own colour":
         return hex_colours(workspace.samples.srgb[row])
     if by == "residual":
-        scale = np.clip(workspace.residual[row] / LARGEST_RESIDUAL, 0.0, 1.0)
+        scale = np.clip(workspace.residual[row] / 0.1, 0.0, 1.0)  # what is further off is of one colour
         return hex_colours(_cividis(np.nan_to_num(scale)))
     if by == "shot":
         _, number = np.unique(workspace.samples.shot, return_inverse=True)

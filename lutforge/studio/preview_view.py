@@ -1,12 +1,16 @@
 """Refinish preview: a photograph with other settings while the sliders move; wipe, histogram, clipping."""
 
+import numpy as np
 import panel as pn
 from bokeh.models import ColumnDataSource
 
+from lutforge.apply.candidates import read_small
+from lutforge.apply.source_settings import choose_camera, source_selector
 from lutforge.errors import SettingsError
 from lutforge.report.drawing import CHANNELS
-from lutforge.studio.elements import NARROW, Slider, Wipe, button, frame, plot, text
-from lutforge.studio.preview import BINS, Preview, data_url, read_preview
+from lutforge.shots.picture_settings import read_picture_settings
+from lutforge.studio.elements import Slider, Wipe, entry, frame, plot, select, text
+from lutforge.studio.preview import Preview, data_url
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import WorkspaceError
 
@@ -21,27 +25,17 @@ class PreviewView:
         self.session = session
         self.preview: Preview | None = None
         self._quiet = False
-        guard = session.guarded
-        options = {"width": 236, **NARROW}
-        self.listed = pn.widgets.Select(name="Photograph in the folders", options=[""], **options)
-        self.path = pn.widgets.TextInput(name="or its path", **options)
-        opening = button("Show", button_type="primary", on_click=guard(lambda event: self._open()))
-        self.source = pn.widgets.Select(name="Taken as", options=[""], **options)
-        self.style = pn.widgets.Select(name="Wanted style", options=[""], **options)
-        self.balance = pn.widgets.Select(name="Wanted white balance", options=[""], **options)
-        self.kelvin = Slider(
-            label="Temperature", value=5200, start=2000, end=10000, step=50, digits=0, unit=" K", **options
-        )
-        self.tint = Slider(label="Tint", value=0, start=-50, end=50, step=1, digits=0, **options)
-        self.ev = Slider(label="Exposure", value=0, start=-3, end=3, step=0.05, unit=" EV", **options)
-        self.wipe = Slider(label="Wipe: before | after", value=0.5, **options)
-        self.overlay = pn.widgets.Select(
-            name="Clipping", options={"as it is": False, "marked orange and violet": True}, **options
-        )
-        for slider in (self.kelvin, self.tint, self.ev):
-            slider.on_move(guard, self.show)
-        for control in (self.source, self.style, self.balance, self.overlay):
-            control.param.watch(guard(lambda event: self.show()), "value")
+        self.listed, self.path = select("Photograph in the folders", [""]), entry("or its path")
+        opening = session.button("Show", self._open, button_type="primary")
+        self.source, self.style = select("Taken as", [""]), select("Wanted style", [""])
+        self.balance = select("Wanted white balance", [""])
+        self.kelvin = Slider("Temperature", 5200, start=2000, end=10000, step=50, digits=0, unit=" K")
+        self.tint = Slider("Tint", 0, start=-50, end=50, step=1, digits=0)
+        self.ev = Slider("Exposure", 0, start=-3, end=3, step=0.05, unit=" EV")
+        self.wipe = Slider("Wipe: before | after", 0.5)
+        self.overlay = select("Clipping", {"as it is": False, "marked orange and violet": True})
+        session.watch(self.show, self.kelvin, self.tint, self.ev)
+        session.watch(self.show, self.source, self.style, self.balance, self.overlay)
         self.picture = Wipe(width_px=1000, height_px=604)
         self.wipe.jslink(self.picture, value="wipe")
         self.bins = ColumnDataSource({"x": [], "r": [], "g": [], "b": []})
@@ -69,8 +63,9 @@ class PreviewView:
         self._quiet = True
         settings = [f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances]
         for widget, values in ((self.source, settings), (self.style, list(profile.styles))):
-            widget.options = values
-            if widget.value not in values:
+            if widget is self.style or self.preview is None or self.preview.profile is not profile:
+                widget.options = values
+            if widget.value not in widget.options:
                 widget.value = values[0]
         if self.preview is not None and self.preview.profile is not profile:
             self.preview = Preview(profile, self.preview.pixels)
@@ -94,10 +89,22 @@ class PreviewView:
 
     def _open(self) -> None:
         path = self.session.folders.inside(self.path.value_input or self.path.value or self.listed.value)
-        self.preview = Preview(self.session.profile, read_preview(path))
+        profile = self.session.profile
+        self.preview = Preview(profile, read_small(path, 2_100_000))
         self.picture.before = data_url(self.preview.original())
         height, width = self.preview.pixels.shape[:2]
-        self.session.say(f"{path.name}: {width} × {height} pixels in the preview")
+        told = f"{path.name}: {width} × {height} pixels in the preview; "
+        settings = read_picture_settings(path)
+        try:
+            choose_camera(path, settings, {profile.camera.lower(): profile}, asked=False)
+            given, notes = source_selector(path, settings, profile, None)
+            self._quiet = True
+            self.source.options = list(dict.fromkeys([*self.source.options, str(given)]))
+            self.source.value = str(given)
+            self._quiet = False
+            self.session.say("; ".join([f"{told}taken as {given}, as its metadata say", *settings.notes, *notes]))
+        except SettingsError as error:
+            self.session.say(f"{told}choose what it was taken as ({error})")
         self.show()
 
     def show(self) -> None:
@@ -112,8 +119,8 @@ class PreviewView:
             raise WorkspaceError(str(error)) from error
         self.picture.number += 1
         self.picture.after = data_url(shown.pixels)
-        axis = [index / BINS for index in range(BINS)]
         shares = shown.histogram**0.5
+        axis = np.arange(len(shares)) / len(shares)
         self.bins.data = {"x": axis, "r": shares[:, 0], "g": shares[:, 1], "b": shares[:, 2]}
         frame(self.histogram, (0.0, 1.0), (0.0, max(float(shares[1:-1].max()), 1e-3)))
         white, black = shown.clipped

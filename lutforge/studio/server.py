@@ -16,8 +16,6 @@ from lutforge.studio.page import Page
 
 LOCAL = "127.0.0.1"
 EVERYWHERE = "0.0.0.0"
-MOST_MESSAGE = 64 << 20
-"""Bytes of one message from a page."""
 
 
 def origins(address: str, port: int) -> list[str]:
@@ -81,7 +79,7 @@ def serve(
             start=False,
             verbose=False,
             title="LutForge studio",
-            websocket_max_message_size=MOST_MESSAGE,
+            websocket_max_message_size=64 << 20,
         )
     except OSError as error:
         raise LutForgeError(

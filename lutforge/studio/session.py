@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.studio.elements import button, text
+from lutforge.studio.elements import Slider, button, text
 from lutforge.studio.folders import Folders
 from lutforge.studio.jobs import Job
 from lutforge.studio.loading import Opened, open_paths, with_profile
 from lutforge.studio.workspace import History, Workspace, WorkspaceError
-
-POLL_MS = 120
 
 
 def _held(document: Any, work: Callable[[], None]) -> None:
@@ -46,7 +44,7 @@ class Session:
         self._poll: Any = None
         self.status = text(sizing_mode="stretch_width", margin=(0, 8))
         self.progress = pn.indicators.Progress(value=0, max=100, width=160, visible=False, margin=(6, 4))
-        self.cancel = button("Cancel", visible=False, on_click=self.guarded(lambda event: self._cancel()))
+        self.cancel = self.button("Cancel", self._cancel, visible=False)
         self.say("Open a sample table, a folder of shots, a profile or a workspace.")
 
     # --- news ------------------------------------------------------------------------------------------------------
@@ -79,6 +77,18 @@ class Session:
             document.add_next_tick_callback(lambda: _held(document, lambda: run(*arguments)))
 
         return guarded
+
+    def button(self, name: str, action: Callable[[], None], **options: Any) -> pn.widgets.Button:
+        """A button with what it does, guarded."""
+        return button(name, on_click=self.guarded(lambda event: action()), **options)
+
+    def watch(self, callback: Callable[[], None], *widgets: Any) -> None:
+        """Call back, guarded, when a widget's value changes, or a slider has moved."""
+        for widget in widgets:
+            if isinstance(widget, Slider):
+                widget.on_move(self.guarded, callback)
+            else:
+                widget.param.watch(self.guarded(lambda event: callback()), "value")
 
     # --- state -----------------------------------------------------------------------------------------------------
 
@@ -138,7 +148,7 @@ class Session:
         self.say(f"{title} …")
         self.progress.value, self.progress.visible, self.cancel.visible = 0, True, True
         if pn.state.curdoc is not None:
-            self._poll = pn.state.add_periodic_callback(self.guarded(self.poll), period=POLL_MS)
+            self._poll = pn.state.add_periodic_callback(self.guarded(self.poll), period=120)
 
     def poll(self) -> None:
         """Take over what the job has reported."""

@@ -15,19 +15,17 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.discover import jpeg_beside
 from lutforge.studio.plots import hex_colours
 
-WIDTH = 330
-SIDE = 12
-MOST_SWATCHES = 540
-THUMBNAIL = (330, 160)
+WIDTH, SIDE = 330, 12
 
 
 def shot_picture(samples: SampleSet, selected: NDArray[np.bool_], shot: str, files: Mapping[str, Path]) -> str:
     """HTML of one shot: photograph and swatches."""
     rows = np.flatnonzero(samples.shot == shot)
+    most = 540
     # The selected ones are all there, however many samples the shot has.
-    if len(rows) > MOST_SWATCHES:
-        inside = rows[selected[rows]][:MOST_SWATCHES]
-        others = np.setdiff1d(rows, inside)[: MOST_SWATCHES - len(inside)]
+    if len(rows) > most:
+        inside = rows[selected[rows]][:most]
+        others = np.setdiff1d(rows, inside)[: most - len(inside)]
         rows = np.sort(np.concatenate([inside, others]))
     columns = WIDTH // SIDE
     height = SIDE * -(-len(rows) // columns)
@@ -60,9 +58,9 @@ def thumbnail(file: Path) -> str:
             with rawpy.imread(str(file)) as raw:
                 data = bytes(raw.extract_thumb().data)
         with Image.open(BytesIO(data)) as picture:
-            picture.draft("RGB", THUMBNAIL)
+            picture.draft("RGB", (WIDTH, 160))
             small = picture.convert("RGB")
-        small.thumbnail(THUMBNAIL)
+        small.thumbnail((WIDTH, 160))
         buffer = BytesIO()
         small.save(buffer, format="JPEG", quality=85)
     except (OSError, ValueError, TypeError, UnidentifiedImageError, rawpy.LibRawError, LutForgeError):

@@ -24,9 +24,7 @@ MODELS = {
     "lattice": "Lattice",
 }
 """In the order of the calibration; each is kept as a camera profile."""
-MOST_STATES = 200
 MOST_GROUPS = 100
-CODE = 1 / 255
 
 
 class WorkspaceError(LutForgeError):
@@ -40,8 +38,8 @@ class Filters:
     and what the model renders (None: any)."""
 
     saturation: float = 1.0
-    darkest: float = 1 * CODE
-    brightest: float = 254 * CODE
+    darkest: float = 1 / 255
+    brightest: float = 254 / 255
     raw_saturated: float = 0.98
     residual: float | None = None
 
@@ -220,7 +218,7 @@ class History:
 
     def do(self, workspace: Workspace) -> "History":
         """The next state; what was undone is gone."""
-        return History(workspace, (*self.past, self.present)[-MOST_STATES:])
+        return History(workspace, (*self.past, self.present)[-200:])
 
     def undo(self) -> "History":
         """One state back, if there is one."""

@@ -20,9 +20,6 @@ from lutforge.studio.fits import evaluate_on
 from lutforge.studio.workspace import MODELS, MOST_GROUPS, Filters, Group, Workspace, WorkspaceError
 
 SUFFIX = ".workspace"
-VERSION = 1
-MAX_BYTES = 4 << 30
-MAX_JSON = 1 << 20
 DOCUMENT, SAMPLES, MARKS = "workspace.json", "samples.parquet", "marks.npy"
 
 
@@ -33,7 +30,7 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
         raise WorkspaceError(f"{path}: a workspace file ends in {SUFFIX}")
     document = {
         "format": "lutforge-workspace",
-        "version": VERSION,
+        "version": 1,
         "filters": vars(workspace.filters),
         "groups": [{"name": name, "active": group.active} for name, group in workspace.groups.items()],
         "models": list(workspace.models),
@@ -94,21 +91,21 @@ def open_workspace(path: str | Path) -> Workspace:
 
 
 def _document(archive: zipfile.ZipFile) -> dict[str, Any]:
-    if DOCUMENT not in archive.namelist() or archive.getinfo(DOCUMENT).file_size > MAX_JSON:
+    if DOCUMENT not in archive.namelist() or archive.getinfo(DOCUMENT).file_size > 1 << 20:
         raise WorkspaceError("not a LutForge workspace")
     document = json.loads(archive.read(DOCUMENT))
     if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
         raise WorkspaceError("not a LutForge workspace")
-    if document.get("version") != VERSION:
-        raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version {VERSION}")
+    if document.get("version") != 1:
+        raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 1")
     if len(document["groups"]) > MOST_GROUPS or not set(document["models"]) <= set(MODELS):
         raise WorkspaceError("it names models or groups that no workspace has")
     return document
 
 
 def _extract(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
-    """One entry into the folder, under our own name, no more than MAX_BYTES of it."""
-    if archive.getinfo(name).file_size > MAX_BYTES:
+    """One entry into the folder, under our own name, no more than 4 GB of it."""
+    if archive.getinfo(name).file_size > 4 << 30:
         raise WorkspaceError(f"refused, {name} in it is larger than any workspace's")
     with archive.open(name) as source, (folder / name).open("wb") as target:
         shutil.copyfileobj(source, target, 1 << 20)

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lutforge.cli.bake import PROGRAMS as LISTED
 from lutforge.cli.main import main
+from lutforge.luts.programs import PROGRAMS
 from tests.cli.test_bad_input import Refused, refused, small_table
 from tests.conftest import CommandLine
 
@@ -37,6 +39,18 @@ def test_an_output_has_the_suffix_of_its_kind(refused: Refused, tmp_path: Path) 
 def test_an_output_that_is_an_input_is_refused(profile: Path, refused: Refused) -> None:
     (profile / "link.npz").symlink_to("camera.npz")
     for words in (
+        (
+            "bake",
+            "camera.npz",
+            "match",
+            "link.npz",
+            "--from",
+            "standard/daylight",
+            "--to",
+            "standard/daylight",
+            "-o",
+            "link.npz",
+        ),
         ("config", "camera.npz", "-o", "camera.npz"),
         ("transfer", "samples.csv", "samples.csv", "-o", "samples.csv"),
         ("sample", "samples.csv", "-o", "samples.csv"),
@@ -94,6 +108,18 @@ def test_inspect_takes_folders_tables_profiles_luts_and_pictures(lutforge: Comma
     assert "cube" in lutforge("inspect", "look.cube", cwd=profile).stdout
     (profile / "empty").mkdir()
     assert "in this folder" in lutforge("inspect", "empty", cwd=profile).stderr
+
+
+def test_programs_are_listed_and_named_in_any_case(lutforge: CommandLine, profile: Path) -> None:
+    assert list(PROGRAMS) == LISTED.split(", ")
+    baked = lutforge("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "Standard/Daylight",
+                     "--for", "Resolve", "--size", "5", cwd=profile)  # fmt: skip
+    assert baked.returncode == 0, baked.stderr
+    files = [line.partition(":")[0] for line in baked.stdout.splitlines() if not line.startswith(" ")]
+    assert f"load {files[0]} in resolve" in baked.stderr
+    linear = lutforge("bake", "camera.npz", "linearize", "--from", "standard/daylight", "--space", "ACEScg",
+                      "-o", "linear.clf", cwd=profile)  # fmt: skip
+    assert linear.returncode == 0, linear.stderr
 
 
 def test_help_loads_no_numbers() -> None:

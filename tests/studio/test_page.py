@@ -191,7 +191,7 @@ def test_from_samples_to_exports(visit: Visit, folder: Path) -> None:
         visit.reads(f"{model}: fitted to")
         if model == "Gamut map":
             visit.picture("models")
-    visit.reads("Ts: white-balanced camera RGB → linear sRGB")
+    visit.reads("Matrix: white-balanced camera RGB → linear sRGB")
     visit.view("Maps")
     visit.reads("Colours to shoot next")
     visit.picture("maps")

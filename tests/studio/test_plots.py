@@ -13,7 +13,6 @@ from lutforge.studio.fits import fit_model
 from lutforge.studio.loading import find_pairs
 from lutforge.studio.plots import (
     COLOURS,
-    MOST_DRAWN,
     PLOTS,
     chromaticities,
     colours,
@@ -94,9 +93,9 @@ def test_plots_say_why_they_are_empty() -> None:
 
 
 def test_drawing_is_thinned_and_picking_is_not() -> None:
-    chosen = drawn(100_000, always=np.arange(17))
-    assert len(chosen) <= MOST_DRAWN + 17 and set(range(17)) <= set(chosen.tolist())
-    assert np.array_equal(chosen, drawn(100_000, always=np.arange(17)))
+    chosen = drawn(100_000, always=np.arange(17), most=900)
+    assert len(chosen) <= 917 and set(range(17)) <= set(chosen.tolist())
+    assert np.array_equal(chosen, drawn(100_000, always=np.arange(17), most=900))
     rng = np.random.default_rng(0)
     x, y = rng.random((2, 100_000))
     inside = inside_polygon(x, y, [0.2, 0.8, 0.2], [0.2, 0.2, 0.8])

@@ -1,0 +1,83 @@
+"""The grades of camera profiles as LUTs: what `apply` does to pixels, and what the studio's preview shows."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+from lutforge.luts.bake import bake
+from lutforge.luts.ops import Cube, Matrix, Range
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
+from lutforge.luts.steps import grading_lut
+from lutforge.model.camera_profile import CameraProfile, match
+from lutforge.model.coverage import confidence
+from lutforge.model.lattice import grid, uniform_levels
+from lutforge.model.raw_transfer import RawTransfer
+from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
+from lutforge.settings import Selector
+
+
+class Gradings:
+    """LUTs of refinishes and renders, each linearize and render step baked once for all white balances."""
+
+    def __init__(self) -> None:
+        self._luts: dict[object, Lut] = {}
+        self._confidences: dict[object, OCIO.CPUProcessor] = {}
+        # Pictures on automatic white balance each have a grade of their own.
+        self.refinish = lru_cache(16)(self._refinish)
+
+    def _refinish(
+        self,
+        camera: CameraProfile,
+        given: Selector,
+        look: CameraProfile,
+        wanted: Selector,
+        ev: float = 0.0,
+        transfer: RawTransfer | None = None,
+    ) -> tuple[Lut, OCIO.CPUProcessor]:
+        """The refinish of a picture from one camera's settings to another's or its own, as a LUT and its processor."""
+        transform = match(camera, given, look, wanted, ev, transfer=transfer)
+        assert isinstance(transform, Refinish)
+        lut = grading_lut(transform, self._baked(transform.linearize), self._baked(transform.render))
+        return lut, lut.processor()
+
+    def develop(
+        self,
+        camera: CameraProfile,
+        given: Selector,
+        look: CameraProfile,
+        wanted: Selector,
+        ev: float,
+        transfer: RawTransfer | None,
+    ) -> OCIO.CPUProcessor:
+        """The rendering of a camera's RAW.
+
+        Highlights are clipped where the white-balanced sensor saturates, before less exposure darkens them: they stay
+        neutral.
+        """
+        transform = match(camera, given, look, wanted, transfer=transfer)
+        assert isinstance(transform, Refinish)
+        before = camera.multipliers(given if look is not camera else wanted)
+        k = 2.0**ev
+        levels = uniform_levels(2 if transfer is None or transfer.is_linear else 49)
+        balanced = transform.exposed(grid(levels) / before) * transform.balance
+        gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
+        exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
+        return Lut((*exposed, *self._baked(transform.render).ops)).processor()
+
+    def confidence(self, camera: CameraProfile, style: str) -> OCIO.CPUProcessor:
+        """Colours of a style → (confidence, unclipped, covered), as of `Grade.confidence`."""
+        key = (camera, style)
+        if key not in self._confidences:
+            self._confidences[key] = Lut(lattice_ops(confidence(camera.styles[style]))).processor()
+        return self._confidences[key]
+
+    def _baked(self, step: Transform) -> Lut:
+        """The LUT of a linearize or render step without its gain and matrix."""
+        assert isinstance(step, LatticeTransform | RenderChain | LinearizeChain)
+        core: object = step.lattice if isinstance(step, LatticeTransform) else step.gamut_map
+        if core not in self._luts:
+            self._luts[core] = bake(replace(step, gain=np.ones(3), matrix=np.eye(3)), display_referred=False)
+        return self._luts[core]
