@@ -156,9 +156,8 @@ def _lattices(
     fit = Fit(lattices[0], lattices[1], seconds[0], seconds[1])
     if not shrinks(train, options):
         return fit, None
-    forward, back = (
-        shrinkable(lattice, base, train.balanced, train.encoded, inverse=i > 0) for i, lattice in enumerate(lattices)
-    )
+    samples = (train.balanced, train.encoded)
+    forward, back = (shrinkable(lattices[i], base, *samples, inverse=bool(i)) for i in (0, 1))
     return fit, (forward, back)
 
 

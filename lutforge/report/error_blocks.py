@@ -16,13 +16,12 @@ from lutforge.report.sample_figures import error_by_colour_figure
 from lutforge.settings import setting_name
 from lutforge.shots.read import read_shot
 
-MOST_MAPS = 3
-"""Shots that error maps are drawn of: the best, the middle and the worst."""
 TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW, white-balanced"}
 BASELINES = (COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE)
 MAPS_TEXT = (
     "Each shot's RAW, rendered by fits that had not seen the shot, against the camera's own JPEG: the same scale "
-    "everywhere; grey: clipped, or outside the RAW."
+    "everywhere; grey: clipped, or outside the RAW. Above each map is its mean over the picture, edges and textures "
+    "included; the tables count the shot's even areas only."
 )
 
 
@@ -44,14 +43,14 @@ def error_tables(own: str, evaluation: Evaluation) -> Iterator[Block]:
         yield Table("RAW → JPEG by shot", header, tuple(map(_cells, shots)))
     if evaluation.refinish:
         yield Table(
-            "Refinish between settings of one scene (Fig. 6.2)",
+            "JPEGs changed to another setting, against the camera's own JPEG of the same scene",
             ("from", "to", "method", "n", "mean", "max", "RMSE", "ΔE00"),
             tuple(map(_refinish_cells, evaluation.refinish)),
             frozenset(index for index, row in enumerate(evaluation.refinish) if row.method == own),
         )
     if evaluation.linearisation:
         yield Table(
-            "Linearisation error δ over exposure pairs (4.11)",
+            "Two exposures of one scene: how far their linearized JPEGs differ, beyond the exposure",
             ("style", "method", "pairs", "R", "G", "B"),
             tuple(
                 (entry.style, entry.method, str(entry.pairs), *(f"{value:.4f}" for value in entry.delta))
@@ -104,7 +103,7 @@ def error_map_pictures(own: str, evaluation: Evaluation, files: Mapping[str, Pat
     """Of the best, the middle and the worst shot whose RAW file is at hand."""
     rows = [row for row in evaluation.rows if row.direction == "render" and row.method == own and row.shot in files]
     rows.sort(key=lambda row: row.figures.mean)
-    chosen = {rows[round(index)].shot: rows[round(index)] for index in np.linspace(0, len(rows) - 1, MOST_MAPS) if rows}
+    chosen = {rows[round(index)].shot: rows[round(index)] for index in np.linspace(0, len(rows) - 1, 3) if rows}
     if chosen:
         yield Text(MAPS_TEXT)
     for name, row in chosen.items():
@@ -112,4 +111,5 @@ def error_map_pictures(own: str, evaluation: Evaluation, files: Mapping[str, Pat
         methods = [method for method in (own, *BASELINES) if method in predictions.methods]
         maps = error_maps(replace(read_shot(files[name]), name=name), predictions, methods)
         held = "not seen by the fits" if maps.held_out else "the fit had seen it"
-        yield Picture(f"error_map_{setting_name(name)}", error_maps_figure(maps), f"{name}, {maps.setting}; {held}.")
+        caption = f"{name}, {maps.setting}; {held}; mean error of the shot's samples {row.figures.mean:.4f}."
+        yield Picture(f"error_map_{setting_name(name)}", error_maps_figure(maps), caption)

@@ -27,20 +27,21 @@ def setting_tables(profile: CameraProfile) -> Iterator[Block]:
         r, _, b = balance.multipliers
         kelvin = "–" if balance.kelvin is None else f"{balance.kelvin:.0f} K"
         rows.append((name, f"{r:.4f}", "1", f"{b:.4f}", kelvin, f"{100 * balance.spread:.1f} %"))
-    yield Table("White balances Tw", ("name", "red", "green", "blue", "temperature", "spread over shots"), tuple(rows))
+    header = ("name", "red", "green", "blue", "temperature", "spread over shots")
+    yield Table("White balances: what the RAW channels are multiplied by", header, tuple(rows))
     matrix = tuple(
         (f"linear {channel}", *(f"{value:+.4f}".replace("-", "−").replace("+", "") for value in row))
         for channel, row in zip("RGB", profile.matrix, strict=True)
     )
-    yield Table("Ts: white-balanced camera RGB → linear sRGB", ("", "camera R", "camera G", "camera B"), matrix)
+    yield Table("Matrix: white-balanced camera RGB → linear sRGB", ("", "camera R", "camera G", "camera B"), matrix)
 
 
 def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data: StyleData | None) -> Iterator[Block]:
-    what = "the response f" if style.physical else "the grey axis of the lattice"
+    what = "the tone response" if style.physical else "the grey axis of the lattice"
     yield Picture(f"response_{name}", response_figure(style), f"{name}: {what}, per channel.")
-    maps = {f"{name}, h": model.gamut_map for model in style.physical[:1]}
+    maps = {f"{name}, rendering": model.gamut_map for model in style.physical[:1]}
     if maps:
-        maps[f"{name}, h⁻¹"] = style.physical[0].inverse_gamut_map
+        maps[f"{name}, linearizing"] = style.physical[0].inverse_gamut_map
         text = (
             "The gamut map at constant luminance Y in linear sRGB: arrows lead from the colour before it to the colour "
             "after; dots are control points."

@@ -1,33 +1,24 @@
 """What is known of a calibrated camera, for reading: how good it is, what it rests on, what to shoot next."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
-import numpy as np
 
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.style_data import StyleData
+from lutforge.evaluation.errors_table import visibility
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.progress import Progress, part, silent
 from lutforge.report.error_blocks import error_map_pictures, error_pictures, error_tables
 from lutforge.report.page import Points, Report, Section
 from lutforge.report.profile_blocks import setting_tables, style_pictures
 from lutforge.report.sample_blocks import next_shots, sample_blocks
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
-
-Progress = Callable[[str, float], None]
-
-VERDICTS = (
-    (1.0, "less than an eye sees side by side"),
-    (2.0, "what an eye just sees side by side"),
-    (5.0, "visible"),
-    (np.inf, "far off: see the notes and what to shoot next"),
-)
-"""What a mean ΔE00 below each bound means."""
 
 
 @matplotlib.rc_context({"text.parse_math": False})  # names may hold dollar signs
@@ -36,9 +27,9 @@ def build_report(
     samples: SampleSet | None = None,
     accounts: Sequence[ShotSamples] = (),
     files: Mapping[str, Path] | None = None,
-    progress: Progress = lambda what, share: None,
+    progress: Progress = silent,
 ) -> Report:
-    """The report of a profile, and with samples its errors, held out by shot.
+    """Build the report of a profile, and with samples its errors on shots that were left out.
 
     accounts: of the shots that the samples are from; files: the RAW file of each shot by name, for error maps.
     Raises CalibrationError where the samples hold none of the profile's styles.
@@ -48,7 +39,7 @@ def build_report(
     shown: list[Section] = []
     data: dict[str, StyleData] = {}
     if samples is not None:
-        evaluation = evaluate(profile, samples, lambda what, share: progress(what, 0.6 * share))
+        evaluation = evaluate(profile, samples, part(progress, 0.0, 0.6))
         own = _own(profile, evaluation)
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         lead = tuple(_lead(own, evaluation)) or lead
@@ -95,11 +86,12 @@ def _lead(own: str, evaluation: Evaluation) -> Iterator[str]:
 
 
 def _sentence(style: str, mean: float, de00: float, held_out: bool = True) -> str:
-    verdict = next(text for bound, text in VERDICTS if de00 < bound)
-    seen = "that it had not seen" if held_out else "that it was fitted to"
+    figures = f"the JPEG predicted from RAW is {mean:.4f} of full scale off in the mean, ΔE00 {de00:.2f}"
+    if held_out:
+        return f"{style}: on shots that it had not seen, {figures}: {visibility(de00)}."
     return (
-        f"{style}: on shots {seen}, the JPEG predicted from RAW is {mean:.4f} of full scale off in the mean, "
-        f"ΔE00 {de00:.2f}: {verdict}."
+        f"{style}: on the shots that it was fitted to, {figures}. How well it predicts other shots is not known: "
+        "calibrate from two shots or more."
     )
 
 

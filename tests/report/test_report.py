@@ -131,3 +131,11 @@ def test_gaps_are_named_where_colours_are_missing() -> None:
     assert any("blue" in gap.colour for gap in gaps)
     assert not any("red" in gap.colour or "yellow" in gap.colour for gap in gaps)
     assert len(colour_gaps(np.zeros((0, 3)))) > 0
+
+
+def test_one_shot_is_not_praised() -> None:
+    """An error on the shot that was fitted says nothing about others, and the report says no more."""
+    samples = shots(("only",))
+    lead = build_report(calibrate(samples, CalibrationOptions(size=9)), samples).lead
+    assert all("not known" in sentence and "eye" not in sentence for sentence in lead)
+    assert lead

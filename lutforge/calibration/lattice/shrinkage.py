@@ -54,7 +54,11 @@ class Shrinkable:
 def shrinkable(
     lattice: Lattice, base: MatrixAndResponse, balanced: Array, encoded: Array, *, inverse: bool
 ) -> Shrinkable:
-    """Return what a lattice can be shrunk to; balanced, encoded: its samples (n, 3); base: of these."""
+    """Return what a lattice can be shrunk to.
+
+    base: the matrix and response of its samples; balanced, encoded: these samples, Tw E and I (n, 3); inverse: it
+    linearizes.
+    """
     base = with_matrix_of_all(base, balanced, encoded)
     nodes = grid(lattice.levels)
     if inverse:
