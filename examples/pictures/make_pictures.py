@@ -1,4 +1,4 @@
-"""Make the README's pictures of the five jobs, with two simulated cameras of known truth.
+"""Make the README's pictures of the five jobs, with a simulated camera of known truth.
 
     python examples/pictures/make_pictures.py WORK_FOLDER
 
@@ -17,7 +17,7 @@ import lutforge as lf
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
 from lutforge.simulate.demo import DemoShots, demo_shots
 
 Pixels = NDArray[np.floating]
@@ -53,13 +53,12 @@ def strip(name: str, *panels: Pixels) -> None:
 
 
 def main() -> None:
-    """Make render.jpg, linearize.jpg, views.jpg and match.jpg."""
+    """Make render.jpg, linearize.jpg and views.jpg."""
     work = Path(sys.argv[1] if len(sys.argv) > 1 else "pictures")
-    shots, profile = calibrated(nikon_d5100(), work / "a")
-    others, other = calibrated(sigma_sd_merrill(), work / "b")
+    shots, profile = calibrated(nikon_d5100(), work / "shots")
     setting = shots.target
 
-    finished, finished_by_other = read_image(shots.wanted).pixels, read_image(others.wanted).pixels
+    finished = read_image(shots.wanted).pixels
     raw = read_raw(shots.held_out.dng).pixels * 2.0**shots.ev
     top, left = ((a - b) // 2 for a, b in zip(raw.shape[:2], finished.shape[:2], strict=True))
     raw = np.clip(raw[top : top + finished.shape[0], left : left + finished.shape[1]], 0.0, 1.0)
@@ -77,8 +76,6 @@ def main() -> None:
         config.getProcessor(view).getDefaultCPUProcessor().applyRGB(pixels)
         seen.append(pixels)
     strip("views", encoded(light), *seen)
-
-    strip("match", finished, lf.match(profile, setting, other, setting)(finished), finished_by_other)
 
 
 if __name__ == "__main__":
