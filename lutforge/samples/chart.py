@@ -19,16 +19,6 @@ from lutforge.shots.shot import Shot
 Array = NDArray[np.float64]
 
 COLUMNS, ROWS = 6, 4
-PATCH_SHARE = 0.4
-"""Side of the sampled square as a share of the patches' pitch: about the inner half of a patch."""
-MIN_LIKENESS = 0.85
-"""Share of the patches' variance that an affine map of the chart's published colours must explain."""
-MAX_ROUGHNESS = 12.0
-"""Codes: median standard deviation within the patches; a chart's patches are plain."""
-MIN_CHROMA = 5.0
-"""Codes: the patches' root mean square distance from grey; a grey picture shows no ColorChecker."""
-MAX_TINT = 0.25
-"""How far the greys' chromaticities may lie from each other, relative."""
 
 # sRGB codes of the chart (after November 2014), rows from dark skin to black: the values that
 # colour-science's CCS_COLOURCHECKERS gives through XYZ_to_sRGB, rounded and cut to [0, 255].
@@ -73,10 +63,13 @@ class Chart:
     corners: Array
 
     def patches(self) -> Array:
-        """(24, 4, 2) corners of the sampled square in each patch, x, y in JPEG pixels, row by row."""
+        """(24, 4, 2) corners of the sampled square in each patch, x, y in JPEG pixels, row by row.
+
+        Its side is 0.4 of the patches' pitch: about the inner half of a patch.
+        """
         column, row = np.meshgrid(np.arange(COLUMNS), np.arange(ROWS))
         centres = np.stack([column.ravel() + 0.5, row.ravel() + 0.5], axis=1)
-        square = PATCH_SHARE / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        square = 0.4 / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         return _project(_homography(self.corners), centres[:, None, :] + square)
 
 
@@ -119,11 +112,11 @@ def find_chart(jpeg: NDArray[np.uint8]) -> Chart | None:
 def likeness(codes: Array, deviation: Array) -> float | None:
     """How like a ColorChecker 24 patches are, at most 1; None where they are none.
 
-    codes, deviation: (24, 3) mean and standard deviation of JPEG codes. Asked for: plain patches, a last row
-    of greys that darken step by step without changing tint, and colours that an affine map takes to the
-    published ones.
+    codes, deviation: (24, 3) mean and standard deviation of JPEG codes. Asked for: plain patches (a median deviation of
+    12 codes at most), a last row of greys that darken step by step without changing tint by over a quarter, colours
+    (5 codes from grey, root mean square), of whose variance an affine map of the published ones explains 0.85.
     """
-    if not np.isfinite(codes).all() or float(np.median(deviation.max(axis=1))) > MAX_ROUGHNESS:
+    if not np.isfinite(codes).all() or float(np.median(deviation.max(axis=1))) > 12.0:
         return None
     greys = codes[18:]
     luma = greys @ np.array([0.299, 0.587, 0.114])
@@ -135,17 +128,17 @@ def likeness(codes: Array, deviation: Array) -> float | None:
     if len(middle) < 2:
         return None
     tints = middle / middle.mean(axis=1, keepdims=True)
-    if np.abs(tints - tints.mean(axis=0)).max() > MAX_TINT:
+    if np.abs(tints - tints.mean(axis=0)).max() > 0.25:
         return None
     design = np.column_stack([REFERENCE, np.ones(24)])
     residual = codes - design @ np.linalg.lstsq(design, codes, rcond=None)[0]
     # Colour only: brightness alone would make any dark-to-light grid alike.
     chroma = codes - codes.mean(axis=1, keepdims=True)
-    if float((chroma**2).mean()) < MIN_CHROMA**2:
+    if float((chroma**2).mean()) < 5.0**2:
         return None
     residual_chroma = residual - residual.mean(axis=1, keepdims=True)
     score = 1 - float((residual_chroma**2).sum() / (chroma**2).sum())
-    return score if score >= MIN_LIKENESS else None
+    return score if score >= 0.85 else None
 
 
 def sample_chart(shot: Shot, chart: Chart, saturation: Array) -> ChartSamples:

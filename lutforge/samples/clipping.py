@@ -9,17 +9,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-JPEG_GUARD = 1
-"""Codes beside 0 and 255 that count as clipped too: JPEG compression moves a clipped pixel by a code."""
-RAW_GUARD = 0.98
-"""Share of the saturation level from which RAW counts as saturated: sensors bend below their ceiling."""
-RAW_BLACK = 0.0
-"""Decoders cut noise below black at 0: from there on a mean of RAW pixels is too bright."""
-
-_PILE_BIN = 0.005  # of the channel's maximum
-_PILE_COUNT = 50
-_PILE_RATIO = 5.0
-
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
@@ -62,10 +51,12 @@ def clipping(jpeg: Extremes, raw: Extremes, saturation: Array) -> Clipping:
     """Which areas hold clipped pixels. saturation: (3,) RAW level of each channel, see
     `saturation_levels`."""
     return Clipping(
-        jpeg_white=_in_any_channel(jpeg.maximum >= 255 - JPEG_GUARD),
-        jpeg_black=_in_any_channel(jpeg.minimum <= JPEG_GUARD),
-        raw_white=_in_any_channel(raw.maximum >= RAW_GUARD * saturation),
-        raw_black=_in_any_channel(raw.minimum <= RAW_BLACK),
+        # JPEG compression moves a clipped pixel by a code.
+        jpeg_white=_in_any_channel(jpeg.maximum >= 254),
+        jpeg_black=_in_any_channel(jpeg.minimum <= 1),
+        # Sensors bend below their ceiling. Decoders cut noise below black at 0, so that a mean is too bright there.
+        raw_white=_in_any_channel(raw.maximum >= 0.98 * saturation),
+        raw_black=_in_any_channel(raw.minimum <= 0),
     )
 
 
@@ -86,9 +77,9 @@ def saturation_levels(pixels: NDArray[np.float32]) -> Array:
         ceiling = float(values.max(initial=0.0))
         if not 0.2 < ceiling < 1.0:
             continue
-        edges = ceiling * (1 - _PILE_BIN * np.arange(13, -1, -1)) + 1e-7
+        edges = ceiling * (1 - 0.005 * np.arange(13, -1, -1)) + 1e-7
         histogram, _ = np.histogram(values, bins=edges)
         top, below = int(histogram[-2:].sum()), float(histogram[:10].mean())
-        if top >= _PILE_COUNT and top > 2 * _PILE_RATIO * below:
+        if top >= 50 and top > 10 * below:
             levels[channel] = ceiling
     return levels

@@ -21,12 +21,6 @@ from lutforge.shots.shot import Registration
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BLOCK = 8
-"""JPEG pixels: the side of a DCT block. Cells are whole blocks, whose mean compression hardly changes."""
-RAW_SPAN = 16
-"""Full-resolution RAW pixels that a cell's side spans at least: 64 Bayer blocks, an eighth of a pixel's
-noise."""
-
 
 @dataclass(frozen=True)
 class Limits:
@@ -66,8 +60,11 @@ class Flatness:
 
 
 def cell_size(registration: Registration) -> int:
-    """Side of a cell in JPEG pixels: the fewest whole DCT blocks that span RAW_SPAN RAW pixels."""
-    return BLOCK * max(1, math.ceil(RAW_SPAN / (BLOCK * registration.scale) - 0.05))
+    """Side of a cell in JPEG pixels: the fewest whole DCT blocks of 8 that span 16 full-resolution RAW pixels.
+
+    The mean of whole blocks hardly changes by compression; 64 Bayer blocks have an eighth of a pixel's noise.
+    """
+    return 8 * max(1, math.ceil(16 / (8 * registration.scale) - 0.05))
 
 
 def jpeg_cells(jpeg: NDArray[np.uint8], cell: int, hot: bool = False) -> JpegCells:

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lutforge.samples.balance import PER_BIN, PER_BIN_RELAXED, balance
+from lutforge.samples.balance import balance
 
 
 def test_caps_and_preferences() -> None:
@@ -13,10 +13,10 @@ def test_caps_and_preferences() -> None:
     level = np.zeros(100, dtype=np.intp)
     level[:50] = 1
     roughness = np.linspace(1, 0, 100)
-    kept = balance(codes, level, roughness)
+    kept = balance(codes, level, roughness, per_bin=12)
     # the flattest strict tiles of the common colour, and the lone tile of the other
-    assert kept.tolist() == [*range(99 - PER_BIN, 99), 99]
-    assert len(balance(codes[:50], level[:50], roughness[:50])) == PER_BIN_RELAXED
+    assert kept.tolist() == [*range(99 - 12, 99), 99]
+    assert len(balance(codes[:50], level[:50], roughness[:50], per_bin_relaxed=3)) == 3
 
 
 @given(st.integers(0, 2**32), st.integers(1, 400), st.integers(1, 60))
