@@ -1,8 +1,8 @@
-"""The decorator of every loop that numba compiles, and the folder that keeps the machine code between runs.
+r"""The decorator of every loop that numba compiles, and the folder that keeps the machine code between runs.
 
 Compiling all kernels takes most of a minute, so numba keeps what it compiled in a folder. By default that is the
 user's cache folder of the operating system: `~/.cache/lutforge` on Linux, `~/Library/Caches/lutforge` on macOS,
-`%LOCALAPPDATA%\\lutforge\\Cache` on Windows. The environment variable `NUMBA_CACHE_DIR` names another. Where the folder
+`%LOCALAPPDATA%\lutforge\Cache` on Windows. The environment variable `NUMBA_CACHE_DIR` names another. Where the folder
 cannot be written (a container, a render farm's user without a home), each process compiles what it needs and keeps
 nothing. The folder may be deleted at any time.
 

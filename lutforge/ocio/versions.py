@@ -17,7 +17,7 @@ _LOSSES = (
 
 
 def minor_version(text: str) -> int:
-    """ "2.4" → 4. Raises ConfigError on a version that is not 2.1 … 2.6."""
+    """Return the minor version: "2.4" → 4. Raises ConfigError on a version that is not 2.1 … 2.6."""
     major, dot, minor = text.strip().partition(".")
     if major != "2" or not dot or not minor.isdigit() or not OLDEST <= int(minor) <= NEWEST:
         raise ConfigError(f'OpenColorIO profile version "{text}": choose 2.{OLDEST} to 2.{NEWEST}')

@@ -82,7 +82,7 @@ def spoil(data: bytes, random: Random) -> bytes:
 
 
 def try_file(path: Path) -> str:
-    """ "report" or the error's line. Whatever else is raised is a bug."""
+    """Return "report" or the error's line. Whatever else is raised is a bug."""
     try:
         lines = report_lines(check_lut(path))
     except LutError as error:

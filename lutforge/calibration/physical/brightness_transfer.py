@@ -41,7 +41,7 @@ class TransferFunction:
 
 @dataclass(frozen=True)
 class ResponseVerdict:
-    """Is the response a fixed property?
+    """Whether the response is a fixed property of the camera, in figures.
 
     outliers: share of the colours that leave the common function, by channel and of whole colours; inlier_saturation,
     outlier_saturation: their median HSV saturation; shift: the median departure of unsaturated colours from
