@@ -63,6 +63,15 @@ def wrong_light(grade: Grade, source: oiio.ImageSpec, output: oiio.ImageSpec) ->
         yield "scene-linear light in 8 bits shows bands: keep it in half or float, with --suffix .exr"
 
 
+def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> Iterator[str]:
+    """What to tell of a picture that is in no sRGB, where the grade does not know so. attributes: what it will get."""
+    if "ICCProfile" in grade.attributes:
+        return
+    name = "Adobe RGB" if "ICCProfile" in attributes else source.get_string_attribute("ICCProfile:profile_description")
+    if name.strip() and "srgb" not in name.lower() and name != "c2":  # c2 is a small profile of sRGB
+        yield f"the picture is in {name.strip()}, and was graded as it is: what is made for sRGB wants it converted"
+
+
 def layers(spec: oiio.ImageSpec) -> Iterator[str]:
     """What to tell of a file with more colours than those that are graded."""
     graded, others = spec.channelnames[:3], spec.channelnames[3:]

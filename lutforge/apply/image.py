@@ -18,7 +18,15 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
-from lutforge.apply.colours import check_colours, colour_space, count_doubtful, doubts, layers, wrong_light
+from lutforge.apply.colours import (
+    check_colours,
+    colour_space,
+    count_doubtful,
+    doubts,
+    layers,
+    other_space,
+    wrong_light,
+)
 from lutforge.apply.grade import Grade
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
@@ -168,7 +176,12 @@ def apply_image(
 
         regions = image.regions(max(1, region_samples // spec.nchannels), not writer.tiled)
         _overlapped(regions, image.read, work, write, overlap=count > 1)
-        notes = [*grade.notes, *wrong_light(grade, spec, writer.spec), *layers(spec)]
+        notes = [
+            *grade.notes,
+            *wrong_light(grade, spec, writer.spec),
+            *other_space(grade, spec, attributes),
+            *layers(spec),
+        ]
         notes += doubts(doubtful, spec.width * spec.height)
         if (parts := image.count_parts()) != 1:
             notes.append(f"the first of {parts} images in the file was used")

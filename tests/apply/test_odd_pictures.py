@@ -15,7 +15,8 @@ from lutforge.apply.grade import ConfigRecipe, LutRecipe
 from lutforge.apply.image import apply_to_pixels
 from lutforge.apply.inputs import find_inputs
 from lutforge.colour.adobe_rgb import NAME, adobe_rgb_profile
-from lutforge.images.read import read_image
+from lutforge.images.read import Image, read_image
+from lutforge.images.write import write_image
 from lutforge.luts.ends import ends_of, read_ends
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
@@ -209,6 +210,23 @@ def test_pictures_in_adobe_rgb_stay_so(tmp_path: Path, cube: LutRecipe) -> None:
     write_picture(tmp_path / "plain.jpg", Exif_ColorSpace=1)
     (plain,) = apply_batch(cube, [tmp_path / "plain.jpg"], tmp_path / "out").done
     assert told_space(plain.target) == (1, "")
+
+
+def test_a_picture_in_another_space_is_told(tmp_path: Path, cube: LutRecipe) -> None:
+    profiles = {
+        "adobe": adobe_rgb_profile(),
+        "srgb": ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes(),
+    }
+    for name, profile in profiles.items():
+        spec = oiio.ImageSpec(8, 8, 3, "uint8")
+        spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), profile)
+        pixels = np.full((8, 8, 3), 0.5, dtype=np.float32)
+        write_image(tmp_path / f"{name}.tif", pixels, Image(pixels, spec))
+    notes = {name: apply_batch(cube, [tmp_path / f"{name}.tif"], tmp_path / "out").done[0].notes for name in profiles}
+    assert any("the picture is in Compatible with Adobe RGB" in note for note in notes["adobe"])
+    assert notes["srgb"] == ()
+    exif_only = apply_batch(cube, [in_adobe_rgb(tmp_path / "c.jpg")], tmp_path / "out").done[0].notes
+    assert any("the picture is in Adobe RGB" in note for note in exif_only)
 
 
 def test_the_profile_of_adobe_rgb_is_adobe_rgb() -> None:
