@@ -1,6 +1,5 @@
 """LUTs and LUT files as OpenColorIO evaluates them."""
 
-import tempfile
 from codecs import BOM_UTF8
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,6 +8,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading, require_file
 from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
@@ -132,10 +132,10 @@ def file_group(
     direction = OCIO.TRANSFORM_DIR_INVERSE if inverse else OCIO.TRANSFORM_DIR_FORWARD
     # "Best" is tetrahedral for cubes, and unlike that name it is quiet about files of 1D tables.
     method = OCIO.INTERP_BEST if interpolation == "tetrahedral" else OCIO.INTERP_LINEAR
-    with tempfile.TemporaryDirectory() as folder, reading(path, "a LUT", LutError):
+    with scratch_folder() as folder, reading(path, "a LUT", LutError):
         link = path.absolute()
         if {"$", "%"} & set(str(path)):  # OpenColorIO replaces variables in a path: give it one that has none
-            link = Path(folder) / f"lut{path.suffix}"
+            link = folder / f"lut{path.suffix}"
             link.symlink_to(path.resolve())
         try:
             processor = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(str(link), "", method, direction))

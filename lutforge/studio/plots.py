@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.colour.srgb import D65, SRGB_TO_XYZ, srgb_decode
 from lutforge.model.emor import inverse_emor
 from lutforge.model.response import Response
 from lutforge.studio.workspace import FittedModel, Workspace
@@ -223,14 +224,11 @@ def nearest(all_points: Points, x: float, y: float, reach: float) -> Mask:
 
 def chromaticities(encoded: Array) -> Array:
     """CIE 1931 xy (n, 2) of encoded sRGB (n, 3); black lies at the white point."""
-    import colour
-
-    space = colour.RGB_COLOURSPACES["sRGB"]
-    xyz = colour.models.eotf_sRGB(np.clip(encoded, 0.0, 1.0)) @ space.matrix_RGB_to_XYZ.T
+    xyz = tristimulus(encoded)
     total = xyz.sum(axis=1, keepdims=True)
     dark = total[:, 0] < 1e-6
     xy = xyz[:, :2] / np.where(dark[:, None], 1.0, total)
-    xy[dark] = space.whitepoint
+    xy[dark] = D65[:2] / D65.sum()
     return np.asarray(xy)
 
 
@@ -245,10 +243,7 @@ def chromaticity_outlines() -> tuple[Array, Array]:
 
 def tristimulus(encoded: Array) -> Array:
     """CIE XYZ (n, 3) of encoded sRGB, Y of white 1."""
-    import colour
-
-    space = colour.RGB_COLOURSPACES["sRGB"]
-    return np.asarray(colour.models.eotf_sRGB(np.clip(encoded, 0.0, 1.0)) @ space.matrix_RGB_to_XYZ.T)
+    return np.asarray(srgb_decode(np.clip(encoded, 0.0, 1.0)) @ SRGB_TO_XYZ.T)
 
 
 def projected(xyz: Array, azimuth: float, elevation: float) -> Array:
