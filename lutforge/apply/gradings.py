@@ -1,6 +1,5 @@
 """The grades of camera profiles as LUTs: what `apply` does to pixels, and what the studio's preview shows."""
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -11,11 +10,12 @@ from lutforge.luts.ops import Cube, Matrix, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
 from lutforge.luts.steps import grading_lut
-from lutforge.model.camera_profile import CameraProfile, match
+from lutforge.model.camera_profile import CameraProfile, match, raw_to_balanced
 from lutforge.model.coverage import confidence
-from lutforge.model.lattice import grid, uniform_levels
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.raw_transfer import RawTransfer
-from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
+from lutforge.model.transform import Transform, through_stages
 from lutforge.settings import Selector
 
 
@@ -38,9 +38,7 @@ class Gradings:
         transfer: RawTransfer | None = None,
     ) -> tuple[Lut, OCIO.CPUProcessor]:
         """The refinish of a picture from one camera's settings to another's or its own, as a LUT and its processor."""
-        transform = match(camera, given, look, wanted, ev, transfer=transfer)
-        assert isinstance(transform, Refinish)
-        lut = grading_lut(transform, self._baked(transform.linearize), self._baked(transform.render))
+        lut = grading_lut(match(camera, given, look, wanted, ev, transfer=transfer), self._baked)
         return lut, lut.processor()
 
     def develop(
@@ -57,15 +55,14 @@ class Gradings:
         Highlights are clipped where the white-balanced sensor saturates, before less exposure darkens them: they stay
         neutral.
         """
-        transform = match(camera, given, look, wanted, transfer=transfer)
-        assert isinstance(transform, Refinish)
         before = camera.multipliers(given if look is not camera else wanted)
         k = 2.0**ev
         levels = uniform_levels(2 if transfer is None or transfer.is_linear else 49)
-        balanced = transform.exposed(grid(levels) / before) * transform.balance
+        stages = raw_to_balanced(camera, given, look, wanted, transfer=transfer)
+        balanced = through_stages(stages, grid(levels) / before)
         gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
         exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
-        return Lut((*exposed, *self._baked(transform.render).ops)).processor()
+        return Lut((*exposed, *self._baked(look.render(wanted).without_gain()).ops)).processor()
 
     def confidence(self, camera: CameraProfile, style: str) -> OCIO.CPUProcessor:
         """Colours of a style → (confidence, unclipped, covered), as of `Grade.confidence`."""
@@ -75,9 +72,8 @@ class Gradings:
         return self._confidences[key]
 
     def _baked(self, step: Transform) -> Lut:
-        """The LUT of a linearize or render step without its gain and matrix."""
-        assert isinstance(step, LatticeTransform | RenderChain | LinearizeChain)
-        core: object = step.lattice if isinstance(step, LatticeTransform) else step.gamut_map
+        """The LUT of a step that is the same under all white balances."""
+        core = next(stage for stage in step.stages if isinstance(stage, Lattice | GamutMap))
         if core not in self._luts:
-            self._luts[core] = bake(replace(step, gain=np.ones(3), matrix=np.eye(3)), display_referred=False)
+            self._luts[core] = bake(step, display_referred=False)
         return self._luts[core]

@@ -21,12 +21,12 @@ from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.fit import Evaluated, evaluate, fit_ops
 from lutforge.luts.ops import Cube, Matrix, Op, Range
+from lutforge.luts.parts import Parts, parts_of
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import FORMS, MAX_SIZE, Form, Lut
 from lutforge.luts.shaper import lattice_ops, levels_behind_gain, node_levels, shaper
-from lutforge.model.lattice import grid
-from lutforge.model.scene_render import SceneRender
-from lutforge.model.transform import LatticeTransform, Transform
+from lutforge.model.lattice import grid, uniform_levels
+from lutforge.model.transform import ColourFunction, Linear, Transform
 from lutforge.progress import Progress, silent
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ class BakeError:
 
 
 def bake(
-    transform: Transform,
+    transform: ColourFunction,
     path: str | Path | None = None,
     *,
     size: int | None = None,
@@ -72,7 +72,7 @@ def bake(
         raise LutError(f'unknown form "{form}"; choose {", ".join(FORMS)}')
     target = Target(form, size, interpolation)
     if path is not None:
-        scenes = highest != 1 or isinstance(transform, SceneRender)
+        scenes = highest != 1 or _takes_scenes(transform)
         target = target_of(Path(path), program, size, interpolation, scenes)
     (lut,) = bake_forms(
         transform, [target], tolerance=tolerance, display_referred=display_referred, title=title, comments=comments,
@@ -84,7 +84,7 @@ def bake(
 
 
 def bake_forms(
-    transform: Transform,
+    transform: ColourFunction,
     targets: Sequence[Target],
     *,
     tolerance: float | None = None,
@@ -101,24 +101,20 @@ def bake_forms(
         raise LutError(f"tolerance {tolerance:g}: a ΔE00 above 0 is needed")
     if not 0 < highest < 65504:
         raise LutError(f"LUT: inputs up to {highest:g}; half floats end at 65504")
-    scene = transform if isinstance(transform, SceneRender) else None
+    scenes = _takes_scenes(transform)
     known: dict[tuple[str, int], Evaluated] = {}
 
     def together(form: Form) -> str:
-        return form if scene is not None or form in ("plain", "shared") else "curves"
+        return form if scenes or form in ("plain", "shared") else "curves"
 
     def fitted(target: Target, size: int) -> tuple[Op, ...]:
         form, key = target.form, (together(target.form), size)
-        whole = scene is not None and form == "full"
         if key not in known:
             forms = list(dict.fromkeys(other.form for other in targets if together(other.form) == key[0]))
-            function, reach = transform, _highest(transform, highest)
-            if scene is not None and whole:
-                function, reach = scene.render, 1.0
-            known[key] = evaluate(function, size, forms, reach, progress)
+            reach = highest if scenes and form == "full" else _highest(transform, highest)
+            known[key] = evaluate(transform, size, forms, reach, progress)
         progress(f"{size}³ nodes: fitted", 0.8)
-        ops = fit_ops(known[key], form, target.interpolation or "tetrahedral")
-        return joined((Matrix(scene.to_raw), *ops)) if scene is not None and whole else ops
+        return fit_ops(known[key], form, target.interpolation or "tetrahedral")
 
     luts = []
     for target in targets:
@@ -147,7 +143,7 @@ def joined(ops: Sequence[Op]) -> tuple[Op, ...]:
     return tuple(op for op in result if not (isinstance(op, Matrix) and op.is_identity))
 
 
-def bake_error(lut: Lut, transform: Transform, display_referred: bool = True, highest: float = 1.0) -> BakeError:
+def bake_error(lut: Lut, transform: ColourFunction, display_referred: bool = True, highest: float = 1.0) -> BakeError:
     """Measure a LUT against its transform on a scrambled Sobol set of its input cube, from 0 to `highest`."""
     x = qmc.Sobol(3, rng=7).random(1 << 15) * highest
     got, wanted = lut(x), transform(x)
@@ -158,34 +154,41 @@ def bake_error(lut: Lut, transform: Transform, display_referred: bool = True, hi
     return BakeError(float(norm.mean()), float(norm.max()), p99)
 
 
-def _highest(transform: Transform, highest: float) -> float:
-    return transform.highest if isinstance(transform, SceneRender) else highest
+def _takes_scenes(transform: ColourFunction) -> bool:
+    """True for a transform of scene-linear light, which a matrix takes to the camera's RAW."""
+    return isinstance(transform, Transform) and bool(transform.stages) and isinstance(transform.stages[0], Linear)
 
 
-def _p99(transform: Transform, highest: float, ops: tuple[Op, ...]) -> float:
+def _highest(transform: ColourFunction, highest: float) -> float:
+    return transform.highest() if isinstance(transform, Transform) and _takes_scenes(transform) else highest
+
+
+def _p99(transform: ColourFunction, highest: float, ops: tuple[Op, ...]) -> float:
     return bake_error(Lut(ops), transform, highest=highest).de00_p99 or 0.0
 
 
-def _as_it_stands(transform: Transform, target: Target) -> tuple[Op, ...] | None:
+def _as_it_stands(transform: ColourFunction, target: Target) -> tuple[Op, ...] | None:
     """A lattice of a profile, where it has the size and the interpolation that are asked for and fits the form."""
-    if isinstance(transform, SceneRender) and target.form == "full":
-        ops = _as_it_stands(transform.render, target)
-        return None if ops is None else joined((Matrix(transform.to_raw), *ops))
-    if not isinstance(transform, LatticeTransform):
+    if isinstance(transform, Transform) and transform.is_identity:
+        even = grid(uniform_levels(target.size or target.default))
+        return (Range(),) if target.form == "full" else (Cube(even, target.interpolation or "tetrahedral"),)
+    parts = parts_of(transform)
+    if parts.lattice is None:
         return None
-    lattice = transform.lattice if target.form == "full" else transform.lattice.plain or transform.lattice
+    lattice = parts.lattice if target.form == "full" else parts.lattice.plain or parts.lattice
     if set(lattice.size) != {target.size or lattice.size[0]}:
         return None
     if (target.interpolation or lattice.interpolation) != lattice.interpolation:
         return None
     ops = lattice_ops(lattice)
     if target.form == "full":
-        return joined((Matrix(np.diag(transform.gain)), Range(), *ops, Matrix(transform.matrix)))
-    folded = _folded(ops, transform)
+        ahead = Matrix(parts.gain[:, None] * parts.before)
+        return joined((ahead, Range(), *ops, Matrix(parts.matrix)))
+    folded = None if _takes_scenes(transform) else _folded(ops, parts)
     return folded if folded is not None and Lut(folded).has_form(target.form) else None
 
 
-def _folded(ops: tuple[Op, ...], transform: LatticeTransform) -> tuple[Op, ...] | None:
+def _folded(ops: tuple[Op, ...], behind: Parts) -> tuple[Op, ...] | None:
     """A lattice with its gain in the shaper and its matrix in the cube; None where a response is behind it.
 
     Node levels L / gain are moved to the shaper's grid, and the cube is evaluated there, so that an output changes by
@@ -195,7 +198,7 @@ def _folded(ops: tuple[Op, ...], transform: LatticeTransform) -> tuple[Op, ...] 
     if parts is None:
         return None
     curve, cube = parts
-    gain, matrix = transform.gain, transform.matrix
+    gain, matrix = behind.gain, behind.matrix
     if np.all(gain == 1):
         return (*ops[:-1], Cube(cube.values @ matrix.T, cube.interpolation))
     levels = levels_behind_gain(node_levels(curve, cube), gain)

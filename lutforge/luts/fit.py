@@ -17,7 +17,7 @@ from lutforge.luts.parts import Parts, as_one, parts_of, slope_weight
 from lutforge.luts.sequence import Form
 from lutforge.luts.shaper import SHAPER_SIZE, is_even, levels_behind_gain, shaper
 from lutforge.model.lattice import uniform_levels
-from lutforge.model.transform import Transform
+from lutforge.model.transform import ColourFunction
 from lutforge.progress import Progress, silent
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ class Evaluated:
 
 
 def evaluate(
-    transform: Transform, size: int, forms: Sequence[Form], highest: float = 1.0,
+    transform: ColourFunction, size: int, forms: Sequence[Form], highest: float = 1.0,
     progress: Progress = silent,
 ) -> Evaluated:  # fmt: skip
     """Evaluate a transform for fits of `size` nodes per axis. O(size³) evaluations.
@@ -98,8 +98,8 @@ def fit_ops(evaluated: Evaluated, form: Form, method: Interpolation) -> tuple[Op
 
 
 def full_ops(parts: Parts, axes: Axes, cube: Cube, highest: float = 1.0) -> tuple[Op, ...]:
-    """Gain → clamp → shaper → cube → response → matrix, without what changes nothing."""
-    ahead, behind = Matrix(np.diag(parts.gain / highest)), Matrix(parts.matrix)
+    """Matrices → clamp → shaper → cube → response → matrix, without what changes nothing."""
+    ahead, behind = Matrix((parts.gain / highest)[:, None] * parts.before), Matrix(parts.matrix)
     return (
         *(() if ahead.is_identity else (ahead,)),
         Range(),

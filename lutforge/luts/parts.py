@@ -5,7 +5,7 @@ linear axes, and what the camera clips is clipped by the response, not rounded o
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,78 +13,101 @@ from numpy.typing import NDArray
 from lutforge.errors import LutError
 from lutforge.interpolation import through
 from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
-from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
+from lutforge.model.transform import (
+    Clip,
+    ColourFunction,
+    Decode,
+    Encode,
+    Gain,
+    KeepNeutral,
+    Linear,
+    Stage,
+    Transform,
+    through_stages,
+)
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 
-CURVE_SIZE = SHAPER_SIZE
-BLOCK = 1 << 15
-LEAST_SLOPE = 1e-3
-"""Share of a straight line in an input curve, so that it rises where a response is flat."""
-
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """A transform as matrix · response(inner(gain · x)); curve: axes on which `inner` is smooth.
+    """A transform as matrix · response(inner(gain · before · x)).
 
-    The cube holds `inner`.
+    The cube holds `inner`; curve: axes on which it is smooth; lattice: `inner` where it is one as it stands; stops: of
+    light beyond 1 that the inputs span.
     """
 
     inner: Function
-    gain: Array
-    matrix: Array
+    gain: Array = field(default_factory=lambda: np.ones(3))
+    matrix: Array = field(default_factory=lambda: np.eye(3))
+    before: Array = field(default_factory=lambda: np.eye(3))
     curve: Array | None = None
     response: Array | None = None
+    lattice: Lattice | None = None
     stops: float = 0.0
 
 
-def parts_of(transform: Transform) -> Parts:
-    """What of a transform can be a gain, a curve, a response and a matrix; the cube has to hold the rest."""
-    one = np.eye(3)
-    if isinstance(transform, LinearizeChain):
-        return Parts(_checked(transform.core), transform.gain, transform.matrix, _input_curve(transform.response))
-    if isinstance(transform, RenderChain):
-        ahead, back = _output_curve(transform.response)
-        to_linear, forward = transform.to_linear, transform.gamut_map
-        straight = np.repeat([[0.0], [1.0]], 3, axis=1)
-        return Parts(_checked(lambda x: ahead(forward(x @ to_linear.T))), transform.gain, one, straight, back)
-    if isinstance(transform, LatticeTransform) and transform.lattice.response is not None:
-        lattice = transform.lattice
-        return Parts(_checked(lattice.inner), transform.gain, transform.matrix, None, lattice.response)
-    if isinstance(transform, Refinish) and transform.transfer is None:
-        first = parts_of(transform.linearize)
-        last = parts_of(transform.render)
-        if np.all(first.gain == 1) and first.response is None:
+def parts_of(transform: ColourFunction) -> Parts:
+    """What of a transform's stages can be a gain, a curve, a response and a matrix; a bare function is all cube."""
+    if not isinstance(transform, Transform):
+        return Parts(_checked(transform))
+    stages = list(transform.stages)
+    before, gain, matrix, response = np.eye(3), np.ones(3), np.eye(3), None
+    if stages and isinstance(stages[0], Linear):
+        before = stages.pop(0)(before.T).T
+    if stages and isinstance(stages[0], Gain):
+        gain = stages.pop(0)(gain)
+    if stages and isinstance(stages[0], Clip):
+        stages.pop(0)  # a curve and a cube do so themselves
+    while stages and isinstance(stages[-1], Linear | Gain):
+        matrix = matrix @ stages.pop()(np.eye(3)).T
+    last = stages[-1] if stages else None
+    body: tuple[Stage, ...] = tuple(stages)
+    inner: Function = lambda x: through_stages(body, x)  # noqa: E731 - replaced where a response is taken out
+    if isinstance(last, Encode):
+        ahead, response = _output_curve(last.response)
+        inner = lambda x: ahead(through_stages(body[:-1], x))  # noqa: E731 - as above
+    elif isinstance(last, Lattice) and last.response is not None:
+        in_front, response = last.inner, last.response
+        inner = lambda x: in_front(through_stages(body[:-1], x))  # noqa: E731 - as above
+    curve = None
+    # Behind a clip in the middle only a response magnifies what the axes of its input are made for.
+    if response is not None or not any(isinstance(stage, Clip) for stage in body):
+        curve = _first_curve(body)
+    lattice = last if isinstance(last, Lattice) and len(body) == 1 else None
+    return Parts(_checked(inner), gain, matrix, before, curve, response, lattice)
 
-            def both(x: Array) -> Array:
-                return last.inner(np.clip(transform.balanced(x, first.inner(x) @ first.matrix.T), 0.0, 1.0))
 
-            curve = first.curve if last.response is not None else None
-            return Parts(both, np.ones(3), last.matrix, curve, last.response)
-    gain: Array = getattr(transform, "gain", np.ones(3))
-    matrix: Array = getattr(transform, "matrix", one)
-    return Parts(_checked(getattr(transform, "core", transform)), gain, matrix)
-
-
-def as_one(transform: Transform, highest: float) -> Parts:
+def as_one(transform: ColourFunction, highest: float) -> Parts:
     """A transform with nothing taken out of it, its inputs from 0 to `highest`."""
     inner = transform if highest == 1 else lambda x: transform(x * highest)
-    return Parts(_checked(inner), np.ones(3), np.eye(3), stops=float(np.log2(max(highest, 1.0))))
+    return Parts(_checked(inner), stops=float(np.log2(max(highest, 1.0))))
+
+
+def _first_curve(stages: tuple[Stage, ...]) -> Array | None:
+    """The input curve of a transform that begins with an inverse response, be it within what keeps neutrals."""
+    match stages:
+        case (KeepNeutral(stages=within), *_):
+            return _first_curve(within[1:] if within and isinstance(within[0], Clip) else within)
+        case (Decode(response=response), *_):
+            return _input_curve(response)
+    return None
 
 
 def _input_curve(response: Response) -> Array:
     """f⁻¹ from 0 to 1, (m, 3), with a little of a straight line, so that it rises everywhere."""
     low, span = response.inverse[0], response.inverse[-1] - response.inverse[0]
     straight = np.linspace(0.0, 1.0, len(response.inverse))[:, None]
-    return np.asarray((1 - LEAST_SLOPE) * (response.inverse - low) / span + LEAST_SLOPE * straight)
+    return np.asarray(0.999 * (response.inverse - low) / span + 0.001 * straight)
 
 
 def _output_curve(response: Response) -> tuple[Function, Array]:
-    """Linear values scaled to [0, 1] where f begins and ends, and f from there, (CURVE_SIZE, 3)."""
+    """Linear values scaled to [0, 1] where f begins and ends, and f from there, (SHAPER_SIZE, 3)."""
     low, span = response.inverse[0], response.inverse[-1] - response.inverse[0]
-    even = np.linspace(0.0, 1.0, CURVE_SIZE)[:, None]
+    even = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None]
     return lambda y: (y - low) / span, response.encode(low + even * span)
 
 
@@ -108,15 +131,15 @@ def _checked(function: Function) -> Function:
     def checked(x: Array) -> Array:
         flat = x.reshape(-1, 3)
         y = np.empty_like(flat)
-        for start in range(0, len(flat), BLOCK):
-            part = flat[start : start + BLOCK]
+        for start in range(0, len(flat), 1 << 15):
+            part = flat[start : start + (1 << 15)]
             result = np.asarray(function(part), dtype=np.float64)
             if result.shape != part.shape:
                 raise LutError(f"the transform made shape {result.shape} of {part.shape}; it must keep the shape")
             if not np.all(np.isfinite(result)):
                 worst = part[np.flatnonzero(~np.all(np.isfinite(result), axis=1))[0]]
                 raise LutError(f"the transform gives a number that is not finite at {np.round(worst, 4).tolist()}")
-            y[start : start + BLOCK] = result
+            y[start : start + (1 << 15)] = result
         return y.reshape(x.shape)
 
     return checked

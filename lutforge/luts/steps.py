@@ -1,10 +1,10 @@
-"""A refinish as its own steps in one sequence: what a process list (CLF, CTF) can hold whole.
+"""The steps of a transform in one sequence: what a process list (CLF, CTF) can hold whole.
 
 A refinish between two lattices of a profile is lattice → matrix → lattice: written so, the file is the model, while one
 cube of both can only come near. A refinish of a physical model becomes two cubes with the camera's clipping between.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,66 +12,64 @@ from numpy.typing import NDArray
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.bake import bake, joined
-from lutforge.luts.ops import Cube, Curve, Matrix, Op
+from lutforge.luts.ops import Cube, Curve, Op, Range
 from lutforge.luts.sequence import MAX_SIZE, Lut
 from lutforge.luts.shaper import SHAPER_SIZE, node_levels
-from lutforge.model.highlights import RAMP
-from lutforge.model.lattice import grid
-from lutforge.model.transform import Refinish, Transform
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.highlights import RAMP, neutral_where_clipped
+from lutforge.model.lattice import Lattice, grid
+from lutforge.model.transform import Clip, ColourFunction, KeepNeutral, Stage, Transform, through_stages
 
 Array = NDArray[np.float64]
 
 
 def bake_steps(
-    transform: Transform,
+    transform: ColourFunction,
     size: int | None = None,
     *,
     interpolation: Interpolation | None = None,
     title: str = "",
     comments: tuple[str, ...] = (),
 ) -> Lut:
-    """Bake the steps of a transform apart: two cubes for a refinish or match, one for any other.
+    """Bake a transform with a cube for each of its steps, from one clip to the next.
 
     The steps are those of the bare model: between them nothing tells what clipped, so white is not kept neutral.
     size: nodes per axis of each (33; lattices of a profile keep their own, and lose nothing).
     """
-    if not isinstance(transform, Refinish):
-        return bake(transform, size=size, interpolation=interpolation, title=title, comments=comments)
-    first = bake(transform.linearize, size=size, interpolation=interpolation).ops
-    last = bake(transform.render, size=size, interpolation=interpolation).ops
-    if transform.transfer is None:
-        return Lut(joined((*first, Matrix(transform.between), *last)), title, comments)
-    cube, matrix = _cube_and_matrix(first)
-    exposed = Cube(transform.exposed(cube.values @ matrix.T), cube.interpolation)
-    return Lut(joined((*_in_front(first), exposed, *last)), title, comments)
+    steps = _steps(transform) if isinstance(transform, Transform) else [transform]
+    ops: list[Op] = []
+    for step in steps:
+        ops += bake(step, size=size, interpolation=interpolation).ops
+    return Lut(joined(ops), title, comments)
 
 
-def grading_lut(transform: Refinish, linearize: Lut, render: Lut) -> Lut:
-    """A refinish for photographs, from the baked linearize and render of its two styles: what clipped stays neutral.
+def _steps(transform: Transform) -> list[ColourFunction]:
+    """The transform cut in front of each clip but the first, and of the matrices and gains in front of that."""
+    stages: list[Stage] = []
+    for stage in transform.stages:
+        stages += stage.stages if isinstance(stage, KeepNeutral) else (stage,)
+    cuts = [at for at, stage in enumerate(stages) if isinstance(stage, Clip)][1:]
+    return [Transform(tuple(stages[i:j])) for i, j in zip([0, *cuts], [*cuts, len(stages)], strict=True)]
 
-    linearize: JPEG → white-balanced RAW of the source's style; render: white-balanced RAW → JPEG. They serve all white
-    balances; only the cube of the first is computed anew, so that a picture with a white balance of its own costs
-    milliseconds. It gets one node more per axis, where a channel begins to count as clipped: below it colours are the
-    model's.
+
+def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
+    """A refinish for photographs, from the baked steps of its two styles: what clipped stays neutral.
+
+    baked: gives the LUT of a step that is the same under all white balances; the model of JPEG → linear, and of
+    white-balanced RAW → JPEG. Only the cube of the first is computed anew, so that a picture with a white balance of
+    its own costs milliseconds. It gets one node more per axis, where a channel begins to count as clipped: below it
+    colours are the model's. Raises LutError on a transform that keeps no neutrals.
     """
-    front, cube = _with_node(linearize, 1.0 - RAMP)
-    nodes = grid(node_levels(front, cube))
-    matrix = getattr(transform.linearize, "matrix", np.eye(3))
-    balanced = replace(transform, neutral_highlights=True).balanced(nodes, cube.values @ matrix.T)
-    return Lut((front, Cube(balanced, cube.interpolation), *render.ops))
-
-
-def _cube_and_matrix(ops: tuple[Op, ...]) -> tuple[Cube, Array]:
-    """The cube of a linearize LUT, and the matrix behind it."""
-    cube = next((op for op in ops if isinstance(op, Cube)), None)
-    if cube is None:
-        raise LutError("LUT: no cube to expose anew")
-    return cube, ops[-1].matrix if isinstance(ops[-1], Matrix) else np.eye(3)
-
-
-def _in_front(ops: tuple[Op, ...]) -> tuple[Op, ...]:
-    at = next(number for number, op in enumerate(ops) if isinstance(op, Cube))
-    return ops[:at]
+    if transform.is_identity:
+        return Lut((Range(),))
+    first = transform.stages[0]
+    if not isinstance(first, KeepNeutral):
+        raise LutError("LUT: photographs are graded by a refinish that keeps clipped neutrals")
+    cut = 1 + next(at for at, stage in enumerate(first.stages) if isinstance(stage, Lattice | GamutMap))
+    front, cube = _with_node(baked(Transform(first.stages[:cut])), 1.0 - RAMP)
+    encoded = grid(node_levels(front, cube))
+    balanced = neutral_where_clipped(encoded, through_stages(first.stages[cut:], cube.values))
+    return Lut((front, Cube(balanced, cube.interpolation), *baked(Transform(transform.stages[1:])).ops))
 
 
 def _with_node(lut: Lut, level: float) -> tuple[Curve, Cube]:

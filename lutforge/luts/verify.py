@@ -22,7 +22,7 @@ from lutforge.luts.read import read_lut
 from lutforge.luts.sample_points import sample_points
 from lutforge.luts.second_reader import disagreement
 from lutforge.luts.sequence import Lut
-from lutforge.model.transform import Transform
+from lutforge.model.transform import ColourFunction
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class FileError:
 
 def verify(
     path: str | Path,
-    reference: Transform,
+    reference: ColourFunction,
     lut: Lut | None = None,
     interpolation: Interpolation | None = None,
     display_referred: bool = True,

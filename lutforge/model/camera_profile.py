@@ -17,7 +17,7 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response import Response
-from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain, Transform
+from lutforge.model.transform import Carry, Clip, Decode, Encode, Gain, KeepNeutral, Linear, Stage, Transform
 from lutforge.model.white_balance import WhiteBalance, resolve, seen_as, tinted
 from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector
 
@@ -133,9 +133,10 @@ class CameraProfile:
         if self._model(selector, model) == "lattice":
             if style.render is None:
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for rendering")
-            return LatticeTransform(gain, np.eye(3), style.render)
+            return Transform((Gain(gain), Clip(), style.render))
         physical = self._physical(selector)
-        return RenderChain(gain, np.eye(3), physical.matrix, physical.gamut_map, physical.response)
+        to_linear, forward, response = Linear(physical.matrix), physical.gamut_map, Encode(physical.response)
+        return Transform((Gain(gain), Clip(), to_linear, forward, response))
 
     def linearize(self, source: str | Selector, space: SceneSpace = "raw", model: ModelName | None = None) -> Transform:
         """The camera's JPEG, encoded [0, 1] → RAW before white balance, or another scene-linear space.
@@ -157,14 +158,14 @@ class CameraProfile:
             if style.linearize is None:
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for linearizing")
             scene = np.diag(1 / gain) if space == "raw" else from_linear_srgb(space) @ self.matrix
-            return LatticeTransform(np.ones(3), scene, style.linearize)
+            return Transform((Clip(), style.linearize, Linear(scene)))
         physical = self._physical(selector)
         to_balanced = np.linalg.inv(physical.matrix)
         if space == "raw":
             scene = to_balanced / gain[:, None]
         else:
             scene = from_linear_srgb(space) @ (np.eye(3) if self.raw_camera else self.matrix @ to_balanced)
-        return LinearizeChain(np.ones(3), scene, physical.response, physical.inverse_gamut_map)
+        return Transform((Clip(), Decode(physical.response), physical.inverse_gamut_map, Linear(scene)))
 
     def refinish(
         self,
@@ -227,26 +228,50 @@ def match(
     the source's light (see `same_light`); where the target camera does not know it, its target white balance stands in.
     Raises SettingsError on an exposure beyond ±20 stops, ProfileError on a transfer between other cameras.
     """
+    source, target = source_camera.selector(source), target_camera.selector(target)
+    exposed = raw_to_balanced(source_camera, source, target_camera, target, ev, transfer)
+    if ev == 0 and source_camera is target_camera and _same_setting(source_camera, source, target):
+        return Transform()
+    balanced = (*source_camera._linearize(source, "raw", model).stages, *exposed)
+    render = target_camera.render(target, model).without_gain()
+    return Transform((*((KeepNeutral(balanced),) if neutral_highlights else balanced), *render.stages))
+
+
+def _same_setting(camera: CameraProfile, one: Selector, other: Selector) -> bool:
+    """True where two selectors of a camera ask for the same picture, whatever their words."""
+    if one.style != other.style or camera.raw_camera:  # without RAW each white balance has a model of its own
+        return one == other
+    return one == other or np.array_equal(camera.multipliers(one), camera.multipliers(other))
+
+
+def raw_to_balanced(
+    source_camera: CameraProfile,
+    source: Selector,
+    target_camera: CameraProfile,
+    target: Selector,
+    ev: float = 0.0,
+    transfer: RawTransfer | None = None,
+) -> tuple[Stage, ...]:
+    """The stages from one camera's RAW under `source` to white-balanced RAW of `target`, for any style of both.
+
+    Arguments and errors are those of `match`.
+    """
     if not -20.0 <= ev <= 20.0:
         raise SettingsError(f"exposure change {ev:g} EV is not within ±20 stops")
-    source, target = source_camera.selector(source), target_camera.selector(target)
     if transfer is not None and (transfer.source, transfer.target) != (source_camera.camera, target_camera.camera):
         raise ProfileError(
             f"the RAW transfer is from {transfer.source} to {transfer.target}, "
             f"the profiles are of {source_camera.camera} and {target_camera.camera}"
         )
-    between = 2.0**ev * np.eye(3)
-    light = None if source_camera is target_camera else same_light(source_camera, source, target_camera)
-    carried: Transform | None = None
+    balance = Gain(2.0**ev * target_camera.multipliers(target))
+    if source_camera is target_camera:
+        return (balance,)
+    light = same_light(source_camera, source, target_camera)
     if transfer is not None:
         under = None if light is None else target_camera.multipliers(Selector(target.style, light))
-        carried = transfer.under(source_camera.multipliers(source), under)
-    elif source_camera is not target_camera:
-        reference = light or target.white_balance
-        to_target = np.linalg.inv(target_camera.raw_to_linear_srgb(Selector(target.style, reference)))
-        between = 2.0**ev * to_target @ source_camera.raw_to_linear_srgb(source)
-    source_linear = source_camera._linearize(source, "raw", model)
-    return Refinish(source_linear, between, target_camera.render(target, model=model), carried, neutral_highlights)
+        return Carry(transfer.under(source_camera.multipliers(source), under)), balance
+    to_target = np.linalg.inv(target_camera.raw_to_linear_srgb(Selector(target.style, light or target.white_balance)))
+    return Linear(to_target @ source_camera.raw_to_linear_srgb(source)), balance
 
 
 def same_light(

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge import __version__
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ProfileError
-from lutforge.model.transform import Transform, checked_colours
+from lutforge.model.transform import ColourFunction, checked_colours
 
 Array = NDArray[np.float64]
 
@@ -122,7 +122,7 @@ class RawTransfer:
             return (root_terms(flat / self.neutral) @ self.roots).reshape(x.shape)
         return x @ self.matrix.T
 
-    def under(self, source: Array, target: Array | None) -> Transform:
+    def under(self, source: Array, target: Array | None) -> ColourFunction:
         """The transfer under another light than that of the fit, whose multipliers (3,) are known for both cameras.
 
         White-balanced colours change little with the light, RAW ones much: the fit is carried over between them.

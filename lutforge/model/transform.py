@@ -1,6 +1,9 @@
-"""Transforms R³ → R³ that a calibrated camera offers: evaluation only."""
+"""Transforms R³ → R³ that a calibrated camera offers: sequences of stages, evaluation only.
 
-from collections.abc import Callable
+The stages are a closed set: what bakes a transform, or places it in a config, tells them apart by their types.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +16,7 @@ from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 
 Array = NDArray[np.float64]
-Transform = Callable[[ArrayLike], Array]
+ColourFunction = Callable[[ArrayLike], Array]
 """Any function of colours (…, 3) → (…, 3), float64."""
 
 
@@ -34,92 +37,125 @@ def checked_colours(x: ArrayLike) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Shaped:
-    """A transform whose first step is a gain per channel and whose last is a matrix: y = matrix · core(gain · x).
+class Gain:
+    """A factor per channel, (3,): a white balance, or an exposure."""
 
-    The core is what a lookup table has to hold; its domain is [0, 1]³, to which the camera clips.
-    """
+    factors: Array
 
-    gain: Array
+    def __call__(self, x: Array) -> Array:
+        """Linear (…, 3) → linear."""
+        return np.asarray(x * self.factors)
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A matrix (3, 3) between linear spaces."""
+
     matrix: Array
 
-    def core(self, x: Array) -> Array:
-        raise NotImplementedError  # each transform below has its own
+    def __call__(self, x: Array) -> Array:
+        """Linear (…, 3) → linear."""
+        return np.asarray(x @ self.matrix.T)
+
+
+@dataclass(frozen=True)
+class Clip:
+    """The limits of a sensor or of an encoding: [0, 1]. NaN stays NaN."""
+
+    def __call__(self, x: Array) -> Array:
+        """(…, 3) → (…, 3)."""
+        return np.clip(x, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Encode:
+    """The camera response f: linear → encoded."""
+
+    response: Response
+
+    def __call__(self, x: Array) -> Array:
+        """Linear (…, 3) → encoded in [0, 1]."""
+        return self.response.encode(x)
+
+
+@dataclass(frozen=True, eq=False)
+class Decode:
+    """The inverse camera response f⁻¹: encoded → linear."""
+
+    response: Response
+
+    def __call__(self, x: Array) -> Array:
+        """Encoded (…, 3) → linear."""
+        return self.response.linearize(x)
+
+
+@dataclass(frozen=True, eq=False)
+class Carry:
+    """One camera's RAW → another's, Tc of equation (6.3)."""
+
+    transfer: ColourFunction
+
+    def __call__(self, x: Array) -> Array:
+        """RAW (…, 3) → RAW."""
+        return self.transfer(x)
+
+
+@dataclass(frozen=True, eq=False)
+class KeepNeutral:
+    """Encoded colours through `stages`, with what clipped in the source kept neutral (`neutral_where_clipped`)."""
+
+    stages: "tuple[Stage, ...]"
+
+    def __call__(self, x: Array) -> Array:
+        """Encoded (…, 3) → white-balanced linear."""
+        return neutral_where_clipped(x, through_stages(self.stages, x))
+
+
+Stage = Gain | Linear | Clip | Encode | Decode | Lattice | GamutMap | Carry | KeepNeutral
+"""Any stage: (…, 3) → (…, 3), float64. A lattice is h of the thesis, chapter 5; a gamut map h of chapter 4."""
+
+
+def through_stages(stages: Sequence[Stage], x: Array) -> Array:
+    """Colours (…, 3) through stages in their order."""
+    for stage in stages:
+        x = stage(x)
+    return x
+
+
+@dataclass(frozen=True, eq=False)
+class Transform:
+    """Stages in the order in which they are applied; none at all is the identity."""
+
+    stages: tuple[Stage, ...] = ()
 
     def __call__(self, x: ArrayLike) -> Array:
-        """Evaluate at x (…, 3); gain · x is clamped to [0, 1], where the camera clips. NaN stays NaN."""
+        """Evaluate at x (…, 3). NaN stays NaN. Raises ImageError on another shape, and on integers."""
         values = checked_colours(x)
-        y = self.core(np.clip(values * self.gain, 0.0, 1.0)) @ self.matrix.T
-        unknown = np.isnan(values).any(axis=-1)
-        if unknown.any():
-            y[unknown] = np.nan
-        return y
-
-
-@dataclass(frozen=True, eq=False)
-class LatticeTransform(_Shaped):
-    """y = matrix · lattice(gain · x): render with the white balance as the gain, linearize with its inverse behind."""
-
-    lattice: Lattice
-
-    def core(self, x: Array) -> Array:
-        """The lattice."""
-        return self.lattice(x)
-
-
-@dataclass(frozen=True, eq=False)
-class RenderChain(_Shaped):
-    """I = f(h(Ts Tw E)), equation (4.1), Tw as the gain. to_linear: Ts (3, 3)."""
-
-    to_linear: Array
-    gamut_map: GamutMap
-    response: Response
-
-    def core(self, x: Array) -> Array:
-        """White-balanced RAW → encoded, in [0, 1]."""
-        return self.response.encode(self.gamut_map(x @ self.to_linear.T))
-
-
-@dataclass(frozen=True, eq=False)
-class LinearizeChain(_Shaped):
-    """E = Tw⁻¹ Ts⁻¹ h⁻¹(f⁻¹(I)), equation (4.1) backward; the linear steps, or another scene space, are the matrix."""
-
-    response: Response
-    gamut_map: GamutMap
-
-    def core(self, x: Array) -> Array:
-        """Encoded → linear, before Ts⁻¹; not clipped."""
-        return self.gamut_map(self.response.linearize(x))
-
-
-@dataclass(frozen=True, eq=False)
-class Refinish:
-    """I' = render(M · Tc(linearize(I))), equations (6.1) and (6.3). between: M (3, 3), the exposure k and, between two
-    cameras without a transfer of their own, their matrices; transfer: Tc, RAW of one camera → RAW of the other.
-    neutral_highlights: what clipped in the source stays neutral (`neutral_where_clipped`).
-    """
-
-    linearize: Transform
-    between: Array
-    render: Transform
-    transfer: Transform | None = None
-    neutral_highlights: bool = False
-
-    def exposed(self, raw: Array) -> Array:
-        """What is rendered of the source's RAW (…, 3)."""
-        return (raw if self.transfer is None else self.transfer(raw)) @ self.between.T
-
-    def balanced(self, encoded: Array, raw: Array) -> Array:
-        """The same under the target's white balance, for the source's `encoded` colours (…, 3) and their RAW."""
-        balanced = self.exposed(raw) * self.balance
-        return neutral_where_clipped(encoded, balanced) if self.neutral_highlights else balanced
+        y = through_stages(self.stages, values)
+        unknown = np.isnan(values).any(axis=-1, keepdims=True)
+        return np.where(unknown, np.nan, y)
 
     @property
-    def balance(self) -> Array:
-        """(3,), the target's multipliers; 1 where the render has none."""
-        return np.asarray(getattr(self.render, "gain", np.ones(3)))
+    def is_identity(self) -> bool:
+        """True where there is nothing to change."""
+        return not self.stages
 
-    def __call__(self, x: ArrayLike) -> Array:
-        """Encoded (…, 3) → encoded (…, 3)."""
-        encoded = checked_colours(x)
-        return self.render(self.balanced(encoded, self.linearize(encoded)) / self.balance)
+    @property
+    def gain(self) -> Array:
+        """(3,), the white balance that comes first; 1 where none does."""
+        first = self.stages[0] if self.stages else None
+        return first.factors if isinstance(first, Gain) else np.ones(3)
+
+    def without_gain(self) -> "Transform":
+        """The same behind its white balance."""
+        return Transform(self.stages[1:]) if self.stages and isinstance(self.stages[0], Gain) else self
+
+    def highest(self) -> float:
+        """The largest scene-linear value that is not clipped in any colour, of the matrices in front of the clip."""
+        front = np.eye(3)
+        for stage in self.stages:
+            if isinstance(stage, Gain | Linear):
+                front = stage(front.T).T
+            else:
+                break
+        return float(np.maximum(np.linalg.inv(front), 0.0).sum(axis=1).max())

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lutforge.interpolation import Levels, interpolate, through
-from lutforge.model.transform import Transform
+from lutforge.model.transform import ColourFunction
 from lutforge.ocio.lut_files import CURVE_SIZE
 from lutforge.ocio.preimage import Render, curve_inverse, preimages
 
@@ -88,12 +88,12 @@ class MadeColours:
     inner: Array
 
     @classmethod
-    def of(cls, render: Render, count: int, seed: int, model: Transform | None = None) -> "MadeColours":
+    def of(cls, render: Render, count: int, seed: int, model: ColourFunction | None = None) -> "MadeColours":
         """Of a `spread`. model: what makes the colours instead, the render being near it."""
         return cls.made(render, spread(count, seed), model)
 
     @classmethod
-    def made(cls, render: Render, raw: Array, model: Transform | None = None) -> "MadeColours":
+    def made(cls, render: Render, raw: Array, model: ColourFunction | None = None) -> "MadeColours":
         """Of RAW colours (n, 3)."""
         curve = curve_inverse(render.response, CURVE_SIZE)
         curve[0], curve[-1] = 0.0, 1.0

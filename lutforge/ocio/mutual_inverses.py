@@ -33,7 +33,7 @@ from lutforge.interpolation import Levels, interpolate
 from lutforge.luts.shaper import padded_levels
 from lutforge.model.lattice import grid
 from lutforge.model.node_levels import resized_levels, snap_levels
-from lutforge.model.transform import Transform
+from lutforge.model.transform import ColourFunction
 from lutforge.ocio.exact_inverse import exact_inverse
 from lutforge.ocio.lattice_lut import LatticeLut as Lut
 from lutforge.ocio.layered_levels import even_levels, layered, neutral_nodes, unlayered
@@ -73,7 +73,7 @@ MEASURED = 1 << 15
 
 
 def consistent(
-    render: Lut, linearize: Lut, model: Transform | None = None, support: Array | None = None
+    render: Lut, linearize: Lut, model: ColourFunction | None = None, support: Array | None = None
 ) -> tuple[Lut, Lut, RoundTrip]:
     """A render and a linearization that are each other's inverse, and what is left.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lutforge.errors import ConfigError
 from lutforge.luts.bake import bake
-from lutforge.model.transform import LatticeTransform, LinearizeChain, RenderChain, Transform
+from lutforge.model.transform import Gain, Transform
 from lutforge.ocio.cameras import Camera
 from lutforge.ocio.lattice_lut import LatticeLut as Lut
 from lutforge.ocio.lattice_lut import lattice_lut
@@ -88,10 +88,10 @@ def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
             selector = Selector(name, balances[0])
             render = linearize = None
             if style.render or style.physical:
-                render = replace(_shaped(profile.render(selector)), gain=np.ones(3))
+                render = profile.render(selector).without_gain()
             if style.linearize or style.physical:
-                back = _shaped(profile.linearize(selector))
-                linearize = replace(back, matrix=np.diag(profile.multipliers(selector)) @ back.matrix)
+                balance = Gain(profile.multipliers(selector))
+                linearize = Transform((*profile.linearize(selector).stages, balance))
             stem = files(file_stem(camera.name, camera.styles[name]))
             yield Rendering(camera, name, balances, stem, render, linearize)
 
@@ -143,8 +143,3 @@ def _error(lut: Lut, transform: Transform, made_by: Transform | None = None) -> 
         means += [float(part.mean()) for part in parts if len(part)]
         largest = max(largest, float(errors.max()), float(error(climbed(error, colours, errors, seed=7)).max()))
     return f"mean {rounded_up(max(means))}, max {rounded_up(largest)}"
-
-
-def _shaped(transform: Transform) -> LatticeTransform | RenderChain | LinearizeChain:
-    assert isinstance(transform, LatticeTransform | RenderChain | LinearizeChain)
-    return transform

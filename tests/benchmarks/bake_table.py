@@ -32,7 +32,7 @@ from lutforge.luts.programs import target_of
 from lutforge.luts.steps import bake_steps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.published_model import import_published
-from lutforge.model.transform import Transform
+from lutforge.model.transform import ColourFunction
 
 Array = NDArray[np.float64]
 Errors = dict[str, tuple[float, float]]
@@ -63,8 +63,8 @@ def nikon_d40(data: Path) -> CameraProfile:
     return import_published([folder / "other_white_balances", folder / "fluorescent"], "Nikon D40")
 
 
-def transforms(profile: CameraProfile) -> dict[str, Transform]:
-    found = {f"render {name}": profile.render(f"standard/{name}") for name in RENDERS}
+def transforms(profile: CameraProfile) -> dict[str, ColourFunction]:
+    found: dict[str, ColourFunction] = {f"render {name}": profile.render(f"standard/{name}") for name in RENDERS}
     for source, target, ev in REFINISHES:
         # The other side's config holds the bare model.
         refinish = profile.refinish(f"standard/{source}", f"standard/{target}", ev, neutral_highlights=False)
@@ -79,7 +79,7 @@ def colours() -> Array:
     return x.astype(np.float32).astype(np.float64)
 
 
-def write_config(transform: Transform, folder: Path) -> OCIO.CPUProcessor:
+def write_config(transform: ColourFunction, folder: Path) -> OCIO.CPUProcessor:
     """Write a config whose colour space "jpeg" is the transform, and others to shape with; what it makes of colours."""
     bake_steps(transform, 65).write(folder / "model.clf")
     spaces = [
@@ -97,7 +97,7 @@ def write_config(transform: Transform, folder: Path) -> OCIO.CPUProcessor:
     return file_processor(folder / "model.clf")
 
 
-def theirs(transform: Transform, folder: Path, sizes: tuple[int, ...], suffixes: tuple[str, ...]) -> Errors:
+def theirs(transform: ColourFunction, folder: Path, sizes: tuple[int, ...], suffixes: tuple[str, ...]) -> Errors:
     """Of the files of `ociobakelut`, at the best of its shapers and interpolations."""
     x = colours()
     wanted = evaluate(write_config(transform, folder), x).astype(np.float64)
@@ -119,7 +119,7 @@ def theirs(transform: Transform, folder: Path, sizes: tuple[int, ...], suffixes:
     return best
 
 
-def ours(transform: Transform, folder: Path, sizes: tuple[int, ...], suffixes: tuple[str, ...]) -> Errors:
+def ours(transform: ColourFunction, folder: Path, sizes: tuple[int, ...], suffixes: tuple[str, ...]) -> Errors:
     """Of our files, at the better of the two interpolations, each with its own fit."""
     x = colours()
     wanted = transform(x)

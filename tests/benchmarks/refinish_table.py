@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.images.read import read_image
-from lutforge.model.transform import Refinish
+from lutforge.model.camera_profile import raw_to_balanced
+from lutforge.model.highlights import neutral_where_clipped
+from lutforge.model.transform import through_stages
 from lutforge.samples.sample_set import concatenate
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
@@ -129,12 +131,13 @@ def errors(
         for source, before in scenes.items():
             if source == target:
                 continue
-            refinish = profile.refinish("/".join(source), "/".join(target))
-            assert isinstance(refinish, Refinish)
+            selectors = profile.selector("/".join(source)), profile.selector("/".join(target))
+            exposed = raw_to_balanced(profile, selectors[0], profile, selectors[1])
+            render = profile.render(selectors[1]).without_gain()
             usable = before.usable & after.usable
             wanted = after.encoded[usable]
-            balanced = refinish.balanced(before.encoded[usable], before.raw[usable])
-            tile, pixel = rmse(refinish.render(balanced / refinish.balance), wanted)
+            balanced = through_stages(exposed, before.raw[usable])
+            tile, pixel = rmse(render(neutral_where_clipped(before.encoded[usable], balanced)), wanted)
             tile_floor, pixel_floor = rmse(true_render(before.true_raw[usable]), wanted)
             found[source, target] = tile, tile_floor, pixel, pixel_floor
     return found

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.interpolation import Interpolation
 from lutforge.luts.bake import bake
 from lutforge.luts.sequence import Lut
-from lutforge.model.transform import Transform
+from lutforge.model.transform import ColourFunction
 
 Array = NDArray[np.float64]
 SIDE = 64
@@ -187,7 +187,7 @@ def rendered(program: Program, lut: Path, folder: Path) -> tuple[Array, Array]:
     return codes.reshape(-1, 3) / 65535.0, out.reshape(-1, 3)
 
 
-def baked(program: Program, transform: Transform, folder: Path) -> Lut:
+def baked(program: Program, transform: ColourFunction, folder: Path) -> Lut:
     """The LUT that is baked for a program, and its file in a folder."""
     path = folder / f"lut{program.suffix}"
     return bake(transform, path, program=program.reader, interpolation=program.interpolation)
@@ -197,7 +197,7 @@ def main() -> None:
     from lutforge.colour.colour_difference import delta_e_2000
     from lutforge.model.profile_file import load_profile
 
-    transform: Transform = smooth_look
+    transform: ColourFunction = smooth_look
     if len(sys.argv) == 4:
         transform = load_profile(sys.argv[1]).refinish(sys.argv[2], sys.argv[3])
     print("| program | version | format | ΔE00 mean | ΔE00 max |\n|---|---|---|---|---|")

@@ -23,7 +23,7 @@ from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.node_levels import snap_levels
 from lutforge.model.published_model import import_published
 from lutforge.model.response import Response
-from lutforge.model.transform import LatticeTransform, LinearizeChain, Refinish, RenderChain
+from lutforge.model.transform import Clip, Decode, Encode, Gain, Linear, Stage, Transform
 
 Array = NDArray[np.float64]
 
@@ -48,12 +48,20 @@ def gamut_map(seed: int, strength: float = 0.02) -> GamutMap:
     return GamutMap(centres, strength * rng.normal(size=(40, 3)), np.vstack([np.zeros(3), np.eye(3)]))
 
 
-def render() -> RenderChain:
-    return RenderChain(GAIN, np.eye(3), MATRIX, gamut_map(1), response())
+def render(gain: Array = GAIN) -> Transform:
+    return Transform((Gain(gain), Clip(), Linear(MATRIX), gamut_map(1), Encode(response())))
 
 
-def linearize() -> LinearizeChain:
-    return LinearizeChain(np.ones(3), np.linalg.inv(MATRIX) / GAIN[:, None], response(), gamut_map(2))
+def linearize() -> Transform:
+    return Transform((Clip(), Decode(response()), gamut_map(2), Linear(np.linalg.inv(MATRIX) / GAIN[:, None])))
+
+
+def refinish(exposure: float = 0.8) -> Transform:
+    return Transform((*linearize().stages, Gain(np.full(3, exposure)), *render().stages))
+
+
+def of_lattice(lattice: Lattice, *behind: Stage) -> Transform:
+    return Transform((Gain(GAIN), Clip(), lattice, *behind))
 
 
 def points(count: int = 20000) -> Array:
@@ -99,7 +107,7 @@ def test_no_output_leaves_the_range_of_the_function() -> None:
 def test_a_lattice_is_baked_as_it_stands() -> None:
     axis = snap_levels(np.linspace(0, 1, 9) ** 2, SHAPER_SIZE)
     lattice = Lattice((axis, axis, axis), np.random.default_rng(0).random((9, 9, 9, 3)), "trilinear")
-    transform = LatticeTransform(GAIN, MATRIX, lattice)
+    transform = of_lattice(lattice, Linear(MATRIX))
     lut = bake(transform)
     np.testing.assert_allclose(lut(points()), transform(points()), atol=1e-12)
     assert bake(transform, size=17).size == 17
@@ -115,7 +123,7 @@ def test_a_lattice_with_a_response_is_kept_by_process_lists(tmp_path: Path) -> N
     plain = Lattice((axis, axis, axis), 2 * inside / (1 + inside), "trilinear")
     lattice = Lattice((axis, axis, axis), values, "trilinear", table, plain)
     x = points()
-    transform = LatticeTransform(np.ones(3), np.eye(3), lattice)
+    transform = Transform((Clip(), lattice))
     assert bake(transform, tmp_path / "a.clf").cube is not None
     read = evaluate(file_processor(tmp_path / "a.clf"), x)
     np.testing.assert_allclose(read, transform(x), atol=1e-5)
@@ -124,7 +132,7 @@ def test_a_lattice_with_a_response_is_kept_by_process_lists(tmp_path: Path) -> N
     np.testing.assert_allclose(evaluate(file_processor(tmp_path / "a.csp", "trilinear"), x), plain(x), atol=1e-5)
     other = bake(transform, size=17)
     assert isinstance(other.ops[-1], Curve) and bake_error(other, transform).maximum < 0.01
-    alone = LatticeTransform(np.ones(3), np.eye(3), replace(lattice, plain=None))
+    alone = Transform((Clip(), replace(lattice, plain=None)))
     bake(alone, tmp_path / "b.csp")
     fitted = evaluate(file_processor(tmp_path / "b.csp", "trilinear"), x)
     assert np.abs(fitted - transform(x)).mean() < 0.03
@@ -135,7 +143,7 @@ def test_a_lattice_with_a_white_balance_is_near_in_any_form(tmp_path: Path, form
     """The gain is a matrix, or moves the nodes by less than a step of the shaper."""
     axis = snap_levels(np.linspace(0, 1, 33) ** 2, SHAPER_SIZE)
     levels = (axis, axis, axis)
-    transform = LatticeTransform(GAIN, MATRIX, Lattice(levels, look(grid(levels)), "trilinear"))
+    transform = of_lattice(Lattice(levels, look(grid(levels)), "trilinear"), Linear(MATRIX))
     lut = bake(transform, form=form)
     x = points()
     assert np.abs(lut(x) - transform(x)).max() < (1e-12 if form == "full" else 1e-3)
@@ -147,10 +155,10 @@ def test_a_lattice_with_a_white_balance_is_near_in_any_form(tmp_path: Path, form
 def test_a_physical_model_keeps_its_curves(tmp_path: Path, suffix: str) -> None:
     """The response stays a curve of its own in the file, and the file is the LUT."""
     x = points()
-    for transform in (render(), linearize(), Refinish(linearize(), 1.4 * np.eye(3), render())):
+    for transform in (render(), linearize(), refinish(1.4)):
         staged = bake(transform, tmp_path / f"a{suffix}", size=17)
         behind = staged.ops[[isinstance(op, Cube) for op in staged.ops].index(True) + 1 :]
-        assert any(isinstance(op, Curve) for op in behind) != isinstance(transform, LinearizeChain)
+        assert any(isinstance(op, Curve) for op in behind) == isinstance(transform.stages[-1], Encode)
         got = evaluate(file_processor(tmp_path / f"a{suffix}"), x)
         np.testing.assert_allclose(got, staged(x), atol=1e-5)
 
@@ -171,7 +179,7 @@ def test_stages_at_17_beat_one_cube_at_33(shared_data: Path) -> None:
 @pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.cub", "a.lut", "a.cube", "a.3dl"])
 def test_each_form_is_a_fit_of_its_own(tmp_path: Path, name: str) -> None:
     """A curve behind the cube, or a shaper, is never lost by sampling what was fitted with it."""
-    transform = Refinish(linearize(), 0.8 * np.eye(3), render())
+    transform = refinish()
     x = points()
     lut = bake(transform, tmp_path / name, size=None if name in ("a.cube", "a.3dl") else 17)
     assert np.linalg.norm(lut(x) - transform(x), axis=1).mean() < 0.006
@@ -181,7 +189,7 @@ def test_each_form_is_a_fit_of_its_own(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize("gain", [(2.0, 1.0, 1.5), (0.7, 1.0, 3.1)])
 def test_a_white_balance_in_the_shaper_is_fitted_with_it(tmp_path: Path, gain: tuple[float, float, float]) -> None:
     """The file is the model that was fitted, and no worse than with the gain apart."""
-    transform = replace(render(), gain=np.array(gain))
+    transform = render(np.array(gain))
     full, shaped = bake_forms(transform, [Target("full", 17), Target("shaper", 17)])
     path = shaped.write(tmp_path / "a.cube")
     assert verify(path, shaped, shaped, display_referred=False).max < 2e-6
@@ -222,9 +230,9 @@ def test_lattices_in_steps_are_the_model(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     levels = tuple(snap_levels(np.linspace(0, 1, 9) ** p, SHAPER_SIZE) for p in (1.5, 2.0, 2.5))
     r, g, b = levels
-    back = LatticeTransform(np.ones(3), np.diag(1 / GAIN), Lattice((r, g, b), rng.random((9, 9, 9, 3)), "trilinear"))
-    forth = LatticeTransform(GAIN, np.eye(3), Lattice((r, g, b), rng.random((9, 9, 9, 3)), "tetrahedral"))
-    transform = Refinish(back, 1.3 * np.eye(3), forth)
+    back = Lattice((r, g, b), rng.random((9, 9, 9, 3)), "trilinear")
+    forth = Lattice((r, g, b), rng.random((9, 9, 9, 3)), "tetrahedral")
+    transform = Transform((Clip(), back, Linear(np.diag(1.3 / GAIN)), *of_lattice(forth).stages))
     lut = bake_steps(transform, title="a look")
     x = points()
     np.testing.assert_allclose(lut(x), transform(x), atol=1e-9)
@@ -274,3 +282,12 @@ def test_a_program_gets_only_what_it_reads(tmp_path: Path) -> None:
     with pytest.raises(LutError, match="rawtherapee does not read"):
         bake(look, tmp_path / "a.cube", program="rawtherapee")
     assert set(suffixes()) >= {".clf", ".cube", ".csp", ".3dl", ".cub", ".lut", ".png", ".tif"}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_identity_is_an_identity_in_every_form(form: Form) -> None:
+    x = points(500)
+    lut = bake(Transform(), form=form)
+    assert Transform().is_identity
+    np.testing.assert_allclose(lut(x), x, atol=1e-12)
+    np.testing.assert_array_equal(bake_steps(Transform())(x), x)

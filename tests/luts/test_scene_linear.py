@@ -16,7 +16,8 @@ from lutforge.luts.shaper import node_levels
 from lutforge.luts.verify import verify
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.published_model import import_published
-from lutforge.model.scene_render import SceneRender, through_camera
+from lutforge.model.scene_render import through_camera
+from lutforge.model.transform import Transform
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ def profile(shared_data: Path) -> CameraProfile:
 
 
 @pytest.fixture(scope="module")
-def footage(profile: CameraProfile) -> SceneRender:
+def footage(profile: CameraProfile) -> Transform:
     """ACEScg, exposed two stops down: neutral light up to 4 is not clipped."""
     return through_camera(profile, "standard/daylight", "acescg", -2.0)
 
@@ -54,7 +55,7 @@ def test_footage_is_what_linearize_gives(profile: CameraProfile) -> None:
 def test_exposure_makes_room_for_highlights(profile: CameraProfile) -> None:
     for ev, last in ((0.0, 1.0), (-2.0, 4.0), (-5.0, 32.0)):
         transform = through_camera(profile, "standard/daylight", "linear-srgb", ev)
-        assert transform.highest >= last
+        assert transform.highest() >= last
         below, at, beyond = transform(np.array([[0.8 * last] * 3, [last] * 3, [2 * last] * 3]))
         assert np.all(below < at + 1e-12)
         np.testing.assert_allclose(beyond, at, atol=0.01)
@@ -66,18 +67,18 @@ def test_exposure_makes_room_for_highlights(profile: CameraProfile) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".clf", ".ctf"])
-def test_a_process_list_takes_any_light(tmp_path: Path, footage: SceneRender, suffix: str) -> None:
+def test_a_process_list_takes_any_light(tmp_path: Path, footage: Transform, suffix: str) -> None:
     """Also negative values, which saturated colours of other spaces have, and what the camera clips."""
     path = tmp_path / f"a{suffix}"
     lut = bake(footage, path)
-    x = np.concatenate([light(footage.highest), 3 * light(footage.highest), light(1.0) - 0.05])
+    x = np.concatenate([light(footage.highest()), 3 * light(footage.highest()), light(1.0) - 0.05])
     got = evaluate(file_processor(path), x)
     np.testing.assert_allclose(got, lut(x), atol=2e-5)
     assert delta_e_2000(got.astype(np.float64), footage(x)).mean() < 0.05
     assert verify(path, footage, lut).mean < 1e-3
 
 
-def test_tables_are_fine_enough_for_the_darks(tmp_path: Path, footage: SceneRender) -> None:
+def test_tables_are_fine_enough_for_the_darks(tmp_path: Path, footage: Transform) -> None:
     """65,536 even entries, down to 2^-12 of saturation: node levels lie on them, so they are straight lines between."""
     lut = bake(footage, tmp_path / "a.clf")
     assert lut.shaper is not None and lut.cube is not None
@@ -94,11 +95,11 @@ def test_tables_are_fine_enough_for_the_darks(tmp_path: Path, footage: SceneRend
 
 
 @pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.spi1d"])
-def test_other_files_span_the_range_of_the_camera(tmp_path: Path, footage: SceneRender, name: str) -> None:
+def test_other_files_span_the_range_of_the_camera(tmp_path: Path, footage: Transform, name: str) -> None:
     lut = bake(footage, tmp_path / name)
     assert lut.shaper is not None
-    assert lut.shaper.high == footage.highest > 4.0
-    x = light(footage.highest)
+    assert lut.shaper.high == footage.highest() > 4.0
+    x = light(footage.highest())
     if name != "a.spi1d":  # two files: verify reads them one after the other
         got = evaluate(file_processor(tmp_path / name), x)
         np.testing.assert_allclose(got, lut(x), atol=1e-3 if name == "a.csp" else 5e-5)
@@ -107,7 +108,7 @@ def test_other_files_span_the_range_of_the_camera(tmp_path: Path, footage: Scene
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.3dl", "a.cub", "a.lut"])
-def test_files_without_a_range_are_refused(tmp_path: Path, footage: SceneRender, name: str) -> None:
+def test_files_without_a_range_are_refused(tmp_path: Path, footage: Transform, name: str) -> None:
     with pytest.raises(LutError, match="beyond 1"):
         bake(footage, tmp_path / name, size=9)
     with pytest.raises(LutError, match=r"beyond 1|holds one (cube|curve)"):

@@ -5,8 +5,9 @@ import pytest
 from numpy.typing import ArrayLike
 
 from lutforge.errors import ImageError, ProfileError, SettingsError
-from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle, match
-from lutforge.model.transform import LatticeTransform, RenderChain, checked_colours
+from lutforge.model.camera_profile import CameraProfile, ModelName, PhysicalModel, PictureStyle, match
+from lutforge.model.lattice import Lattice
+from lutforge.model.transform import Clip, Encode, Gain, Linear, Transform, checked_colours
 from lutforge.model.white_balance import WhiteBalance
 from tests.model.profiles_synthetic import GAMMA, MATRIX, gamma_response, identity_map, small_profile
 
@@ -54,6 +55,19 @@ def test_refinish_changes_white_balance_and_exposure() -> None:
     np.testing.assert_allclose(after, PROFILE.render("standard/daylight")(RAW * 2**-0.5), atol=1e-6)
 
 
+@pytest.mark.parametrize("model", ["lattice", "rbf"])
+def test_the_same_settings_change_nothing(model: ModelName) -> None:
+    profile = small_profile()
+    x = np.random.default_rng(0).random((100, 3))
+    r, g, b = profile.multipliers("standard/daylight")
+    for words in ("standard/daylight", f"standard/{float(r)!r},{float(g)!r},{float(b)!r}"):
+        same = profile.refinish("standard/daylight", words, model=model)
+        assert same.is_identity
+        np.testing.assert_array_equal(same(x), x)
+    assert not profile.refinish("standard/daylight", "standard/daylight", ev=0.1, model=model).is_identity
+    assert not profile.refinish("standard/daylight", "standard/tungsten", model=model).is_identity
+
+
 def test_match_goes_through_the_scene() -> None:
     other = _physical_profile("Two", np.roll(MATRIX, (1, 1), (0, 1)), (1.7, 1.0, 1.9))
     scene = (RAW * [2.0, 1.0, 1.5]) @ MATRIX.T  # linear sRGB under daylight
@@ -66,15 +80,15 @@ def test_match_goes_through_the_scene() -> None:
 def test_lattice_transform_gains_clamps_and_multiplies() -> None:
     lattice = small_profile().styles["standard"].render
     assert lattice is not None
-    transform = LatticeTransform(np.array([2.0, 1.0, 3.0]), MATRIX, lattice)
+    transform = Transform((Gain(np.array([2.0, 1.0, 3.0])), Clip(), lattice, Linear(MATRIX)))
     x = np.random.default_rng(4).uniform(size=(50, 3))
     np.testing.assert_allclose(transform(x), lattice(np.clip(x * [2, 1, 3], 0, 1)) @ MATRIX.T)
 
 
 def test_a_style_answers_with_the_model_asked_for() -> None:
     profile = small_profile()
-    assert isinstance(profile.render("standard/daylight"), LatticeTransform)
-    assert isinstance(profile.render("standard/daylight", model="rbf"), RenderChain)
+    assert isinstance(profile.render("standard/daylight").stages[-1], Lattice)
+    assert isinstance(profile.render("standard/daylight", model="rbf").stages[-1], Encode)
     with pytest.raises(ProfileError, match="no physical model"):
         profile.render("vivid/daylight", model="rbf")
 
