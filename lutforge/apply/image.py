@@ -3,7 +3,7 @@
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
@@ -176,16 +176,27 @@ def apply_image(
 
         regions = image.regions(max(1, region_samples // spec.nchannels), not writer.tiled)
         _overlapped(regions, image.read, work, write, overlap=count > 1)
-        notes = [
-            *grade.notes,
-            *wrong_light(grade, spec, writer.spec),
-            *other_space(grade, spec, attributes),
-            *layers(spec),
-        ]
-        notes += doubts(doubtful, spec.width * spec.height)
-        if (parts := image.count_parts()) != 1:
-            notes.append(f"the first of {parts} images in the file was used")
-    return Applied(source, target, spec.width, spec.height, tuple(notes), mask if masking is not None else None)
+        parts = image.count_parts()
+        notes = tuple(_notes(grade, spec, writer.spec, attributes, doubtful, parts))
+    return Applied(source, target, spec.width, spec.height, notes, mask if masking is not None else None)
+
+
+def _notes(
+    grade: Grade,
+    source: oiio.ImageSpec,
+    output: oiio.ImageSpec,
+    attributes: Mapping[str, object],
+    doubtful: NDArray[np.int64],
+    parts: int,
+) -> Iterator[str]:
+    """What the user should know of a graded image. doubtful: as `count_doubtful` sums them."""
+    yield from grade.notes
+    yield from wrong_light(grade, source, output)
+    yield from other_space(grade, source, attributes)
+    yield from layers(source)
+    yield from doubts(doubtful, source.width * source.height)
+    if parts != 1:
+        yield f"the first of {parts} images in the file was used"
 
 
 def _copied(source: Path, target: Path, notes: tuple[str, ...]) -> Applied:
