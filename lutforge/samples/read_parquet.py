@@ -1,5 +1,9 @@
 """samples.parquet → the wanted columns."""
 
+import hashlib
+import subprocess
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 import polars as pl
@@ -8,13 +12,17 @@ from lutforge.boundary import reading, silent_stderr
 from lutforge.errors import SampleError
 from lutforge.samples.columns import MAX_ROWS, NUMBER_COLUMNS, column_type, wanted_columns
 
+_DIGEST = "lutforge.pages"
+"""Name of the footer's entry."""
+
 
 def read_parquet(path: Path) -> pl.DataFrame:
     """The wanted columns, text as String and numbers as Float64 (null = unknown). Raises SampleError."""
     with path.open("rb") as file:
         if file.read(4) != b"PAR1":
             raise SampleError(f"{path}: not a Parquet file; write it anew, or save the table as .csv")
-    # The Parquet reader panics on damaged files, and prints what it panics about.
+    if not _is_as_written(path):
+        _require_readable(path)
     with reading(path, "a Parquet file", SampleError), silent_stderr():
         scan = pl.scan_parquet(path, glob=False)
         schema = scan.collect_schema()
@@ -32,3 +40,33 @@ def read_parquet(path: Path) -> pl.DataFrame:
         types = [pl.col(names[name]).alias(name).cast(column_type(name)) for name in wanted]
         frame = scan.select(types).collect()
         return frame.with_columns(pl.selectors.string().str.strip_chars().replace("", None))
+
+
+def write_parquet(frame: pl.DataFrame, path: Path) -> None:
+    """Write a table whose footer holds the digest of the pages before it."""
+    frame.write_parquet(path, compression="zstd")
+    frame.write_parquet(path, compression="zstd", metadata={_DIGEST: _digest(path)})
+
+
+def _is_as_written(path: Path) -> bool:
+    """True where the pages have the digest that the footer states; a footer that claims nothing absurd is read first."""
+    with suppress(Exception), silent_stderr():
+        return pl.read_parquet_metadata(path).get(_DIGEST) == _digest(path)
+    return False
+
+
+def _digest(path: Path) -> str:
+    content = path.read_bytes()
+    footer = int.from_bytes(content[-8:-4], "little") + 8
+    return hashlib.sha256(content[:-footer]).hexdigest()
+
+
+def _require_readable(path: Path) -> None:
+    """Raise SampleError where the Parquet reader does not get through a file, tried in a process of its own.
+
+    Polars 2.1 ends its process where a damaged page claims more memory than there is.
+    """
+    code = "import sys, polars; polars.read_parquet(sys.argv[1], glob=False)"
+    tried = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, timeout=600)
+    if tried.returncode != 0:
+        raise SampleError(f"{path}: cannot be read as a Parquet file (it is damaged); write it anew")

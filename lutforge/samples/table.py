@@ -23,7 +23,7 @@ from lutforge.samples.columns import (
     row_problem,
 )
 from lutforge.samples.read_csv import first_csv_problem, read_csv
-from lutforge.samples.read_parquet import read_parquet
+from lutforge.samples.read_parquet import read_parquet, write_parquet
 from lutforge.samples.sample_set import Numbers, SampleSet, Text
 
 
@@ -74,7 +74,7 @@ def write_samples(path: str | Path, samples: SampleSet) -> None:
             frame = frame.with_columns(colours.round(10), pl.col("exposure_s").round_sig_figs(12))
             frame.write_csv(temporary, line_terminator="\n")
         else:
-            frame.write_parquet(temporary, compression="zstd")
+            write_parquet(frame, temporary)
 
 
 def _suffix(path: Path) -> str:

@@ -286,10 +286,31 @@ def test_truncated_parquet(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     pl.read_csv(io.BytesIO(f"{HEADER}\n{ROW}\n".encode())).write_parquet(path)
     whole = path.read_bytes()
-    for size in range(1, len(whole), 97):
+    for size in (1, len(whole) // 2, len(whole) - 9):
         path.write_bytes(whole[:size])
         with pytest.raises(SampleError):
             read_samples(path)
+
+
+def test_damaged_pages_neither_end_the_process_nor_print(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.parquet"
+    pl.read_csv(io.BytesIO(f"{HEADER}\n{ROW}\n".encode())).write_parquet(path)
+    whole, rng = path.read_bytes(), np.random.default_rng(3)
+    for _ in range(4):
+        broken = bytearray(whole)
+        for place in rng.integers(4, 300, 12):
+            broken[place] = rng.integers(0, 256)
+        path.write_bytes(broken)
+        with pytest.raises(SampleError, match=r"Parquet file|row 1"):
+            read_samples(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_own_parquet_is_known_by_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.csv").write_text(f"{HEADER}\n{ROW}\n")
+    write_samples(tmp_path / "a.parquet", read_samples(tmp_path / "a.csv"))
+    monkeypatch.setattr("subprocess.run", None)  # no process is needed to try it
+    assert len(read_samples(tmp_path / "a.parquet")) == 1
 
 
 def test_nothing_to_write(tmp_path: Path) -> None:
