@@ -49,7 +49,7 @@ def write_parquet(frame: pl.DataFrame, path: Path) -> None:
 
 
 def _is_as_written(path: Path) -> bool:
-    """True where the pages have the digest that the footer states; a footer that claims nothing absurd is read first."""
+    """True where the pages have the digest that the footer states."""
     with suppress(Exception), silent_stderr():
         return pl.read_parquet_metadata(path).get(_DIGEST) == _digest(path)
     return False
