@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
-from lutforge.solvers.lattice_regression import Prior
+from lutforge.solvers.lattice_regression import LatticeFit, Prior
 from lutforge.solvers.normal_equations import NormalEquations
+from lutforge.solvers.solution import Status
 from lutforge.solvers.stencil import COUPLINGS, FAR, couple, from_planar, planar, steps
 from lutforge.solvers.transfer import coarsen_axis
 
@@ -27,10 +28,13 @@ def solve_bounded(
     start: Array,
     bounds: tuple[float, float],
     sweeps: int,
-) -> Array:
-    """Node values (N_r, N_g, N_b, 3) within bounds, from W'ΩW and W'Ω(y − W b₀).
+    tolerance: float = 1e-3,
+) -> LatticeFit:
+    """Fit node values (N_r, N_g, N_b, 3) within bounds, from W'ΩW and W'Ω(y − W b₀).
 
     smoothness: λ_S, and λ_T; prior: b₀ and Λ²; start: as the result. Time O(N³) a sweep, forward and back in turn.
+    There are always as many sweeps; the residual is how far the last one moved a node, and the fit has converged where
+    that is within the tolerance, by default a quarter of a code.
     """
     r, g, b = (len(axis) for axis in levels)
     longest, size = max(r, g, b), (r, g, b)
@@ -42,9 +46,10 @@ def solve_bounded(
     couple(equations.stencil, bends, slopes, masses, smoothness, smoothness, couplings, diagonal)
     difference = planar(np.clip(start, *bounds) - prior.values)
     offset, right = planar(prior.values), planar(equations.right)
-    _sweep(couplings, diagonal, steps(g, b), FAR * g * b, right, offset, *bounds, sweeps, difference)
-    values: Array = prior.values + from_planar(difference, size)
-    return np.clip(values, *bounds)  # what rounding leaves beyond
+    moved = _sweep(couplings, diagonal, steps(g, b), FAR * g * b, right, offset, *bounds, sweeps, difference)
+    values = np.clip(prior.values + from_planar(difference, size), *bounds)  # what rounding leaves beyond
+    status = Status.CONVERGED if moved <= tolerance else Status.LIMIT
+    return LatticeFit(levels, values, status, moved, sweeps)
 
 
 @compiled(fastmath={"contract"})
@@ -59,9 +64,12 @@ def _sweep(
     highest: float,
     sweeps: int,
     b: Array,
-) -> None:
-    """A b = right in place, lowest ≤ offset + b ≤ highest; lattices planar, with `margin` nodes before the first."""
-    nodes = diagonal.shape[1]
+) -> float:
+    """Solve A b = right in place, lowest ≤ offset + b ≤ highest, and return how far the last sweep moved a node.
+
+    Lattices are planar, with `margin` nodes before the first.
+    """
+    nodes, moved = diagonal.shape[1], 0.0
     b0, b1, b2 = b
     for sweep in range(sweeps):
         for step in range(nodes):
@@ -74,6 +82,10 @@ def _sweep(
                 r0 -= ahead * b0[after] + behind * b0[before]
                 r1 -= ahead * b1[after] + behind * b1[before]
                 r2 -= ahead * b2[after] + behind * b2[before]
+            old0, old1, old2 = b0[p], b1[p], b2[p]
             b0[p] = min(max(r0 / diagonal[0, node], lowest - offset[0, p]), highest - offset[0, p])
             b1[p] = min(max(r1 / diagonal[1, node], lowest - offset[1, p]), highest - offset[1, p])
             b2[p] = min(max(r2 / diagonal[2, node], lowest - offset[2, p]), highest - offset[2, p])
+            if sweep == sweeps - 1:
+                moved = max(moved, abs(b0[p] - old0), abs(b1[p] - old1), abs(b2[p] - old2))
+    return moved

@@ -17,11 +17,6 @@ from lutforge.solvers.stencil import FAR, run_planes
 
 Real = NDArray[np.floating[Any]]
 
-OPTIMAL = np.float32(1.02387287570313), np.float32(1.26408905371085)
-"""β of a polynomial of two steps."""
-FIRST, KEPT, SECOND = np.float32(4 / 3), np.float32(1 / 5), np.float32(12 / 5)
-"""Factors of its corrections."""
-
 
 @compiled(fastmath={"contract"})
 def first_step(damping: Real, residual: Real, plane: int, correction: Real, b: Real, first: int, last: int) -> None:
@@ -30,7 +25,7 @@ def first_step(damping: Real, residual: Real, plane: int, correction: Real, b: R
 
     residual, correction, b: (3, nodes and FAR planes on both sides).
     """
-    planes = run_planes(plane)
+    planes, factor, optimal = run_planes(plane), np.float32(4 / 3), np.float32(1.02387287570313)
     for begin in range(first, last, planes):
         node, count = begin * plane, (min(begin + planes, last) - begin) * plane
         start = node + FAR * plane
@@ -38,14 +33,14 @@ def first_step(damping: Real, residual: Real, plane: int, correction: Real, b: R
             scale, r = damping[c, node : node + count], residual[c, start : start + count]
             z, x = correction[c, start : start + count], b[c, start : start + count]
             for p in range(count):
-                z[p] = FIRST * scale[p] * r[p]
-                x[p] += OPTIMAL[0] * z[p]
+                z[p] = factor * scale[p] * r[p]
+                x[p] += optimal * z[p]
 
 
 @compiled(fastmath={"contract"})
 def second_step(damping: Real, residual: Real, plane: int, correction: Real, b: Real, first: int, last: int) -> None:
     """Add the second correction, from the residual that the first one left."""
-    planes = run_planes(plane)
+    planes, kept, new, optimal = run_planes(plane), np.float32(1 / 5), np.float32(12 / 5), np.float32(1.26408905371085)
     for begin in range(first, last, planes):
         node, count = begin * plane, (min(begin + planes, last) - begin) * plane
         start = node + FAR * plane
@@ -53,4 +48,4 @@ def second_step(damping: Real, residual: Real, plane: int, correction: Real, b: 
             scale, r = damping[c, node : node + count], residual[c, start : start + count]
             z, x = correction[c, start : start + count], b[c, start : start + count]
             for p in range(count):
-                x[p] += OPTIMAL[1] * (KEPT * z[p] + SECOND * scale[p] * r[p])
+                x[p] += optimal * (kept * z[p] + new * scale[p] * r[p])

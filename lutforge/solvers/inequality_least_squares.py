@@ -9,18 +9,16 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from lutforge.errors import CalibrationError
+from lutforge.solvers.solution import Solution, Status
 
 Array = NDArray[np.float64]
-
-TOLERANCE = 1e-9
-MOST_ROUNDS = 30
 
 
 def solve_lsi(design: Array, target: Array, constraints: Array, bounds: Array) -> Array:
     """x (k,) that minimises ‖design x − target‖ subject to constraints x ≥ bounds.
 
     design: (m, k) of full column rank; constraints: (c, k); bounds: (c,).
-    Raises CalibrationError where the design does not determine x, or no x satisfies the constraints.
+    Raises CalibrationError where the design does not determine x, no x satisfies the constraints, or none is found.
     """
     unknowns = design.shape[1]
     factor = np.asarray(np.linalg.qr(np.column_stack([design, target]), mode="r"))
@@ -30,25 +28,36 @@ def solve_lsi(design: Array, target: Array, constraints: Array, bounds: Array) -
         raise CalibrationError("the samples do not determine the curve: they span too few tones")
     solution: Array = np.linalg.solve(upper, projected)
     turned = np.linalg.solve(upper.T, constraints.T).T  # G R⁻¹
-    slack = TOLERANCE * np.maximum(np.linalg.norm(constraints, axis=1), 1e-300)
+    slack = 1e-9 * np.maximum(np.linalg.norm(constraints, axis=1), 1e-300)
     chosen = np.zeros(len(bounds), dtype=np.bool_)
-    for _ in range(MOST_ROUNDS):  # few constraints ever bind: only those that were violated enter the problem
+    for _ in range(30):  # few constraints ever bind: only those that were violated enter the problem
         violated = constraints @ solution < bounds - slack
         if not violated.any():
-            break
+            return solution
         chosen |= violated
-        distance = _least_distance(turned[chosen], bounds[chosen] - turned[chosen] @ projected)
-        solution = np.linalg.solve(upper, distance + projected)
-    return solution
+        distance = least_distance(turned[chosen], bounds[chosen] - turned[chosen] @ projected)
+        if distance.status is Status.INFEASIBLE:
+            raise CalibrationError("no rising curve fits the samples: the shots contradict each other")
+        if not distance.converged:
+            raise CalibrationError(f"the curve of the samples was not found: {distance.status.value}")
+        solution = np.linalg.solve(upper, distance.value + projected)
+    raise CalibrationError("the curve of the samples was not found: the constraints hold in turns only")
 
 
-def _least_distance(constraints: Array, bounds: Array) -> Array:
-    """LDP: z of least norm with constraints z ≥ bounds."""
+def least_distance(constraints: Array, bounds: Array) -> Solution:
+    """Find z (k,) of least norm with constraints z ≥ bounds: the problem LDP, by non-negative least squares.
+
+    constraints: (c, k); bounds: (c,). The solution's residual is the norm of z. INFEASIBLE: no z satisfies them.
+    """
     dual = np.vstack([constraints.T, bounds])
     corner = np.zeros(len(dual))
     corner[-1] = 1.0
-    residual = dual @ nnls(dual, corner)[0] - corner
-    if abs(residual[-1]) < 1e-14:
-        raise CalibrationError("no rising curve fits the samples: the shots contradict each other")
-    distance: Array = -residual[:-1] / residual[-1]
-    return distance
+    nothing = np.zeros(len(dual) - 1)
+    try:
+        residual = dual @ nnls(dual, corner)[0] - corner
+    except RuntimeError:  # how scipy says that its iterations did not suffice
+        return Solution(nothing, Status.LIMIT, np.inf, 0)
+    if residual[-1] > -1e-14:
+        return Solution(nothing, Status.INFEASIBLE, np.inf, 0)
+    distance = np.asarray(-residual[:-1] / residual[-1])
+    return Solution(distance, Status.CONVERGED, float(np.linalg.norm(distance)), 0)

@@ -6,6 +6,7 @@ are gone through in one compiled call, those on large ones by planes on several 
 Multigrid Tutorial (2000), https://doi.org/10.1137/1.9780898719505, chapter 3.
 """
 
+from enum import IntEnum
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -30,14 +31,25 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Index = NDArray[np.int64]
 
-MINUS = np.float32(-1.0)
-SINGULAR = 1e-13
-"""Pivots of the coarsest operator below this share of its diagonal are rounding errors."""
-START, FINISH, SUBTRACT, RESTRICT, PROLONG, CORRECT = range(6)
-STEPS = np.array([START, FINISH, SUBTRACT, RESTRICT, PROLONG, SUBTRACT, CORRECT, FINISH])
-"""What a V-cycle does on a lattice, on its way down and, from TURN on, on its way up: smooth from b = 0, or from the
-present b (START, CORRECT), and once more (FINISH); form the residual (SUBTRACT); go to the next coarser lattice and
-come back (RESTRICT, PROLONG)."""
+
+class _Step(IntEnum):
+    """What a V-cycle does on a lattice: smooth from b = 0 on, or from the present b (CORRECT), and once more (FINISH);
+    form the residual (SUBTRACT); go to the next coarser lattice and come back."""
+
+    START = 0
+    FINISH = 1
+    SUBTRACT = 2
+    RESTRICT = 3
+    PROLONG = 4
+    CORRECT = 5
+
+
+STEPS = np.array(
+    [
+        *(_Step.START, _Step.FINISH, _Step.SUBTRACT, _Step.RESTRICT),  # on its way down
+        *(_Step.PROLONG, _Step.SUBTRACT, _Step.CORRECT, _Step.FINISH),  # and, from TURN on, on its way up
+    ]
+)
 ALL: Any = np.int64(0)
 TURN: Any = np.int64(4)
 OUTPUTS: Any = np.int64(3)
@@ -156,7 +168,7 @@ def _build(
 def _factor(couplings: Array, diagonal: Array, ng: int, nb: int, lower: Array) -> None:
     """Add the Cholesky factors L of the operator per output to `lower` (3, m, m), the inverse of their diagonals on it.
 
-    A column is 0 where the pivot says that the operator is singular.
+    A column is 0 where the operator is singular: its pivot is no more than a rounding error of the diagonal.
     """
     nodes, far, margin = diagonal.shape[1], steps(ng, nb), FAR * ng * nb
     for c in range(3):
@@ -170,7 +182,7 @@ def _factor(couplings: Array, diagonal: Array, ng: int, nb: int, lower: Array) -
             pivot = factor[column, column]
             for k in range(column):
                 pivot -= factor[column, k] ** 2
-            scale = 1.0 / np.sqrt(pivot) if pivot > SINGULAR * diagonal[c, column] else 0.0
+            scale = 1.0 / np.sqrt(pivot) if pivot > 1e-13 * diagonal[c, column] else 0.0
             for row in range(column + 1, nodes):
                 total = factor[row, column]
                 for k in range(column):
@@ -212,22 +224,22 @@ def _visit(lattices: _Hierarchy, level: int, begin: int, end: int, first: int, l
     damping, diagonal = _nodes(lattices.damping, table, level), _nodes(lattices.diagonal, table, level)
     couplings, far = _couplings(lattices.couplings, table, level), steps(g, nb)
     for step in STEPS[begin:end]:
-        if step == RESTRICT:
+        if step == _Step.RESTRICT:
             fine, coarse = _cube(lattices.residual, table, level), _cube(lattices.right, table, level + 1)
             restrict(fine, cells, shares, coarse, first, outputs)
-        elif step == PROLONG:
+        elif step == _Step.PROLONG:
             coarse, fine = _cube(lattices.b, table, level + 1), _cube(lattices.b, table, level)
             prolong_add(coarse, cells, shares, fine, first, outputs)
-        if step == START:
+        if step == _Step.START:
             _clear(b, plane, first, planes)
-        if step in (START, SUBTRACT):
+        if step in (_Step.START, _Step.SUBTRACT):
             _copy(right, residual, plane, first, planes)
-        if step == SUBTRACT:
-            add_product(MINUS, couplings, diagonal, far, plane, b, residual, first, planes)
-        elif step == FINISH:
-            add_product(MINUS, couplings, diagonal, far, plane, correction, residual, first, planes)
+        if step == _Step.SUBTRACT:
+            add_product(np.float32(-1.0), couplings, diagonal, far, plane, b, residual, first, planes)
+        elif step == _Step.FINISH:
+            add_product(np.float32(-1.0), couplings, diagonal, far, plane, correction, residual, first, planes)
             second_step(damping, residual, plane, correction, b, first, planes)
-        if step in (START, CORRECT):
+        if step in (_Step.START, _Step.CORRECT):
             first_step(damping, residual, plane, correction, b, first, planes)
 
 
@@ -331,7 +343,7 @@ class Multigrid:
         """Steps on a lattice, one after the other, each on several threads."""
         planes, outputs = self._parts(level), slabs(0, 3, 1, self._threads[level])
         for step in steps:
-            between = STEPS[step] in (RESTRICT, PROLONG)
+            between = STEPS[step] in (_Step.RESTRICT, _Step.PROLONG)
             run(partial(_visit, self._lattices, level, step, step + 1), outputs if between else planes)
 
     def _parts(self, level: int) -> list[tuple[int, int]]:

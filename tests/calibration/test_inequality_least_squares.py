@@ -5,7 +5,8 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from lutforge.errors import CalibrationError
-from lutforge.solvers.inequality_least_squares import solve_lsi
+from lutforge.solvers.inequality_least_squares import least_distance, solve_lsi
+from lutforge.solvers.solution import Status
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -36,3 +37,10 @@ def test_impossible_and_undetermined_problems_are_refused() -> None:
         solve_lsi(np.eye(2), np.zeros(2), np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 1.0]))
     with pytest.raises(CalibrationError, match="too few tones"):
         solve_lsi(np.ones((5, 2)), np.ones(5), np.eye(2), np.zeros(2))
+
+
+def test_a_least_distance_that_there_is_not_is_said_so() -> None:
+    assert least_distance(np.array([[1.0], [-1.0]]), np.array([1.0, 1.0])).status is Status.INFEASIBLE
+    nearest = least_distance(np.array([[1.0, 1.0]]), np.array([2.0]))
+    assert nearest.converged and nearest.residual == pytest.approx(2**0.5)
+    np.testing.assert_allclose(nearest.value, [1.0, 1.0])

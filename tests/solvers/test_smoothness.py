@@ -1,7 +1,7 @@
 """The smoothness terms: what they vanish on, and their integrals by quadrature."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -10,6 +10,7 @@ from lutforge.solvers.smoothness import keys_cubic, second_difference, thin_plat
 Array = NDArray[np.float64]
 
 
+@settings(deadline=None)  # it compiles when it is first called
 @given(st.integers(0, 2**32), st.integers(3, 40))
 def test_second_difference_vanishes_on_linear_functions_of_uneven_levels(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)

@@ -77,8 +77,9 @@ class BoundedProblem(PlacedProblem):
         """smoothness: λ_S of a lattice of SEARCH_SIZE nodes. The sweeps are always as many."""
         smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
         values = prior.values if start is None else start
-        values = solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, self.sweeps)
-        return LatticeFit(self.levels, values, iterations=self.sweeps)
+        # The last sweep still moves a node by up to a code. Sweeping until none moves by a quarter changes the mean by
+        # 1 % at most on the D40's pairs, to either side, so that the limit is accepted.
+        return solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, self.sweeps)
 
     def search_fit(self, like: LatticeFit | None = None) -> LatticeFit:
         """A fit to search with; like: one at other levels, to start from."""

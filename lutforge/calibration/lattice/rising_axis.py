@@ -1,16 +1,15 @@
 """The grey axis of a lattice made to rise: the least change of the nodes around it under which no channel falls.
 
-Along the axis a lattice is W b. The least ‖δ‖ with differences of W (b + δ) of 0 or more is a least-distance problem,
-solved by non-negative least squares (Lawson & Hanson, Solving Least Squares Problems, 1974, chapter 23), with the
-differences near those that fall. Where a channel has clipped at white it need not rise, but stay clipped.
+Along the axis a lattice is W b. The least ‖δ‖ with differences of W (b + δ) of 0 or more is a least-distance problem
+of the differences near those that fall. Where a channel has clipped at white it need not rise, but stay clipped.
 """
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from lutforge.compiled import compiled
 from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
+from lutforge.solvers.inequality_least_squares import least_distance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -73,14 +72,10 @@ def _raise(values: Array, nodes: Index, weights: Array, around: int, bounds: tup
         np.add.at(change, (number, place[nodes[rows]]), weights[rows])
         before = np.where(clipped[rows], 0.0, 1.0)[:, None]
         np.add.at(change, (number, place[nodes[rows - 1]]), -before * weights[rows - 1])
-        wanted = lacking[rows]
-        system = np.vstack([change[:, :-1].T, wanted])
-        target = np.zeros(len(system))
-        target[-1] = 1.0
-        residual = system @ nnls(system, target)[0] - target
-        if residual[-1] > -1e-12:  # nothing does it: the nodes that stay forbid it
+        moved = least_distance(change[:, :-1], lacking[rows])
+        if not moved.converged:  # the nodes that stay forbid it: the axis is left as it is
             return
-        values[free] = np.clip(values[free] - residual[:-1] / residual[-1], *bounds)
+        values[free] = np.clip(values[free] + moved.value, *bounds)
 
 
 @compiled()
