@@ -8,7 +8,7 @@ import typer
 
 from lutforge.cli.console import note, print_table, progress_bar, say
 from lutforge.cli.sample import tell
-from lutforge.cli.words import ProfileOutput, Sources
+from lutforge.cli.words import ProfileOutput
 
 if TYPE_CHECKING:
     from lutforge.evaluation.learning_curve import LearningCurve
@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 
 def calibrate(
-    sources: Sources,
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Sample tables (.csv, .parquet), RAW files, folders of RAW files.", show_default=False),
+    ] = None,
     output: ProfileOutput = Path("camera.npz"),
     model: Annotated[
         str, typer.Option(help="lattice; or rbf: response, matrix and gamut map, each of its own, too.")
@@ -36,17 +39,41 @@ def calibrate(
         bool,
         typer.Option("--learning-curve", help="Show, too, how the error falls with more shots: are they enough?"),
     ] = False,
+    developer: Annotated[
+        str | None,
+        typer.Option(help="Calibrate on what this program feeds to a LUT, darktable or rawtherapee, instead of RAW."),
+    ] = None,
+    developed: Annotated[
+        Path | None, typer.Option(help="A folder of pictures that another program developed, one a shot, same stem.")
+    ] = None,
+    developed_space: Annotated[
+        str | None, typer.Option("--developed-space", help="The colour space of those pictures, such as prophoto.")
+    ] = None,
+    pairs: Annotated[
+        tuple[Path, Path] | None,
+        typer.Option(help="Instead of shots, two folders: the same frames before and after, same stems."),
+    ] = None,
+    from_space: Annotated[
+        str, typer.Option("--from-space", help="The colour space of the first folder of --pairs.")
+    ] = "srgb",
 ) -> None:
     """Calibrate a camera, and print the error on shots that were held out."""
     from lutforge.pipeline.calibration import calibrate as fit
     from lutforge.pipeline.calibration import calibration_options, learning_curves, smallest_size
+    from lutforge.pipeline.developing import left_side, sample_pairs
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
     from lutforge.pipeline.sampling import gather_samples
 
-    check_output(output, PROFILE_SUFFIXES, sources)
+    check_output(output, PROFILE_SUFFIXES, sources or ())
     options = calibration_options(model, preset, size, tolerance, interpolation, not uniform)
     with progress_bar("sampling") as report:
-        samples = gather_samples(sources, report, tell).samples
+        if pairs is not None:
+            sampled = sample_pairs(*pairs, from_space, report)
+            tell(sampled)
+        else:
+            left = left_side(developer, developed, developed_space)
+            sampled = gather_samples(sources or [], report, tell, left)
+    samples = sampled.samples
     if tolerance is not None:
         with progress_bar("choosing a size") as report:
             options = replace(options, size=smallest_size(samples, tolerance, options, report))

@@ -17,6 +17,7 @@ from lutforge.cli.demo import demo
 from lutforge.cli.evaluate import evaluate
 from lutforge.cli.import_nus import import_nus
 from lutforge.cli.inspect import inspect
+from lutforge.cli.kit import kit
 from lutforge.cli.report import report
 from lutforge.cli.sample import sample
 from lutforge.cli.studio import studio
@@ -31,7 +32,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for command in (demo, inspect, sample, calibrate, evaluate, bake, config, apply, transfer, check, report, studio):
+for command in (demo, inspect, sample, calibrate, evaluate, bake, kit, config, apply, transfer, check, report, studio):
     app.command()(command)
 app.command("import-nus")(import_nus)
 

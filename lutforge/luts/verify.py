@@ -1,6 +1,6 @@
 """Read a LUT file back and measure how far it is from what it should be.
 
-Through OpenColorIO; Hald images, which it does not read, through OpenImageIO and the interpolation that is asked for.
+Through OpenColorIO; formats that it does not read by our own reader and the interpolation that is asked for.
 colour-science reads the same file where it can: two readers that disagree are an error.
 """
 
@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.colour.colour_difference import delta_e_2000
-from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.formats import hald, spi
+from lutforge.luts.formats import spi
+from lutforge.luts.ops import Cube
 from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.programs import OCIO_READS
 from lutforge.luts.read import read_lut
 from lutforge.luts.sample_points import sample_points
 from lutforge.luts.second_reader import disagreement
@@ -81,7 +82,7 @@ def _files(path: Path) -> list[Path]:
 
 def _read_back(path: Path, method: Interpolation) -> Callable[[NDArray[np.float64]], NDArray[np.float32]]:
     """What a reader of the file makes of colours (n, 3)."""
-    if path.suffix.lower() not in hald.FORMAT.suffixes:
+    if path.suffix.lower() in OCIO_READS:
         processors = [file_processor(file, method) for file in _files(path)]
 
         def through(x: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -91,10 +92,9 @@ def _read_back(path: Path, method: Interpolation) -> Callable[[NDArray[np.float6
             return y
 
         return through
-    cube = read_lut(path).cube
-    if cube is None:
-        raise LutError(f"{path}: holds no cube")
-    as_read = replace(cube, interpolation=method)
+    lut = read_lut(path)
+    ops = tuple(replace(op, interpolation=method) if isinstance(op, Cube) else op for op in lut.ops)
+    as_read = replace(lut, ops=ops)
     return lambda x: as_read(x).astype(np.float32)
 
 

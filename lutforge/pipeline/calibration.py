@@ -31,9 +31,25 @@ def calibrate(
     read.
     """
     options = options or CalibrationOptions()
+    samples = with_setting_names(as_samples(samples))
+    left = left_side_of(samples)
     with telling_of_compilation(progress) as telling:
-        fitted = fit_profile(with_setting_names(as_samples(samples)), options, part(telling, 0.0, 0.5))
-        return with_held_out_errors(fitted, options, part(telling, 0.5, 1.0))
+        fitted = fit_profile(samples, options, part(telling, 0.0, 0.5))
+        profile = with_held_out_errors(fitted, options, part(telling, 0.5, 1.0))
+    return replace(profile, options={**profile.options, **left})
+
+
+def left_side_of(samples: SampleSet) -> dict[str, str]:
+    """Name the space and the program of pictures that stand in the place of RAW; empty for RAW.
+
+    Raises CalibrationError where samples of several spaces or programs are mixed.
+    """
+    pairs = sorted(set(zip(samples.raw_space.tolist(), samples.developer.tolist(), strict=True)))
+    if len(pairs) > 1:
+        kinds = ", ".join(f"{developer} ({space})" if space else "RAW" for space, developer in pairs[:4])
+        raise CalibrationError(f"the samples are of several kinds: {kinds}; calibrate each by itself")
+    space, developer = pairs[0] if pairs else ("", "")
+    return {"raw_space": space, "developer": developer} if space else {}
 
 
 def smallest_size(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lutforge.errors import LutForgeError, SampleError, ShotError
+from lutforge.images.development import Development
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import ShotSamples, extract
@@ -16,6 +17,9 @@ from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
 
 Paths = str | Path | Sequence[str | Path]
+
+LeftSide = Callable[[Path], Development]
+"""What stands in the place of a RAW file: a picture that a program developed of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +46,10 @@ def sample(paths: Paths, progress: Progress = silent) -> SampleSet:
     return gather_samples(paths, progress).samples
 
 
-def sample_shots(paths: Paths, progress: Progress = silent) -> Sampled:
+def sample_shots(paths: Paths, progress: Progress = silent, left: LeftSide | None = None) -> Sampled:
     """Sample RAW files, or folders of them. A shot that cannot be used is left out, with its reason.
+
+    left: gives the picture that is sampled in the place of a RAW file's own pixels, where a program developed it.
 
     Raises ShotError where no shot is left.
     """
@@ -56,7 +62,8 @@ def sample_shots(paths: Paths, progress: Progress = silent) -> Sampled:
     for index, (file, name) in enumerate(zip(files, names, strict=True)):
         progress(file.name, index / len(files))
         try:
-            accounts.append(extract(replace(read_shot(file), name=name)))
+            development = None if left is None else left(file)
+            accounts.append(extract(replace(read_shot(file, development), name=name)))
         except LutForgeError as error:
             if len(files) == 1:
                 raise
@@ -69,9 +76,14 @@ def sample_shots(paths: Paths, progress: Progress = silent) -> Sampled:
 
 
 def gather_samples(
-    paths: Paths, progress: Progress = silent, tell: Callable[[Sampled], None] = lambda sampled: None
+    paths: Paths,
+    progress: Progress = silent,
+    tell: Callable[[Sampled], None] = lambda sampled: None,
+    left: LeftSide | None = None,
 ) -> Sampled:
     """Read sample tables, and sample RAW files and folders of them, in any mixture. tell: is shown the result.
+
+    left: as of `sample_shots`.
 
     Raises SampleError where nothing is given or a table is malformed, ShotError where no shot is usable.
     """
@@ -81,7 +93,7 @@ def gather_samples(
     parts = [read_samples(path) for path in given if path.suffix.lower() in TABLE_SUFFIXES]
     others = [path for path in given if path.suffix.lower() not in TABLE_SUFFIXES]
     if others:
-        shots = sample_shots(others, progress)
+        shots = sample_shots(others, progress, left)
         sampled = replace(shots, samples=concatenate([*parts, shots.samples]))
     else:
         sampled = Sampled(concatenate(parts))

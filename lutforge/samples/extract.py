@@ -134,6 +134,8 @@ def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres:
         raw_camera=np.full(count, metadata.camera),
         position=_positions(shot, centres),
         lens=np.full(count, metadata.lens),
+        raw_space=np.full(count, "" if shot.development is None else shot.development.space),
+        developer=np.full(count, "" if shot.development is None else shot.development.developer),
         focal_mm=np.full(count, metadata.focal_mm),
         aperture=np.full(count, metadata.aperture),
     )

@@ -21,8 +21,10 @@ class SampleSet:
     wb: the white-balance multipliers with green = 1; NaN where unknown. exposure_s: NaN where unknown.
     raw_camera: the camera that the RAW is of; equal to `camera` unless a reference camera's RAW stands in.
     position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
-    where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. These four
-    may be left out; they are unknown then. Raises SampleError where the columns differ in length.
+    where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown.
+    raw_space, developer: where a program's pictures stand in the place of the RAW, their linear RGB space and the
+    program; "" for RAW. These six may be left out; they are unknown then. Raises SampleError where the columns differ
+    in length.
     """
 
     camera: Text
@@ -39,13 +41,17 @@ class SampleSet:
     lens: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     focal_mm: Numbers = field(default_factory=lambda: np.zeros(0))
     aperture: Numbers = field(default_factory=lambda: np.zeros(0))
+    raw_space: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
+    developer: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
 
     def __post_init__(self) -> None:
         count = len(self.camera)
-        for name in ("position", "lens", "focal_mm", "aperture"):
+        for name in ("position", "lens", "focal_mm", "aperture", "raw_space", "developer"):
             column = getattr(self, name)
             if len(column) == 0 < count:  # left out: unknown in every row
-                unknown = np.full((count, *column.shape[1:]), "" if name == "lens" else np.nan, dtype=column.dtype)
+                unknown = np.full(
+                    (count, *column.shape[1:]), np.nan if column.dtype.kind == "f" else "", dtype=column.dtype
+                )
                 object.__setattr__(self, name, unknown)
         widths = {"raw": (3,), "srgb": (3,), "wb": (3,), "position": (2,)}
         for name in (column.name for column in fields(self)):

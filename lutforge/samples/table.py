@@ -10,6 +10,7 @@ from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
 from lutforge.errors import SampleError
 from lutforge.samples.columns import (
+    DEVELOPMENT_COLUMNS,
     LENS_COLUMNS,
     MAX_TEXT,
     NUMBER_COLUMNS,
@@ -31,8 +32,9 @@ def read_samples(path: str | Path) -> SampleSet:
     """Read a sample table, .csv or .parquet.
 
     Columns may stand in any order, unknown ones are ignored. Optional are `wb_*`, `raw_camera`, `x` and `y`, `lens`,
-    `focal_mm`, `aperture`; an empty cell of these, or of the exposure, means unknown. RAW lies in [-0.05, 1], sRGB in
-    [0, 1]; multipliers are scaled to green = 1. Raises SampleError, which names file, line or row, column and text.
+    `focal_mm`, `aperture`, `raw_space`, `developer`; an empty cell of these, or of the exposure, means unknown. RAW
+    lies in [-0.05, 1], sRGB in [0, 1]; multipliers are scaled to green = 1. Raises SampleError, which names file, line
+    or row, column and text.
     """
     path = Path(path)
     suffix = _suffix(path)
@@ -117,6 +119,7 @@ def _sample_set(texts: dict[str, Text], numbers: dict[str, Numbers]) -> SampleSe
     camera = texts["camera"]
     raw_camera = texts.get("raw_camera", camera)
     wb = stack(WB_COLUMNS) if "wb_g" in numbers else np.full((len(camera), 3), math.nan)
+    nothing = np.zeros(0, dtype=np.str_)
     return SampleSet(
         camera=camera,
         style=texts["style"],
@@ -129,7 +132,9 @@ def _sample_set(texts: dict[str, Text], numbers: dict[str, Numbers]) -> SampleSe
         wb=wb / wb[:, 1:2],
         raw_camera=camera if raw_camera is camera else np.where(raw_camera == "", camera, raw_camera),
         position=stack(POSITION_COLUMNS) if "x" in numbers else np.zeros((0, 2)),
-        lens=texts.get("lens", np.zeros(0, dtype=np.str_)),
+        lens=texts.get("lens", nothing),
+        raw_space=texts.get("raw_space", nothing),
+        developer=texts.get("developer", nothing),
         focal_mm=numbers.get("focal_mm", np.zeros(0)),
         aperture=numbers.get("aperture", np.zeros(0)),
     )
@@ -151,8 +156,9 @@ def _frame(samples: SampleSet) -> pl.DataFrame:
         columns |= {name: pl.Series(np.ascontiguousarray(values[:, i])) for i, name in enumerate(names)}
     if np.any(samples.raw_camera != samples.camera):
         columns["raw_camera"] = _series(samples.raw_camera)
-    if np.any(samples.lens != ""):
-        columns["lens"] = _series(samples.lens)
+    for name in ("lens", *DEVELOPMENT_COLUMNS):
+        if np.any(getattr(samples, name) != ""):
+            columns[name] = _series(getattr(samples, name))
     return pl.DataFrame(columns).with_columns(pl.selectors.float().fill_nan(None))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.errors import ImageError, ShotError
+from lutforge.images.development import Development
 from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import read_image
 from lutforge.shots.align import register_rotated
@@ -24,17 +25,21 @@ TURNS = {0: 0, 3: 2, 5: 3, 6: 1}
 orientation."""
 
 
-def read_shot(path: Path | str) -> Shot:
+def read_shot(path: Path | str, development: Development | None = None) -> Shot:
     """RAW at half size, the registered camera JPEG, and the metadata of one RAW file.
 
     The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; one that another program
     wrote (a converter's DNG holds that converter's rendering) comes last. metadata.notes says so, and which was passed
-    over and why. Raises ImageError where the RAW cannot be decoded, ShotError where no JPEG matches it.
+    over and why. development: a picture that a program made of the RAW, which then takes the RAW's place: balanced, so
+    that its multipliers are 1. Raises ImageError where the RAW cannot be decoded, ShotError where no JPEG matches it.
     """
     path = Path(path)
     if path.suffix.lower() in JPEG_SUFFIXES:
         raise ShotError(f"{path}: a JPEG by itself is not a shot; name the RAW file that it was made from")
     raw = read_raw(path, half_size=True)
+    if development is not None:
+        ones = np.ones(3)
+        raw = replace(raw, pixels=development.pixels, pixel_size=1.0, multipliers=ones, clip_level=ones)
     reasons: list[str] = []
     candidates = sorted(_candidates(path), key=lambda candidate: len(candidate[1]))
     for index, (source, edited) in enumerate(candidates):
@@ -47,7 +52,7 @@ def read_shot(path: Path | str) -> Shot:
         reasons += [f"{other}: {note}" for other, notes in candidates[index + 1 :] for note in notes]
         notes = (*edited, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
-        return Shot(path.stem, path, raw, jpeg, source, metadata, registration)
+        return Shot(path.stem, path, raw, jpeg, source, metadata, registration, development)
     raise ShotError(f"{path}: no camera JPEG to pair it with: " + "; ".join(reasons))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.images.development import Development
 from lutforge.images.raw import RawImage
 from lutforge.shots.metadata import ShotMetadata
 
@@ -30,7 +31,7 @@ class Shot:
     """A RAW/JPEG pair, both oriented like the sensor.
 
     name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the file
-    beside it.
+    beside it. development: the picture that stands in the RAW's place, where a program developed it.
     """
 
     name: str
@@ -40,3 +41,4 @@ class Shot:
     jpeg_source: str
     metadata: ShotMetadata
     registration: Registration
+    development: Development | None = None

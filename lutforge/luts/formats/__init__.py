@@ -3,6 +3,6 @@
 A new one is a file with `read`, `write` and a registered `FileFormat`, and its name in the line below.
 """
 
-from lutforge.luts.formats import clf, csp, cube, hald, houdini, spi, threedl, truelight
+from lutforge.luts.formats import clf, csp, cube, dctl, hald, houdini, spi, threedl, truelight, vlt
 
-__all__ = ["clf", "csp", "cube", "hald", "houdini", "spi", "threedl", "truelight"]
+__all__ = ["clf", "csp", "cube", "dctl", "hald", "houdini", "spi", "threedl", "truelight", "vlt"]

@@ -1,0 +1,47 @@
+"""`lutforge kit`: a profile → a folder that makes one program show the camera's look."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lutforge.cli.console import note, print_table, progress_bar, say
+from lutforge.cli.words import Profile
+
+
+def kit(
+    profile: Profile,
+    to: Annotated[str, typer.Option("--to", help="The look: STYLE/WB.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder to write.")] = Path("kit"),
+    program: Annotated[
+        str | None,
+        typer.Option(
+            "--for",
+            help="darktable, rawtherapee, art, lightroom, resolve, nuke, blender, ffmpeg, obs, gimp or lumix; "
+            "unless given, the one that developed the profile's pictures.",
+        ),
+    ] = None,
+    check: Annotated[
+        list[Path] | None,
+        typer.Option("--check", help="RAW files or folders that the program then develops with the kit, to compare."),
+    ] = None,
+) -> None:
+    """Write a kit: LUT or camera profile, the preset that places it, and a page that says what to do."""
+    from lutforge.model.profile_file import load_profile
+    from lutforge.pipeline.kits import check_kit, write_kit
+
+    folder = write_kit(load_profile(profile), to, output, program)
+    say(f"{folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first")
+    if not check:
+        return
+    with progress_bar("developing") as report:
+        checks, failed = check_kit(folder, check, report)
+    for text in failed:
+        note(text)
+    rows = [
+        (entry.shot, str(entry.tiles), f"{entry.mean:.2f}", f"{entry.p95:.2f}", f"{entry.maximum:.2f}")
+        for entry in checks
+    ]
+    print_table(
+        "What the program shows against the camera's JPEG, ΔE00", ("shot", "tiles", "mean", "95 %", "max"), rows
+    )

@@ -1,0 +1,145 @@
+"""RGB colour spaces by their usual names: primaries and transfer functions of colour-science.
+
+A space is the primaries and white of one entry of `colour.RGB_COLOURSPACES`, with a transfer function or none. Linear
+values are relative to the space's white: 1 is diffuse white, 0.18 mid grey. Matrices adapt to the white by Bradford's
+transform (ICC.1:2022, annex E).
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lutforge.colour.srgb import srgb_decode, srgb_encode
+from lutforge.errors import SettingsError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RgbSpace:
+    """An RGB space. primaries: its name in colour-science; transfer: that of its transfer function, "" where linear."""
+
+    name: str
+    primaries: str
+    transfer: str = ""
+
+    @property
+    def is_linear(self) -> bool:
+        """True where values are proportional to light."""
+        return not self.transfer
+
+    @property
+    def linear(self) -> "RgbSpace":
+        """The linear space of the same primaries."""
+        return next(space for space in SPACES.values() if space.is_linear and space.primaries == self.primaries)
+
+    def encode(self, linear: ArrayLike) -> Array:
+        """Linear values (…,) → encoded ones. Gamma curves continue below 0 by point symmetry."""
+        x = np.asarray(linear, dtype=np.float64)
+        if self.is_linear:
+            return x
+        if self.transfer == "sRGB":
+            return np.sign(x) * srgb_encode(np.abs(x))
+        if self.transfer in _GAMMAS:
+            return np.sign(x) * np.abs(x) ** (1.0 / _GAMMAS[self.transfer])
+        import colour  # a second to import, and most commands need no transfer function
+
+        if self.transfer == _ROMM:
+            return np.where(np.abs(x) < _ROMM_TOE, 16.0 * x, np.sign(x) * np.abs(x) ** (1 / 1.8))
+        with np.errstate(divide="ignore", invalid="ignore"):  # both branches are computed where one is taken
+            return np.asarray(colour.cctf_encoding(x, function=self.transfer), dtype=np.float64)
+
+    def decode(self, encoded: ArrayLike) -> Array:
+        """Encoded values (…,) → linear ones: the inverse of `encode`."""
+        y = np.asarray(encoded, dtype=np.float64)
+        if self.is_linear:
+            return y
+        if self.transfer == "sRGB":
+            return np.sign(y) * srgb_decode(np.abs(y))
+        if self.transfer in _GAMMAS:
+            return np.sign(y) * np.abs(y) ** _GAMMAS[self.transfer]
+        import colour
+
+        if self.transfer == _ROMM:
+            return np.where(np.abs(y) < 16.0 * _ROMM_TOE, y / 16.0, np.sign(y) * np.abs(y) ** 1.8)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(colour.cctf_decoding(y, function=self.transfer), dtype=np.float64)
+
+
+_ROMM = "ROMM RGB"
+_ROMM_TOE = 16.0 ** (1.8 / (1.0 - 1.8))
+"""Linear value up to which ROMM RGB is a straight line (ANSI/I3A IT10.7666, ISO 22028-2)."""
+
+_GAMMAS = {"Adobe RGB (1998)": 563.0 / 256.0}
+"""Exponents of pure power functions (Adobe RGB (1998) Color Image Encoding, section 4.3.4.2)."""
+
+SPACES: dict[str, RgbSpace] = {
+    space.name: space
+    for space in (
+        RgbSpace("linear-srgb", "sRGB"),
+        RgbSpace("linear-p3", "P3-D65"),
+        RgbSpace("linear-rec2020", "ITU-R BT.2020"),
+        RgbSpace("linear-adobe-rgb", "Adobe RGB (1998)"),
+        RgbSpace("linear-prophoto", "ProPhoto RGB"),
+        RgbSpace("linear-awg3", "ARRI Wide Gamut 3"),
+        RgbSpace("linear-awg4", "ARRI Wide Gamut 4"),
+        RgbSpace("linear-sgamut3", "S-Gamut3"),
+        RgbSpace("linear-sgamut3-cine", "S-Gamut3.Cine"),
+        RgbSpace("linear-vgamut", "V-Gamut"),
+        RgbSpace("linear-cinema-gamut", "Cinema Gamut"),
+        RgbSpace("linear-fgamut", "F-Gamut"),
+        RgbSpace("linear-ngamut", "N-Gamut"),
+        RgbSpace("linear-dgamut", "DJI D-Gamut"),
+        RgbSpace("linear-davinci-wide-gamut", "DaVinci Wide Gamut"),
+        RgbSpace("linear-blackmagic-wide-gamut", "Blackmagic Wide Gamut"),
+        RgbSpace("linear-redwidegamut", "REDWideGamutRGB"),
+        RgbSpace("acescg", "ACEScg"),
+        RgbSpace("aces2065-1", "ACES2065-1"),
+        RgbSpace("srgb", "sRGB", "sRGB"),
+        RgbSpace("display-p3", "P3-D65", "sRGB"),
+        RgbSpace("rec2020-srgb", "ITU-R BT.2020", "sRGB"),
+        RgbSpace("adobe-rgb", "Adobe RGB (1998)", "Adobe RGB (1998)"),
+        RgbSpace("prophoto", "ProPhoto RGB", _ROMM),
+        RgbSpace("acescc", "ACEScg", "ACEScc"),
+        RgbSpace("acescct", "ACEScg", "ACEScct"),
+        RgbSpace("logc3", "ARRI Wide Gamut 3", "ARRI LogC3"),
+        RgbSpace("logc4", "ARRI Wide Gamut 4", "ARRI LogC4"),
+        RgbSpace("slog3", "S-Gamut3", "S-Log3"),
+        RgbSpace("slog3-cine", "S-Gamut3.Cine", "S-Log3"),
+        RgbSpace("vlog", "V-Gamut", "V-Log"),
+        RgbSpace("clog2", "Cinema Gamut", "Canon Log 2"),
+        RgbSpace("clog3", "Cinema Gamut", "Canon Log 3"),
+        RgbSpace("flog", "F-Gamut", "F-Log"),
+        RgbSpace("flog2", "F-Gamut", "F-Log2"),
+        RgbSpace("nlog", "N-Gamut", "N-Log"),
+        RgbSpace("dlog", "DJI D-Gamut", "D-Log"),
+        RgbSpace("davinci-intermediate", "DaVinci Wide Gamut", "DaVinci Intermediate"),
+        RgbSpace("blackmagic-film-gen5", "Blackmagic Wide Gamut", "Blackmagic Film Generation 5"),
+        RgbSpace("redlog3g10", "REDWideGamutRGB", "Log3G10"),
+        RgbSpace("applelog", "ITU-R BT.2020", "Apple Log Profile"),
+    )
+}
+"""The spaces that `--space` takes, by name."""
+
+
+def rgb_space(name: str) -> RgbSpace:
+    """A space by its name, in any case. Raises SettingsError, which lists the names, on an unknown one."""
+    found = SPACES.get(name.strip().lower())
+    if found is None:
+        raise SettingsError(f'no colour space "{name[:60]}"; known: {", ".join(SPACES)}')
+    return found
+
+
+@cache
+def matrix_between(source: str, target: str) -> Array:
+    """(3, 3): linear RGB of the space `source` → linear RGB of the space `target`, by their names in SPACES."""
+    first, second = rgb_space(source).primaries, rgb_space(target).primaries
+    if first == second:
+        return np.eye(3)
+    import colour
+
+    spaces = colour.RGB_COLOURSPACES
+    matrix = colour.matrix_RGB_to_RGB(spaces[first], spaces[second], chromatic_adaptation_transform="Bradford")
+    return np.asarray(matrix, dtype=np.float64)

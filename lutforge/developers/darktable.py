@@ -1,0 +1,34 @@
+"""darktable: `darktable-cli` with an empty history (https://docs.darktable.org, special topics, darktable-cli)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+NEUTRAL = {
+    "plugins/darkroom/workflow": "none",
+    "plugins/darkroom/chromatic-adaptation": "legacy",
+    "plugins/imageio/format/tiff/bpp": "16",
+}
+"""Settings of a neutral development: no tone curve or exposure, white balance as shot on the camera's own RGB."""
+
+
+@dataclass(frozen=True)
+class Darktable:
+    """Develops in linear Rec. 2020, with white balance as shot and darktable's input matrix."""
+
+    name: str = "darktable"
+    program: str = "darktable-cli"
+    space: str = "linear-rec2020"
+    install: str = "install darktable (apt install darktable, or https://www.darktable.org/install)"
+
+    def command(self, raw: Path, output: Path, folder: Path) -> list[str]:
+        """The command of a neutral development to a 16-bit TIFF."""
+        settings = [word for key, value in NEUTRAL.items() for word in ("--conf", f"{key}={value}")]
+        own = ["--core", "--configdir", str(folder / "config"), "--library", ":memory:"]
+        return [self.program, str(raw), str(output), "--icc-type", "LIN_REC2020", *own, *settings]
+
+    def linear(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The TIFF is linear already."""
+        return pixels

@@ -1,0 +1,104 @@
+"""What all RAW developers have in common: a neutral development of a RAW file as a linear picture."""
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.colour.rgb_spaces import rgb_space
+from lutforge.errors import ShotError
+from lutforge.images.development import Development
+from lutforge.images.read import read_image
+
+TIMEOUT_S = 600
+"""A development that takes longer than this is given up: programs wait for a screen that is not there."""
+
+
+class Developer(Protocol):
+    """A program that develops RAW files from the command line."""
+
+    @property
+    def name(self) -> str:
+        """As `--developer` names it."""
+
+    @property
+    def program(self) -> str:
+        """The executable."""
+
+    @property
+    def space(self) -> str:
+        """The colour space of what `develop` gives, by its name in `lutforge.colour.rgb_spaces`."""
+
+    @property
+    def install(self) -> str:
+        """How to get it, in one line."""
+
+    def command(self, raw: Path, output: Path, folder: Path) -> list[str]:
+        """The command that develops `raw` to a 16-bit TIFF, neutrally; `folder` is for its own files."""
+        ...
+
+    def linear(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Pixels of the TIFF → linear RGB of `space`."""
+        ...
+
+
+def develop(developer: Developer, raw: Path) -> Development:
+    """Develop a RAW file neutrally. Raises ShotError where the program is missing, or makes no picture of the file."""
+    version = program_version(developer)
+    with tempfile.TemporaryDirectory(prefix="lutforge-") as name:
+        folder = Path(name)
+        output = folder / "developed.tif"
+        run_program(developer, developer.command(raw.resolve(), output, folder), raw, output)
+        pixels = read_image(output).pixels
+    return Development(developer.linear(_colour(pixels, raw)), developer.space, version)
+
+
+def read_developed(path: Path, space: str) -> Development:
+    """Read a picture that any program developed: 16-bit TIFF or EXR, encoded in `space`.
+
+    Raises ImageError where it cannot be read, SettingsError on an unknown space.
+    """
+    encoding = rgb_space(space)
+    pixels = encoding.decode(_colour(read_image(path).pixels, path)).astype(np.float32)
+    return Development(pixels, encoding.linear.name, f"pictures in {encoding.name}")
+
+
+def run_program(developer: Developer, command: Sequence[str], raw: Path, output: Path) -> None:
+    """Run a developer's command and require that it made `output`. Raises ShotError with the program's last words."""
+    # Without a display variable no program waits for a window.
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    try:
+        run = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, check=False, env=environment
+        )
+    except subprocess.TimeoutExpired:
+        raise ShotError(f"{raw}: {developer.name} did not finish within {TIMEOUT_S // 60} minutes") from None
+    except OSError as error:
+        raise ShotError(f"{developer.program} cannot be run ({error.strerror or error})") from None
+    if not output.is_file() or output.stat().st_size == 0:
+        said = " ".join((run.stderr or run.stdout).split())[-200:]
+        raise ShotError(f"{raw}: {developer.name} made no picture of it: {said or 'it gave no reason'}")
+
+
+def program_version(developer: Developer) -> str:
+    """The name and version of the installed program. Raises ShotError, with how to install it, where there is none."""
+    if shutil.which(developer.program) is None:
+        raise ShotError(
+            f"{developer.program} is not installed, which --developer {developer.name} runs: {developer.install}"
+        )
+    run = subprocess.run([developer.program, "--version"], capture_output=True, text=True, timeout=60, check=False)
+    found = re.search(r"\d+(?:\.\d+)+", run.stdout + run.stderr)
+    return f"{developer.name} {found[0]}" if found else developer.name
+
+
+def _colour(pixels: NDArray[np.float32], path: Path) -> NDArray[np.float32]:
+    if pixels.ndim != 3 or pixels.shape[2] < 3:
+        raise ShotError(f"{path}: its development is not a colour picture")
+    return np.asarray(pixels[..., :3], dtype=np.float32)

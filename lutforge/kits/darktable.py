@@ -1,0 +1,96 @@
+"""darktable: a cube for the module "lut 3D", a style and a sidecar that place it.
+
+The module's parameters, version 3, are those of darktable's `src/iop/lut3d.c`: a path of 512 bytes, colour space,
+interpolation, and fields of compressed LUTs that stay empty.
+"""
+
+import base64
+import struct
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from xml.sax.saxutils import escape, quoteattr
+
+from lutforge.developers.darktable import NEUTRAL
+from lutforge.kits.kit import Look, Source
+from lutforge.kits.scripts import write_develop_script
+from lutforge.luts.bake import bake
+
+CUBE = "lutforge.cube"
+_MODULE_VERSION, _ADOBE_RGB, _TETRAHEDRAL = 3, 1, 0
+
+
+@dataclass(frozen=True)
+class DarktableKit:
+    """The LUT is fed Adobe RGB, the widest encoded space that the module knows."""
+
+    program: str = "darktable"
+    title: str = "darktable"
+    source: Source = "developed"
+    tried: str = "darktable 4.2.1 (the sidecar, by darktable-cli); the style was not opened in its window"
+
+    def write(self, look: Look, folder: Path) -> list[str]:
+        """Write the cube, the style, the sidecar and develop.sh."""
+        bake(look.within("adobe-rgb"), folder / CUBE, size=65, interpolation="tetrahedral", title=look.title)
+        (folder / f"{look.style}.dtstyle").write_text(_style(look), encoding="utf-8")
+        (folder / "lutforge.xmp").write_text(_sidecar(), encoding="utf-8")
+        settings = {**NEUTRAL, "plugins/darkroom/lut3d/def_path": "$here"}
+        words = " ".join(f'--conf "{key}={value}"' for key, value in settings.items())
+        write_develop_script(
+            folder / "develop.sh",
+            "darktable-cli",
+            'rm -f "$2"\n'
+            'darktable-cli "$1" "$here/lutforge.xmp" "$2" --icc-type SRGB --core --configdir "$work" '
+            f"--library :memory: {words} >/dev/null 2>&1 || true\n"
+            'if [ ! -s "$2" ]; then echo "darktable made no picture of $1" >&2; exit 1; fi\n',
+        )
+        return [
+            f"Copy {CUBE} into a folder of its own, and name that folder in darktable: preferences → processing → "
+            '"3D lut root folder".',
+            f'Import {look.style}.dtstyle in the lighttable: styles → import. Its name is "{look.title}".',
+            "Apply the style to RAW photographs of this camera whose white balance is as shot.",
+            "Switch off filmic rgb, sigmoid, base curve and exposure: they change the tone in front of the LUT. They "
+            "stay off with preferences → processing → auto-apply pixel workflow defaults: none.",
+        ]
+
+
+def _parameters() -> bytes:
+    return struct.pack("<512siii12288s128s", CUBE.encode(), _ADOBE_RGB, _TETRAHEDRAL, 0, b"", b"")
+
+
+def _packed(data: bytes) -> str:
+    """Bytes as darktable stores them: "gz", the compression factor in two digits, and Base64 of a zlib stream."""
+    packed = zlib.compress(data, 9)
+    return f"gz{min(len(data) // len(packed) + 1, 99):02d}" + base64.b64encode(packed).decode("ascii")
+
+
+def _sidecar() -> str:
+    return f"""<?xml version="1.0" encoding="UTF-8"?>
+<x:xmpmeta xmlns:x="adobe:ns:meta/">
+ <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
+  <rdf:Description rdf:about="" xmlns:darktable="http://darktable.sf.net/"
+    darktable:xmp_version="4" darktable:raw_params="0" darktable:history_end="1">
+   <darktable:history>
+    <rdf:Seq>
+     <rdf:li darktable:num="0" darktable:operation="lut3d" darktable:enabled="1"
+       darktable:modversion="{_MODULE_VERSION}" darktable:params={quoteattr(_packed(_parameters()))}
+       darktable:multi_name="" darktable:multi_priority="0"/>
+    </rdf:Seq>
+   </darktable:history>
+  </rdf:Description>
+ </rdf:RDF>
+</x:xmpmeta>
+"""
+
+
+def _style(look: Look) -> str:
+    plugin = (
+        f"<plugin><num>0</num><module>{_MODULE_VERSION}</module><operation>lut3d</operation>"
+        f"<op_params>{_packed(_parameters())}</op_params><enabled>1</enabled><blendop_params></blendop_params>"
+        "<blendop_version>0</blendop_version><multi_priority>0</multi_priority><multi_name></multi_name></plugin>"
+    )
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<darktable_style version="1.0">'
+        f"<info><name>{escape(look.title)}</name><description>the camera's own look, by LutForge</description></info>"
+        f"<style>{plugin}</style></darktable_style>\n"
+    )

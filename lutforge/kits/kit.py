@@ -1,0 +1,108 @@
+"""What every kit is made of: the camera's look in the space that a program feeds to a LUT, and the files around it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lutforge.colour.rgb_spaces import matrix_between, rgb_space
+from lutforge.errors import SettingsError
+from lutforge.model.camera_profile import CameraProfile
+
+Array = NDArray[np.float64]
+
+Source = Literal["raw", "developed", "any"]
+"""What a kit can be made from: a profile of RAW files, one of developed pictures, or either."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A camera's look: from the left side of the calibrated pairs to the camera's JPEG.
+
+    render: white-balanced left side (…, 3) on [0, 1] → encoded sRGB. to_srgb: (3, 3), left side → linear sRGB.
+    multipliers: (3,), the white balance that belongs to the setting, green = 1. space: "raw", or the linear space of
+    the developed pictures that the profile was calibrated on. developer: who developed them, or "".
+    """
+
+    profile: CameraProfile
+    style: str
+    white_balance: str
+    render: Callable[[Array], Array]
+    to_srgb: Array
+    multipliers: Array
+    space: str = "raw"
+    developer: str = ""
+
+    @property
+    def camera(self) -> str:
+        """The camera's name."""
+        return self.profile.camera
+
+    @property
+    def title(self) -> str:
+        """The look's name, for menus."""
+        return f"{self.camera} {self.style}"
+
+    def within(self, space: str) -> Callable[[ArrayLike], Array]:
+        """Give the look as a function of colours encoded in `space`, to colours encoded in the same space."""
+        return self.between(space, space)
+
+    def between(self, source: str, target: str) -> Callable[[ArrayLike], Array]:
+        """Give the look as a function of colours encoded in `source`, to colours encoded in `target`.
+
+        Of developed pictures this is what was calibrated. Of RAW files it is approximate: the program's light goes
+        back to camera RGB by one matrix.
+        """
+        encoded, wanted, srgb = rgb_space(source), rgb_space(target), rgb_space("srgb")
+        to_left = matrix_between(encoded.linear.name, "linear-srgb" if self.space == "raw" else self.space)
+        if self.space == "raw":
+            to_left = np.linalg.inv(self.to_srgb) @ to_left
+        from_srgb = matrix_between("linear-srgb", wanted.linear.name)
+
+        def look(x: ArrayLike) -> Array:
+            left = np.clip(encoded.decode(x) @ to_left.T, 0.0, 1.0)
+            light = srgb.decode(np.clip(self.render(left), 0.0, 1.0))
+            return wanted.encode(np.maximum(light @ from_srgb.T, 0.0))
+
+        return look
+
+
+class Kit(Protocol):
+    """How one program shows a look."""
+
+    @property
+    def program(self) -> str:
+        """As `--for` names it."""
+
+    @property
+    def title(self) -> str:
+        """Its name, for people."""
+
+    @property
+    def source(self) -> Source:
+        """What the kit can be made from."""
+
+    @property
+    def tried(self) -> str:
+        """What the kit was tried with, or that it could not be run."""
+
+    def write(self, look: Look, folder: Path) -> list[str]:
+        """Fill an empty folder; return the steps that lead to the look, for the README."""
+        ...
+
+
+def require_source(kit: Kit, look: Look) -> None:
+    """Raise SettingsError, with the command that helps, where a profile's pairs are not what a kit can be made from."""
+    if kit.source == "developed" and look.space == "raw":
+        raise SettingsError(
+            f"{kit.title} feeds no camera RAW to a LUT: calibrate on what it develops, "
+            f"lutforge calibrate SHOT… --developer {kit.program} -o camera.npz"
+        )
+    if kit.source == "raw" and look.space != "raw":
+        raise SettingsError(
+            f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.developer}: "
+            "lutforge calibrate SHOT… -o camera.npz"
+        )

@@ -1,0 +1,25 @@
+"""OBS Studio: a cube for neutral pictures behind sRGB's curve."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from lutforge.kits.kit import Look, Source
+from lutforge.luts.bake import bake
+
+
+@dataclass(frozen=True)
+class ObsKit:
+    """Takes and gives sRGB: neutral pictures, such as renders, become the camera's."""
+
+    program: str = "obs"
+    title: str = "OBS Studio"
+    source: Source = "any"
+    tried: str = "not run; a plain cube, which it reads by its manual"
+
+    def write(self, look: Look, folder: Path) -> list[str]:
+        """Write the table."""
+        name = f"{look.style}.cube"
+        bake(look.within("srgb"), folder / name, size=33, title=look.title)
+        return [
+            f"Right-click the source → Filters → + → Apply LUT: {name}.",
+        ]

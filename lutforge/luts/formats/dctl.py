@@ -1,0 +1,132 @@
+"""`.dctl` (DaVinci Resolve): the shaper in code, and the cube in a `.cube` file beside it.
+
+DCTL is C with macros of its own; DEFINE_LUT and APPLY_LUT read a cube, which need not be compiled into the program
+(Blackmagic Design, DaVinci Resolve's Developer/DaVinciCTL README). The shaper is a table of knots, searched by halving.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.errors import LutError
+from lutforge.luts.formats import cube
+from lutforge.luts.formats.text import comment_lines, plain, write_text
+from lutforge.luts.ops import Curve
+from lutforge.luts.sequence import FileFormat, Lut, register
+
+Array = NDArray[np.float64]
+
+MOST_KNOTS = 2048
+"""Knots of the shaper per channel: 48 KB in all, which a GPU keeps in constant memory (64 KB)."""
+
+_CODE = """// DaVinci Resolve DCTL: the shaper of this LUT; its cube is read from {cube}
+{comments}
+DEFINE_LUT(look, {cube})
+
+#define KNOTS {count}
+__CONSTANT__ float INPUTS[3 * KNOTS] = {{
+{inputs}
+}};
+__CONSTANT__ float OUTPUTS[3 * KNOTS] = {{
+{outputs}
+}};
+
+__DEVICE__ float shaped(float x, int channel)
+{{
+    int low = channel * KNOTS;
+    int high = low + KNOTS - 1;
+    if (!(x > INPUTS[low])) return OUTPUTS[low];
+    if (x >= INPUTS[high]) return OUTPUTS[high];
+    while (high - low > 1)
+    {{
+        int middle = (low + high) / 2;
+        if (x < INPUTS[middle]) high = middle; else low = middle;
+    }}
+    float share = (x - INPUTS[low]) / (INPUTS[high] - INPUTS[low]);
+    return OUTPUTS[low] + share * (OUTPUTS[high] - OUTPUTS[low]);
+}}
+
+__DEVICE__ float3 transform(int p_Width, int p_Height, int p_X, int p_Y, float p_R, float p_G, float p_B)
+{{
+    return APPLY_LUT(shaped(p_R, 0), shaped(p_G, 1), shaped(p_B, 2), look);
+}}
+"""
+
+
+def write(lut: Lut, path: Path) -> None:
+    """Write the program, and its cube under the same stem with the suffix .cube. Raises LutError."""
+    parts = lut.shaper_and_cube()
+    assert parts is not None  # the format's form is a shaper and a cube
+    curve, table = parts
+    beside = path.with_suffix(".cube")
+    if not re.fullmatch(r"[\w .+-]+", beside.name):
+        raise LutError(f"{path}: Resolve finds no cube of this name; use letters, digits, blanks and . _ + -")
+    inputs, outputs = knots_of(curve)
+    cube.write(Lut((table,), lut.title, lut.comments), beside)
+    comments = "\n".join(f"//{line[1:]}" for line in comment_lines(plain(lut.title), lut.comments))
+    code = _CODE.format(
+        cube=beside.name, comments=comments, count=len(inputs), inputs=_numbers(inputs), outputs=_numbers(outputs)
+    )
+    write_text(path, code)
+
+
+def read(path: Path, data: bytes) -> Lut:
+    """Read one that LutForge wrote, with its cube. Raises LutError on any other."""
+    text = data.decode("utf-8", "replace")
+    name = re.search(r"^DEFINE_LUT\(look, ([\w .+-]+)\)$", text, flags=re.MULTILINE)
+    tables = [re.search(rf"{word}\[3 \* KNOTS\] = \{{\n([^}}]*)\}}", text) for word in ("INPUTS", "OUTPUTS")]
+    if name is None or tables[0] is None or tables[1] is None:
+        raise LutError(f"{path}: a .dctl is a program; only those that LutForge wrote are read")
+    inputs, outputs = (
+        np.array(re.sub(r"[f,\n]", " ", found[1]).split(), dtype=np.float64).reshape(3, -1).T
+        for found in tables
+        if found is not None
+    )
+    beside = path.with_name(name[1])
+    if not beside.is_file():
+        raise LutError(f"{path}: its cube {beside.name} is missing; keep the two files in one folder")
+    table = cube.read(beside, beside.read_bytes())
+    return Lut((Curve(outputs, inputs=inputs), *table.ops), table.title, table.comments, {"format": ".dctl"})
+
+
+def knots_of(curve: Curve | None) -> tuple[Array, Array]:
+    """Inputs and outputs (n, 3) of a shaper's knots: those where it bends, at most MOST_KNOTS, where it bends most."""
+    if curve is None:
+        ends = np.repeat(np.array([[0.0], [1.0]]), 3, axis=1)
+        return ends, ends
+    table = curve.outputs
+    even = np.repeat(np.linspace(curve.low, curve.high, len(table))[:, None], 3, axis=1)
+    x = even if curve.inputs is None else curve.inputs
+    bend = np.zeros_like(table)
+    bend[1:-1] = np.abs(np.diff(table, n=2, axis=0))
+    bends = bend > 1e-9
+    count = int(max(2 + bends.sum(axis=0).max(), 2))
+    if count > MOST_KNOTS:  # a smooth curve: knots spread by the square root of its bend, which evens the error out
+        amount = np.cumsum(np.sqrt(bend) + np.sqrt(bend).max(axis=0) * 1e-6, axis=0)
+        wanted = np.linspace(0.0, 1.0, MOST_KNOTS)[:, None] * (amount[-1] - amount[0]) + amount[0]
+        chosen = [np.unique(np.clip(np.searchsorted(amount[:, c], wanted[:, c]), 0, len(table) - 1)) for c in range(3)]
+    else:
+        chosen = [np.flatnonzero(bends[:, c]) for c in range(3)]
+    chosen = [np.union1d(index, (0, len(table) - 1)) for index in chosen]
+    longest = max(map(len, chosen))
+    chosen = [_filled(index, longest, len(table)) for index in chosen]
+    picked = np.stack(chosen, axis=1)
+    return np.take_along_axis(x, picked, axis=0), np.take_along_axis(table, picked, axis=0)
+
+
+def _filled(index: NDArray[np.intp], count: int, entries: int) -> NDArray[np.intp]:
+    """Knots, made `count` by others of the table, so that all channels have equally many."""
+    spare = np.setdiff1d(np.linspace(0, entries - 1, min(entries, 4 * count)).astype(np.intp), index)
+    return np.sort(np.concatenate([index, spare[: count - len(index)]]))
+
+
+def _numbers(table: Array) -> str:
+    rows = table.T.reshape(-1)
+    lines = [", ".join(f"{value:.9g}f" if "." in f"{value:.9g}" or "e" in f"{value:.9g}" else f"{value:.1f}f"
+                       for value in rows[start : start + 8]) for start in range(0, len(rows), 8)]  # fmt: skip
+    return ",\n".join(lines)
+
+
+FORMAT = register(FileFormat(".dctl", (".dctl",), ("shaper",), read, write, size=33, inputs="knots"))

@@ -1,0 +1,95 @@
+"""Use case: pictures in the place of RAW, as the left side of the pairs: what a program develops, or any rendering."""
+
+from pathlib import Path
+
+from lutforge.colour.rgb_spaces import rgb_space
+from lutforge.developers.darktable import Darktable
+from lutforge.developers.developer import Developer, develop, program_version, read_developed
+from lutforge.developers.rawtherapee import RawTherapee
+from lutforge.errors import LutForgeError, SettingsError, ShotError
+from lutforge.images.development import Development
+from lutforge.pipeline.sampling import LeftSide, Sampled
+from lutforge.progress import Progress, silent
+from lutforge.samples.extract import ShotSamples, extract
+from lutforge.samples.sample_set import concatenate
+from lutforge.shots.pair import read_pair
+
+DEVELOPERS: dict[str, Developer] = {developer.name: developer for developer in (Darktable(), RawTherapee())}
+"""Programs that `--developer` runs."""
+
+PICTURE_SUFFIXES = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
+
+
+def left_side(
+    developer: str | None = None, developed: str | Path | None = None, developed_space: str | None = None
+) -> LeftSide | None:
+    """Choose what stands in the place of RAW, from words; None for the RAW itself.
+
+    developer: a program that is run on each RAW file. developed: a folder of pictures, one a shot with its stem, in
+    developed_space. Raises SettingsError on words that do not fit, ShotError where the program is missing.
+    """
+    if developed is None and developed_space is not None:
+        raise SettingsError("--developed-space names the space of the pictures in --developed: give both")
+    if developer is None and developed is None:
+        return None
+    if developer is not None and developed is not None:
+        raise SettingsError("give --developer or --developed, not both")
+    if developer is not None:
+        program = DEVELOPERS.get(developer.lower())
+        if program is None:
+            raise SettingsError(
+                f'"{developer}" is not run by LutForge; it runs {", ".join(DEVELOPERS)}. Export pictures from other '
+                "programs, and give them with --developed DIR --developed-space SPACE"
+            )
+        program_version(program)  # so that a missing program is found before any work
+        return lambda raw: develop(program, raw)
+    assert developed is not None
+    if developed_space is None:
+        raise SettingsError("--developed needs --developed-space, the space that its pictures are encoded in")
+    space = rgb_space(developed_space).name
+    pictures = _pictures(Path(developed))
+
+    def read(raw: Path) -> Development:
+        picture = pictures.get(raw.stem.lower())
+        if picture is None:
+            raise ShotError(f"{raw}: {developed} holds no picture of that name ({', '.join(PICTURE_SUFFIXES[:3])})")
+        return read_developed(picture, space)
+
+    return read
+
+
+def sample_pairs(
+    from_folder: str | Path, to_folder: str | Path, from_space: str, progress: Progress = silent
+) -> Sampled:
+    """Sample two renderings of the same frames: pictures of the same stem in two folders.
+
+    from_space: the space that the pictures of the first folder are encoded in; those of the second are sRGB. Raises
+    ShotError where no pair is usable, SettingsError on an unknown space.
+    """
+    space = rgb_space(from_space).name
+    first, second = _pictures(Path(from_folder)), _pictures(Path(to_folder))
+    stems = sorted(first.keys() & second.keys())
+    if not stems:
+        raise ShotError(f"{from_folder}, {to_folder}: no picture of one has the name of a picture of the other")
+    accounts: list[ShotSamples] = []
+    left_out: list[str] = []
+    for index, stem in enumerate(stems):
+        progress(stem, index / len(stems))
+        try:
+            accounts.append(extract(read_pair(second[stem], read_developed(first[stem], space))))
+        except LutForgeError as error:
+            if len(stems) == 1:
+                raise
+            left_out.append(str(error))
+    progress("done", 1.0)
+    kept = [account.samples for account in accounts if account.kept]
+    if not kept:
+        raise ShotError("no usable pair: " + "; ".join([*left_out, *(account.summary for account in accounts)]))
+    return Sampled(concatenate(kept), tuple(accounts), tuple(left_out), {stem: first[stem] for stem in stems})
+
+
+def _pictures(folder: Path) -> dict[str, Path]:
+    if not folder.is_dir():
+        raise ShotError(f"{folder}: no such folder")
+    found = (path for path in sorted(folder.iterdir()) if path.suffix.lower() in PICTURE_SUFFIXES)
+    return {path.stem.lower(): path for path in found}

@@ -1,0 +1,177 @@
+"""Use case: a profile → a folder that makes one program show the camera's look; and what that program then makes."""
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.errors import LutForgeError, SettingsError, ShotError
+from lutforge.images.development import Development
+from lutforge.images.read import read_image
+from lutforge.kits.art import ArtKit
+from lutforge.kits.blender import BlenderKit
+from lutforge.kits.camera_raw import CameraRawKit
+from lutforge.kits.darktable import DarktableKit
+from lutforge.kits.ffmpeg import FfmpegKit
+from lutforge.kits.gimp import GimpKit
+from lutforge.kits.kit import Kit, Look, require_source
+from lutforge.kits.lumix import LumixKit
+from lutforge.kits.nuke import NukeKit
+from lutforge.kits.obs import ObsKit
+from lutforge.kits.rawtherapee import RawTherapeeKit
+from lutforge.kits.resolve import ResolveKit
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.progress import Progress, silent
+from lutforge.samples.extract import extract
+from lutforge.shots.discover import discover
+from lutforge.shots.read import read_shot
+
+KITS: dict[str, Kit] = {
+    kit.program: kit
+    for kit in (
+        DarktableKit(),
+        RawTherapeeKit(),
+        ArtKit(),
+        CameraRawKit(),
+        ResolveKit(),
+        NukeKit(),
+        BlenderKit(),
+        FfmpegKit(),
+        ObsKit(),
+        GimpKit(),
+        LumixKit(),
+    )
+}
+"""The programs that `--for` names."""
+
+SCRIPT = "develop.sh"
+
+
+@dataclass(frozen=True)
+class KitCheck:
+    """A shot as a kit's program shows it, against the camera's JPEG: ΔE00 of flat tiles (CIE 2000)."""
+
+    shot: str
+    tiles: int
+    mean: float
+    p95: float
+    maximum: float
+
+
+def look_of(profile: CameraProfile, to: str) -> Look:
+    """Return the camera's look at a setting, STYLE/WB. Raises SettingsError, ProfileError on an unknown one."""
+    selector = profile.selector(to)
+    multipliers = profile.multipliers(selector)
+    rendering = profile.render(selector)
+
+    def render(balanced: NDArray[np.float64]) -> NDArray[np.float64]:
+        return rendering(np.asarray(balanced) / multipliers)
+
+    return Look(
+        profile=profile,
+        style=selector.style,
+        white_balance=str(selector.white_balance),
+        render=render,
+        to_srgb=profile.matrix,
+        multipliers=multipliers,
+        space=str(profile.options.get("raw_space") or "raw"),
+        developer=str(profile.options.get("developer") or ""),
+    )
+
+
+def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str | None = None) -> Path:
+    """Write a kit: LUT or camera profile, the preset that places it, a README, and develop.sh where it can be run.
+
+    program: as `--for` names it; without one, the program that developed the profile's pictures, else RawTherapee,
+    whose camera profile others read. folder: must be new, empty, or an older kit, which is replaced.
+    Raises SettingsError where the profile's pairs are not what the program feeds to a LUT.
+    """
+    look = look_of(profile, to)
+    kit = _kit_for(program or look.developer.split(" ")[0] or "rawtherapee")
+    require_source(kit, look)
+    target = Path(folder)
+    if target.exists() and (not target.is_dir() or (any(target.iterdir()) and not (target / "README.md").is_file())):
+        raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.lutforge-") as name:
+        filled = Path(name) / "kit"
+        filled.mkdir()
+        steps = kit.write(look, filled)
+        (filled / "README.md").write_text(_readme(kit, look, steps, filled), encoding="utf-8")
+        if target.exists():
+            shutil.rmtree(target)
+        filled.replace(target)
+    return target
+
+
+def check_kit(
+    folder: str | Path, shots: Sequence[str | Path], progress: Progress = silent
+) -> tuple[list[KitCheck], list[str]]:
+    """Develop RAW files with a kit's own program, and compare them with the camera's JPEGs.
+
+    Returns what was measured, and a line for each shot that could not be. Raises LutForgeError where the kit runs no
+    program, ShotError where no shot could be measured.
+    """
+    script = Path(folder) / SCRIPT
+    if not script.is_file():
+        raise LutForgeError(f"{folder}: holds no {SCRIPT}: its program cannot be run from the command line")
+    files = discover(shots)
+    checks, failed = [], []
+    for index, file in enumerate(files):
+        progress(file.name, index / len(files))
+        try:
+            checks.append(_checked(script, file))
+        except LutForgeError as error:
+            failed.append(str(error))
+    progress("done", 1.0)
+    if not checks:
+        raise ShotError("no shot could be compared: " + "; ".join(failed))
+    return checks, failed
+
+
+def _checked(script: Path, raw: Path) -> KitCheck:
+    with tempfile.TemporaryDirectory(prefix="lutforge-") as name:
+        output = Path(name) / "developed.tif"
+        command = [str(script.resolve()), str(raw.resolve()), str(output)]
+        run = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False, timeout=600)
+        if run.returncode or not output.is_file():
+            said = " ".join(run.stderr.split())[-200:]
+            raise ShotError(f"{raw}: {script.name} failed: {said or f'status {run.returncode}'}")
+        pixels = read_image(output).pixels[..., :3]
+    samples = extract(read_shot(raw, Development(np.asarray(pixels, dtype=np.float32), "srgb", script.name))).samples
+    if len(samples) == 0:
+        raise ShotError(f"{raw}: no flat tiles to compare")
+    difference = delta_e_2000(samples.raw, samples.srgb)
+    return KitCheck(
+        raw.name, len(samples), float(difference.mean()), float(np.quantile(difference, 0.95)), float(difference.max())
+    )
+
+
+def _kit_for(program: str) -> Kit:
+    kit = KITS.get(program.strip().lower())
+    if kit is None:
+        raise SettingsError(f'no kit for "{program[:60]}"; there are kits for {", ".join(KITS)}')
+    return kit
+
+
+def _readme(kit: Kit, look: Look, steps: Sequence[str], folder: Path) -> str:
+    """One page: what it is, what to do, what it was tried with."""
+    made = f"pictures that {look.developer} developed" if look.developer else "RAW files"
+    lines = [
+        f"# {look.camera}, style {look.style}: for {kit.title}",
+        "",
+        f"The camera's own JPEG look, calibrated on pairs of {made} and the camera's JPEGs by LutForge.",
+        "",
+        *(f"{number}. {step}" for number, step in enumerate(steps, 1)),
+        "",
+    ]
+    if (folder / SCRIPT).is_file():
+        lines += ["On the command line: `./develop.sh RAW OUT.tif` (sRGB, 16 bit).", ""]
+    files = ", ".join(sorted(path.name for path in folder.iterdir()))
+    return "\n".join([*lines, f"Files: {files}. Tried with: {kit.tried}.", ""])

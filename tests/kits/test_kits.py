@@ -1,0 +1,149 @@
+"""What kits hold, by second readers; the programs themselves are run in test_programs.py."""
+
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.calibration.calibrate import calibrate
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.rgb_spaces import matrix_between, rgb_space
+from lutforge.errors import LutForgeError, SettingsError
+from lutforge.luts.processor import evaluate, file_processor
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline.kits import KITS, check_kit, look_of, write_kit
+from lutforge.samples.sample_set import SampleSet
+from tests.conftest import CommandLine
+from tests.kits.kit_readers import dcp_tags, developed_by_dcp, rgb_table_of
+
+SETTING = "standard/auto"
+
+
+@pytest.fixture(scope="module")
+def raw_profile(s40_samples: SampleSet) -> CameraProfile:
+    """Calibrated from RAW files."""
+    return calibrate(s40_samples, CalibrationOptions(size=17)).profile
+
+
+@pytest.fixture(scope="module")
+def developed_profile(s40_samples: SampleSet) -> CameraProfile:
+    """As if a program had developed the RAW files: by the camera's matrix, to linear Rec. 2020."""
+    matrix = calibrate(s40_samples, CalibrationOptions(size=9)).profile.matrix
+    balanced = s40_samples.raw * s40_samples.wb
+    developed = np.clip(balanced @ (matrix_between("linear-srgb", "linear-rec2020") @ matrix).T, 0.0, 1.0)
+    samples = replace(s40_samples, raw=developed, wb=np.ones_like(s40_samples.wb))
+    profile = calibrate(samples, CalibrationOptions(size=17)).profile
+    left = {"raw_space": "linear-rec2020", "developer": "darktable 4.2.1"}
+    return replace(profile, options={**profile.options, **left})
+
+
+def colours_of_photographs(samples: SampleSet) -> np.ndarray:
+    """White-balanced RAW (n, 3) of the photographs that the profile was calibrated from."""
+    return np.asarray((samples.raw * samples.wb)[::5])
+
+
+def test_a_dng_profile_shows_the_look(raw_profile: CameraProfile, s40_samples: SampleSet, tmp_path: Path) -> None:
+    folder = write_kit(raw_profile, SETTING, tmp_path / "kit", "rawtherapee")
+    tags = dcp_tags(folder / "standard.dcp")
+    assert tags[50708] == "Canon PowerShot S40"
+    assert np.allclose(np.asarray(tags[50964]).reshape(3, 3).sum(axis=1), [0.9642, 1.0, 0.8251], atol=2e-3)  # D50
+    x = colours_of_photographs(s40_samples)
+    difference = delta_e_2000(developed_by_dcp(tags, x), np.clip(look_of(raw_profile, SETTING).render(x), 0.0, 1.0))
+    assert difference.mean() < 0.4
+    assert difference.max() < 3.0
+
+
+def test_an_xmp_profile_holds_the_cube(developed_profile: CameraProfile, tmp_path: Path) -> None:
+    folder = write_kit(developed_profile, SETTING, tmp_path / "kit", "lightroom")
+    cube, codes = rgb_table_of(folder / "standard.xmp")
+    assert cube.shape == (32, 32, 32, 3)
+    assert codes == (4, 1, 0)  # Rec. 2020, sRGB's curve, clipped
+    even = np.linspace(0.0, 1.0, 32)
+    nodes = np.stack(np.meshgrid(even, even, even, indexing="ij"), axis=-1)
+    wanted = look_of(developed_profile, SETTING).within("rec2020-srgb")(nodes.reshape(-1, 3)).reshape(nodes.shape)
+    assert np.abs(cube - wanted).mean() < 0.01  # fitted between the nodes, not sampled at them
+
+
+@pytest.mark.parametrize("program", sorted(KITS))
+def test_every_kit_says_what_it_is(
+    program: str, raw_profile: CameraProfile, developed_profile: CameraProfile, tmp_path: Path
+) -> None:
+    if program == "blender":
+        pytest.skip("its config is written in test_programs.py")
+    profile = developed_profile if KITS[program].source == "developed" else raw_profile
+    folder = write_kit(profile, SETTING, tmp_path / "kit", program.upper())
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    assert KITS[program].tried in text
+    assert all(path.name in text for path in folder.iterdir() if path.name != "README.md")
+    assert len(text.splitlines()) < 30
+    write_kit(profile, SETTING, folder, program)  # an older kit is replaced
+
+
+@pytest.mark.parametrize("space", ["davinci-intermediate", "acescg"])
+def test_a_look_within_a_space_is_the_cameras(
+    space: str, developed_profile: CameraProfile, s40_samples: SampleSet
+) -> None:
+    look = look_of(developed_profile, SETTING)
+    x = np.random.default_rng(4).uniform(0.02, 0.6, (300, 3))
+    linear = rgb_space(space).linear.name
+    fed = rgb_space(space).encode(x @ matrix_between("linear-rec2020", linear).T)
+    light = rgb_space(space).decode(look.within(space)(fed)) @ matrix_between(linear, "linear-srgb").T
+    shown = rgb_space("srgb").encode(np.clip(light, 0.0, 1.0))
+    assert np.abs(shown - np.clip(look.render(x), 0.0, 1.0)).max() < 2e-3
+
+
+def test_resolves_files_agree(raw_profile: CameraProfile, tmp_path: Path) -> None:
+    folder = write_kit(raw_profile, SETTING, tmp_path / "kit", "resolve")
+    x = np.random.default_rng(5).uniform(0.05, 0.5, (2000, 3))
+    shaped = evaluate(file_processor(folder / "standard davinci-intermediate.resolve.cube"), x)
+    plain = evaluate(file_processor(folder / "standard davinci-intermediate.plain.cube"), x)
+    assert np.abs(shaped - plain).mean() < 2e-3
+
+
+def test_what_a_profile_cannot_give_is_refused_with_the_way(
+    raw_profile: CameraProfile, developed_profile: CameraProfile, tmp_path: Path
+) -> None:
+    with pytest.raises(SettingsError, match="--developer darktable"):
+        write_kit(raw_profile, SETTING, tmp_path / "kit", "darktable")
+    with pytest.raises(SettingsError, match="needs a profile of RAW files"):
+        write_kit(developed_profile, SETTING, tmp_path / "kit", "blender")
+    with pytest.raises(SettingsError, match="there are kits for"):
+        write_kit(raw_profile, SETTING, tmp_path / "kit", "paint")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "holiday.jpg").write_bytes(b"x")
+    with pytest.raises(LutForgeError, match="holds other files"):
+        write_kit(raw_profile, SETTING, tmp_path / "mine", "nuke")
+    assert not (tmp_path / "kit").exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine"]
+
+
+def test_a_kit_that_runs_nothing_cannot_be_checked(raw_profile: CameraProfile, tmp_path: Path) -> None:
+    folder = write_kit(raw_profile, SETTING, tmp_path / "kit", "nuke")
+    with pytest.raises(LutForgeError, match="cannot be run from the command line"):
+        check_kit(folder, ["a.CRW"])
+
+
+def test_scripts_say_what_is_missing(raw_profile: CameraProfile, tmp_path: Path) -> None:
+    folder = write_kit(raw_profile, SETTING, tmp_path / "kit", "rawtherapee")
+    script = str(folder / "develop.sh")
+    usage = subprocess.run([script], capture_output=True, text=True, check=False)
+    assert usage.returncode == 2
+    assert len(usage.stderr.splitlines()) == 1
+    missing = subprocess.run(
+        ["/bin/sh", script, "a", "b"], capture_output=True, text=True, check=False, env={"PATH": "/nowhere"}
+    )
+    assert missing.returncode == 2
+    assert missing.stderr == "rawtherapee-cli is not installed\n"
+
+
+def test_the_command(raw_profile: CameraProfile, tmp_path: Path, lutforge: CommandLine) -> None:
+    raw_profile.save(tmp_path / "camera.npz")
+    run = lutforge("kit", tmp_path / "camera.npz", "--to", SETTING, "-o", tmp_path / "kit", "--for", "Lightroom")
+    assert run.returncode == 0, run.stderr
+    assert "standard.dcp" in run.stdout
+    run = lutforge("kit", tmp_path / "camera.npz", "--to", "sepia/auto", "-o", tmp_path / "other")
+    assert run.returncode == 2
+    assert "unknown style" in run.stderr
