@@ -135,8 +135,12 @@ class CameraProfile:
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for rendering")
             return Transform((Gain(gain), Clip(), style.render))
         physical = self._physical(selector)
-        to_linear, forward, response = Linear(physical.matrix), physical.gamut_map, Encode(physical.response)
-        return Transform((Gain(gain), Clip(), to_linear, forward, response))
+        forward, response = physical.gamut_map, Encode(physical.response)
+        if not self.raw_camera:
+            return Transform((Gain(gain), Clip(), Linear(physical.matrix), forward, response))
+        reach = _reach(physical)
+        within = Linear(np.diag(1 / reach))
+        return Transform((Gain(gain), within, Clip(), Linear(physical.matrix * reach), forward, response))
 
     def linearize(self, source: str | Selector, space: SceneSpace = "raw", model: ModelName | None = None) -> Transform:
         """The camera's JPEG, encoded [0, 1] → RAW before white balance, or another scene-linear space.
@@ -210,6 +214,14 @@ class CameraProfile:
         return (named or list(models))[0]
 
 
+def _reach(physical: PhysicalModel) -> Array:
+    """(3,) how far another camera's RAW, which stands in for a camera's own, goes for the brightest JPEG values; 1 at
+    least. Its sensor saturates at 1, but this camera may expose brighter."""
+    codes = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, 5)] * 3), axis=-1).reshape(-1, 3)
+    brightest = physical.inverse_gamut_map(physical.response.linearize(codes)) @ np.linalg.inv(physical.matrix).T
+    return np.asarray(np.maximum(brightest.max(axis=0), 1.0))
+
+
 def match(
     source_camera: CameraProfile,
     source: str | Selector,
@@ -226,6 +238,7 @@ def match(
 
     transfer: Tc, measured on common scenes. Without it Tc = (Ts_b Tw_b)⁻¹ Ts_a Tw_a, with both white balances those of
     the source's light (see `same_light`); where the target camera does not know it, its target white balance stands in.
+    Between profiles of one RAW, a camera's own or a common reference's, Tc is the identity.
     Raises SettingsError on an exposure beyond ±20 stops, ProfileError on a transfer between other cameras.
     """
     source, target = source_camera.selector(source), target_camera.selector(target)
@@ -270,6 +283,8 @@ def raw_to_balanced(
     if transfer is not None:
         under = None if light is None else target_camera.multipliers(Selector(target.style, light))
         return Carry(transfer.under(source_camera.multipliers(source), under)), balance
+    if (source_camera.raw_camera or source_camera.camera) == (target_camera.raw_camera or target_camera.camera):
+        return (balance,)
     to_target = np.linalg.inv(target_camera.raw_to_linear_srgb(Selector(target.style, light or target.white_balance)))
     return Linear(to_target @ source_camera.raw_to_linear_srgb(source)), balance
 

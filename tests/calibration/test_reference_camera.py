@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.errors import ProfileError
+from lutforge.errors import CalibrationError, ProfileError
 from lutforge.evaluation.evaluate import evaluate
+from lutforge.model.camera_profile import match
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
@@ -40,3 +41,33 @@ def test_refinishing_works_and_the_own_raw_is_refused(samples: SampleSet) -> Non
     assert error < 0.3 * plain
     rows = evaluate(profile, samples).rows
     assert rows and all(row.direction == "render" and row.figures.mean < 0.03 for row in rows)
+
+
+def test_two_cameras_go_through_their_common_reference(samples: SampleSet) -> None:
+    """Tc is the identity between profiles of one RAW (thesis 6.3): nothing is put in between, whatever the light."""
+    profile = calibrate(samples, CalibrationOptions(model="rbf"))
+    other = photograph_patches(REFERENCE, chart_140(), balances=BALANCES, stops=(-3, -2, -1, 0), seed=1)
+    reference = calibrate(other, CalibrationOptions(model="rbf", size=9))
+    raw = REFERENCE.expose(surfaces(300, 4), "daylight") * 0.5
+    own = OWN.render(OWN.expose(surfaces(300, 4), "daylight") * 0.5, "standard", "daylight")
+    wanted = REFERENCE.render(raw, "standard", "daylight")
+    seen = np.all((own > 0.03) & (own < 0.97) & (wanted > 0.03) & (wanted < 0.97), axis=1)
+    matched = match(profile, "standard/daylight", reference, "standard/daylight")(own)
+    assert np.linalg.norm(matched[seen] - wanted[seen], axis=1).mean() < 0.03
+
+
+def test_bright_greys_are_not_cut_at_the_references_saturation(samples: SampleSet) -> None:
+    """A camera that exposes brighter than its reference reaches its white beyond the reference's 1."""
+    rows = samples.raw.max(axis=1) > 0  # a reference that is four times as sensitive clips most bright colours
+    sensitive = replace(samples, raw=np.minimum(4.0 * samples.raw, 1.0)).select(rows)
+    profile = calibrate(sensitive, CalibrationOptions(model="rbf"))
+    greys = np.repeat(np.array([[180.0], [210.0], [230.0], [245.0]]) / 255.0, 3, axis=1)
+    back = profile.refinish("standard/daylight", "standard/daylight", ev=1e-6)(greys)  # else it is the identity
+    assert np.all(np.diff(back, axis=0) > 0.02)
+
+
+def test_shots_that_do_not_belong_together_are_refused(samples: SampleSet) -> None:
+    rng = np.random.default_rng(0)
+    mixed = replace(samples, raw=samples.raw[rng.permutation(len(samples))])
+    with pytest.raises(CalibrationError, match="same scene"):
+        calibrate(mixed, CalibrationOptions(model="rbf"))

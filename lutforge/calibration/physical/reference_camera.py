@@ -1,15 +1,25 @@
 """Cameras without RAW: a reference camera's RAW of the same scene stands in (thesis 4.2.4, equations 4.9, 4.10)."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
+from lutforge.calibration.physical.matrix import LEAST_CONDITION, hue_spread
+from lutforge.calibration.physical.matrix_and_response import (
+    MatrixAndResponse,
+    encoded_residual,
+    encoding_slope,
+    fit_matrix_and_response,
+    matrix_between,
+)
 from lutforge.calibration.physical.physical_model import fit_shared_gamut_maps
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
-from lutforge.calibration.physical.unsaturated import saturation, starting_beta
+from lutforge.calibration.physical.unsaturated import BETA, saturation, untouched_odds
+from lutforge.calibration.physical.white_balance import complete_multipliers, with_fitted_gains
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
 from lutforge.model.response import Response
@@ -20,34 +30,40 @@ Array = NDArray[np.float64]
 
 CODE = 1.0 / 255.0
 LEAST_COLOURS = 12
-ROUNDS = 10
-OUTLIER = 3.0
+MOST_RESIDUAL = 0.08
+"""Median error of the trusted colours through f and Tz, 1 = full scale, above which no fixed rendering explains them:
+the chart cameras have 0.002 … 0.03; shots that do not belong together have more."""
 
 
-def fit_reference_matrix(linear: Array, reference_raw: Array, trusted: NDArray[np.float64]) -> Array:
-    """Tz = Ts Tw Tc of one white balance: minimise Σ ‖Tz⁻¹ X − E'‖² (4.10), weighing by residual from the trusted on.
+def fit_reference_matrix(fit: MatrixAndResponse, x: Array, encoded: Array) -> Array:
+    """Ts Tc (3, 3) of one white balance, rows sum to 1, with f as fitted over all of them (4.10).
 
-    linear: X = f⁻¹(I) (n, 3); reference_raw: E' (n, 3); trusted: (n,) 1 for unsaturated colours, else 0.
-    Returns (3, 3). Raises CalibrationError where the colours do not determine it.
+    x: the reference camera's RAW, balanced so that neutrals are neutral (n, 3). Raises CalibrationError where
+    the colours do not determine it, or contradict every matrix.
     """
-    if (trusted > 0.5).sum() < LEAST_COLOURS:
+    linear, slope = fit.response.linearize(encoded), encoding_slope(fit.response, encoded)
+    for beta in (BETA, 0.4, 0.5, 0.7):  # on a small chart hardly any unsaturated colour is not grey
+        trust = untouched_odds(saturation(encoded), beta)
+        sure = trust >= 0.5
+        if sure.sum() >= LEAST_COLOURS and hue_spread(linear[sure]) >= LEAST_CONDITION:
+            break
+    if sure.sum() < LEAST_COLOURS or hue_spread(linear[sure]) < LEAST_CONDITION:
         raise CalibrationError(
-            f"{int((trusted > 0.5).sum())} unsaturated colours; {LEAST_COLOURS} are needed: "
+            f"{int(sure.sum())} unsaturated colours, and {LEAST_COLOURS} of several hues are needed: "
             "shoot a colour chart with both cameras"
         )
-    level = np.maximum(np.linalg.norm(reference_raw, axis=1), 1e-3)
-    weight = trusted / level**2
-    inverse = np.eye(3)
-    for _ in range(ROUNDS):
-        root = np.sqrt(weight)[:, None]
-        answer, _, rank, _ = np.linalg.lstsq(linear * root, reference_raw * root, rcond=1e-8)
-        if rank < 3:
-            raise CalibrationError("the unsaturated colours are all of one hue: shoot a colour chart with both cameras")
-        inverse = answer.T
-        residual = np.linalg.norm(linear @ inverse.T - reference_raw, axis=1) / level
-        scale = max(OUTLIER * float(np.median(residual[trusted > 0.5])), 2e-3)
-        weight = 1.0 / (1.0 + (residual / scale) ** 2) ** 2 / level**2
-    return np.asarray(np.linalg.inv(inverse), dtype=np.float64)
+    matrix = fit.matrix
+    for _ in range(10):
+        residual = encoded_residual(fit.response, matrix, x, encoded)
+        scale = max(2.0 * float(np.median(residual[sure])), CODE)
+        matrix = matrix_between(x, linear, trust / (1.0 + (residual / scale) ** 2), slope)
+    error = float(np.median(encoded_residual(fit.response, matrix, x, encoded)[sure]))
+    if error > MOST_RESIDUAL or np.linalg.cond(matrix) > 30.0:
+        raise CalibrationError(
+            f"no matrix takes the reference camera's RAW to these JPEGs (median error {255 * error:.0f} codes): "
+            "were both taken of the same scene, in the same order, in manual mode?"
+        )
+    return matrix
 
 
 def calibrate_by_reference(
@@ -86,20 +102,31 @@ def calibrate_by_reference(
 
 def _fit_style(samples: SampleSet, name: str, options: CalibrationOptions) -> tuple[PhysicalModel, ...]:
     """One physical model a white balance; they share f, h and h⁻¹."""
-    response: Response = fit_response_to_exposures(pairs_of_samples(samples), options.preset).response
-    linear = response.linearize(samples.srgb)
-    chroma = saturation(samples.srgb)
-    trusted = (chroma < starting_beta(chroma, options.preset)).astype(np.float64)
-    matrices, mixed = {}, np.zeros_like(linear)
+    blind = replace(samples, wb=np.full_like(samples.wb, np.nan))  # the file's are of the camera, not of the reference
+    multipliers = complete_multipliers(blind)[0]
+    multipliers = with_fitted_gains(samples, multipliers, np.ones(len(samples), dtype=np.bool_))
+    x = samples.raw * multipliers
+    fit = fit_matrix_and_response(x, samples.srgb)
+    if options.preset == "thesis":
+        response = fit_response_to_exposures(pairs_of_samples(samples), options.preset).response
+        fit = replace(fit, response=_scaled(response, fit))
+    matrices, mixed = {}, np.zeros_like(x)
     for balance in np.unique(samples.white_balance):
         rows = samples.white_balance == balance
         try:
-            matrices[str(balance)] = fit_reference_matrix(linear[rows], samples.raw[rows], trusted[rows])
+            own = fit_reference_matrix(fit, x[rows], samples.srgb[rows])
         except CalibrationError as error:
             raise CalibrationError(f'style "{name}", white balance "{balance}": {error}') from None
+        matrices[str(balance)] = own * np.median(multipliers[rows], axis=0)
         mixed[rows] = samples.raw[rows] @ matrices[str(balance)].T
-    forward, back = fit_shared_gamut_maps(mixed, samples.srgb, samples.shot, response, preset=options.preset)
+    forward, back = fit_shared_gamut_maps(mixed, samples.srgb, samples.shot, fit.response, preset=options.preset)
     return tuple(
-        PhysicalModel((balance,), matrix, response, forward.gamut_map, back.gamut_map)
+        PhysicalModel((balance,), matrix, fit.response, forward.gamut_map, back.gamut_map)
         for balance, matrix in matrices.items()
     )
+
+
+def _scaled(response: Response, fit: MatrixAndResponse) -> Response:
+    """f⁻¹ of exposure pairs, which leave its scale open, with the scale that RAW gives at middle grey."""
+    grey = np.full((1, 3), 0.5)
+    return Response(response.inverse * (fit.response.linearize(grey) / response.linearize(grey)))
