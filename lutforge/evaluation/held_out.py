@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.lattice.shrinkage import REACHES, chosen_reach
+from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, REACHES, chosen_reach
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.errors import CalibrationError
@@ -152,9 +152,9 @@ def _without_each(
 def _reaches(data: StyleData, masks: Sequence[Mask], refits: Sequence[Fits]) -> tuple[float, float]:
     """The reaches (render, linearize) that suit what lattices say of the samples of each mask, not seen by them."""
     pairs = [refit.own for refit in refits if refit.own is not None]
-    if not pairs or len(pairs) < len(refits):
-        return np.inf, np.inf
     shots, chosen = len(np.unique(data.shot)), []
+    if not pairs or len(pairs) < len(refits) or shots > MOST_SHOTS:
+        return np.inf, np.inf
     for direction, (x, y) in enumerate(((data.balanced, data.encoded), (data.encoded, data.balanced))):
 
         def total(reach: float, direction: int = direction, x: Array = x, y: Array = y) -> float:

@@ -55,7 +55,15 @@ def test_a_short_reach_gives_matrix_and_response_far_away_and_keeps_black_and_wh
     np.testing.assert_allclose(near(np.ones(3)), 1.0, atol=1e-9)
 
 
-def test_the_reach_is_the_shortest_that_is_as_good_and_infinite_with_many_shots() -> None:
+def test_five_shots_leave_a_lattice_as_it_is(samples: SampleSet) -> None:
+    assert len(np.unique(samples.shot)) == 5
+    fitted = fit_style(next(iter(data_by_style(samples).values())), CalibrationOptions(size=5))
+    style = calibrate(samples, CalibrationOptions(size=5)).styles["vivid"]
+    assert style.linearize is not None
+    np.testing.assert_allclose(style.linearize.values, fitted.linearize.lattice.values, atol=1e-6)
+
+
+def test_the_reach_is_the_shortest_that_is_as_good() -> None:
     falling = list(np.linspace(1.035, 1.0, len(REACHES)))
     assert chosen_reach(falling, shots=1) < chosen_reach(falling, shots=2) < chosen_reach(falling, shots=100) == np.inf
 

@@ -2,9 +2,11 @@
 
 Few shots tell little of colours that they do not show; there matrix and response alone are often nearer to the truth
 than what a lattice continues from its samples. A node at the distance d from the nearest sample keeps the share
-1 / (1 + d / r) of its difference from matrix and response. The reach r is chosen on shots that the fits have not seen,
-so that many shots leave a lattice as it is: stacking of two predictors (Wolpert 1992,
-https://doi.org/10.1016/S0893-6080(05)80023-1) with a weight that depends on place.
+1 / (1 + d / r) of its difference from matrix and response. The reach r is chosen on shots that the fits have not seen:
+stacking of two predictors (Wolpert 1992, https://doi.org/10.1016/S0893-6080(05)80023-1) with a weight that depends on
+place. More than four shots leave a lattice as it is: what they show reaches so far that the shots which are left out
+say nothing of the rest, and there the lattice continues them better (the demo's 8 shots: mean error of linearizing
+left-out shots 0.0025 unshrunk, 0.0019 shrunk, but the RMSE of saturated colours beyond them 0.0017 and 0.0021).
 """
 
 from collections.abc import Sequence
@@ -22,6 +24,8 @@ from lutforge.model.lattice import Lattice, grid
 
 Array = NDArray[np.float64]
 
+MOST_SHOTS = 4
+"""More shots leave a lattice as it is."""
 REACHES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, np.inf)
 """Reaches that are tried, in encoded RGB; with the last one nothing is shrunk."""
 
