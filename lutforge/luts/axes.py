@@ -28,16 +28,6 @@ Function = Callable[[Array], Array]
 LINES = 64
 """Lines along each axis on which slope and curvature are measured, beside the grey axis, and steps of each."""
 STEPS = 256
-GREY_SHARE = 0.25
-"""What the grey axis counts among the lines."""
-SLOPE_FLOOR = 0.5
-"""Share of a straight line in the curve beside the slope, so that it rises where the function is flat."""
-SLOPE_SMOOTHING, LEVEL_SMOOTHING = 4.0, 1.0
-"""Standard deviations, in steps, of the Gaussians over the densities."""
-POWER = 3.0
-"""Of the mean of curvatures over the lines, where a response follows: between the root mean square and the largest."""
-FLOOR = 0.2
-"""Share of the nodes that stays evenly spread."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,21 +107,22 @@ def _lines(function: Function, t: Array, axis: int, places: Array, gain: Array) 
     return function(x.reshape(-1, 3)).reshape(x.shape)
 
 
-def _mean(values: Array, share: Array, grey: float) -> Array:
-    """Over the lines (LINES + 1, m)."""
+def _mean(values: Array, share: Array, grey: float = 0.25) -> Array:
+    """The mean over the lines (LINES + 1, m), of which the grey axis counts the share `grey`."""
     return np.asarray((1 - grey) * (share @ values[1:]) + grey * values[0])
 
 
 def _slope(y: Array, t: Array, share: Array) -> Array:
     slope = np.diff(y, axis=1) / np.diff(t)[:, None]
-    return np.asarray(np.sqrt(_mean(np.sum(slope**2, axis=2), share, GREY_SHARE)))
+    return np.asarray(np.sqrt(_mean(np.sum(slope**2, axis=2), share)))
 
 
 def _curve(slope: Array, t: Array) -> Array:
     """The running sum of a slope, from 0 to 1, at SHAPER_SIZE even steps."""
-    density = gaussian_filter1d(slope, SLOPE_SMOOTHING, mode="nearest")
+    density = gaussian_filter1d(slope, 4.0, mode="nearest")
     total = float(np.sum(density * np.diff(t)))
-    density = density + SLOPE_FLOOR * total if total > 1e-12 else np.ones_like(density)
+    # Half of a straight line beside the slope, so that the curve rises where the function is flat.
+    density = density + 0.5 * total if total > 1e-12 else np.ones_like(density)
     u = np.concatenate([[0.0], np.cumsum(density * np.diff(t))])
     curve = PchipInterpolator(t, u / u[-1])(np.linspace(0.0, 1.0, SHAPER_SIZE))
     curve[0], curve[-1] = 0.0, 1.0
@@ -145,14 +136,15 @@ def _mass(y: Array, t: Array, u: Array, share: Array, weight: Function | None) -
     square = np.sum(bend**2, axis=2)
     if weight is None:
         inputs = (step[1:] + step[:-1]) / (wide[1:] + wide[:-1])  # how many, per unit of u; half way, as the fit has it
-        density = (_mean(np.sqrt(square), share, GREY_SHARE) * np.sqrt(inputs)) ** (1 / 3)
+        density = (_mean(np.sqrt(square), share) * np.sqrt(inputs)) ** (1 / 3)
     else:
         square *= weight(y[:, 1:-1].reshape(-1, 3)).reshape(square.shape)
-        density = _mean(square ** (POWER / 2), share, 0.5) ** (1 / (2 * POWER))
-    density = gaussian_filter1d(np.pad(density, 1, mode="edge"), LEVEL_SMOOTHING, mode="nearest")
+        # The cubic mean of curvatures lies between the root mean square and the largest.
+        density = _mean(square**1.5, share, 0.5) ** (1 / 6)
+    density = gaussian_filter1d(np.pad(density, 1, mode="edge"), 1.0, mode="nearest")
     mass = 0.5 * (density[1:] + density[:-1]) * wide
     total = mass.sum()
-    mass = (1 - FLOOR) * mass / total + FLOOR * step if total > 1e-12 else step
+    mass = 0.8 * mass / total + 0.2 * step if total > 1e-12 else step  # a fifth of the nodes stays evenly spread
     return np.asarray(mass / mass.sum())
 
 

@@ -10,9 +10,6 @@ from pathlib import Path
 ENCODED = "the camera's JPEG, encoded, 0 to 1"
 RAW = "linear camera RAW, black 0, saturation 1, before white balance"
 
-_HEAD = 16 * 1024
-"""Comments stand within so many bytes of the beginning of a file."""
-
 
 @dataclass(frozen=True)
 class Ends:
@@ -51,7 +48,7 @@ def read_ends(path: Path) -> Ends | None:
     """What a LUT file says of itself; None where it does not, or is not there."""
     try:
         with path.open("rb") as file:
-            head = file.read(_HEAD).decode("utf-8", "replace")
+            head = file.read(1 << 14).decode("utf-8", "replace")  # comments stand at the beginning
     except OSError:
         return None
     found = [re.search(rf"\b{end}: ([^;\n<]+)", unescape(head)) for end in ("input", "output")]

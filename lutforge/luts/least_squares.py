@@ -25,17 +25,10 @@ from lutforge.solvers.stencil import StencilOperator, from_planar, planar
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 
-POINTS_PER_CELL = 4
-FEWEST_POINTS, MOST_POINTS = 1 << 16, 1 << 19
-"""Bounds of the number of points; above the second one for each cell is enough beside its node."""
-NODE_SHARE = 0.5
-"""What a node counts beside a point: more, and the fit comes near to sampling."""
 OVERHANG = 0.03
 """Share of the points beyond either end of an axis, clamped to its face: where inputs clip, they are many."""
-GREY_WEIGHT = 30.0
 GREY_POINTS = 1025
-BLOCK = 1 << 16
-"""Points between two words of progress."""
+"""Points of the grey axis, beside those of the whole cube."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +63,11 @@ class Samples:
         widths = [np.gradient(axis) * (len(axis) - 1) for axis in levels]
         at_nodes = np.sqrt(np.einsum("i,j,k->ijk", *widths)).ravel()
         count = len(share)
+        # A node counts half of a point: more, and the fit comes near to sampling.
         return (
             np.concatenate([self.x[:count], grid(levels).reshape(-1, 3), self.x[count:]]),
             np.concatenate([self.y[:count], self.nodes[design].reshape(-1, 3), self.y[count:]]),
-            np.concatenate([share / share.mean(), NODE_SHARE * at_nodes / at_nodes.mean(), np.ones(GREY_POINTS)]),
+            np.concatenate([share / share.mean(), 0.5 * at_nodes / at_nodes.mean(), np.ones(GREY_POINTS)]),
         )
 
     def _cells(self, levels: Levels) -> Array:
@@ -100,9 +94,10 @@ def sample(
     nodes = [grid(levels) for levels in designs]
     x = np.concatenate([spread, grey, *(at.reshape(-1, 3) for at in nodes)])
     y = np.empty_like(x)
-    for start in range(0, len(x), BLOCK):
+    for start in range(0, len(x), 1 << 16):
         progress(start / len(x))
-        y[start : start + BLOCK] = function(x[start : start + BLOCK])
+        part = slice(start, start + (1 << 16))
+        y[part] = function(x[part])
     count = len(spread) + GREY_POINTS
     values = tuple(part.reshape(nodes[0].shape) for part in np.split(y[count:], len(designs)))
     return Samples(x[:count], y[:count], designs, on_face, counted, values)
@@ -120,7 +115,7 @@ def fit_cube(
     """Node values (N, N, N, 3) at one of the designs that come nearest to the samples under the given interpolation.
 
     knots: the design's levels on the axes of the cube, to which `curve` takes inputs. Black and white are the
-    function's own; the grey axis counts GREY_WEIGHT times. weight: (n, 3) of outputs → (n,), how much a squared error
+    function's own; the grey axis counts 30 times. weight: (n, 3) of outputs → (n,), how much a squared error
     counts there, as a response behind the cube magnifies it; then a second, reweighted fit (Lawson 1961) brings down
     the largest errors. limit: no node leaves the function's own range, whatever would fit best, so that a file keeps
     within the legal range.
@@ -130,7 +125,7 @@ def fit_cube(
     counts = None if weight is None else weight(y)
     if counts is not None:
         omega *= counts
-    omega[-GREY_POINTS:] *= GREY_WEIGHT
+    omega[-GREY_POINTS:] *= 30.0
     x = x if curve is None else curve(x)
     values = solve_nodes(x, y, knots, method, omega / omega.mean(), nodes, nodes)
     if counts is not None:
@@ -150,7 +145,8 @@ def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, NDArray[np
     """
     size = len(designs[0][0])
     cells = (size - 1) ** 3
-    count = max(FEWEST_POINTS, min(POINTS_PER_CELL * cells, max(MOST_POINTS, cells)))
+    # Four points a cell; above half a million one for each is enough beside its node.
+    count = max(1 << 16, min(4 * cells, max(1 << 19, cells)))
     u = qmc.Sobol(3, scramble=False).random(1 << int(np.ceil(np.log2(count))))[:count]
     even = np.linspace(0.0, 1.0, size)
     counted = np.ones(count)

@@ -19,9 +19,6 @@ Array = NDArray[np.float64]
 OCIO_ERRORS = (OCIO.Exception, OCIO.ExceptionMissingFile)
 """What OpenColorIO raises; in Python the second is not a kind of the first."""
 
-MAX_BYTES = 512 * 1024 * 1024
-"""Largest LUT file that is read; a 129³ cube as text takes about 70 MB."""
-
 
 def group_of(ops: Sequence[Op]) -> OCIO.GroupTransform:
     """The operations as OpenColorIO's transforms. Raises LutError on a curve at free knots, which it has none of."""
@@ -127,7 +124,7 @@ def file_group(
     Raises LutError, in one line, also where a table holds what is not a finite number.
     """
     path = Path(path)
-    require_file(path, "a LUT", LutError, MAX_BYTES)
+    require_file(path, "a LUT", LutError, 512 << 20)  # a 129³ cube as text takes about 70 MB
     OCIO.ClearAllCaches()  # else a file that was written again is read from memory
     direction = OCIO.TRANSFORM_DIR_INVERSE if inverse else OCIO.TRANSFORM_DIR_FORWARD
     # "Best" is tetrahedral for cubes, and unlike that name it is quiet about files of 1D tables.

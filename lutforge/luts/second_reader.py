@@ -15,16 +15,14 @@ Array = NDArray[np.float64]
 
 SUFFIXES = (".cube", ".csp", ".spi1d", ".spi3d")
 """What colour-science 0.4 reads; its reader of CLF is a package of its own, which refuses OCIO's namespace."""
-MOST_BYTES = 24 << 20
-"""It reads line by line: a 65³ .cube of 11 MB takes about a second."""
-POINTS = 4096
 AGREE = 1e-3
 """Two readers of one file may differ by this: float32 in one of them, and a spline through the knots of a .csp."""
 
 
 def second_reading(path: Path, x: Array, method: Interpolation) -> Array | None:
     """What colour-science makes of colours (n, 3); None where it does not read such files. Raises LutError."""
-    if path.suffix.lower() not in SUFFIXES or path.stat().st_size > MOST_BYTES:
+    # It reads line by line: a 65³ .cube of 11 MB takes about a second.
+    if path.suffix.lower() not in SUFFIXES or path.stat().st_size > 24 << 20:
         return None
     import colour  # imported here: it takes a second
 
@@ -50,7 +48,7 @@ def disagreement(paths: Sequence[Path], x: Array, first: Array, method: Interpol
     paths: a file, or those that are used one after the other. None where colour-science does not read such files.
     Raises LutError where the two disagree.
     """
-    some = np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(np.int64)
+    some = np.linspace(0, len(x) - 1, min(4096, len(x))).astype(np.int64)
     second: Array | None = x[some]
     for path in paths:
         second = None if second is None else second_reading(path, second, method)

@@ -16,7 +16,7 @@ from lutforge.luts.ops import Cube, Curve, Op, Range
 from lutforge.luts.sequence import MAX_SIZE, Lut
 from lutforge.luts.shaper import SHAPER_SIZE, node_levels
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.highlights import RAMP, neutral_where_clipped
+from lutforge.model.highlights import RAMP
 from lutforge.model.lattice import Lattice, grid
 from lutforge.model.transform import Clip, ColourFunction, KeepNeutral, Stage, Transform, through_stages
 
@@ -68,7 +68,7 @@ def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
     cut = 1 + next(at for at, stage in enumerate(first.stages) if isinstance(stage, Lattice | GamutMap))
     front, cube = _with_node(baked(Transform(first.stages[:cut])), 1.0 - RAMP)
     encoded = grid(node_levels(front, cube))
-    balanced = neutral_where_clipped(encoded, through_stages(first.stages[cut:], cube.values))
+    balanced = first.kept(encoded, through_stages(first.stages[cut:], cube.values))
     return Lut((front, Cube(balanced, cube.interpolation), *baked(Transform(transform.stages[1:])).ops))
 
 

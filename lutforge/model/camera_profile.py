@@ -247,7 +247,10 @@ def match(
         return Transform()
     balanced = (*source_camera._linearize(source, "raw", model).stages, *exposed)
     render = target_camera.render(target, model).without_gain()
-    return Transform((*((KeepNeutral(balanced),) if neutral_highlights else balanced), *render.stages))
+    if not neutral_highlights:
+        return Transform((*balanced, *render.stages))
+    to_linear = None if target_camera.raw_camera else target_camera.matrix
+    return Transform((KeepNeutral(balanced, to_linear), *render.stages))
 
 
 def _same_setting(camera: CameraProfile, one: Selector, other: Selector) -> bool:

@@ -20,13 +20,16 @@ def clipped(encoded: ArrayLike) -> Mask:
     return mask
 
 
-def neutral_where_clipped(encoded: Array, balanced: Array) -> Array:
+def neutral_where_clipped(encoded: Array, balanced: Array, to_linear: Array | None = None) -> Array:
     """Balanced linear colours (…, 3) to render anew, with what clipped in the source `encoded` (…, 3) kept neutral.
 
     The true value of a channel at 255 is at least what it reads: it is raised to the smallest of the unclipped ones,
     which makes burnt-out neutrals neutral and leaves saturated colours alone. Where all are at 255 they are raised to
     the largest, where all are at 0 lowered to the smallest. It sets in over the last RAMP below 1, as a lookup table
     cannot jump; other colours are untouched.
+
+    to_linear: (3, 3), rows sum to 1, to the linear light of the output: as much white is added as keeps each of its
+    channels from becoming darker, where a tinted grey becomes a neutral white.
     """
     burnt = np.clip((encoded - (1.0 - RAMP)) / RAMP, 0.0, 1.0)
     if not burnt.any() and np.all(encoded > CLIPPED):
@@ -34,5 +37,7 @@ def neutral_where_clipped(encoded: Array, balanced: Array) -> Array:
     highest = balanced.max(axis=-1, keepdims=True)
     floor = (balanced + burnt * (highest - balanced)).min(axis=-1, keepdims=True)
     raised = balanced + burnt * np.maximum(floor - balanced, 0.0)
+    if to_linear is not None:
+        raised += np.maximum(((balanced - raised) @ to_linear.T).max(axis=-1, keepdims=True), 0.0)
     black = np.all(encoded <= CLIPPED, axis=-1, keepdims=True)
     return np.asarray(np.where(black, balanced.min(axis=-1, keepdims=True), raised))

@@ -102,13 +102,21 @@ class Carry:
 
 @dataclass(frozen=True, eq=False)
 class KeepNeutral:
-    """Encoded colours through `stages`, with what clipped in the source kept neutral (`neutral_where_clipped`)."""
+    """Encoded colours through `stages`, with what clipped in the source kept neutral.
+
+    to_linear: (3, 3), as of `neutral_where_clipped`, or none.
+    """
 
     stages: "tuple[Stage, ...]"
+    to_linear: Array | None = None
 
     def __call__(self, x: Array) -> Array:
         """Encoded (…, 3) → white-balanced linear."""
-        return neutral_where_clipped(x, through_stages(self.stages, x))
+        return self.kept(x, through_stages(self.stages, x))
+
+    def kept(self, encoded: Array, balanced: Array) -> Array:
+        """The same, of encoded colours (…, 3) that are through the stages already."""
+        return neutral_where_clipped(encoded, balanced, self.to_linear)
 
 
 Stage = Gain | Linear | Clip | Encode | Decode | Lattice | GamutMap | Carry | KeepNeutral

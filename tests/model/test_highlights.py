@@ -37,3 +37,17 @@ def test_white_stays_white_in_a_refinish_and_in_its_file(ev: float) -> None:
     assert np.ptp(lf.bake(refinish, size=17)(np.ones(3))) < 0.01
     middle = np.random.default_rng(0).uniform(0.02, 0.95, (500, 3))
     np.testing.assert_allclose(refinish(middle), bare(middle), atol=1e-12)
+
+
+def test_no_channel_of_the_output_becomes_darker_where_a_tinted_grey_becomes_white() -> None:
+    """In the output's linear light, from grey to burnt-out white, under white balances that tint either way."""
+    to_linear = np.array([[1.7, -0.5, -0.2], [-0.3, 1.6, -0.3], [0.0, -0.6, 1.6]])
+    grey = np.linspace(0.5, 1.0, 2001)[:, None].repeat(3, axis=1)
+    below = grey[:, 0] < 1 - RAMP
+    for tint in ([2.0, 1.0, 0.5], [0.5, 1.0, 2.0], [1.0, 0.5, 1.0]):
+        balanced = grey**2.2 * tint
+        raised = neutral_where_clipped(grey, balanced, to_linear)
+        assert np.all((raised - balanced) @ to_linear.T >= -1e-12)
+        assert np.any((neutral_where_clipped(grey, balanced) - balanced) @ to_linear.T < -0.01)
+        assert np.ptp(raised[-1]) < 1e-12
+        np.testing.assert_array_equal(raised[below], balanced[below])

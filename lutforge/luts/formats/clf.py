@@ -46,7 +46,11 @@ def read(path: Path, data: bytes) -> Lut:
         raise LutError(f"{path}: a document type or entity is declared; a LUT needs none, and it is refused")
     if b"<processlist" not in head and b":processlist" not in head:
         raise LutError(f"{path}: no ProcessList at its beginning, as a {path.suffix} has")
-    group, _ = file_group(path)
+    OCIO.SetLoggingFunction(lambda text: None)  # `check` tells its warnings; here they would go to the terminal
+    try:
+        group, _ = file_group(path)
+    finally:
+        OCIO.ResetToDefaultLoggingFunction()
     metadata = group.getFormatMetadata()
     children = metadata.getChildElements()
     notes = tuple(child.getElementValue()[:200] for child in children if child.getElementName() == "Description")
