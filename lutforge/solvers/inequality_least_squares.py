@@ -18,7 +18,8 @@ def solve_lsi(design: Array, target: Array, constraints: Array, bounds: Array) -
     """x (k,) that minimises ‖design x − target‖ subject to constraints x ≥ bounds.
 
     design: (m, k) of full column rank; constraints: (c, k); bounds: (c,).
-    Raises CalibrationError where the design does not determine x, no x satisfies the constraints, or none is found.
+    Raises CalibrationError where the design does not determine x, no x satisfies the constraints, or the search for it
+    reaches its limit.
     """
     unknowns = design.shape[1]
     factor = np.asarray(np.linalg.qr(np.column_stack([design, target]), mode="r"))
@@ -30,9 +31,9 @@ def solve_lsi(design: Array, target: Array, constraints: Array, bounds: Array) -
     turned = np.linalg.solve(upper.T, constraints.T).T  # G R⁻¹
     slack = 1e-9 * np.maximum(np.linalg.norm(constraints, axis=1), 1e-300)
     chosen = np.zeros(len(bounds), dtype=np.bool_)
-    for _ in range(30):  # few constraints ever bind: only those that were violated enter the problem
-        violated = constraints @ solution < bounds - slack
-        if not violated.any():
+    while True:  # few constraints ever bind: only those that were violated enter the problem
+        violated = (constraints @ solution < bounds - slack) & ~chosen
+        if not violated.any():  # what those that entered lack is rounding
             return solution
         chosen |= violated
         distance = least_distance(turned[chosen], bounds[chosen] - turned[chosen] @ projected)
@@ -41,7 +42,6 @@ def solve_lsi(design: Array, target: Array, constraints: Array, bounds: Array) -
         if not distance.converged:
             raise CalibrationError(f"the curve of the samples was not found: {distance.status.value}")
         solution = np.linalg.solve(upper, distance.value + projected)
-    raise CalibrationError("the curve of the samples was not found: the constraints hold in turns only")
 
 
 def least_distance(constraints: Array, bounds: Array) -> Solution:

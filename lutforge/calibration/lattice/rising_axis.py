@@ -52,7 +52,8 @@ def _points(levels: Levels) -> Array:
 
 
 def _raise(values: Array, nodes: Index, weights: Array, around: int, bounds: tuple[float, float]) -> None:
-    """Change the values (N³,) of a channel in place."""
+    """Change the values (N³,) of a channel in place; not at all where no change within bounds makes them rise."""
+    as_given = values.copy()
     kept = np.zeros(len(nodes), dtype=np.bool_)
     for _ in range(8):
         grey = np.sum(weights * values[nodes], axis=1)
@@ -73,9 +74,10 @@ def _raise(values: Array, nodes: Index, weights: Array, around: int, bounds: tup
         before = np.where(clipped[rows], 0.0, 1.0)[:, None]
         np.add.at(change, (number, place[nodes[rows - 1]]), -before * weights[rows - 1])
         moved = least_distance(change[:, :-1], lacking[rows])
-        if not moved.converged:  # the nodes that stay forbid it: the axis is left as it is
-            return
+        if not moved.converged:  # the nodes that stay forbid it
+            break
         values[free] = np.clip(values[free] + moved.value, *bounds)
+    values[:] = as_given
 
 
 @compiled()
