@@ -30,8 +30,8 @@ def bake(
     space: Annotated[
         str,
         typer.Option(
-            help="Scene-linear side of linearize and render: raw, or linear-srgb, acescg, aces2065-1 (render: values "
-            "beyond 1 included)."
+            help="What render takes and linearize gives: raw, or a colour space, linear (acescg, linear-rec2020 …) or "
+            "encoded (vlog, slog3, logc4, acescct, davinci-intermediate …)."
         ),
     ] = "raw",
     reader: Annotated[

@@ -124,6 +124,11 @@ SPACES: dict[str, RgbSpace] = {
 """The spaces that `--space` takes, by name."""
 
 
+def from_linear_srgb(name: str) -> Array:
+    """(3, 3): linear sRGB → the linear RGB of a space, by its name in SPACES."""
+    return matrix_between("linear-srgb", rgb_space(name).linear.name)
+
+
 def rgb_space(name: str) -> RgbSpace:
     """A space by its name, in any case. Raises SettingsError, which lists the names, on an unknown one."""
     found = SPACES.get(name.strip().lower())

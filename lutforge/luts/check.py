@@ -9,6 +9,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from numpy.typing import NDArray
 
 from lutforge.errors import LutError, one_line
+from lutforge.luts.ends import RAW
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.read import read_lut
@@ -62,6 +63,8 @@ def check_lut(path: str | Path) -> LutReport:
     black, white = (_triple(colour) for colour in lut(np.array(domain)))
     found = _through_opencolorio(path, lut, domain)
     found |= {"other programs": "many refuse the byte order mark"} if marked else _readers(lut, dialect, domain)
+    if any(RAW in comment and comment.startswith("input: ") for comment in lut.comments):
+        found |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
     return LutReport(
         path=path,
         lut=lut,

@@ -7,24 +7,26 @@ from dataclasses import dataclass
 from html import unescape
 from pathlib import Path
 
+from lutforge.colour.rgb_spaces import rgb_space
+
 ENCODED = "the camera's JPEG, encoded, 0 to 1"
 RAW = "linear camera RAW, black 0, saturation 1, before white balance"
 
 
 @dataclass(frozen=True)
 class Ends:
-    """Input and output of a LUT, in words; ENCODED, RAW, or "scene-linear" and the name of the space."""
+    """Input and output of a LUT in words: ENCODED, RAW, or scene-linear or scene-referred and the space's name."""
 
     input: str
     output: str
 
     @property
     def takes_linear(self) -> bool:
-        return self.input != ENCODED
+        return _is_linear(self.input)
 
     @property
     def gives_linear(self) -> bool:
-        return self.output != ENCODED
+        return _is_linear(self.output)
 
     @property
     def comments(self) -> tuple[str, str]:
@@ -38,9 +40,14 @@ class Ends:
         return f"input: {taken}", f"output: {given}"
 
 
+def _is_linear(end: str) -> bool:
+    return end == RAW or end.startswith("scene-linear")
+
+
 def ends_of(kind: str, space: str) -> Ends:
-    """Of a transform: render, linearize, refinish or match; space: the scene-linear side, "raw" or a name."""
-    scene = RAW if space == "raw" else f"scene-linear {space}"
+    """Name the ends of a render, linearize, refinish or match; space: of the scene's side, "raw" or a name."""
+    linear = space == "raw" or rgb_space(space).is_linear
+    scene = RAW if space == "raw" else f"scene-{'linear' if linear else 'referred'} {space}"
     return Ends(scene if kind == "render" else ENCODED, scene if kind == "linearize" else ENCODED)
 
 

@@ -15,7 +15,11 @@ TRIED = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
 
 @dataclass(frozen=True)
 class Program:
-    """What a program takes. shaper: reads a .cube with a shaper; max_size: most nodes per axis; reads: suffixes."""
+    """What a program takes.
+
+    shaper: reads a .cube with a shaper; max_size: most nodes per axis; reads: suffixes. develops: it develops RAW files
+    itself, and feeds a LUT with what it developed, never with camera RAW.
+    """
 
     shaper: bool
     reads: tuple[str, ...]
@@ -23,6 +27,7 @@ class Program:
     size: int = 65
     interpolation: Interpolation = "trilinear"
     use: str = ""
+    develops: bool = False
 
 
 OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".cub", ".lut", ".3dl", ".spi1d", ".spi3d")
@@ -37,7 +42,9 @@ PROGRAMS: dict[str, Program] = {
     "houdini": Program(shaper=True, reads=OCIO_READS),
     "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
     "photoshop": Program(shaper=False, reads=(".cube", ".3dl", ".csp")),
-    "lightroom": Program(shaper=False, reads=(".cube",), size=33, use="in a profile made with Camera Raw"),
+    "lightroom": Program(
+        shaper=False, reads=(".cube",), size=33, use="in a profile made with Camera Raw", develops=True
+    ),
     "premiere": Program(shaper=False, reads=(".cube", ".3dl")),
     "aftereffects": Program(shaper=False, reads=(".cube", ".3dl", ".csp"), max_size=64, size=64),
     "finalcut": Program(shaper=False, reads=(".cube",)),
@@ -50,9 +57,12 @@ PROGRAMS: dict[str, Program] = {
         reads=(".cube", ".3dl", ".png"),
         interpolation="tetrahedral",
         use="module lut 3D, colour space sRGB",
+        develops=True,
     ),
-    "rawtherapee": Program(shaper=False, reads=HALD, use="Film Simulation, its folder in the preferences"),
-    "art": Program(shaper=False, reads=(*HALD, ".clf")),
+    "rawtherapee": Program(
+        shaper=False, reads=HALD, use="Film Simulation, its folder in the preferences", develops=True
+    ),
+    "art": Program(shaper=False, reads=(*HALD, ".clf"), develops=True),
     "gmic": Program(shaper=False, reads=(".cube", ".png")),
     "gimp": Program(shaper=False, reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
     "imagemagick": Program(shaper=False, reads=HALD),

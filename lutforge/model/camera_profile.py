@@ -11,13 +11,13 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.colour.scene_spaces import SceneSpace, from_linear_srgb
+from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response import Response
-from lutforge.model.transform import Carry, Clip, Decode, Encode, Gain, KeepNeutral, Linear, Stage, Transform
+from lutforge.model.transform import Carry, Clip, Decode, Encode, EncodeRgb, Gain, KeepNeutral, Linear, Stage, Transform
 from lutforge.model.white_balance import WhiteBalance, resolve, seen_as, tinted
 from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector
 
@@ -142,19 +142,24 @@ class CameraProfile:
         within = Linear(np.diag(1 / reach))
         return Transform((Gain(gain), within, Clip(), Linear(physical.matrix * reach), forward, response))
 
-    def linearize(self, source: str | Selector, space: SceneSpace = "raw", model: ModelName | None = None) -> Transform:
-        """The camera's JPEG, encoded [0, 1] → RAW before white balance, or another scene-linear space.
+    def linearize(self, source: str | Selector, space: str = "raw", model: ModelName | None = None) -> Transform:
+        """Take the camera's JPEG, encoded [0, 1], to RAW before white balance, or to light in another colour space.
 
-        Raises ProfileError where the camera's own RAW is asked for and another camera's stood in.
+        space: "raw", or a name of `lutforge.colour.rgb_spaces`, scene-linear or encoded, such as "acescg" or "vlog".
+        Raises SettingsError on an unknown space, and ProfileError where the camera's own RAW is asked for and another
+        camera's stood in.
         """
         if space == "raw" and self.raw_camera:
             raise ProfileError(
                 f"{self.camera} has no RAW: this profile was calibrated through the RAW of {self.raw_camera}; "
                 "refinish works, or linearize to linear-srgb, acescg or aces2065-1"
             )
-        return self._linearize(source, space, model)
+        linear = self._linearize(source, space, model)
+        if space == "raw" or rgb_space(space).is_linear:
+            return linear
+        return Transform((*linear.stages, EncodeRgb(rgb_space(space))))
 
-    def _linearize(self, source: str | Selector, space: SceneSpace, model: ModelName | None) -> Transform:
+    def _linearize(self, source: str | Selector, space: str, model: ModelName | None) -> Transform:
         selector = self.selector(source)
         gain = self.multipliers(selector)
         style = self.styles[selector.style]

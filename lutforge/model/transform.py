@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.errors import ImageError
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import neutral_where_clipped
@@ -89,6 +90,28 @@ class Decode:
         return self.response.linearize(x)
 
 
+@dataclass(frozen=True)
+class EncodeRgb:
+    """The transfer function of an RGB space, such as a camera's log curve: linear → encoded."""
+
+    space: RgbSpace
+
+    def __call__(self, x: Array) -> Array:
+        """Linear (…, 3) → encoded."""
+        return self.space.encode(x)
+
+
+@dataclass(frozen=True)
+class DecodeRgb:
+    """The inverse transfer function of an RGB space: encoded → linear."""
+
+    space: RgbSpace
+
+    def __call__(self, x: Array) -> Array:
+        """Encoded (…, 3) → linear."""
+        return self.space.decode(x)
+
+
 @dataclass(frozen=True, eq=False)
 class Carry:
     """One camera's RAW → another's, Tc of equation (6.3)."""
@@ -119,7 +142,7 @@ class KeepNeutral:
         return neutral_where_clipped(encoded, balanced, self.to_linear)
 
 
-Stage = Gain | Linear | Clip | Encode | Decode | Lattice | GamutMap | Carry | KeepNeutral
+Stage = Gain | Linear | Clip | Encode | Decode | EncodeRgb | DecodeRgb | Lattice | GamutMap | Carry | KeepNeutral
 """Any stage: (…, 3) → (…, 3), float64. A lattice is h of the thesis, chapter 5; a gamut map h of chapter 4."""
 
 

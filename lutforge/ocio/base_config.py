@@ -9,7 +9,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
-from lutforge.colour.scene_spaces import from_linear_srgb
+from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.ocio.versions import INTEROP_IDS, MIRRORED_DISPLAYS, minor_version
 
 LUT_FOLDER = "luts"

@@ -69,6 +69,11 @@ def bake_files(
     inputs = [path for path in (profile, wanted.look, *wanted.transfers) if isinstance(path, str | Path)]
     paths = [check_output(path, inputs=inputs) for path in outputs]
     chosen = choose_transform(as_profile(profile), replace(wanted, neutral_highlights=not stages))
+    if program is not None and chosen.kind == "render" and program_named(program).develops:
+        raise SettingsError(
+            f"{program} feeds a LUT with what it developed, never with camera RAW: make a kit for it, "
+            f"lutforge kit camera.npz --to {wanted.target} --for {program.lower()} -o kit"
+        )
     named, notes = _files(paths, program, chosen.title, stages)
     kind, ends = chosen.kind, ends_of(chosen.kind, chosen.space)
     scenes = kind == "render" and chosen.space != "raw"

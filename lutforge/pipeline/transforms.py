@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lutforge.colour.scene_spaces import SCENE_SPACES
+from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import MODELS, CameraProfile, match
 from lutforge.model.raw_transfer import chained, load_transfer
@@ -24,9 +24,9 @@ class Wanted:
 
     kind: "render" (RAW → JPEG), "linearize" (JPEG → scene), "refinish" (JPEG → JPEG) or "match" (camera → camera).
     source, target: STYLE/WB of the JPEG that comes in, and of the one that comes out. ev: exposure change in stops.
-    space: scene-linear side of render and linearize. model: "lattice" or "rbf", where the profile holds both. look: for
-    match, the profile whose look is wanted; transfers: RAW → RAW to its camera, in steps. Raises SettingsError where an
-    option does not go with the kind.
+    space: what render takes and linearize gives, "raw" or a name of `lutforge.colour.rgb_spaces`. model: "lattice" or
+    "rbf", where the profile holds both. look: for match, the profile whose look is wanted; transfers: RAW → RAW to its
+    camera, in steps. Raises SettingsError where an option does not go with the kind.
     """
 
     kind: str
@@ -40,7 +40,7 @@ class Wanted:
     neutral_highlights: bool = True
 
     def __post_init__(self) -> None:
-        kind, space = one_of("transform", self.kind, KINDS), one_of("space", self.space, SCENE_SPACES)
+        kind, space = one_of("transform", self.kind, KINDS), _space_named(self.space)
         if (self.look is not None) != (kind == "match"):
             raise SettingsError("match needs two profiles, A.npz match B.npz; the other transforms need one")
         if self.transfers and kind != "match":
@@ -87,7 +87,7 @@ def transform(
 
 def choose_transform(camera: CameraProfile, wanted: Wanted) -> Chosen:
     """Return the transform that the words ask for. Raises SettingsError where a setting is missing or unknown."""
-    kind, space = one_of("transform", wanted.kind, KINDS), one_of("space", wanted.space, SCENE_SPACES)
+    kind, space = one_of("transform", wanted.kind, KINDS), _space_named(wanted.space)
     model = None if wanted.model is None else one_of("model", wanted.model, MODELS)
     exposure = f", {wanted.ev:+g} EV" if wanted.ev else ""
     end = camera if wanted.look is None else as_profile(wanted.look)
@@ -112,6 +112,11 @@ def choose_transform(camera: CameraProfile, wanted: Wanted) -> Chosen:
         if setting and f"{direction}_mean" in (figures := profile.styles[profile.selector(setting).style].errors)
     ]
     return Chosen(made, kind, space, title, tuple(notes), tuple(errors))
+
+
+def _space_named(word: str) -> str:
+    """Return the word "raw", or the name of a colour space. Raises SettingsError, which lists them."""
+    return "raw" if word.strip().lower() == "raw" else rgb_space(word).name
 
 
 def _needed(selector: str | None, option: str, kind: str, profile: CameraProfile, notes: list[str]) -> str:

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.colour.colour_difference import delta_e_2000
-from lutforge.colour.scene_spaces import from_linear_srgb
+from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import LutError, SettingsError
 from lutforge.luts.bake import bake
 from lutforge.luts.ops import Matrix

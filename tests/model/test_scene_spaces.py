@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lutforge.colour.scene_spaces import SCENE_SPACES, from_linear_srgb
+from lutforge.colour.rgb_spaces import SPACES, from_linear_srgb
 
 
 def test_linear_srgb_to_acescg_is_the_published_matrix() -> None:
@@ -12,8 +12,8 @@ def test_linear_srgb_to_acescg_is_the_published_matrix() -> None:
     np.testing.assert_allclose(from_linear_srgb("acescg"), expected, atol=2e-4)
 
 
-@pytest.mark.parametrize("space", [space for space in SCENE_SPACES if space != "raw"])
+@pytest.mark.parametrize("space", sorted(SPACES))
 def test_white_stays_white(space: str) -> None:
     matrix = from_linear_srgb(space)
-    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, atol=2e-4)
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, atol=3e-4)
     assert np.linalg.det(matrix) > 0

@@ -13,7 +13,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.colour.scene_spaces import from_linear_srgb
+from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.model.lattice import Lattice, grid, uniform_levels

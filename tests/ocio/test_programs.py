@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 import lutforge as lf
-from lutforge.colour.scene_spaces import from_linear_srgb
+from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.model.camera_profile import CameraProfile
 
 CONFIG = Path(__file__).parents[2] / "ocio_configs" / "nikon_d40" / "config.ocio"

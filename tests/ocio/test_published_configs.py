@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lutforge as lf
-from lutforge.colour.scene_spaces import from_linear_srgb
+from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.ocio.check import check_config, load_config, round_trips
 from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL
 from tests.ocio.test_config import convert, ociocheck
