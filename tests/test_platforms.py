@@ -48,7 +48,6 @@ def python(*words: object, **settings: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=environment)
 
 
-@pytest.mark.xfail(reason="some modules still use what Windows lacks")
 def test_every_module_imports_where_windows_has_less() -> None:
     ran = python("-c", AS_ON_WINDOWS)
     assert ran.returncode == 0, ran.stderr[-2000:]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.reference_camera import calibrate_by_reference
-from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
+from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances, with_fitted_gains
 from lutforge.calibration.shots.consistency import check_agreement, thin_colours, thin_settings
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.calibration.style_fit import StyleFit, fit_style, render_with_plain
@@ -59,6 +59,7 @@ def calibrate(
     multipliers, notes = complete_multipliers(samples)
     enough, left_out = styles_with_enough(samples, multipliers)
     samples, multipliers, notes = samples.select(enough), multipliers[enough], (*notes, *left_out)
+    multipliers = with_fitted_gains(samples, multipliers, unclipped(samples, multipliers))
     matrix: Array | None = None
     physical: dict[str, GamutMaps] = {}
     if options.model == "rbf":
@@ -160,4 +161,4 @@ def data_by_style(samples: SampleSet) -> dict[str, StyleData]:
             f"{samples.camera[0]} was sampled with another camera's RAW: its model has no lattice to choose a size of"
         )
     multipliers, _ = complete_multipliers(samples)
-    return style_data(samples, multipliers)[0]
+    return style_data(samples, with_fitted_gains(samples, multipliers, unclipped(samples, multipliers)))[0]

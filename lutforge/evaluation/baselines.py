@@ -11,13 +11,13 @@ Array = NDArray[np.float64]
 Predictor = Callable[[Array], Array]
 
 CHANNEL_ORDER = 6
-COLOUR_ORDER = 4
+"""Degree of the polynomials of one channel (thesis, Fig. 4.5)."""
 RIDGE = 1e-9
-ALTERNATIONS = 30
+"""Weight of the squared coefficients beside a sample: what colours cannot tell stays small."""
 
 
 def channel_polynomials(x: Array, y: Array) -> Predictor:
-    """One 6th-order polynomial per channel, x (n, 3) → y (n, 3); clamped to the range of x."""
+    """Fit one 6th-order polynomial per channel, x (n, 3) → y (n, 3); clamped to the range of x."""
     fits = [Polynomial.fit(x[:, c], y[:, c], CHANNEL_ORDER) for c in range(3)]
     low, high = x.min(axis=0), x.max(axis=0)
 
@@ -29,7 +29,7 @@ def channel_polynomials(x: Array, y: Array) -> Predictor:
 
 
 def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
-    """JPEG → RAW with one 6th-order polynomial per channel, then a 3 × 3 matrix (Chakrabarti et al. 2009): E = M p(I).
+    """Fit JPEG → RAW, E = M p(I): one 6th-order polynomial per channel, then a 3 × 3 matrix (Chakrabarti et al. 2009).
 
     Alternating least squares from the best sum of one-channel terms, each term's 3 × 6 coefficients cut to rank one.
     """
@@ -41,7 +41,7 @@ def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
     left, strength, right = np.linalg.svd(additive)
     curves = left[:, :, 0] * strength[:, :1]  # (3, 6)
     matrix = right[:, 0, :].T  # (3, 3): column k takes channel k's curve
-    for _ in range(ALTERNATIONS):
+    for _ in range(30):
         joint = np.einsum("nkp,ck->nckp", terms, matrix).reshape(3 * len(encoded), -1)
         normal = joint.T @ joint + RIDGE * len(encoded) * np.eye(joint.shape[1])
         curves = np.linalg.solve(normal, joint.T @ raw.reshape(-1)).reshape(3, CHANNEL_ORDER)
@@ -56,8 +56,8 @@ def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
 
 
 def colour_polynomial(x: Array, y: Array) -> Predictor:
-    """One polynomial of all three channels: degree 4 (35 terms), less where there are not four samples a term."""
-    degree = COLOUR_ORDER
+    """Fit one polynomial of all three channels: degree 4 (35 terms), less where there are not four samples a term."""
+    degree = 4
     while degree > 1 and len(x) < 4 * len(_terms(degree)):
         degree -= 1
     terms = _terms(degree)

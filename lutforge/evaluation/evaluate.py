@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lutforge.calibration.lattice.monochrome import monochrome_note
 from lutforge.calibration.options import options_from_json
-from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.calibration.physical.white_balance import complete_multipliers, with_gains
 from lutforge.calibration.style_data import style_data, styles_with_enough
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
@@ -42,6 +42,7 @@ def evaluate(
     the lattices in these. Raises CalibrationError where the samples hold none of the profile's styles.
     """
     multipliers, notes = complete_multipliers(samples)
+    multipliers = with_gains(samples, multipliers, profile.white_balances)
     known, strange = _known_styles(profile, samples)
     samples, multipliers = samples.select(known), multipliers[known]
     if profile.raw_camera:

@@ -10,13 +10,6 @@ from lutforge.colour.colour_difference import srgb_to_lab
 
 Array = NDArray[np.float64]
 
-GRID = 16
-NEAR = 0.1
-"""A colour this close to a sample, in encoded RGB, is known."""
-WORTH_NAMING = 0.5
-"""A region is named where this share of it is unknown."""
-LEAST_CELLS = 4
-MOST_GAPS = 6
 GREY_CHROMA = 12.0
 TONES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))
 """Names by upper bound of L*."""
@@ -55,7 +48,7 @@ def colour_gaps(encoded: Array) -> tuple[Gap, ...]:
     """
     cells, lab = _real_colours()
     if len(encoded):
-        distance, _ = cKDTree(encoded).query(cells, distance_upper_bound=NEAR)
+        distance, _ = cKDTree(encoded).query(cells, distance_upper_bound=0.1)  # in encoded RGB: known
         unknown = ~np.isfinite(distance)
     else:
         unknown = np.ones(len(cells), dtype=np.bool_)
@@ -65,17 +58,17 @@ def colour_gaps(encoded: Array) -> tuple[Gap, ...]:
         inside = np.array([other == name for other in names])
         share = float(unknown[inside].mean())
         count = int(unknown[inside].sum())
-        if share >= WORTH_NAMING and count >= LEAST_CELLS:
+        if share >= 0.5 and count >= 4:  # half of a region, and more than a corner of it
             gaps.append((count, Gap(name[0], name[1], share)))
     gaps.sort(key=lambda entry: -entry[0])
-    return tuple(gap for _, gap in gaps[:MOST_GAPS])
+    return tuple(gap for _, gap in gaps[:6])
 
 
 def _real_colours() -> tuple[Array, Array]:
     """Cell middles of sRGB's cube within Pointer's gamut (m, 3), and their CIELAB."""
     import colour  # imported here: it takes a second, and most commands never need it
 
-    axis = (np.arange(GRID) + 0.5) / GRID
+    axis = (np.arange(16) + 0.5) / 16
     cells = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     lab = srgb_to_lab(cells)
     space = colour.RGB_COLOURSPACES["sRGB"]

@@ -19,14 +19,6 @@ Array = NDArray[np.float64]
 
 UNCHANGED = "unchanged"
 """The method that leaves the JPEG as it is: how far apart the two settings are."""
-SAME_RAW = 0.02
-"""RAW values agree with the ratio of their shots within this fraction …"""
-RAW_NOISE = 5e-4
-"""… and this much of full scale."""
-LEAST_SHARE = 0.5
-"""Two shots show one scene under one light where so many of their common surfaces agree."""
-LEAST_SURFACES = 6
-MOST_STOPS = 3.0
 
 
 @dataclass(frozen=True)
@@ -66,13 +58,14 @@ def setting_pairs(styles: Mapping[str, Predictions]) -> Iterator[SettingPair]:
             continue
         one, other = styles[style_a].data.samples, styles[style_b].data.samples
         _, a, b = np.intersect1d(one.patch[rows_a], other.patch[rows_b], return_indices=True)
-        if len(a) < LEAST_SURFACES:
+        if len(a) < 6:  # fewer surfaces may agree by chance
             continue
         a, b = rows_a[a], rows_b[b]
         ratio = float(np.exp(np.median(np.log(other.raw[b] / one.raw[a]))))
         expected = ratio * one.raw[a]
-        same = np.all(np.abs(other.raw[b] - expected) < SAME_RAW * expected + RAW_NOISE, axis=1)
-        if same.sum() >= max(LEAST_SURFACES, LEAST_SHARE * len(a)) and abs(np.log2(ratio)) <= MOST_STOPS:
+        # Equal within 2 % and the noise of dark values; of one scene under one light half the surfaces are.
+        same = np.all(np.abs(other.raw[b] - expected) < 0.02 * expected + 5e-4, axis=1)
+        if same.sum() >= max(6, 0.5 * len(a)) and abs(np.log2(ratio)) <= 3.0:
             yield SettingPair((style_a, balance_a), (style_b, balance_b), a[same], b[same], ratio)
 
 
@@ -84,7 +77,7 @@ def _shots(predictions: Predictions) -> Iterator[tuple[str, NDArray[np.intp]]]:
 
 
 def refinish_errors(styles: Mapping[str, Predictions]) -> tuple[RefinishError, ...]:
-    """Every pair of settings that shots of one scene show, by method; empty where there are none.
+    """Measure every pair of settings that shots of one scene show, by method; empty where there are none.
 
     Each of the two steps of (6.1) is made by the fit that has not seen the shot it is applied to.
     """

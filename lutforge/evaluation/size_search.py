@@ -1,9 +1,10 @@
 """The smallest lattice that reaches an error on shots that were held out."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
@@ -11,20 +12,21 @@ from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_res
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import fit_direction
 from lutforge.errors import CalibrationError
-from lutforge.solvers.cross_validation import leave_groups_out
+from lutforge.progress import Progress, silent
+from lutforge.solvers.cross_validation import leave_groups_out, predict_held_out
 
-SIZES = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
-SEARCH_SIZE = 17
-"""Size at which λ_S is chosen for all of them."""
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 def smallest_size(
     data: Mapping[str, StyleData],
     tolerance: float,
     options: CalibrationOptions | None = None,
-    progress: Callable[[str, float], None] = lambda what, share: None,
+    progress: Progress = silent,
+    sizes: Sequence[int] = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65),
 ) -> int:
-    """The first of SIZES whose mean error of rendering is within the tolerance in every style.
+    """Find the first of `sizes` whose mean error of rendering is within the tolerance in every style.
 
     The error is the norm of the RGB difference of encoded values 0 … 1, mean over the samples of shots that the fit has
     not seen, as `lutforge calibrate` prints it. Raises CalibrationError where no size reaches it, or no shot can be
@@ -38,9 +40,9 @@ def smallest_size(
             raise CalibrationError(f'style "{name}": no shot can be held out to measure a tolerance on: add shots')
     options = options or CalibrationOptions()
     smoothness = {name: _smoothness(style, options) for name, style in data.items()}
-    best, at = float("inf"), SIZES[0]
-    for index, size in enumerate(SIZES):
-        progress(f"{size} nodes per axis", index / len(SIZES))
+    best, at = float("inf"), sizes[0]
+    for index, size in enumerate(sizes):
+        progress(f"{size} nodes per axis", index / len(sizes))
         error = max(_held_out(style, replace(options, size=size), smoothness[name]) for name, style in data.items())
         if error <= tolerance:
             progress("done", 1.0)
@@ -48,27 +50,28 @@ def smallest_size(
         if error < best:
             best, at = error, size
     raise CalibrationError(
-        f"no size up to {SIZES[-1]} renders held-out shots with a mean error of {tolerance:g}; the smallest is "
+        f"no size up to {sizes[-1]} renders held-out shots with a mean error of {tolerance:g}; the smallest is "
         f"{best:.2g}, at {at}: give a larger tolerance, or add shots"
     )
 
 
 def _smoothness(style: StyleData, options: CalibrationOptions) -> float:
+    """λ_S for all sizes, chosen on one that shows what the largest would choose."""
     base = fit_matrix_and_response(style.balanced, style.encoded)
-    return fit_direction(
-        style, replace(options, size=SEARCH_SIZE), base, inverse=False, tolerance=MEASURING_TOLERANCE
-    ).smoothness
+    middle = replace(options, size=17)
+    return fit_direction(style, middle, base, inverse=False, tolerance=MEASURING_TOLERANCE).smoothness
 
 
 def _held_out(style: StyleData, options: CalibrationOptions, smoothness: float) -> float:
     """Mean error of rendering on each group of shots by a fit to the others."""
-    error = np.empty(len(style.shot))
-    for mask in leave_groups_out(style.shot):
-        train = style.select(~mask)
-        base = fit_matrix_and_response(train.balanced, train.encoded)
+
+    def rendered(train: Mask, test: Mask) -> Array:
+        part = style.select(train)
+        base = fit_matrix_and_response(part.balanced, part.encoded)
         fit = fit_direction(
-            train, options, base, inverse=False, smoothness=smoothness, tolerance=MEASURING_TOLERANCE
+            part, options, base, inverse=False, smoothness=smoothness, tolerance=MEASURING_TOLERANCE
         ).lattice
-        rendered = np.clip(fit(style.balanced[mask]), 0.0, 1.0)
-        error[mask] = np.linalg.norm(rendered - style.encoded[mask], axis=1)
-    return float(error.mean())
+        return np.clip(fit(style.balanced[test]), 0.0, 1.0)
+
+    predicted = predict_held_out(leave_groups_out(style.shot), rendered)
+    return float(np.linalg.norm(predicted - style.encoded, axis=1).mean())

@@ -122,7 +122,7 @@ class CameraProfile:
         return Multipliers((float(r), float(g), float(b)))
 
     def multipliers(self, text: str | Selector) -> Array:
-        """The white-balance multipliers (3,) that a selector asks for, green = 1."""
+        """Tw (3,) that a selector asks for: white-balance multipliers times the gain of the setting."""
         return resolve(self.selector(text).white_balance, self.white_balances, self.matrix)
 
     def render(self, to: str | Selector, model: ModelName | None = None) -> Transform:

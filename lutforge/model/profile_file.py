@@ -24,8 +24,8 @@ from lutforge.model.white_balance import WhiteBalance
 
 Array = NDArray[np.float64]
 
-FORMAT_VERSION = 3
-"""2: lattices may have a response. 3: gamut maps may be on an even scale."""
+FORMAT_VERSION = 4
+"""2: lattices may have a response. 3: gamut maps may be on an even scale. 4: white balances have a gain."""
 LARGEST_ENTRY = 512 * 1024 * 1024
 """Bytes that one array of a profile may unpack to; a 129³ lattice takes 52 MB."""
 MOST_ENTRIES = 4096
@@ -49,6 +49,7 @@ def save_profile(profile: CameraProfile, path: str | Path) -> None:
                 "multipliers": list(balance.multipliers),
                 "kelvin": balance.kelvin,
                 "spread": balance.spread,
+                "gain": balance.gain,
             }
             for name, balance in profile.white_balances.items()
         },
@@ -186,7 +187,12 @@ class _Arrays:
 
 def _profile_from_json(document: dict[str, Any], arrays: _Arrays, path: Path) -> CameraProfile:
     balances = {
-        str(name): WhiteBalance(_triple(entry["multipliers"]), entry["kelvin"], float(entry.get("spread", 0.0)))
+        str(name): WhiteBalance(
+            _triple(entry["multipliers"]),
+            entry["kelvin"],
+            float(entry.get("spread", 0.0)),
+            float(entry.get("gain", 1.0)),
+        )
         for name, entry in document["white_balances"].items()
     }
     styles = {str(name): _style_from_json(entry, arrays, path) for name, entry in document["styles"].items()}

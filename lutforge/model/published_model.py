@@ -113,7 +113,7 @@ def _read_transform(path: Path) -> tuple[Array, dict[str, WhiteBalance]]:
         if min(r, g, b) <= 0:
             raise ProfileError(f"{path}, line {lines[start + 4][0]}: white-balance multipliers must be positive")
         name = LIGHT_SOURCES.get(code, f"light source {code}")
-        balances[name] = WhiteBalance((r / g, 1.0, b / g), NAMED_KELVIN.get(name))
+        balances[name] = WhiteBalance((r / g, 1.0, b / g), NAMED_KELVIN.get(name), gain=g)
     return np.array(values[1:4]), balances
 
 

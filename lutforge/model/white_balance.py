@@ -40,7 +40,8 @@ MIRED_MARGIN = 30.0
 @dataclass(frozen=True)
 class WhiteBalance:
     """multipliers: r, g, b with g = 1; kelvin: correlated colour temperature where known; spread: for a setting that
-    the camera changes from shot to shot (auto), the largest relative departure of a shot from these multipliers.
+    the camera changes from shot to shot (auto), the largest relative departure of a shot from these multipliers; gain:
+    what this setting multiplies all channels by, beside the camera's others (the third number of Tw).
 
     Raises ProfileError on multipliers that are not positive numbers with green = 1 or that no camera sets, and on a
     temperature or spread that is none.
@@ -49,6 +50,12 @@ class WhiteBalance:
     multipliers: tuple[float, float, float]
     kelvin: float | None = None
     spread: float = 0.0
+    gain: float = 1.0
+
+    @property
+    def factors(self) -> Array:
+        """Tw as the camera applies it, (3,): the multipliers times the gain."""
+        return self.gain * np.array(self.multipliers)
 
     def __post_init__(self) -> None:
         if not all(math.isfinite(value) and value > 0 for value in self.multipliers):
@@ -62,10 +69,12 @@ class WhiteBalance:
             raise ProfileError(f"white balance: {kelvin!r} is not a temperature from {COOLEST:g} to {HOTTEST:g} kelvin")
         if not 0 <= self.spread < math.inf:
             raise ProfileError(f"white balance: a spread of {self.spread} is not possible")
+        if not 1.0 / LARGEST_MULTIPLIER <= self.gain <= LARGEST_MULTIPLIER:
+            raise ProfileError(f"white balance: no camera multiplies all channels by {self.gain}")
 
 
 def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
-    """The multipliers (3,) that a selector asks for, green = 1. matrix: Ts (3, 3), for temperatures.
+    """Tw (3,) that a selector asks for: multipliers times the gain of the setting. matrix: Ts (3, 3), for temperatures.
 
     Raises SettingsError, listing the known settings, where the profile cannot answer.
     """
@@ -73,7 +82,7 @@ def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, White
         case Multipliers(rgb):
             return np.array(rgb)
         case Kelvin(kelvin, 0.0) if f"{kelvin:g}k" in known:
-            return np.array(known[f"{kelvin:g}k"].multipliers)
+            return known[f"{kelvin:g}k"].factors
         case Kelvin(kelvin, tint):
             return _at_temperature(kelvin, tint, known, matrix)
         case name:
@@ -82,7 +91,7 @@ def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, White
                 raise SettingsError(
                     f'unknown white balance "{name}"{hint}; this profile knows {", ".join(sorted(known))}'
                 )
-            return np.array(known[name].multipliers)
+            return known[name].factors
 
 
 def tinted(multipliers: Array, tint: float, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
@@ -132,17 +141,17 @@ def _at_temperature(kelvin: float, tint: float, known: Mapping[str, WhiteBalance
     mireds = np.array(sorted({1e6 / temperature for temperature, _ in settings}))
     departures = np.zeros((len(mireds), 3))
     for index, mired in enumerate(mireds):  # settings of one temperature: their mean
-        logs = [np.log(multipliers) for temperature, multipliers in settings if 1e6 / temperature == mired]
+        logs = [np.log(factors) for temperature, factors in settings if 1e6 / temperature == mired]
         departures[index] = np.mean(logs, axis=0) - np.log(multipliers_of(locus(1e6 / mired), from_xyz))
     departure = [np.interp(1e6 / kelvin, mireds, departures[:, c]) for c in range(3)]
     return np.asarray(np.exp(departure) * multipliers_of(white(kelvin, tint), from_xyz))
 
 
-def _on_the_locus(known: Mapping[str, WhiteBalance]) -> list[tuple[float, tuple[float, float, float]]]:
-    """Temperature and multipliers of the settings for natural light; fluorescent lamps lie beside it, and count only
+def _on_the_locus(known: Mapping[str, WhiteBalance]) -> list[tuple[float, Array]]:
+    """Temperature and Tw of the settings for natural light; fluorescent lamps lie beside it, and count only
     where there is nothing else.
     """
-    points = {name: (balance.kelvin, balance.multipliers) for name, balance in known.items() if balance.kelvin}
+    points = {name: (balance.kelvin, balance.factors) for name, balance in known.items() if balance.kelvin}
     natural = [point for name, point in points.items() if "fluorescent" not in name]
     return natural if len({kelvin for kelvin, _ in natural}) >= 2 else list(points.values())
 
@@ -152,5 +161,5 @@ def _camera_from_xyz(known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
     points = _on_the_locus(known)
     if not points:
         raise SettingsError("this profile knows no colour temperature; name multipliers r,g,b instead")
-    kelvin, multipliers = min(points, key=lambda point: abs(1e6 / point[0] - 1e6 / DAYLIGHT))
-    return camera_from_xyz(matrix, np.array(multipliers), kelvin)
+    kelvin, factors = min(points, key=lambda point: abs(1e6 / point[0] - 1e6 / DAYLIGHT))
+    return camera_from_xyz(matrix, factors / factors[1], kelvin)

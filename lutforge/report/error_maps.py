@@ -17,9 +17,6 @@ from lutforge.shots.shot import Shot
 
 Array = NDArray[np.float64]
 
-ROWS = 240
-"""About as many rows of cells: each cell averages some noise and JPEG compression away."""
-
 
 @dataclass(frozen=True, eq=False)
 class ErrorMaps:
@@ -35,7 +32,7 @@ class ErrorMaps:
 
 def error_maps(shot: Shot, predictions: Predictions, methods: Sequence[str]) -> ErrorMaps:
     """Render a shot, of which the predictions hold samples, by the fits that predict these samples."""
-    cell = max(2, round(shot.jpeg.shape[0] / ROWS))
+    cell = max(2, round(shot.jpeg.shape[0] / 240))  # averages some noise and compression away
     jpeg, raw = jpeg_cells(shot.jpeg, cell), raw_on_jpeg_cells(shot, cell)
     clip = clipping(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation_levels(shot.raw.pixels))
     usable = np.isfinite(raw.mean[..., 0]) & ~clip.any

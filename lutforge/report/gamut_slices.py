@@ -14,9 +14,6 @@ Array = NDArray[np.float64]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Of linear sRGB (IEC 61966-2-1)."""
 SLICES = (0.08, 0.25, 0.5)
-GRID = 25
-NEAR = 0.04
-"""A control point this far in luminance from a slice is drawn on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +30,7 @@ class GamutSlice:
     control_points: Array
 
 
-def gamut_slice(gamut_map: GamutMap, luminance: float, grid: int = GRID) -> GamutSlice:
+def gamut_slice(gamut_map: GamutMap, luminance: float, grid: int = 25) -> GamutSlice:
     """h at the colours of linear sRGB's cube that have this luminance."""
     axis = np.linspace(0.0, 1.0, grid)
     red, blue = (values.ravel() for values in np.meshgrid(axis, axis, indexing="ij"))
@@ -41,7 +38,7 @@ def gamut_slice(gamut_map: GamutMap, luminance: float, grid: int = GRID) -> Gamu
     inside = (green >= 0) & (green <= 1)
     before = np.stack([red, green, blue], axis=1)[inside]
     after = gamut_map(before) if len(before) else before
-    near = np.abs(gamut_map.centres @ LUMINANCE - luminance) < NEAR
+    near = np.abs(gamut_map.centres @ LUMINANCE - luminance) < 0.04
     return GamutSlice(
         luminance,
         _on_plane(before),

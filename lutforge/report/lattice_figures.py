@@ -11,9 +11,6 @@ from lutforge.report.drawing import CHANNELS, MAP
 
 Array = NDArray[np.float64]
 
-DRAWN = 200
-"""Points of a histogram that are drawn."""
-
 
 def draw_levels(axis: Axes, lattice: Lattice, source: str) -> None:
     """Node level against cube coordinate, per channel: where the curve is flat, nodes are dense."""
@@ -53,7 +50,7 @@ def levels_on_errors(lattice: Lattice, histograms: tuple[Array, Array, Array], s
     for axis, levels, histogram, (name, colour, _) in zip(
         figure.subplots(1, 3), lattice.levels, histograms, CHANNELS, strict=True
     ):
-        density = histogram.reshape(DRAWN, -1).sum(axis=1)
+        density = histogram.reshape(200, -1).sum(axis=1)
         middle = (np.arange(len(density)) + 0.5) / len(density)
         axis.fill_between(middle, density, color=colour, alpha=0.35, linewidth=0)
         top = max(float(density.max()), 1e-9)

@@ -14,7 +14,6 @@ from lutforge.calibration.physical.gamut_map import identity_gamut_map
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
-from lutforge.calibration.physical.response_from_raw import fit_response_to_raw
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
 from lutforge.calibration.style_data import style_data, unclipped
 from lutforge.calibration.style_fit import fit_direction
@@ -127,7 +126,7 @@ def _stages(kind: str, samples: SampleSet, options: CalibrationOptions) -> Camer
 def _response(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -> Response:
     if options.preset == "thesis":
         return fit_response_to_exposures(pairs_of_samples(samples), options.preset).response
-    return fit_response_to_raw(samples.raw * multipliers, samples.srgb, options.preset).response
+    return fit_matrix_and_response(samples.raw * multipliers, samples.srgb).response
 
 
 def _conventional(response: Response, matrix: Array, balances: dict[str, WhiteBalance]) -> PhysicalModel:
@@ -173,7 +172,7 @@ def _multipliers(profile: CameraProfile, samples: SampleSet) -> Array:
         rows = unknown & (samples.white_balance == name)
         known = profile.white_balances.get(str(name))
         if known is not None:
-            multipliers[rows] = known.multipliers
+            multipliers[rows] = known.factors
     return multipliers
 
 

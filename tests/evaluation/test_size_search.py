@@ -11,7 +11,7 @@ from lutforge.calibration.calibrate import data_by_style
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.main import app
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.size_search import SIZES, smallest_size
+from lutforge.evaluation.size_search import smallest_size
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
@@ -28,13 +28,12 @@ def test_it_reaches_the_error_that_calibrate_prints(samples: SampleSet) -> None:
     data = data_by_style(samples)
     printed = calibrate(samples, CalibrationOptions(size=13)).styles["standard"].errors["render_mean"]
     assert smallest_size(data, 1.2 * printed) <= 13
-    assert smallest_size(data, 1.0) == SIZES[0]
+    assert smallest_size(data, 1.0) == 9
 
 
-def test_what_no_size_reaches_is_said(samples: SampleSet, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lutforge.evaluation.size_search.SIZES", (5, 9))
+def test_what_no_size_reaches_is_said(samples: SampleSet) -> None:
     with pytest.raises(CalibrationError, match=r"the smallest is 0\.0"):
-        smallest_size(data_by_style(samples), 1e-6)
+        smallest_size(data_by_style(samples), 1e-6, sizes=(5, 9))
     with pytest.raises(CalibrationError, match="above 0"):
         smallest_size(data_by_style(samples), float("nan"))
     alone = samples.select(samples.shot == samples.shot[0])

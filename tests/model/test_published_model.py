@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map
+from lutforge.calibration.physical.matrix_and_response import encoding_slope
 from lutforge.calibration.physical.physical_model import OFFSET
-from lutforge.calibration.physical.response_from_raw import encoding_slope
 from lutforge.errors import ProfileError
 from lutforge.model.gamut_map import even_slope
 from lutforge.model.published_model import PublishedModel, import_published, read_published_model
@@ -44,13 +44,27 @@ def test_it_linearizes_what_it_renders(published: PublishedModel) -> None:
     assert error.mean() < 1e-3
 
 
+def test_every_setting_is_the_product_that_the_files_print(shared_data: Path) -> None:
+    """Ts·Tw with the common factor of each setting, in linear light, to the files' six decimals."""
+    profile = import_published([shared_data / "nus_nikon_d40" / name for name in FOLDERS], "Nikon D40")
+    for folder in FOLDERS:
+        path = shared_data / "nus_nikon_d40" / folder
+        lines = [line.split() for line in (path / "raw2jpg_transform.txt").read_text().splitlines()]
+        model = read_published_model(path)
+        assert list(model.white_balances) and int(lines[0][0]) == len(model.white_balances)
+        for place, name in enumerate(model.white_balances):
+            product = np.array(lines[5 + 5 * place : 8 + 5 * place], dtype=np.float64)
+            factors = profile.multipliers(f"standard/{name}")
+            np.testing.assert_allclose(model.model.matrix * factors, product, atol=1.5e-6)
+
+
 def test_the_profile_is_the_formula_of_the_files(shared_data: Path) -> None:
     profile = import_published([shared_data / "nus_nikon_d40" / name for name in FOLDERS], "Nikon D40")
     transform = profile.render("standard/daylight")
     assert isinstance(transform.stages[-1], Encode)
     other = read_published_model(shared_data / "nus_nikon_d40" / "other_white_balances")
     raw = np.array([[0.1, 0.2, 0.12], [0.02, 0.05, 0.04]])
-    linear = (raw * other.white_balances["daylight"].multipliers) @ other.model.matrix.T
+    linear = (raw * other.white_balances["daylight"].factors) @ other.model.matrix.T
     distance = np.linalg.norm(linear[:, None] - other.model.gamut_map.centres[None], axis=2)
     weights, polynomial = other.model.gamut_map.coefficients, other.model.gamut_map.polynomial
     expected = other.model.response.encode(distance @ weights + polynomial[0] + linear @ polynomial[1:])

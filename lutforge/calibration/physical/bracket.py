@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from lutforge.calibration.physical.curve_basis import log_spline_basis
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_bracket
-from lutforge.calibration.physical.plain_curves import gamma_response, spline_of_pairs, srgb_response
+from lutforge.calibration.physical.plain_curves import gamma_response, srgb_response
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.errors import CalibrationError
@@ -97,7 +98,7 @@ def fit_bracket(pairs: ExposurePairs, beta: float = BETA) -> BracketFit:
     ).x
     curves = {
         "EMoR": fit.response,
-        "monotone spline": spline_of_pairs(pairs, plain.astype(np.float64)),
+        "monotone spline": fit_response_to_exposures(pairs, "thesis", beta, log_spline_basis()).response,
         f"gamma {gamma:.2f}": gamma_response(float(gamma)),
         "sRGB": srgb_response(),
     }

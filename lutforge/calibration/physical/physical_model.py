@@ -10,9 +10,9 @@ from lutforge.calibration.options import Preset
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.gamut_map import GamutMapFit, GamutMapOptions, fit_gamut_map, identity_gamut_map
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, fit_matrix, hue_spread
+from lutforge.calibration.physical.matrix_and_response import encoding_slope, fit_matrix_and_response
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
-from lutforge.calibration.physical.response_from_raw import encoding_slope, fit_response_to_raw
-from lutforge.calibration.physical.unsaturated import BETA, untouched
+from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturation, starting_beta, untouched
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import PhysicalModel
 from lutforge.model.gamut_map import even_slope
@@ -93,7 +93,8 @@ def fit_stages(
             break
         before, multipliers = multipliers, multipliers.copy()
         for key in np.unique(setting[~known]):
-            multipliers[(setting == key) & ~known] = fit.multipliers[str(key)]
+            rows = (setting == key) & ~known
+            multipliers[rows] = fit.multipliers[str(key)] * multipliers[rows, 1:2]
         settled = bool(np.max(np.abs(multipliers / before - 1.0)) < SETTLED)
     return CameraStages(matrix, multipliers, stages)
 
@@ -119,10 +120,12 @@ def _fit_style(samples: SampleSet, multipliers: Array, name: str, preset: Preset
             low = _unsaturated(samples.srgb, response)
             response = _scaled_to_raw(response, balanced[low], samples.srgb[low])
             return StyleStages(response, low.astype(np.float64))
-        fit = fit_response_to_raw(balanced, samples.srgb, preset)
+        chroma = saturation(samples.srgb)
+        check_tones(samples.srgb, chroma < starting_beta(chroma, preset))
+        fit = fit_matrix_and_response(balanced, samples.srgb)
     except CalibrationError as error:
         raise CalibrationError(f'style "{name}": {error}') from None
-    return StyleStages(fit.response, fit.weight)
+    return StyleStages(fit.response, fit.trust)
 
 
 def _unsaturated(encoded: Array, response: Response) -> NDArray[np.bool_]:

@@ -1,13 +1,17 @@
 """White-balance multipliers of samples whose files do not tell them (thesis 4.2.2)."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.physical.blind_white_balance import multipliers_from_colours
 from lutforge.calibration.physical.colour_temperature import with_temperatures
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.errors import CalibrationError
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.robust_weights import weighted_median
 
 Array = NDArray[np.float64]
 
@@ -48,6 +52,61 @@ def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
     return multipliers, tuple(notes)
 
 
+def with_fitted_gains(samples: SampleSet, multipliers: Array, usable: NDArray[np.bool_]) -> Array:
+    """Tw (n, 3): the multipliers (n, 3) times a common factor of each setting, the third number of Tw (thesis 4.2.2).
+
+    usable: (n,) unclipped samples. A camera may expose one setting's JPEGs brighter than another's, which multipliers
+    with green = 1 do not say. Factors are relative to the median setting. One is kept only where its shots agree on it
+    beyond their scatter (three standard errors), and above 1 %, which moves no colour by a code; else it is 1.
+    """
+    names = [str(name) for name in np.unique(samples.white_balance[usable]) if name != "auto"]
+    gains = dict.fromkeys(names, 1.0)
+    for _ in range(6 if len(names) > 1 else 0):
+        logs, doubt = _departures(samples, _times(samples, multipliers, gains), usable, names)
+        logs -= np.median(logs)
+        found = np.log(list(gains.values())) + logs
+        sure = np.abs(found) > np.maximum(3.0 * doubt, 0.01)
+        if not np.any(sure & (np.abs(logs) > 2e-4)):
+            break
+        gains = dict(zip(names, np.where(sure, np.exp(found), 1.0).tolist(), strict=True))
+    return _times(samples, multipliers, gains)
+
+
+def with_gains(samples: SampleSet, multipliers: Array, white_balances: Mapping[str, WhiteBalance]) -> Array:
+    """Tw (n, 3): multipliers (n, 3) with green = 1 times the gains that a profile knows of the settings."""
+    return _times(samples, multipliers, {name: balance.gain for name, balance in white_balances.items()})
+
+
+def _times(samples: SampleSet, multipliers: Array, gains: Mapping[str, float]) -> Array:
+    factors = np.array([gains.get(str(name), 1.0) for name in samples.white_balance])
+    return np.asarray(multipliers * factors[:, None])
+
+
+def _departures(
+    samples: SampleSet, balanced_by: Array, usable: NDArray[np.bool_], names: list[str]
+) -> tuple[Array, Array]:
+    """By setting the logarithm of what its JPEGs are brighter than f(Ts Tw E) of all, and its standard error."""
+    ratio, weight = np.zeros(len(samples)), np.zeros(len(samples))
+    for style in np.unique(samples.style[usable]):
+        rows = usable & (samples.style == style)
+        x, encoded = samples.raw[rows] * balanced_by[rows], samples.srgb[rows]
+        fit = fit_matrix_and_response(x, encoded)
+        linear, predicted = fit.response.linearize(encoded), np.maximum(x @ fit.matrix.T, 1e-4)
+        ratio[rows] = np.log(np.maximum(linear.sum(axis=1), 1e-6) / predicted.sum(axis=1))
+        weight[rows] = fit.trust * (encoded.max(axis=1) > 0.2)  # rounding rules in darker ones
+    logs, doubt = np.zeros(len(names)), np.full(len(names), np.inf)
+    for place, name in enumerate(names):
+        mine = (samples.white_balance == name) & (weight > 0.1)
+        shots = [mine & (samples.shot == shot) for shot in np.unique(samples.shot[mine])]
+        parts = np.array([weighted_median(ratio[rows], weight[rows]) for rows in shots if rows.sum() >= 3])
+        if len(parts):
+            logs[place] = float(np.median(parts))
+            within = float(np.std(ratio[mine])) / np.sqrt(mine.sum())
+            between = float(np.std(parts, ddof=1)) / np.sqrt(len(parts)) if len(parts) > 1 else 0.0
+            doubt[place] = max(within, between)
+    return logs, doubt
+
+
 def _neutral_multipliers(raw: Array, srgb: Array) -> Array | None:
     """From near-neutral colours; None where there are too few."""
     high = srgb.max(axis=1)
@@ -56,14 +115,8 @@ def _neutral_multipliers(raw: Array, srgb: Array) -> Array | None:
     weight[(high > 0.95) | (high < 0.08) | (raw.min(axis=1) <= 1e-4)] = 0.0
     if weight.sum() < LEAST_NEUTRALS:
         return None
-    ratios = [_weighted_median(raw[:, 1] / np.maximum(raw[:, c], 1e-6), weight) for c in range(3)]
+    ratios = [weighted_median(raw[:, 1] / np.maximum(raw[:, c], 1e-6), weight) for c in range(3)]
     return np.array(ratios)
-
-
-def _weighted_median(values: Array, weight: Array) -> float:
-    order = np.argsort(values)
-    mass = np.cumsum(weight[order])
-    return float(values[order][np.searchsorted(mass, 0.5 * mass[-1])])
 
 
 def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) -> dict[str, WhiteBalance]:
@@ -83,5 +136,5 @@ def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) 
         middle = shots[np.argmin(departures)]
         r, b = float(middle[0] / middle[1]), float(middle[2] / middle[1])
         spread = float(np.max(np.abs(shots / middle - 1.0)))
-        result[str(name)] = WhiteBalance((r, 1.0, b), spread=spread)
+        result[str(name)] = WhiteBalance((r, 1.0, b), spread=spread, gain=float(middle[1]))
     return with_temperatures(result, matrix)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.lattice.monochrome import monochrome_note
-from lutforge.calibration.physical.response_from_raw import fit_response_to_raw
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation
 from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
@@ -35,7 +35,7 @@ def check_agreement(balanced: Array, encoded: Array, shot: NDArray[np.str_], sty
         return ()
     rows = np.random.default_rng(0).permutation(len(shot))[:MOST_SAMPLES]
     try:
-        fit = fit_response_to_raw(balanced[rows], encoded[rows])
+        fit = fit_matrix_and_response(balanced[rows], encoded[rows])
     except CalibrationError:
         return ()  # too few unsaturated colours to compare shots by; the fit that needs them says so
     distance = np.max(np.abs(fit.response.encode(balanced @ fit.matrix.T) - encoded), axis=1)
