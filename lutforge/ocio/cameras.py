@@ -66,8 +66,8 @@ class Camera:
             yield space_name(self.name, style, DEFAULT)
 
     def gain(self, balance: str) -> Array:
-        """The multipliers (3,) of a white balance."""
-        return np.asarray(self.profile.white_balances[balance].multipliers, dtype=np.float64)
+        """The multipliers (3,) of a white balance as the camera applies them, a factor common to all included."""
+        return self.profile.white_balances[balance].factors
 
     def to_reference(self, balance: str | None) -> Array:
         """Camera RGB after a white balance, or before any (None) → ACES2065-1, (3, 3)."""

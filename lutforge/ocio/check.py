@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lutforge.errors import ConfigError
+from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.ocio.merge import LUT_SUFFIXES
-from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL
 
 Pixels = NDArray[np.float32]
 

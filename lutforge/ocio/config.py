@@ -7,13 +7,14 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.errors import ConfigError
+from lutforge.inverse.linearization import InverseOptions
 from lutforge.luts.processor import OCIO_ERRORS
+from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.archive import write_archive
 from lutforge.ocio.base_config import LUT_FOLDER, add_displays, base_config
 from lutforge.ocio.cameras import Camera, name_cameras
 from lutforge.ocio.file_rules import camera_rules, put_first
-from lutforge.ocio.lattice_lut import LatticeLut as Lut
 from lutforge.ocio.looks import REFINISH, add_looks
 from lutforge.ocio.lut_files import write_compact
 from lutforge.ocio.merge import BaseConfig, merged, open_base
@@ -49,11 +50,11 @@ def build_config(
     return config
 
 
-def config_luts(profiles: Sequence[CameraProfile]) -> dict[str, Lut]:
+def config_luts(profiles: Sequence[CameraProfile], inverse: InverseOptions | None = None) -> dict[str, Lut]:
     """The LUT files that the config of these profiles refers to: file name → LUT, as the file holds it."""
     luts: dict[str, Lut] = {}
     for rendering in renderings(name_cameras(profiles)):
-        luts |= baked(rendering).luts
+        luts |= baked(rendering, inverse).luts
     return luts
 
 
@@ -64,19 +65,21 @@ def write_config(
     version: str | None = None,
     merge: str | Path | None = None,
     replace: bool = False,
+    inverse: InverseOptions | None = None,
     progress: Progress = lambda what, share: None,
 ) -> Path:
     """Write a config and its LUTs, to a folder (config.ocio, luts/) or to one archive (.ocioz).
 
-    The same profiles make the same bytes. replace: a folder that holds a config already gets this one in its place;
-    its other files stay. Returns the path of the config. Raises ConfigError, LutError, LutForgeError.
+    The same profiles make the same bytes. replace: a folder that holds a config already gets this one in its place; its
+    other files stay. inverse: how JPEG → scene is made of each render. Returns the path of the config. Raises
+    ConfigError, LutError, LutForgeError.
     """
     target = Path(target)
     if target.suffix.lower() == ARCHIVE_SUFFIX:
         if target.is_dir():
             raise ConfigError(f"{target}: is a folder; name a file that ends in {ARCHIVE_SUFFIX}")
         with scratch_folder(beside=None if "$" in str(target.absolute()) else target) as folder:
-            write_config(profiles, folder, version=version, merge=merge, progress=progress)
+            write_config(profiles, folder, version=version, merge=merge, inverse=inverse, progress=progress)
             return write_archive(folder, target)
     _require_usable(target, replace)
     with open_base(merge) as base:
@@ -85,7 +88,7 @@ def write_config(
         luts: dict[str, Lut] = {}
         for index, rendering in enumerate(parts):
             progress(f"{rendering.camera.name} {rendering.style}", index / len(parts))
-            made = baked(rendering)
+            made = baked(rendering, inverse)
             errors[rendering.stem] = made.error
             luts |= made.luts
         config = _assembled(cameras, parts, base, version, errors)

@@ -11,12 +11,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.interpolation import through
+from lutforge.interpolation import interpolate
 from lutforge.luts.formats import clf
 from lutforge.luts.formats.text import write_text
+from lutforge.luts.ops import Cube, Curve
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import node_levels, shaper
 from lutforge.model.lattice import grid
 from lutforge.model.node_levels import snap_levels
-from lutforge.ocio.lattice_lut import LatticeLut as Lut
 
 Array = NDArray[np.float64]
 
@@ -26,18 +28,32 @@ DECIMALS, DIGITS = 6, 5
 
 
 def compact(lut: Lut) -> Lut:
-    """The LUT as its file holds it: node levels and curves on CURVE_SIZE points, numbers rounded; no gain."""
-    if not lut.is_uniform and lut.shaper_size != CURVE_SIZE:
-        r, g, b = (snap_levels(axis, CURVE_SIZE) for axis in lut.levels)
-        at_nodes = lut.inner(grid((r, g, b)))
-        lut = replace(lut, levels=(r, g, b), cube=at_nodes, shaper_size=CURVE_SIZE)
-    even = np.repeat(np.linspace(0.0, 1.0, CURVE_SIZE)[:, None], 3, axis=1)
-    if lut.curve is not None:
-        lut = replace(lut, curve=through(lut.curve, even))
-    if lut.response is not None:
-        table = lut.response if len(lut.response) <= CURVE_SIZE else through(lut.response, even)
-        lut = replace(lut, response=rounded(table))
-    return replace(lut, cube=rounded(lut.cube))
+    """The LUT as its file holds it: node levels and curves on CURVE_SIZE points, numbers rounded."""
+    ops = list(lut.ops)
+    at = next(number for number, op in enumerate(ops) if isinstance(op, Cube))
+    cube, front = ops[at], ops[at - 1] if at > 0 else None
+    assert isinstance(cube, Cube)
+    if isinstance(front, Curve) and len(front.outputs) > CURVE_SIZE:
+        levels = node_levels(front, cube)
+        if np.abs(shaper(levels, len(front.outputs)).outputs - front.outputs).max() < 1e-9:  # no more than levels
+            r, g, b = (snap_levels(axis, CURVE_SIZE) for axis in levels)
+            cube = Cube(interpolate(grid((r, g, b)), levels, cube.values, cube.interpolation), cube.interpolation)
+            ops[at - 1] = shaper((r, g, b), CURVE_SIZE)
+        else:
+            ops[at - 1] = _resampled(front)
+    ops[at] = Cube(rounded(cube.values), cube.interpolation)
+    for number, op in enumerate(ops[at + 1 :], at + 1):
+        if isinstance(op, Curve):
+            ops[number] = Curve(rounded(_resampled(op).outputs), op.low, op.high)
+    return replace(lut, ops=tuple(ops))
+
+
+def _resampled(curve: Curve) -> Curve:
+    """A curve of at most CURVE_SIZE entries."""
+    if len(curve.outputs) <= CURVE_SIZE:
+        return curve
+    even = np.linspace(curve.low, curve.high, CURVE_SIZE)[:, None].repeat(3, axis=1)
+    return Curve(curve(even), curve.low, curve.high)
 
 
 def rounded(values: Array) -> Array:
@@ -50,7 +66,7 @@ def rounded(values: Array) -> Array:
 
 def write_compact(lut: Lut, path: Path) -> None:
     """Write a compact LUT as CLF, atomically; the same bytes for the same LUT. Raises LutError."""
-    write_text(path, _squeezed(clf.text_of(lut.as_lut())), "utf-8")
+    write_text(path, _squeezed(clf.text_of(lut)), "utf-8")
 
 
 def _squeezed(text: str) -> str:

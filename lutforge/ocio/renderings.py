@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.errors import ConfigError
+from lutforge.inverse.baked_render import BakedRender
+from lutforge.inverse.colours import climbed, raw_colours
+from lutforge.inverse.linearization import InverseOptions, inverse_of
+from lutforge.inverse.round_trip import measure, rounded_up
 from lutforge.luts.bake import bake
+from lutforge.luts.sequence import Lut
 from lutforge.model.transform import Gain, Transform
 from lutforge.ocio.cameras import Camera
-from lutforge.ocio.lattice_lut import LatticeLut as Lut
-from lutforge.ocio.lattice_lut import lattice_lut
 from lutforge.ocio.lut_files import compact
-from lutforge.ocio.made_colours import climbed, spread
-from lutforge.ocio.mutual_inverses import consistent
 from lutforge.ocio.names import UniqueNames, file_stem
-from lutforge.ocio.round_trip import rounded_up
 from lutforge.settings import Selector
 
 Array = NDArray[np.float64]
@@ -44,11 +44,6 @@ class Rendering:
     stem: str
     render: Transform | None
     linearize: Transform | None
-
-    @property
-    def support(self) -> Array | None:
-        """What samples weigh at each node of the lattice that `render` is, if it is one."""
-        return self.camera.profile.styles[self.style].coverage.get("render")
 
     @property
     def render_file(self) -> str:
@@ -96,26 +91,28 @@ def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
             yield Rendering(camera, name, balances, stem, render, linearize)
 
 
-def baked(rendering: Rendering) -> BakedRendering:
-    """Bake both directions, so that JPEG → reference → JPEG comes back (`ocio.round_trip`)."""
+def baked(rendering: Rendering, options: InverseOptions | None = None) -> BakedRendering:
+    """Bake the render as it is, and the linearization as its inverse, so that JPEG → reference → JPEG comes back.
+
+    A style that has no render has its own linearization.
+    """
     title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
-    render = linearize = trip = None
-    if rendering.render is not None:
-        render = compact(lattice_lut(bake(rendering.render, title=f"{title} render")))
-    if rendering.linearize is not None:
-        linearize = compact(lattice_lut(bake(rendering.linearize, title=f"{title} linearize")))
-    if render is not None and linearize is not None:
-        render, linearize, trip = consistent(render, linearize, rendering.render, rendering.support)
     luts: dict[str, Lut] = {}
     said = []
-    if rendering.render is not None and render is not None:
+    if rendering.render is not None:
+        render = compact(bake(rendering.render, title=f"{title} render"))
         said.append(f"render LUT against the model: {_error(render, rendering.render)}")
         luts[rendering.render_file] = replace(render, comments=tuple(said))
-    if rendering.linearize is not None and linearize is not None:
-        told = [
-            f"linearize LUT against the model: {_error(linearize, rendering.linearize, rendering.render)}",
-            *([str(trip)] if trip else []),
-        ]
+    if rendering.linearize is not None:
+        if rendering.render is None:
+            linearize, trip = compact(bake(rendering.linearize, title=f"{title} linearize")), ""
+        else:
+            linearize = compact(
+                inverse_of(BakedRender.of(render), rendering.linearize, options).as_lut(f"{title} linearize")
+            )
+            trip = str(measure(render, linearize))
+        model = _error(linearize, rendering.linearize, rendering.render)
+        told = [f"linearize LUT against the model: {model}", *([trip] if trip else [])]
         luts[rendering.linearize_file] = replace(linearize, comments=tuple(told))
         said += told
     return BakedRendering(luts, "; ".join(said))
@@ -132,7 +129,7 @@ def _error(lut: Lut, transform: Transform, made_by: Transform | None = None) -> 
     def error(x: Array) -> Array:
         return np.asarray(np.linalg.norm(lut(x) - transform(x), axis=1))
 
-    x = spread(CHECKED, seed=7)
+    x = raw_colours(CHECKED, seed=7)
     made = x if made_by is None else np.clip(made_by(x), 0.0, 1.0)
     means, largest = [], 0.0
     for colours in (x,) if made_by is None else (x, made):

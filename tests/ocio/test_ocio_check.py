@@ -7,8 +7,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 import pytest
 
 from lutforge.ocio.check import check_config, load_config, round_trips
-from lutforge.ocio.config import write_config
-from tests.ocio.test_config import plain_profile
+from tests.ocio.test_config import plain_profile, write_config
 
 
 @pytest.fixture

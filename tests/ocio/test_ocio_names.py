@@ -12,9 +12,9 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.base_config import ROLES
 from lutforge.ocio.cameras import name_cameras
 from lutforge.ocio.check import check_config, load_config
-from lutforge.ocio.config import build_config, write_config
+from lutforge.ocio.config import build_config
 from lutforge.ocio.names import STEM_LENGTH, UniqueNames, file_stem, part_name
-from tests.ocio.test_config import MATRIX, ociocheck, plain_profile
+from tests.ocio.test_config import MATRIX, ociocheck, plain_profile, write_config
 
 
 def test_parts() -> None:

@@ -9,8 +9,8 @@ import pytest
 
 import lutforge as lf
 from lutforge.colour.rgb_spaces import from_linear_srgb
+from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL
 from lutforge.ocio.check import check_config, load_config, round_trips
-from lutforge.ocio.round_trip import MAX_GOAL, MEAN_GOAL
 from tests.ocio.test_config import convert, ociocheck
 
 CONFIGS = Path(__file__).parents[2] / "ocio_configs"
@@ -51,7 +51,7 @@ def test_sound_and_explained(folder: Path) -> None:
 
 
 def test_the_d40_is_small() -> None:
-    assert sum(file.stat().st_size for file in (CONFIGS / "nikon_d40").rglob("*") if file.is_file()) <= 4_000_000
+    assert sum(file.stat().st_size for file in (CONFIGS / "nikon_d40").rglob("*") if file.is_file()) <= 8_000_000
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
@@ -63,7 +63,7 @@ def test_jpegs_come_back(folder: Path) -> None:
 
 
 def test_what_the_d40_renders_comes_back(shared_data: Path) -> None:
-    """JPEG colours of even RAW colours, none of them clipped: to the reference and back, and near the model."""
+    """JPEG colours of even RAW colours, none of them clipped: back as they were, and there where they came from."""
     models = [shared_data / "nus_nikon_d40" / name for name in ("other_white_balances", "fluorescent")]
     profile = lf.import_published(models, "Nikon D40")
     config = load_config(CONFIGS / "nikon_d40" / "config.ocio")
@@ -72,13 +72,13 @@ def test_what_the_d40_renders_comes_back(shared_data: Path) -> None:
         space, selector = f"Nikon D40 standard {balance}", f"standard/{balance}"
         raw = np.random.default_rng(4).random((20000, 3)) / profile.multipliers(selector)
         jpeg = profile.render(selector)(raw)
-        jpeg = jpeg[np.all((jpeg > 1 / 255) & (jpeg < 254 / 255), axis=1)]
+        unclipped = np.all((jpeg > 1 / 255) & (jpeg < 254 / 255), axis=1)
+        raw, jpeg = raw[unclipped], jpeg[unclipped]
         there = convert(config, space, "ACES2065-1", pixels=jpeg)
         error = np.linalg.norm(convert(config, "ACES2065-1", space, pixels=there) - jpeg, axis=1)
         assert error.mean() <= MEAN_GOAL
         assert error.max() <= MAX_GOAL, (balance, error.max())
-        model = profile.linearize(selector)(jpeg) @ to_reference.T
-        assert np.linalg.norm(there - model, axis=1).mean() < 0.01
+        assert np.linalg.norm(there - raw @ to_reference.T, axis=1).mean() < 0.005
 
 
 @pytest.mark.slow

@@ -1,0 +1,86 @@
+"""Colours to fit the inverse of a render to, and to measure it on: the whole cube of JPEG values, or what RAW makes."""
+
+from collections.abc import Callable
+from itertools import permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from lutforge.interpolation import Levels
+from lutforge.model.lattice import grid
+
+Array = NDArray[np.float64]
+
+
+def in_every_cell(levels: Levels, rng: np.random.Generator) -> Array:
+    """Colours (n, 3): the nodes of a lattice, one in each tetrahedron of each cell, and in each such part of its faces
+    and edges.
+
+    On faces and edges channels are clipped; the first and last cell of each axis is the layer that parts these from the
+    others, and holds none but nodes. A fit to these colours sees all that interpolation between the other nodes can do.
+    """
+    nodes = grid(levels).reshape(-1, 3)
+    r, g, b = (axis[1:-1] for axis in levels)
+    levels = (r, g, b)
+    sides = [ends for ends in product((None, 0.0, 1.0), repeat=3) if None in ends]
+    return np.concatenate([nodes, *(_within(levels, ends, rng) for ends in sides)])
+
+
+def _within(levels: Levels, ends: tuple[float | None, ...], rng: np.random.Generator) -> Array:
+    """One in each part of the cells, (n, 3), on the face or edge on which channels are at these ends; None: free."""
+    free = [channel for channel, end in enumerate(ends) if end is None]
+    sizes = [len(levels[channel]) - 1 for channel in free]
+    cells = np.stack([index.ravel() for index in np.indices(sizes)], axis=1)
+    found = []
+    for order in permutations(range(len(free))):
+        place = np.sort(rng.random(cells.shape), axis=1)[:, order]  # falling fractions tell the tetrahedra apart
+        colours = np.empty((len(cells), 3))
+        for channel, end in enumerate(ends):
+            if end is not None:
+                colours[:, channel] = end
+        for number, channel in enumerate(free):
+            axis, cell = levels[channel], cells[:, number]
+            colours[:, channel] = axis[cell] + place[:, number] * (axis[cell + 1] - axis[cell])
+        found.append(colours)
+    return np.concatenate(found)
+
+
+def raw_colours(count: int, seed: int) -> Array:
+    """RAW colours (5 count, 3): over the whole range, its faces and edges, the darks of each, and near neutrals."""
+    even, number = qmc.Sobol(3, rng=seed).random(count), np.arange(count)
+    face = even.copy()
+    face[number, number % 3] = number // 3 % 2
+    edge = face.copy()
+    edge[number, (number + 1) % 3] = number // 6 % 2
+    grey = np.clip(even[:, :1] ** 2 * (0.75 + 0.5 * even[:, ::-1]), 0.0, 1.0)
+    half = count // 2
+    return np.concatenate(
+        [
+            even, even[:half] ** 2, even[half:] ** 3, face[:half], face[half:] ** 2, face[:half] ** 3,
+            edge[half:] ** 2, grey,
+        ]
+    )  # fmt: skip
+
+
+def as_8_bit(jpeg: Array) -> Array:
+    """The nearest 8-bit codes of colours in [0, 1], in [0, 1]."""
+    return np.asarray(np.rint(jpeg * 255) / 255)
+
+
+def climbed(error: Callable[[Array], Array], x: Array, errors: Array, seed: int) -> Array:
+    """Colours (up to 512, 3) of larger error near those of the largest, so that no narrow peak is overlooked.
+
+    errors: (n,), of x (n, 3) in [0, 1]. Of colours in one of 33³ boxes the worst is begun from; each looks around
+    itself six times, in steps that halve.
+    """
+    rng = np.random.default_rng(seed)
+    worst = np.argsort(-errors, kind="stable")[:32768]
+    boxes = (x[worst] * 32).astype(np.int64) @ np.array([1089, 33, 1])
+    at = x[worst[np.sort(np.unique(boxes, return_index=True)[1])]][:512]
+    for reach in 0.06 * 0.5 ** np.arange(6):
+        near = at[:, None] + reach * (0.1 + at[:, None]) * rng.uniform(-1, 1, (len(at), 16, 3))
+        near[:, 0] = at
+        near = np.clip(near, 0.0, 1.0)
+        at = near[np.arange(len(at)), error(near.reshape(-1, 3)).reshape(len(at), 16).argmax(axis=1)]
+    return at

@@ -1,0 +1,153 @@
+"""The lookup table JPEG → scene that undoes a baked render.
+
+Colours all over the cube of JPEG values are inverted exactly, and the table is fitted to their scenes by lattice
+regression, on the axes on which the lattice of the render is linear: what is left is how the render bends between the
+nodes. Errors count as the render shows them. The largest count ever more from fit to fit, which brings the maximum down
+(C. L. Lawson, 1961; Rice & Usow, Math. Comp. 22, 1968, https://doi.org/10.1090/S0025-5718-1968-0225469-7). What the
+render never makes is continued smoothly.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lutforge.interpolation import Levels, interpolate, through
+from lutforge.inverse.baked_render import BakedRender
+from lutforge.inverse.colours import in_every_cell, raw_colours
+from lutforge.inverse.preimage import clipped_sides, preimages
+from lutforge.luts.ops import Cube
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import shaper
+from lutforge.model.lattice import grid
+from lutforge.model.node_levels import snap_levels
+from lutforge.solvers.lattice_regression import Prior, Regularisation, fit_lattice
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class InverseOptions:
+    """How the inverse of a render is made.
+
+    size: nodes per axis; a file of 49³ has 0.9 MB, one of 65³ has 2. rounds: fits, each of which weighs the largest
+    errors of the one before more; more than five change nothing. smoothness: weight of second differences beside a
+    colour; with a hundredth of it the rim of the gamut rings. margin: how far beyond the end of the render's curve the
+    scene of a clipped colour is sought, in lattice values, so that it stays clipped between nodes: with four times as
+    much the largest loss of the demo's styles doubles. entries: of the shaper that holds the node levels.
+    """
+
+    size: int = 49
+    rounds: int = 5
+    smoothness: float = 1e-3
+    margin: float = 0.005
+    entries: int = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """JPEG (…, 3) → RAW. levels: of the JPEG, three axes; curve: (m, 3), in front of the cube, which is linear on it
+    between nodes; values: (N, N, N, 3)."""
+
+    levels: Levels
+    curve: Array
+    values: Array
+
+    def __call__(self, jpeg: Array) -> Array:
+        """RAW of JPEG colours (…, 3)."""
+        return interpolate(through(self.curve, jpeg), _on_axes(self.curve, self.levels), self.values, "tetrahedral")
+
+    def as_lut(self, title: str = "") -> Lut:
+        """The same as a shaper and a cube."""
+        return Lut((shaper(self.levels, len(self.curve), self.curve), Cube(self.values)), title)
+
+
+def inverse_of(
+    render: BakedRender, near: Callable[[Array], Array] | None = None, options: InverseOptions | None = None
+) -> Linearization:
+    """The inverse of a render. The same render makes the same table. O(n + N³) time.
+
+    near: JPEG (…, 3) → RAW, what is known of it from elsewhere, which it continues beyond what the render makes; else
+    it runs on straight.
+    """
+    options = options or InverseOptions()
+    levels = spaced_levels(render, options)
+    knots = _on_axes(render.curve, levels)
+    nodes = grid(levels)
+    prior = Prior((near or _straight(render))(nodes), np.full(nodes.shape, 1e-5))
+    smooth = Regularisation(options.smoothness, options.smoothness, 0.0, 0.0)
+    known = Linearization(levels, render.curve, prior.values)
+    colours = in_every_cell(levels, np.random.default_rng(1))
+    jpeg, raw = _pairs(render, known, colours, levels[0][1], options.margin)
+    inner, side = render.enter(jpeg), clipped_sides(jpeg)
+    clipped = np.any(side != 0, axis=1) & (np.abs(side.sum(axis=1)) < 3)
+    emphasis, values, best, least = np.ones(len(jpeg)), None, None, np.inf
+    for _ in range(options.rounds):
+        slope = render.slope(render.inner(raw))
+        weight = emphasis * np.einsum("nc,nc->n", slope, slope)
+        fit = fit_lattice(
+            inner, raw, knots, smooth, method="tetrahedral", weight=weight / weight.mean(), prior=prior, start=values,
+            tolerance=1e-4,
+        )  # fmt: skip
+        values = fit.values
+        reached = interpolate(inner, knots, values, "tetrahedral")
+        error = np.linalg.norm(render(reached) - jpeg, axis=1)
+        if error.max() < least:
+            best, least = values, float(error.max())
+        emphasis = emphasis * (error + 2e-3)  # half a code: smaller errors are no matter
+        emphasis = np.minimum(emphasis / emphasis.mean(), 1e3)
+        again = clipped | ((error > 5e-3) & np.all(side == 0, axis=1))
+        # A clipped colour has many scenes: it follows its neighbours. So does one that the search took to another fold.
+        raw[again] = preimages(render, jpeg[again], reached[again], options.margin)[0]
+    assert best is not None
+    return Linearization(levels, render.curve, best)
+
+
+def spaced_levels(render: BakedRender, options: InverseOptions) -> Levels:
+    """Levels of the JPEG on the grid of the shaper: three quarters even on it, a quarter on the axes of the render.
+
+    The second and the last but one stand within half an 8-bit code of the ends, so that clipped codes have a layer of
+    their own.
+    """
+    layer, axes = 8 / (options.entries - 1), []
+    even = np.linspace(0.0, 1.0, options.size - 2)
+    for bent in through(render.response, even[:, None].repeat(3, axis=1)).T:
+        inside = np.clip(0.75 * even + 0.25 * bent, 1.5 * layer, 1 - 1.5 * layer)[1:-1]
+        axes.append(snap_levels(np.concatenate([[0.0, layer], inside, [1 - layer, 1.0]]), options.entries))
+    return axes[0], axes[1], axes[2]
+
+
+def _on_axes(curve: Array, levels: Levels) -> Levels:
+    """Levels of the JPEG behind a curve."""
+    r, g, b = through(curve, np.stack(levels, axis=1)).T
+    return np.ascontiguousarray(r), np.ascontiguousarray(g), np.ascontiguousarray(b)
+
+
+def _straight(render: BakedRender) -> Callable[[Array], Array]:
+    """JPEG colours (…, 3) → RAW, were the lattice of the render its mean slope near neutrals and nothing else."""
+    inverse = np.linalg.inv(render.frame)
+    return lambda jpeg: np.asarray(render.enter(jpeg) @ inverse.T)
+
+
+def _pairs(render: BakedRender, known: Linearization, jpeg: Array, layer: float, margin: float) -> tuple[Array, Array]:
+    """Those of JPEG colours (n, 3) that the render makes, or whose 8-bit code it makes, and their RAW.
+
+    Clipped colours are sought from the scenes of those that are just not clipped, so that the inverse runs on smoothly
+    where channels clip. White is as bright as its brightest channel then is, and neutral, as is black.
+    """
+    just = np.clip(jpeg, layer, 1 - layer)
+    raw, residual = preimages(render, just, known(just))
+    lost = np.flatnonzero(residual > 1e-3)  # the search begins again at the scene of a colour beside
+    scenes = raw_colours(4096, seed=5)
+    beside = scenes[cKDTree(render(scenes)).query(just[lost], workers=-1)[1]]
+    raw[lost], residual[lost] = preimages(render, just[lost], beside)
+    clipped = np.flatnonzero(np.any(just != jpeg, axis=1))
+    raw[clipped], residual[clipped] = preimages(render, jpeg[clipped], raw[clipped], margin)
+    ends = np.abs(clipped_sides(jpeg).sum(axis=1)) == 3
+    neutral = np.where(jpeg[ends] > 0, raw[ends].max(axis=1, keepdims=True), raw[ends].min(axis=1, keepdims=True))
+    as_good = np.linalg.norm(render(neutral) - jpeg[ends], axis=1) <= 2e-3
+    raw[ends] = np.where(as_good[:, None], neutral, raw[ends])
+    made = residual <= 3**0.5 * 0.5 / 255
+    return jpeg[made], raw[made]

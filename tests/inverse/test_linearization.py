@@ -1,0 +1,151 @@
+"""The inverse of a baked render: exact where it makes a colour, smooth elsewhere, neutral on neutrals."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lutforge.errors import LutError
+from lutforge.interpolation import Interpolation
+from lutforge.inverse.baked_render import BakedRender
+from lutforge.inverse.colours import as_8_bit, in_every_cell, raw_colours
+from lutforge.inverse.linearization import InverseOptions, Linearization, inverse_of
+from lutforge.inverse.preimage import preimages
+from lutforge.inverse.round_trip import MAX_GOAL, RoundTrip, measure, rounded_up
+from lutforge.luts.ops import Cube, Curve, Matrix
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import shaper
+from lutforge.model.lattice import grid, uniform_levels
+
+Array = NDArray[np.float64]
+
+MIXED = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.4, 1.4]])
+
+
+def clipping_render(method: Interpolation = "tetrahedral") -> BakedRender:
+    """A camera that clips: saturated RAW leaves the range of its response on both sides."""
+    axis = np.linspace(0, 1, 17) ** 1.5
+    linear = np.linspace(0, 1, 4096)
+    curve = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    cube = grid((axis, axis, axis)) @ MIXED.T
+    cube = cube - 0.15 * cube * (1 - cube)
+    return BakedRender((axis, axis, axis), cube, method == "tetrahedral", np.repeat(curve[:, None], 3, axis=1))
+
+
+@pytest.fixture(scope="module")
+def render() -> BakedRender:
+    return clipping_render()
+
+
+@pytest.fixture(scope="module")
+def inverse(render: BakedRender) -> Linearization:
+    return inverse_of(render, options=InverseOptions(size=33))
+
+
+@pytest.mark.parametrize("method", ["tetrahedral", "trilinear"])
+def test_preimages_are_exact(method: Interpolation) -> None:
+    render, raw = clipping_render(method), np.random.default_rng(1).random((5000, 3))
+    jpeg = render(raw)
+    found, residual = preimages(render, jpeg, np.full_like(raw, 0.4))
+    assert residual.max() < 2e-3  # of the sampled inverse curve, steep at black
+    unclipped = np.all((jpeg > 0.05) & (jpeg < 0.999), axis=1)
+    assert unclipped.sum() > 1000
+    np.testing.assert_allclose(found[unclipped], raw[unclipped], atol=2e-4)
+
+
+def test_what_the_render_never_makes_leaves_a_residual() -> None:
+    whole = clipping_render()
+    half = BakedRender(whole.levels, 0.5 * whole.values, True, whole.response)
+    assert preimages(half, np.full((1, 3), 0.9), np.full((1, 3), 0.5))[1].min() > 0.1
+
+
+def test_a_margin_takes_clipped_channels_beyond_the_end(render: BakedRender) -> None:
+    raw = np.random.default_rng(2).random((5000, 3))
+    jpeg = render(raw)
+    jpeg = jpeg[np.any(jpeg == 0, axis=1) & np.all(jpeg < 1, axis=1)]
+    found, residual = preimages(render, jpeg, raw_colours(1, 0)[:1].repeat(len(jpeg), axis=0), margin=0.01)
+    beyond = -render.inner(found)[jpeg == 0]
+    assert residual.max() < 2e-3
+    assert np.median(beyond) > 0.0099
+
+
+def test_jpegs_come_back(render: BakedRender, inverse: Linearization) -> None:
+    """On colours of seeds that the fit has not seen, through the LUTs as files hold them."""
+    lut = inverse.as_lut()
+    for seed in (77, 78):
+        trip = measure(render, lut, count=1 << 13, seed=seed)
+        assert trip.met, trip
+        assert trip.p999 <= 0.01
+
+
+def test_neutrals_stay_neutral_and_rise(render: BakedRender, inverse: Linearization) -> None:
+    """White, too, whose scene clipping hides."""
+    grey = np.repeat(np.linspace(0.0, 1.0, 256)[:, None], 3, axis=1)
+    back = inverse(grey)
+    assert np.ptp(back, axis=1).max() < 2e-3  # this render's neutrals are neutral
+    assert np.all(np.diff(back, axis=0) > 0)
+
+
+def test_it_runs_on_without_jumps_where_nothing_is_made(inverse: Linearization) -> None:
+    share = np.linspace(0.02, 1, 200)
+    ramp = np.stack([share, np.zeros(200), 1 - share], axis=1)
+    assert np.abs(np.diff(inverse(ramp), 2, axis=0)).max() < 0.05
+
+
+def test_clipped_codes_stay_clipped_and_leave_their_neighbours_alone(
+    render: BakedRender, inverse: Linearization
+) -> None:
+    jpeg = as_8_bit(render(raw_colours(1 << 13, seed=8)))
+    back = render(inverse(jpeg))
+    for end in (0.0, 1.0):
+        clipped = jpeg == end
+        assert clipped.sum() > 1000
+        assert np.abs(back - end)[clipped].max() < 0.01
+    one = np.any(jpeg == 1 / 255, axis=1)
+    assert one.sum() > 100
+    assert np.abs(back - jpeg)[one].max() < 0.01
+
+
+def test_the_fit_is_the_same_again(render: BakedRender) -> None:
+    options = InverseOptions(size=9, rounds=2)
+    one, other = inverse_of(render, options=options), inverse_of(render, options=options)
+    np.testing.assert_array_equal(one.values, other.values)
+
+
+def test_a_render_without_a_response_comes_back_where_it_clips() -> None:
+    axis = uniform_levels(9)
+    cube = np.clip(grid(axis) @ MIXED.T, 0.0, 1.0)
+    render = BakedRender.of(Lut((Cube(cube),)))
+    trip = measure(render, inverse_of(render, options=InverseOptions(size=33)), count=1 << 12)
+    assert trip.mean <= 0.002, trip  # its clips are rounded off between nodes, where colours have no inverse
+
+
+def test_a_lut_of_levels_cube_and_response_is_a_render_and_others_are_none(render: BakedRender) -> None:
+    axis = np.rint(render.levels[0] * 4095) / 4095
+    levels = shaper((axis, axis, axis), 4096)
+    lut = Lut((levels, Cube(render.values), Curve(render.response)))
+    raw = np.random.default_rng(3).random((500, 3))
+    np.testing.assert_allclose(BakedRender.of(lut)(raw), np.clip(lut(raw), 0, 1), atol=1e-6)
+    for ops in ((Matrix(np.eye(3)), *lut.ops), (Curve(levels.outputs**2), *lut.ops[1:])):
+        with pytest.raises(LutError, match="node levels, a cube and a curve"):
+            BakedRender.of(Lut(ops))
+
+
+def test_colours_are_in_every_tetrahedron_of_every_cell_and_face() -> None:
+    levels = uniform_levels(6)
+    colours = in_every_cell(levels, np.random.default_rng(0))
+    inside = colours[6**3 :]
+    cells = inside[np.all((inside > 0) & (inside < 1), axis=1)]
+    assert len(cells) == 6 * 3**3
+    cell = np.floor(cells * 5)
+    order = np.argsort(cells * 5 - cell, axis=1)
+    kinds = np.unique(np.concatenate([cell, order], axis=1), axis=0)
+    assert len(kinds) == len(cells)
+
+
+def test_errors_are_said_no_smaller_than_they_are() -> None:
+    assert [rounded_up(value) for value in (0.0, 0.00121, 0.0199, 0.2)] == ["0", "0.0013", "0.02", "0.2"]
+
+
+def test_a_loss_beyond_the_goal_says_where() -> None:
+    assert "no sample" not in str(RoundTrip(0.0005, 0.005, MAX_GOAL))
+    assert "no sample" in str(RoundTrip(0.0005, 0.005, 0.03))
