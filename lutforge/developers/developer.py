@@ -55,7 +55,7 @@ def develop(developer: Developer, raw: Path) -> Development:
     with tempfile.TemporaryDirectory(prefix="lutforge-") as name:
         folder = Path(name)
         output = folder / "developed.tif"
-        run_program(developer, developer.command(raw.resolve(), output, folder), raw, output)
+        run_command(developer.command(raw.resolve(), output, folder), developer.name, raw, output)
         pixels = read_image(output).pixels
     return Development(developer.linear(_colour(pixels, raw)), developer.space, version)
 
@@ -70,8 +70,11 @@ def read_developed(path: Path, space: str) -> Development:
     return Development(pixels, encoding.linear.name, f"pictures in {encoding.name}")
 
 
-def run_program(developer: Developer, command: Sequence[str], raw: Path, output: Path) -> None:
-    """Run a developer's command and require that it made `output`. Raises ShotError with the program's last words."""
+def run_command(command: Sequence[str], name: str, raw: Path, output: Path) -> None:
+    """Run a command that develops `raw`, and require that it made `output`.
+
+    name: of the program, for people. Raises ShotError with the program's last words.
+    """
     # Without a display variable no program waits for a window.
     environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     try:
@@ -79,12 +82,12 @@ def run_program(developer: Developer, command: Sequence[str], raw: Path, output:
             command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, check=False, env=environment
         )
     except subprocess.TimeoutExpired:
-        raise ShotError(f"{raw}: {developer.name} did not finish within {TIMEOUT_S // 60} minutes") from None
+        raise ShotError(f"{raw}: {name} did not finish within {TIMEOUT_S // 60} minutes") from None
     except OSError as error:
-        raise ShotError(f"{developer.program} cannot be run ({error.strerror or error})") from None
+        raise ShotError(f"{command[0]} cannot be run ({error.strerror or error})") from None
     if not output.is_file() or output.stat().st_size == 0:
         said = " ".join((run.stderr or run.stdout).split())[-200:]
-        raise ShotError(f"{raw}: {developer.name} made no picture of it: {said or 'it gave no reason'}")
+        raise ShotError(f"{raw}: {name} made no picture of it: {said or 'it gave no reason'}")
 
 
 def program_version(developer: Developer) -> str:
@@ -93,7 +96,12 @@ def program_version(developer: Developer) -> str:
         raise ShotError(
             f"{developer.program} is not installed, which --developer {developer.name} runs: {developer.install}"
         )
-    run = subprocess.run([developer.program, "--version"], capture_output=True, text=True, timeout=60, check=False)
+    try:
+        run = subprocess.run(
+            [developer.program, "--version"], capture_output=True, text=True, errors="replace", timeout=60, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        raise ShotError(f"{developer.program} cannot be run: {developer.install}") from None
     found = re.search(r"\d+(?:\.\d+)+", run.stdout + run.stderr)
     return f"{developer.name} {found[0]}" if found else developer.name
 

@@ -16,7 +16,6 @@ from lutforge.kits.kit import Look, Source
 from lutforge.kits.scripts import write_develop_script
 from lutforge.luts.bake import bake
 
-CUBE = "lutforge.cube"
 _MODULE_VERSION, _ADOBE_RGB, _TETRAHEDRAL = 3, 1, 0
 
 
@@ -31,9 +30,10 @@ class DarktableKit:
 
     def write(self, look: Look, folder: Path) -> list[str]:
         """Write the cube, the style, the sidecar and develop.sh."""
-        bake(look.within("adobe-rgb"), folder / CUBE, size=65, interpolation="tetrahedral", title=look.title)
-        (folder / f"{look.style}.dtstyle").write_text(_style(look), encoding="utf-8")
-        (folder / "lutforge.xmp").write_text(_sidecar(), encoding="utf-8")
+        cube = f"{look.file_name}.cube"
+        bake(look.within("adobe-rgb"), folder / cube, size=65, interpolation="tetrahedral", title=look.title)
+        (folder / f"{look.style}.dtstyle").write_text(_style(look, cube), encoding="utf-8")
+        (folder / "lutforge.xmp").write_text(_sidecar(cube), encoding="utf-8")
         settings = {**NEUTRAL, "plugins/darkroom/lut3d/def_path": "$here"}
         words = " ".join(f'--conf "{key}={value}"' for key, value in settings.items())
         write_develop_script(
@@ -45,8 +45,7 @@ class DarktableKit:
             'if [ ! -s "$2" ]; then echo "darktable made no picture of $1" >&2; exit 1; fi\n',
         )
         return [
-            f"Copy {CUBE} into a folder of its own, and name that folder in darktable: preferences → processing → "
-            '"3D lut root folder".',
+            f'Copy "{cube}" into the folder that darktable names in preferences → processing → "3D lut root folder".',
             f'Import {look.style}.dtstyle in the lighttable: styles → import. Its name is "{look.title}".',
             "Apply the style to RAW photographs of this camera whose white balance is as shot.",
             "Switch off filmic rgb, sigmoid, base curve and exposure: they change the tone in front of the LUT. They "
@@ -54,8 +53,8 @@ class DarktableKit:
         ]
 
 
-def _parameters() -> bytes:
-    return struct.pack("<512siii12288s128s", CUBE.encode(), _ADOBE_RGB, _TETRAHEDRAL, 0, b"", b"")
+def _parameters(cube: str) -> bytes:
+    return struct.pack("<512siii12288s128s", cube.encode(), _ADOBE_RGB, _TETRAHEDRAL, 0, b"", b"")
 
 
 def _packed(data: bytes) -> str:
@@ -64,7 +63,7 @@ def _packed(data: bytes) -> str:
     return f"gz{min(len(data) // len(packed) + 1, 99):02d}" + base64.b64encode(packed).decode("ascii")
 
 
-def _sidecar() -> str:
+def _sidecar(cube: str) -> str:
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <x:xmpmeta xmlns:x="adobe:ns:meta/">
  <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
@@ -73,7 +72,7 @@ def _sidecar() -> str:
    <darktable:history>
     <rdf:Seq>
      <rdf:li darktable:num="0" darktable:operation="lut3d" darktable:enabled="1"
-       darktable:modversion="{_MODULE_VERSION}" darktable:params={quoteattr(_packed(_parameters()))}
+       darktable:modversion="{_MODULE_VERSION}" darktable:params={quoteattr(_packed(_parameters(cube)))}
        darktable:multi_name="" darktable:multi_priority="0"/>
     </rdf:Seq>
    </darktable:history>
@@ -83,10 +82,10 @@ def _sidecar() -> str:
 """
 
 
-def _style(look: Look) -> str:
+def _style(look: Look, cube: str) -> str:
     plugin = (
         f"<plugin><num>0</num><module>{_MODULE_VERSION}</module><operation>lut3d</operation>"
-        f"<op_params>{_packed(_parameters())}</op_params><enabled>1</enabled><blendop_params></blendop_params>"
+        f"<op_params>{_packed(_parameters(cube))}</op_params><enabled>1</enabled><blendop_params></blendop_params>"
         "<blendop_version>0</blendop_version><multi_priority>0</multi_priority><multi_name></multi_name></plugin>"
     )
     return (

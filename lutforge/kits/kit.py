@@ -1,5 +1,6 @@
 """What every kit is made of: the camera's look in the space that a program feeds to a LUT, and the files around it."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,6 +46,11 @@ class Look:
     def title(self) -> str:
         """The look's name, for menus."""
         return f"{self.camera} {self.style}"
+
+    @property
+    def file_name(self) -> str:
+        """The look's name for files that share a folder with those of other looks, without a suffix."""
+        return re.sub(r"[^\w .+-]", "_", self.title)
 
     def within(self, space: str) -> Callable[[ArrayLike], Array]:
         """Give the look as a function of colours encoded in `space`, to colours encoded in the same space."""
@@ -105,4 +111,10 @@ def require_source(kit: Kit, look: Look) -> None:
         raise SettingsError(
             f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.developer}: "
             "lutforge calibrate SHOT… -o camera.npz"
+        )
+    developer = look.developer.split(" ")[0]
+    if {developer, kit.program} == {"darktable", "rawtherapee"}:
+        raise SettingsError(
+            f"{kit.title} develops otherwise than {look.developer}, which the profile is of: "
+            f"lutforge calibrate SHOT… --developer {kit.program} -o camera.npz"
         )

@@ -41,7 +41,7 @@ class RawTherapeeKit:
                 f"Color tab → Color Management → Input Profile → Custom: {name}, with tone curve and look table ticked."
             )
         else:
-            name = f"{look.style} Rec2020.png"
+            name = f"{look.file_name} Rec2020.png"
             bake(look.within("rec2020-srgb"), folder / name, title=look.title)
             settings = {"Film Simulation": {"Enabled": "true", "ClutFilename": f"{_PLACE}/{name}", "Strength": "100"}}
             step = (
@@ -54,7 +54,8 @@ class RawTherapeeKit:
         write_develop_script(
             folder / "develop.sh",
             "rawtherapee-cli",
-            f'sed "s|{_PLACE}|$here|" "$here/lutforge.pp3" > "$work/lutforge.pp3"\n'
+            "place=$(printf '%s' \"$here\" | sed 's/[&|\\\\]/\\\\&/g')\n"
+            f'sed "s|{_PLACE}|$place|" "$here/lutforge.pp3" > "$work/lutforge.pp3"\n'
             'rawtherapee-cli -o "$2" -p "$work/lutforge.pp3" -t -b16 -Y -c "$1" >/dev/null\n'
             'if [ ! -s "$2" ]; then echo "RawTherapee made no picture of $1" >&2; exit 1; fi\n',
         )

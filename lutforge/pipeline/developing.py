@@ -18,6 +18,7 @@ DEVELOPERS: dict[str, Developer] = {developer.name: developer for developer in (
 """Programs that `--developer` runs."""
 
 PICTURE_SUFFIXES = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
+"""Kinds of pictures that are paired, the best first."""
 
 
 def left_side(
@@ -91,5 +92,6 @@ def sample_pairs(
 def _pictures(folder: Path) -> dict[str, Path]:
     if not folder.is_dir():
         raise ShotError(f"{folder}: no such folder")
-    found = (path for path in sorted(folder.iterdir()) if path.suffix.lower() in PICTURE_SUFFIXES)
+    # Of several of one stem the best kind comes last, and stays.
+    found = [path for kind in reversed(PICTURE_SUFFIXES) for path in folder.iterdir() if path.suffix.lower() == kind]
     return {path.stem.lower(): path for path in found}

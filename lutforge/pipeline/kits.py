@@ -1,7 +1,7 @@
 """Use case: a profile → a folder that makes one program show the camera's look; and what that program then makes."""
 
+import re
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.developers.developer import run_command
 from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.images.development import Development
 from lutforge.images.read import read_image
@@ -90,13 +91,14 @@ def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str 
 
     program: as `--for` names it; without one, the program that developed the profile's pictures, else RawTherapee,
     whose camera profile others read. folder: must be new, empty, or an older kit, which is replaced.
-    Raises SettingsError where the profile's pairs are not what the program feeds to a LUT.
+    Raises SettingsError where the profile's pairs are not what the program feeds to a LUT, LutForgeError where the
+    folder holds other files.
     """
     look = look_of(profile, to)
-    kit = _kit_for(program or look.developer.split(" ")[0] or "rawtherapee")
+    kit = _kit_for(program or _own_program(look))
     require_source(kit, look)
     target = Path(folder)
-    if target.exists() and (not target.is_dir() or (any(target.iterdir()) and not (target / "README.md").is_file())):
+    if target.exists() and not _may_be_replaced(target):
         raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.lutforge-") as name:
@@ -135,22 +137,49 @@ def check_kit(
     return checks, failed
 
 
-def _checked(script: Path, raw: Path) -> KitCheck:
-    with tempfile.TemporaryDirectory(prefix="lutforge-") as name:
-        output = Path(name) / "developed.tif"
-        command = [str(script.resolve()), str(raw.resolve()), str(output)]
-        run = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False, timeout=600)
-        if run.returncode or not output.is_file():
-            said = " ".join(run.stderr.split())[-200:]
-            raise ShotError(f"{raw}: {script.name} failed: {said or f'status {run.returncode}'}")
-        pixels = read_image(output).pixels[..., :3]
-    samples = extract(read_shot(raw, Development(np.asarray(pixels, dtype=np.float32), "srgb", script.name))).samples
+def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
+    """Compare a picture that any program developed of a RAW file, in encoded sRGB, with the camera's JPEG of the shot.
+
+    Raises ImageError where a file cannot be read, ShotError where the pictures do not match or share no flat tile.
+    """
+    pixels = np.asarray(read_image(picture).pixels[..., :3], dtype=np.float32)
+    samples = extract(read_shot(raw, Development(pixels, "srgb", picture.name))).samples
     if len(samples) == 0:
         raise ShotError(f"{raw}: no flat tiles to compare")
     difference = delta_e_2000(samples.raw, samples.srgb)
     return KitCheck(
         raw.name, len(samples), float(difference.mean()), float(np.quantile(difference, 0.95)), float(difference.max())
     )
+
+
+def _checked(script: Path, raw: Path) -> KitCheck:
+    with tempfile.TemporaryDirectory(prefix="lutforge-") as name:
+        output = Path(name) / "developed.tif"
+        run_command([str(script.resolve()), str(raw.resolve()), str(output)], script.name, raw, output)
+        return compare_with_jpeg(raw, output)
+
+
+def _own_program(look: Look) -> str:
+    """The program that a kit is for where none is named."""
+    if look.space == "raw":
+        return "rawtherapee"
+    program = look.developer.split(" ")[0]
+    if program not in KITS:  # pictures that were exported say nothing of their program
+        raise SettingsError(f"the profile is of {look.developer}: name the program that made them with --for")
+    return program
+
+
+def _may_be_replaced(folder: Path) -> bool:
+    """Whether a folder is empty, or holds a kit and nothing but what its README names."""
+    if not folder.is_dir():
+        return False
+    names = {path.name for path in folder.iterdir()}
+    if not names:
+        return True
+    readme = folder / "README.md"
+    text = readme.read_text(encoding="utf-8", errors="replace") if readme.is_file() else ""
+    listed = re.findall(r"^Files: (.*)\. Tried with: ", text, flags=re.MULTILINE)
+    return len(listed) == 1 and names == {"README.md", *listed[0].split(", ")}
 
 
 def _kit_for(program: str) -> Kit:

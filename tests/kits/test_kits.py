@@ -12,9 +12,10 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.errors import LutForgeError, SettingsError
+from lutforge.images.raw import read_raw
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.kits import KITS, check_kit, look_of, write_kit
+from lutforge.pipeline.kits import KITS, check_kit, compare_with_jpeg, look_of, write_kit
 from lutforge.samples.sample_set import SampleSet
 from tests.conftest import CommandLine
 from tests.kits.kit_readers import dcp_tags, developed_by_dcp, rgb_table_of
@@ -118,12 +119,48 @@ def test_what_a_profile_cannot_give_is_refused_with_the_way(
         write_kit(raw_profile, SETTING, tmp_path / "mine", "nuke")
     assert not (tmp_path / "kit").exists()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine"]
+    (tmp_path / "mine" / "README.md").write_text("# Holidays\n")  # a README alone makes no kit
+    with pytest.raises(LutForgeError, match="holds other files"):
+        write_kit(raw_profile, SETTING, tmp_path / "mine", "nuke")
+    kit = write_kit(raw_profile, SETTING, tmp_path / "kit", "nuke")
+    (kit / "project.nk").write_text("mine too")
+    with pytest.raises(LutForgeError, match="holds other files"):
+        write_kit(raw_profile, SETTING, kit, "nuke")
+    assert (kit / "project.nk").is_file()
+
+
+def test_a_kit_is_for_the_program_that_developed_the_pictures(developed_profile: CameraProfile, tmp_path: Path) -> None:
+    folder = write_kit(developed_profile, SETTING, tmp_path / "kit")
+    assert (folder / "Canon PowerShot S40 standard.cube").is_file()
+    with pytest.raises(SettingsError, match="RawTherapee develops otherwise than darktable"):
+        write_kit(developed_profile, SETTING, tmp_path / "other", "rawtherapee")
+    exported = replace(developed_profile, options={**developed_profile.options, "developer": "pictures in prophoto"})
+    with pytest.raises(SettingsError, match="with --for"):
+        write_kit(exported, SETTING, tmp_path / "other")
 
 
 def test_a_kit_that_runs_nothing_cannot_be_checked(raw_profile: CameraProfile, tmp_path: Path) -> None:
     folder = write_kit(raw_profile, SETTING, tmp_path / "kit", "nuke")
     with pytest.raises(LutForgeError, match="cannot be run from the command line"):
         check_kit(folder, ["a.CRW"])
+
+
+def test_a_picture_is_compared_with_the_jpeg(shared_data: Path, tmp_path: Path) -> None:
+    raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
+    jpeg = read_raw(raw).preview
+    assert jpeg is not None
+    (tmp_path / "same.jpg").write_bytes(jpeg)
+    check = compare_with_jpeg(raw, tmp_path / "same.jpg")
+    assert check.shot == "CRW_0101.CRW"
+    assert check.tiles > 100
+    assert check.maximum < 0.1
+
+
+def test_a_script_that_cannot_be_run_is_one_line(raw_profile: CameraProfile, shared_data: Path, tmp_path: Path) -> None:
+    folder = write_kit(raw_profile, SETTING, tmp_path / "kit", "rawtherapee")
+    (folder / "develop.sh").chmod(0o644)  # as some archives leave it
+    with pytest.raises(LutForgeError, match=r"develop\.sh cannot be run"):
+        check_kit(folder, [shared_data / "canon_powershot_s40" / "CRW_0101.CRW"])
 
 
 def test_scripts_say_what_is_missing(raw_profile: CameraProfile, tmp_path: Path) -> None:

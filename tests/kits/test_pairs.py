@@ -62,3 +62,11 @@ def test_what_does_not_fit_is_one_line(folders: tuple[Path, Path], tmp_path: Pat
         left_side("darktable", before, "srgb")
     with pytest.raises(SettingsError, match="it runs darktable, rawtherapee"):
         left_side("lightroom")
+
+
+def test_of_several_pictures_of_one_name_the_tiff_is_taken(folders: tuple[Path, Path], tmp_path: Path) -> None:
+    (tmp_path / "FRAME.TIF").write_bytes((folders[0] / "a.tif").read_bytes())
+    (tmp_path / "frame.jpg").write_bytes(b"no picture")
+    left = left_side(developed=tmp_path, developed_space="srgb")
+    assert left is not None
+    assert left(Path("frame.CR2")).pixels.shape == (480, 640, 3)

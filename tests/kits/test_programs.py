@@ -53,7 +53,7 @@ def test_a_program_shows_the_camera_as_its_jpegs_do(program: str, shared_data: P
 def test_a_dng_profile_in_rawtherapee(shared_data: Path, tmp_path: Path) -> None:
     need("rawtherapee-cli")
     files = sorted((shared_data / "canon_powershot_s40").glob("CRW_*.CRW"))
-    folder = write_kit(calibrate(gather_samples(files).samples), "standard/auto", tmp_path / "kit", "rawtherapee")
+    folder = write_kit(calibrate(gather_samples(files).samples), "standard/auto", tmp_path / "r&d | kit", "rawtherapee")
     checks, failed = check_kit(folder, [files[0], files[3]])
     assert not failed
     assert all(check.mean < 1.0 for check in checks)  # the shots were seen: how near the format comes
