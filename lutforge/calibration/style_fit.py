@@ -4,13 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice.continuation import Continuation, continuation
 from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
 from lutforge.calibration.lattice.plain import fit_plain
 from lutforge.calibration.lattice.result import LatticeResult, result
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.style_data import StyleData
 from lutforge.model.lattice import Lattice
@@ -33,7 +34,7 @@ def fit_style(
     tolerance: float | None = None,
 ) -> StyleFit:
     """Both lattices of a style; smoothness: λ_S of (render, linearize), and base, where known already."""
-    base = base or fit_matrix_and_response(data.balanced, data.encoded)
+    base = base or fit_base(data.balanced, data.encoded)
     chosen = smoothness or (None, None)
     guess = _guess(data, options, base, inverse=False)
     render = _fit(data, options, guess, smoothness=chosen[0], tolerance=tolerance)

@@ -7,14 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.calibration.lattice.base import fit_base, with_matrix_of_all
 from lutforge.calibration.lattice.shrinkage import Shrinkable, shrinkable
 from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import (
-    MatrixAndResponse,
-    fit_matrix_and_response,
-    with_matrix_of_all,
-)
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import conventional, linearize, render
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import fit_direction, refit_physical
@@ -70,7 +67,7 @@ def fits_of_profile(style: PictureStyle, model: PhysicalModel | None) -> dict[st
 def fit_baselines(train: StyleData, base: MatrixAndResponse | None = None) -> dict[str, Fit]:
     """Return the plain methods, fitted to samples; base: their matrix and response, where that is known."""
     x, y = train.balanced, train.encoded
-    base = with_matrix_of_all(base or fit_matrix_and_response(x, y), x, y)
+    base = with_matrix_of_all(base or fit_base(x, y), x, y)
     return {
         MATRIX_AND_RESPONSE: Fit(base.render, base.linearize),
         CHANNEL_POLYNOMIALS: Fit(channel_polynomials(x, y), mixed_channel_polynomials(y, x)),
@@ -119,7 +116,7 @@ class Fitter:
 
     def fit(self, train: StyleData) -> Fits:
         """Return all methods, fitted to these samples."""
-        base = fit_matrix_and_response(train.balanced, train.encoded)
+        base = fit_base(train.balanced, train.encoded)
         fits, own = {}, None
         for method, options in self.lattices.items():
             fits[method], pair = _lattices(train, options, base)

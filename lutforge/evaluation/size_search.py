@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import fit_direction
 from lutforge.errors import CalibrationError
@@ -57,7 +57,7 @@ def smallest_size(
 
 def _smoothness(style: StyleData, options: CalibrationOptions) -> float:
     """λ_S for all sizes, chosen on one that shows what the largest would choose."""
-    base = fit_matrix_and_response(style.balanced, style.encoded)
+    base = fit_base(style.balanced, style.encoded)
     middle = replace(options, size=17)
     return fit_direction(style, middle, base, inverse=False, tolerance=MEASURING_TOLERANCE).smoothness
 
@@ -67,7 +67,7 @@ def _held_out(style: StyleData, options: CalibrationOptions, smoothness: float) 
 
     def rendered(train: Mask, test: Mask) -> Array:
         part = style.select(train)
-        base = fit_matrix_and_response(part.balanced, part.encoded)
+        base = fit_base(part.balanced, part.encoded)
         fit = fit_direction(
             part, options, base, inverse=False, smoothness=smoothness, tolerance=MEASURING_TOLERANCE
         ).lattice

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.options import options_from_json
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import fit_direction
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
@@ -71,7 +71,7 @@ def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data:
 def _uniform_errors(profile: CameraProfile, data: StyleData, direction: str) -> tuple[Array, Array, Array]:
     """Per axis the histogram of a uniform lattice's squared errors on the samples."""
     options = replace(options_from_json(profile.options), nonuniform=False)
-    base = fit_matrix_and_response(data.balanced, data.encoded)
+    base = fit_base(data.balanced, data.encoded)
     inverse = direction == "linearize"
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     lattice = fit_direction(data, options, base, inverse=inverse).lattice

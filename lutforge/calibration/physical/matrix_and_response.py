@@ -244,18 +244,6 @@ def _fit_channel(mixed: Array, encoded: Array, weight: Array, basis: CurveBasis)
     return basis.table(solution[:count]), solution[count:]
 
 
-@one_blas_thread
-def with_matrix_of_all(base: MatrixAndResponse, x: Array, encoded: Array) -> MatrixAndResponse:
-    """The same response with the matrix that suits all samples best, saturated ones too; as in the fit, x and encoded
-    are (n, 3)."""
-    linear, slope = base.response.linearize(encoded), encoding_slope(base.response, encoded)
-    matrix = base.matrix
-    for _ in range(6):
-        weight = ALL_COLOURS(encoded_residual(base.response, matrix, x, encoded))
-        matrix = matrix_between(x, linear, weight, slope)
-    return _with_inliers(replace(base, matrix=matrix), encoded_residual(base.response, matrix, x, encoded))
-
-
 def matrix_between(x: Array, linear: Array, weight: Array, slope: Array) -> Array:
     """Ts with rows that sum to 1, that minimises Σ weight slope² (linear − Ts x)², all (n, 3) but weight (n,)."""
     matrix = np.empty((3, 3))
