@@ -14,7 +14,6 @@ from lutforge.ocio.names import UniqueNames, file_stem, part_name, space_name
 
 Array = NDArray[np.float64]
 
-DAYLIGHT_KELVIN = 5200.0
 RAW = "RAW"
 DEFAULT = "default"
 """Stands for the reference white balance in names that context variables make."""
@@ -42,7 +41,8 @@ class Camera:
 
         def distance(name: str) -> tuple[bool, float]:
             kelvin = balances[name].kelvin
-            return (kelvin is None, abs(1e6 / (kelvin or DAYLIGHT_KELVIN) - 1e6 / DAYLIGHT_KELVIN))
+            daylight = 5200.0
+            return (kelvin is None, abs(1e6 / (kelvin or daylight) - 1e6 / daylight))
 
         return "daylight" if "daylight" in balances else min(balances, key=distance)
 

@@ -28,9 +28,6 @@ WANTED_ROLES = (
     OCIO.ROLE_COLOR_PICKING,
     OCIO.ROLE_DATA,
 )
-ROUND_TRIP_PIXELS = 1 << 12
-IDENTICAL = 1e-4
-"""Difference up to which two colour spaces of one equality group are the same."""
 
 _PIXELS = np.array(
     [[0, 0, 0], [0.18, 0.18, 0.18], [1, 1, 1], [0.5, 0.2, 0.1], [0.1, 0.4, 0.7], [-0.01, 0.5, 1.2]],
@@ -120,7 +117,7 @@ def round_trips(config: OCIO.Config) -> Iterator[SpaceRoundTrip]:
 
     These start from [0, 1], from its faces and from the darks of both.
     """
-    values = qmc.Sobol(3, rng=3).random(ROUND_TRIP_PIXELS)
+    values = qmc.Sobol(3, rng=3).random(1 << 12)
     face = values.copy()
     face[np.arange(len(face)), np.arange(len(face)) % 3] = np.arange(len(face)) // 3 % 2
     start = np.concatenate([values, values**2, face, face**2]).astype(np.float32)
@@ -276,7 +273,7 @@ def _equality_groups(config: OCIO.Config) -> list[Finding]:
         results = [_applied(_processor(config, name, references[name]), np.abs(_PIXELS)) for name in names[:1]]
         for name in names[1:]:
             result = _applied(_processor(config, name, references[name]), np.abs(_PIXELS))
-            if np.abs(result - results[0]).max() > IDENTICAL:
+            if np.abs(result - results[0]).max() > 1e-4:  # what no 8-bit or 10-bit file tells apart
                 findings.append(Finding("error", f"equality group {group}", f"{names[0]} and {name} differ"))
     return findings
 

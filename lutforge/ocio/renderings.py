@@ -25,11 +25,6 @@ from lutforge.settings import Selector
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-CHECKED = 1 << 15
-"""Colours of each spread that a LUT is compared with its model on."""
-UNCLIPPED = 0.5 / 255
-"""From the ends of the encoded range: what an 8-bit file does not clip."""
-
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
@@ -129,14 +124,15 @@ def _error(lut: Lut, transform: Transform, made_by: Transform | None = None) -> 
     def error(x: Array) -> Array:
         return np.asarray(np.linalg.norm(lut(x) - transform(x), axis=1))
 
-    x = raw_colours(CHECKED, seed=7)
+    count, half_a_code = 1 << 15, 0.5 / 255
+    x = raw_colours(count, seed=7)
     made = x if made_by is None else np.clip(made_by(x), 0.0, 1.0)
     means, largest = [], 0.0
     for colours in (x,) if made_by is None else (x, made):
         errors = error(colours)
         jpeg = np.clip(transform(x), 0.0, 1.0) if made_by is None else colours
-        unclipped = np.all((jpeg > UNCLIPPED) & (jpeg < 1 - UNCLIPPED), axis=1)[:CHECKED]
-        parts = (errors, errors[:CHECKED], errors[:CHECKED][unclipped])
+        unclipped = np.all((jpeg > half_a_code) & (jpeg < 1 - half_a_code), axis=1)[:count]
+        parts = (errors, errors[:count], errors[:count][unclipped])
         means += [float(part.mean()) for part in parts if len(part)]
         largest = max(largest, float(errors.max()), float(error(climbed(error, colours, errors, seed=7)).max()))
     return f"mean {rounded_up(max(means))}, max {rounded_up(largest)}"
