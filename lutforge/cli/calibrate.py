@@ -9,10 +9,28 @@ import typer
 from lutforge.cli.console import note, print_table, progress_bar, say
 from lutforge.cli.sample import tell
 from lutforge.cli.words import ProfileOutput
+from lutforge.errors import SettingsError
 
 if TYPE_CHECKING:
     from lutforge.evaluation.learning_curve import LearningCurve
     from lutforge.model.camera_profile import CameraProfile
+
+
+DeveloperName = Annotated[
+    str | None,
+    typer.Option(help="Calibrate on what this program feeds to a LUT, darktable or rawtherapee, instead of RAW."),
+]
+DevelopedFolder = Annotated[
+    Path | None, typer.Option(help="A folder of pictures that another program developed, one a shot, same stem.")
+]
+DevelopedSpace = Annotated[
+    str | None, typer.Option("--developed-space", help="The colour space of those pictures, such as prophoto.")
+]
+Pairs = Annotated[
+    tuple[Path, Path] | None,
+    typer.Option(help="Instead of shots, two folders: the same frames before and after, same stems."),
+]
+FromSpace = Annotated[str, typer.Option("--from-space", help="The colour space of the first folder of --pairs.")]
 
 
 def calibrate(
@@ -39,23 +57,11 @@ def calibrate(
         bool,
         typer.Option("--learning-curve", help="Show, too, how the error falls with more shots: are they enough?"),
     ] = False,
-    developer: Annotated[
-        str | None,
-        typer.Option(help="Calibrate on what this program feeds to a LUT, darktable or rawtherapee, instead of RAW."),
-    ] = None,
-    developed: Annotated[
-        Path | None, typer.Option(help="A folder of pictures that another program developed, one a shot, same stem.")
-    ] = None,
-    developed_space: Annotated[
-        str | None, typer.Option("--developed-space", help="The colour space of those pictures, such as prophoto.")
-    ] = None,
-    pairs: Annotated[
-        tuple[Path, Path] | None,
-        typer.Option(help="Instead of shots, two folders: the same frames before and after, same stems."),
-    ] = None,
-    from_space: Annotated[
-        str, typer.Option("--from-space", help="The colour space of the first folder of --pairs.")
-    ] = "srgb",
+    developer: DeveloperName = None,
+    developed: DevelopedFolder = None,
+    developed_space: DevelopedSpace = None,
+    pairs: Pairs = None,
+    from_space: FromSpace = "srgb",
 ) -> None:
     """Calibrate a camera, and print the error on shots that were held out."""
     from lutforge.pipeline.calibration import calibrate as fit
@@ -68,11 +74,12 @@ def calibrate(
     options = calibration_options(model, preset, size, tolerance, interpolation, not uniform)
     with progress_bar("sampling") as report:
         if pairs is not None:
+            if sources:
+                raise SettingsError("give --pairs or shots, not both")
             sampled = sample_pairs(*pairs, from_space, report)
             tell(sampled)
         else:
-            left = left_side(developer, developed, developed_space)
-            sampled = gather_samples(sources or [], report, tell, left)
+            sampled = gather_samples(sources or [], report, tell, left_side(developer, developed, developed_space))
     samples = sampled.samples
     if tolerance is not None:
         with progress_bar("choosing a size") as report:

@@ -12,12 +12,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
+from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice.continuation import continuation
 from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.lattice.result import LatticeResult
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
@@ -39,7 +39,7 @@ def split(d40_pairs: PublishedPairs, seed: int) -> tuple[Array, Array, Array, Ar
 def fit(x: Array, y: Array, options: CalibrationOptions) -> LatticeResult:
     """Ten shots of mixed colours each."""
     shots = np.array([f"shot {row % 10}" for row in range(len(x))])
-    base = fit_matrix_and_response(x, y)
+    base = fit_base(x, y)
     guess = continuation(base, x, y, inverse=False)
     curve = output_curve(base.response)
     return fit_samples(x, y, shots, guess, options, clips=True, curve=curve)

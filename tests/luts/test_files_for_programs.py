@@ -79,7 +79,7 @@ def test_stages_of_lattices_are_the_model_and_files_say_what_goes_in(tmp_path: P
     assert "--stages writes .clf and .ctf" in refused.stderr
     linear = bake(tmp_path, str(profile), "linearize", "--from", "standard/daylight", "-o", "b.png", "--size", "9")
     assert linear.returncode == 0, linear.stderr
-    assert "whole numbers hold linear light badly" in linear.stderr
+    assert "whole numbers band the darks of linear light" in linear.stderr
     assert "8 bits would show bands" in linear.stderr
     scene = ("render", "--space", "acescg", "--ev", "-1", "--to", "standard/daylight", "-o", "c.clf")
     assert bake(tmp_path, str(profile), *scene).returncode == 0
