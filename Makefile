@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup --benchmark-disable
 
-.PHONY: demo test test-all check benchmark accuracy clean
+.PHONY: demo test test-all check benchmark accuracy field clean
 
 demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
@@ -29,6 +29,11 @@ benchmark: .venv/ready
 # Every figure that a change must keep; ACCURACY="--quick --compare FILE" for everyday use.
 accuracy: .venv/ready
 	$(BIN)/python -m tests.benchmarks.accuracy $(ACCURACY)
+
+# LutForge beside other ways to a camera's look, in darktable and RawTherapee as installed; FIELD="--keep DIR" to go on.
+field: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	$(BIN)/python -m tests.benchmarks.field $(FIELD)
 
 .venv/ready: pyproject.toml constraints.txt
 	@echo "Installing LutForge and what it needs into .venv: about 1.5 GB, two minutes."

@@ -1,0 +1,334 @@
+"""LutForge beside what else brings a camera's look into a RAW developer, and beside plain models of the way back.
+
+    python -m tests.benchmarks.field [--keep DIR]
+
+Prints three tables. First, real photographs of a Canon PowerShot S40, each left out in turn: mean ΔE00 of flat tiles
+between the camera's JPEG and what a program or a model makes of the RAW file. Then the way from JPEG to RAW, of these
+photographs and of the simulated camera. Last, a refinish on the simulated camera, beside a polynomial of 11 terms that
+is fitted to the answer itself: no method that maps a picture by one such polynomial can do better in the mean square.
+
+darktable and RawTherapee run as they are installed, with their defaults; camera-match and darktable_lut_generator are
+those of `pip install -e .[bench]`. What is missing is left out, with a line that says so. `--keep DIR` keeps samples,
+the programs' default pictures and darktable_lut_generator's cubes, each of which takes it minutes, between runs.
+LUTFORGE_TEST_DATA names the folder of real data.
+"""
+
+import argparse
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lutforge as lf
+from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.calibration.style_data import style_data
+from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.developers.darktable import NEUTRAL
+from lutforge.developers.developer import run_command
+from lutforge.errors import LutForgeError
+from lutforge.evaluation.methods import LATTICE, fit_baselines
+from lutforge.images.raw import read_raw
+from lutforge.pipeline.developing import left_side
+from lutforge.pipeline.kits import check_kit, compare_with_jpeg, look_of, write_kit
+from lutforge.pipeline.sampling import gather_samples
+from lutforge.samples.table import write_samples
+from lutforge.simulate.demo import DemoShots, demo_shots
+from tests.benchmarks.accuracy import ROOT
+
+Array = NDArray[np.float64]
+
+SETTING = "standard/auto"
+AUTO_MATCHED = "RawTherapee, its default with the auto-matched curve"
+
+
+@dataclass(frozen=True)
+class Photographs:
+    """The five photographs, and what is kept between runs. keep: a folder."""
+
+    files: tuple[Path, ...]
+    keep: Path
+
+    def samples(self, developer: str | None = None) -> lf.SampleSet:
+        """Samples of all photographs: of the RAW files, or of what a program develops of them."""
+        table = self.keep / f"{developer or 'raw'}.csv"
+        if not table.exists():
+            write_samples(table, gather_samples(self.files, left=left_side(developer)).samples)
+        return lf.read_samples(table)
+
+    def left_out(self) -> "Iterator[LeftOut]":
+        """Each photograph left out in turn."""
+        return (LeftOut(raw, self) for raw in self.files)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """One photograph left out: `raw` is predicted by what was made from the others."""
+
+    raw: Path
+    photographs: Photographs
+
+    def parts(self, developer: str | None = None) -> tuple[lf.SampleSet, lf.SampleSet]:
+        """Samples of the others, and its own."""
+        samples = self.photographs.samples(developer)
+        own = samples.shot == self.raw.stem
+        return samples.select(~own), samples.select(own)
+
+    @cache  # noqa: B019 - for the minutes of one run
+    def profile(self, developer: str | None = None) -> lf.CameraProfile:
+        """Calibrated from the others: from their RAW files, or from what a program develops of them."""
+        return lf.calibrate(self.parts(developer)[0])
+
+    def kept(self, name: str) -> Path:
+        """The path of a file about this photograph that is kept between runs."""
+        return self.photographs.keep / f"{name}-{self.raw.stem}"
+
+
+def darktable_default(shot: LeftOut) -> float:
+    """darktable as it is installed: its scene-referred workflow."""
+
+    def command(output: Path) -> list[str]:
+        own = ["--core", "--configdir", str(output.parent / "config"), "--library", ":memory:"]
+        depth = ["--conf", "plugins/imageio/format/tiff/bpp=16"]
+        return ["darktable-cli", str(shot.raw), str(output), "--icc-type", "SRGB", *own, *depth]
+
+    return default_picture(shot, "darktable", command)
+
+
+def rawtherapee_default(shot: LeftOut) -> float:
+    """RawTherapee as it is installed: a curve that is matched to the embedded JPEG of this very photograph."""
+
+    def command(output: Path) -> list[str]:
+        return ["rawtherapee-cli", "-o", str(output), "-d", "-t", "-b16", "-Y", "-c", str(shot.raw)]
+
+    return default_picture(shot, "RawTherapee", command)
+
+
+def default_picture(shot: LeftOut, program: str, command: Callable[[Path], list[str]]) -> float:
+    """The mean ΔE00 of what a program makes by a command, which takes the path of the TIFF to write."""
+    picture = shot.kept(f"{program}-default").with_suffix(".tif")
+    if not picture.exists():
+        with tempfile.TemporaryDirectory() as folder:
+            output = Path(folder) / "developed.tif"
+            run_command(command(output), program, shot.raw, output)
+            shutil.move(output, picture)
+    return compare_with_jpeg(shot.raw, picture).mean
+
+
+def darktable_lut_generator(shot: LeftOut) -> float:
+    """Its cube of 9³ nodes, its own choice, in the place of ours in the kit for darktable."""
+    cube = shot.kept("darktable-lut-generator").with_suffix(".cube")
+    if not cube.exists():
+        with tempfile.TemporaryDirectory() as folder:
+            pairs, settings = Path(folder) / "pairs", Path(folder) / "config"
+            pairs.mkdir()
+            settings.mkdir()
+            for other in shot.photographs.files:
+                preview = read_raw(other).preview
+                if other != shot.raw and preview is not None:
+                    (pairs / f"{other.stem}.jpg").write_bytes(preview)
+                    shutil.copy(other, pairs / f"{other.stem}.raw")  # it does not know the suffix .crw
+            # Its manual asks for darktable without a workflow; tetrahedra are what the kit asks darktable for.
+            rows = (f"{key}={value}\n" for key, value in NEUTRAL.items())
+            (settings / "darktablerc").write_text("".join(rows), encoding="utf-8")
+            options = ["--path_config_dir", str(settings), "--interpolation", "tetrahedral"]
+            # It aligns pictures of one size only: the JPEGs are 640 pixels wide. Its manual names the least number of
+            # samples, with which a cube takes minutes; with its default an hour goes by for all.
+            options += ["--resize", "640", "--n_samples", "10000"]
+            program = beside_python("darktable_lut_generator")
+            made = Path(folder) / "made.cube"
+            subprocess.run([program, *options, str(pairs), str(made)], check=True, capture_output=True, timeout=3600)
+            shutil.move(made, cube)
+    with tempfile.TemporaryDirectory() as folder:
+        kit = write_kit(shot.profile("darktable"), SETTING, Path(folder) / "kit", "darktable")
+        (own,) = kit.glob("*.cube")
+        shutil.copy(cube, own)
+        return only_check(kit, shot.raw)
+
+
+def camera_match(shot: LeftOut) -> float:
+    """camera-match's LUT3D of 17³ nodes, at which it is best on published pairs; from RAW to JPEG on samples."""
+    node = importlib.import_module("camera_match").LUT3D(size=17)
+    train, test = shot.parts()
+    node.solve(train.raw * train.wb, train.srgb)
+    return float(delta_e_2000(np.clip(node(test.raw * test.wb), 0.0, 1.0), test.srgb).mean())
+
+
+def model(shot: LeftOut) -> float:
+    """LutForge's model on samples of the RAW file."""
+    test = shot.parts()[1]
+    rendered = look_of(shot.profile(), SETTING).render(test.raw * test.wb)
+    return float(delta_e_2000(np.clip(rendered, 0.0, 1.0), test.srgb).mean())
+
+
+def kit(shot: LeftOut, program: str) -> float:
+    """What a program shows with the kit that is made from its own developments of the others."""
+    with tempfile.TemporaryDirectory() as folder:
+        return only_check(write_kit(shot.profile(program), SETTING, Path(folder) / "kit"), shot.raw)
+
+
+def camera_profile_kit(shot: LeftOut) -> float:
+    """What RawTherapee shows with the DNG camera profile of the others' RAW files."""
+    with tempfile.TemporaryDirectory() as folder:
+        return only_check(write_kit(shot.profile(), SETTING, Path(folder) / "kit", "rawtherapee"), shot.raw)
+
+
+def only_check(folder: Path, raw: Path) -> float:
+    """The mean ΔE00 of one file that a kit's program develops."""
+    (check,), _ = check_kit(folder, [raw])
+    return check.mean
+
+
+def beside_python(program: str) -> str:
+    """The path of a program that was installed with Python packages. Raises FileNotFoundError."""
+    found = shutil.which(program, path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
+    if found is None:
+        raise FileNotFoundError(f"{program} is not installed")
+    return found
+
+
+METHODS: dict[str, Callable[[LeftOut], float]] = {
+    "darktable, its default": darktable_default,
+    AUTO_MATCHED: rawtherapee_default,
+    "darktable_lut_generator 0.1.5, 9³, in darktable": darktable_lut_generator,
+    "camera-match 0.2.0, 17³, on RAW": camera_match,
+    "LutForge, its model on RAW": model,
+    "LutForge, kit for darktable": lambda shot: kit(shot, "darktable"),
+    "LutForge, kit for RawTherapee, CLUT": lambda shot: kit(shot, "rawtherapee"),
+    "LutForge, kit for RawTherapee, `.dcp`": camera_profile_kit,
+}
+
+
+def photographs_table(photographs: Photographs) -> dict[str, list[float]]:
+    """Print and return mean ΔE00 by method and photograph; NaN where a method could not run."""
+    shots = list(photographs.left_out())
+    heading(["mean ΔE00 to the camera's JPEG", *(shot.raw.stem.partition("_")[2] for shot in shots), "mean"])
+    found: dict[str, list[float]] = {}
+    notes = []
+    for name, measure in METHODS.items():
+        values = []
+        for shot in shots:
+            try:
+                values.append(measure(shot))
+            except (LutForgeError, ImportError, OSError, subprocess.SubprocessError) as error:
+                values.append(float("nan"))
+                notes.append(f"{name}, {shot.raw.stem}: {str(error).splitlines()[0]}")
+        found[name] = values
+        line(name, [*values, float(np.mean(values))], 2)
+    for note in notes:
+        print(note)
+    return found
+
+
+def verdicts(found: dict[str, list[float]]) -> Iterator[str]:
+    """Whether each kit is nearer to the JPEG than RawTherapee's auto-matched curve, and what it adds to the model."""
+    for name, values in found.items():
+        if "kit" not in name:
+            continue
+        auto_matched, own = (np.array(found[other]) for other in (AUTO_MATCHED, "LutForge, its model on RAW"))
+        nearer = int(np.sum(np.array(values) < auto_matched))
+        added = np.array(values) - own
+        yield (
+            f"{name}: nearer than the auto-matched curve on {nearer} of {len(values)} photographs; "
+            f"beside the model on RAW {added.mean():+.2f} on average, {added.max():+.2f} at most"
+        )
+
+
+def way_back_table(photographs: Photographs, shots: DemoShots, simulated: lf.CameraProfile) -> None:
+    """Print the error of JPEG → RAW behind white balance, by method."""
+    samples = photographs.samples()
+    rows = lf.evaluate(lf.calibrate(samples), samples).rows
+    real = {row.method: row.figures for row in rows if row.shot == "all" and row.direction == "linearize"}
+    style, balance = shots.source.split("/")
+    raw = lf.sample([shots.held_out.dng]).raw
+    jpeg = shots.camera.render(raw, style, balance)
+    inside = ((jpeg > 0.002) & (jpeg < 0.998)).all(axis=-1)
+    gain = simulated.multipliers(shots.source)
+    truth = raw[inside] * gain
+    calibration = lf.sample(list(shots.calibration))
+    data = style_data(calibration, complete_multipliers(calibration)[0])[0][style]
+    fits = {name: fit.linearize for name, fit in fit_baselines(data).items()}
+    own = simulated.linearize(shots.source)
+    fits = {LATTICE: lambda x: own(x) * gain, **fits}
+    heading(["JPEG → RAW, mean error (max)", "S40, each shot left out", "simulated camera"])
+    for name, linearize in fits.items():
+        error = np.linalg.norm(linearize(jpeg[inside]) - truth, axis=1)
+        figures = real[name]
+        texts = [f"{figures.mean:.4f} ({figures.maximum:.3f})", f"{error.mean():.4f} ({error.max():.3f})"]
+        print(f"| {'LutForge' if name == LATTICE else name} | {' | '.join(texts)} |")
+
+
+def refinish_table(shots: DemoShots, simulated: lf.CameraProfile) -> None:
+    """Print the error of the demo's refinish, beside the polynomial that is fitted to the answer."""
+    raw, camera = lf.sample([shots.held_out.dng]).raw, shots.camera
+    (style, balance), (target_style, target_balance) = shots.source.split("/"), shots.target.split("/")
+    before = camera.render(raw, style, balance)
+    after = camera.render(raw, target_style, target_balance, shots.ev)
+    inside = ((before > 0.002) & (before < 0.998) & (after > 0.002) & (after < 0.998)).all(axis=-1)
+    x, y = before[inside], after[inside]
+    design = eleven_terms(x)
+    made = {
+        "11-term polynomial, fitted to the answer": design @ np.linalg.lstsq(design, y, rcond=None)[0],
+        "LutForge, which has not seen it": simulated.refinish(shots.source, shots.target, shots.ev)(x),
+    }
+    heading([f"refinish {shots.source} → {shots.target}, {shots.ev:+.1f} EV", "RMSE", "mean ΔE00", "max ΔE00"])
+    for name, colours in made.items():
+        shown = np.clip(colours, 0.0, 1.0)
+        difference = delta_e_2000(shown, y)
+        line(name, [float(np.sqrt(np.mean((shown - y) ** 2))), float(difference.mean()), float(difference.max())], 4)
+
+
+def eleven_terms(rgb: Array) -> Array:
+    """(n, 3) → (n, 11): 1, r, g, b, rg, rb, gb, r², g², b², rgb (Hong, Luo and Rhodes 2001).
+
+    https://doi.org/10.1002/1520-6378(200102)26:1%3C76::AID-COL8%3E3.0.CO;2-3
+    """
+    r, g, b = rgb.T
+    return np.stack([np.ones(len(rgb)), r, g, b, r * g, r * b, g * b, r * r, g * g, b * b, r * g * b], axis=1)
+
+
+def heading(cells: list[str]) -> None:
+    """Print the head of a table in Markdown."""
+    print(f"\n| {' | '.join(cells)} |\n|{'---|' * len(cells)}", flush=True)
+
+
+def line(name: str, values: list[float], places: int) -> None:
+    """Print a row of a table."""
+    cells = ("–" if np.isnan(value) else f"{value:.{places}f}" for value in values)
+    print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+def main() -> int:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--keep", type=Path, help="where samples, default pictures and peers' cubes are kept")
+    arguments = parser.parse_args()
+    place = Path(os.environ.get("LUTFORGE_TEST_DATA", str(ROOT.parent / "shared" / "data"))) / "canon_powershot_s40"
+    files = tuple(sorted(place.glob("CRW_*.CRW")))
+    if not files:
+        print(f"{place}: no photographs; set LUTFORGE_TEST_DATA to the folder of real data", file=sys.stderr)
+        return 2
+    with tempfile.TemporaryDirectory() as temporary:
+        keep = arguments.keep or Path(temporary)
+        keep.mkdir(parents=True, exist_ok=True)
+        os.environ["RT_SETTINGS"] = str(Path(temporary) / "rawtherapee")  # its own defaults, not the user's
+        photographs = Photographs(files, keep)
+        found = photographs_table(photographs)
+        print("", *verdicts(found), sep="\n")
+        shots = demo_shots(keep / "demo")
+        simulated = lf.calibrate(lf.sample(list(shots.calibration)))
+        way_back_table(photographs, shots, simulated)
+        refinish_table(shots, simulated)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
