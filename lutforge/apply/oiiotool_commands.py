@@ -45,7 +45,8 @@ def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
     if not words:
         raise ImageError(f"{job.source}: oiiotool has no such interpolation or conversion; let `lutforge apply` do it")
     if any(sign in word for word in words for sign in "$%"):
-        raise ImageError(f'{job.source}: OpenColorIO takes "$" and "%" in the path of a LUT for variables; rename it')
+        path = next(word for word in words if set(word) & set("$%"))
+        raise ImageError(f'{path}: OpenColorIO takes "$" and "%" in the path of a LUT for variables; rename it')
     with ImageReader(job.source) as reader:
         check_colours(job.source, reader.spec)
         described = describe_output(job.target, reader.spec, reader.format)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.atomic_write import scratch_folder
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.developers.developer import run_command
 from lutforge.errors import LutForgeError, SettingsError, ShotError
@@ -28,6 +29,7 @@ from lutforge.kits.obs import ObsKit
 from lutforge.kits.rawtherapee import RawTherapeeKit
 from lutforge.kits.resolve import ResolveKit
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline.outputs import check_output
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import extract
 from lutforge.shots.discover import discover
@@ -100,9 +102,9 @@ def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str 
     target = Path(folder)
     if target.exists() and not _may_be_replaced(target):
         raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.lutforge-") as name:
-        filled = Path(name) / "kit"
+    check_output(target / "README.md")
+    with scratch_folder(beside=target) as scratch:
+        filled = scratch / "kit"
         filled.mkdir()
         steps = kit.write(look, filled)
         (filled / "README.md").write_text(_readme(kit, look, steps, filled), encoding="utf-8")

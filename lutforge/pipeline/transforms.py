@@ -130,8 +130,10 @@ def _needed(selector: str | None, option: str, kind: str, profile: CameraProfile
     known = profile.white_balances.get(str(chosen.white_balance))
     if known is not None and known.spread > 0.02:
         r, g, b = known.multipliers
-        notes.append(
+        text = (
             f"{profile.camera} sets {chosen.white_balance} anew for each shot (by up to {known.spread:.0%}); this LUT "
             f"is for its middle one, {r:.3f},{g:g},{b:.3f}; name a shot's own multipliers for an exact one"
         )
+        if text not in notes:
+            notes.append(text)
     return selector

@@ -184,3 +184,9 @@ def test_the_command(raw_profile: CameraProfile, tmp_path: Path, lutforge: Comma
     run = lutforge("kit", tmp_path / "camera.npz", "--to", "sepia/auto", "-o", tmp_path / "other")
     assert run.returncode == 2
     assert "unknown style" in run.stderr
+
+
+def test_a_kit_that_cannot_be_written_names_its_folder(raw_profile: CameraProfile, tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"not a folder")
+    with pytest.raises(LutForgeError, match=r"file is a file, not a folder; choose another output folder"):
+        write_kit(raw_profile, SETTING, tmp_path / "file" / "kit", "rawtherapee")
