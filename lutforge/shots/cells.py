@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
+from scipy import sparse
 
 from lutforge.images.raw import RawImage
 from lutforge.shots.shot import Registration, Shot
@@ -67,8 +67,7 @@ def raw_on_grid(
     label = in_row[:, None] * width + in_column[None, :]
 
     def median(values: Array) -> Array:
-        found = ndimage.median(values, label, np.arange(height * width))
-        return np.nan_to_num(np.asarray(found, dtype=np.float64)).reshape(height, width)
+        return medians(values, label, height * width).reshape(height, width)
 
     outside = ~(covered_rows[:, None] & covered_columns[None, :])
     result = np.full((5, height, width, 3), np.nan)
@@ -87,6 +86,22 @@ def raw_on_grid(
         result[3, ..., channel] = np.minimum(_touched(np.maximum, plane, rows, columns), mean + REACH * std)
     result[:, outside] = np.nan
     return CellStatistics(*result)
+
+
+def medians(values: Array, label: NDArray[np.intp], count: int) -> Array:
+    """(count,) medians of the values of each label 0 … count − 1; 0 where a label has no value.
+
+    One sort of numbers that hold the label before the point and the value, scaled to [0, 1), behind it.
+    """
+    sizes = np.bincount(label.ravel(), minlength=count)
+    low = float(values.min())
+    span = (float(values.max()) - low) * 1.001 or 1.0
+    ranked = np.sort((label + (values - low) / span).ravel())
+    first, filled = np.cumsum(sizes) - sizes, np.flatnonzero(sizes)
+    middle = ranked[(first + (sizes - 1) // 2)[filled]] + ranked[(first + sizes // 2)[filled]]
+    found = np.zeros(count)
+    found[filled] = (0.5 * middle - filled) * span + low
+    return found
 
 
 def without_outliers(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lutforge.shots.cells import raw_on_grid
+from lutforge.shots.cells import medians, raw_on_grid
 from lutforge.shots.shot import Registration
 from tests.shots.test_align import raw_image
 
@@ -50,3 +50,12 @@ def test_hot_pixels_are_no_part_of_a_cell() -> None:
         cells = raw_on_grid(raw_image(pixels), found, 10, 10, 8, hot)
         np.testing.assert_allclose(cells.mean, 0.2, atol=0.006)
         assert cells.maximum.max() < 0.25
+
+
+def test_medians_of_labels() -> None:
+    rng = np.random.default_rng(3)
+    values, label = rng.normal(0.2, 0.1, (60, 70)), rng.integers(0, 40, (60, 70))
+    label[label == 7] = 8  # nothing has this label
+    wanted = [np.median(values[label == one]) if one != 7 else 0.0 for one in range(40)]
+    np.testing.assert_allclose(medians(values, label, 40), wanted, atol=1e-12)
+    np.testing.assert_allclose(medians(np.full((4, 5), 0.3), np.zeros((4, 5), dtype=np.intp), 1), 0.3)
