@@ -14,8 +14,13 @@ from lutforge.errors import SettingsError
 if TYPE_CHECKING:
     from lutforge.evaluation.learning_curve import LearningCurve
     from lutforge.model.camera_profile import CameraProfile
+    from lutforge.samples.sample_set import SampleSet
 
 
+OptionalSources = Annotated[
+    list[Path] | None,
+    typer.Argument(help="Sample tables (.csv, .parquet), RAW files, folders of RAW files.", show_default=False),
+]
 DeveloperName = Annotated[
     str | None,
     typer.Option(help="Calibrate on what this program feeds to a LUT, darktable or rawtherapee, instead of RAW."),
@@ -34,10 +39,7 @@ FromSpace = Annotated[str, typer.Option("--from-space", help="The colour space o
 
 
 def calibrate(
-    sources: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Sample tables (.csv, .parquet), RAW files, folders of RAW files.", show_default=False),
-    ] = None,
+    sources: OptionalSources = None,
     output: ProfileOutput = Path("camera.npz"),
     model: Annotated[
         str, typer.Option(help="lattice; or rbf: response, matrix and gamut map, each of its own, too.")
@@ -65,19 +67,18 @@ def calibrate(
 ) -> None:
     """Calibrate a camera, and print the error on shots that were held out."""
     from lutforge.pipeline.calibration import calibrate as fit
-    from lutforge.pipeline.calibration import calibration_options, learning_curves, smallest_size
+    from lutforge.pipeline.calibration import calibration_options, smallest_size
     from lutforge.pipeline.developing import left_side, sample_pairs
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
     from lutforge.pipeline.sampling import gather_samples
 
     check_output(output, PROFILE_SUFFIXES, sources or ())
     options = calibration_options(model, preset, size, tolerance, interpolation, not uniform)
+    if pairs is not None and sources:
+        raise SettingsError("give --pairs or shots, not both")
     with progress_bar("sampling") as report:
         if pairs is not None:
-            if sources:
-                raise SettingsError("give --pairs or shots, not both")
-            sampled = sample_pairs(*pairs, from_space, report)
-            tell(sampled)
+            tell(sampled := sample_pairs(*pairs, from_space, report))
         else:
             sampled = gather_samples(sources or [], report, tell, left_side(developer, developed, developed_space))
     samples = sampled.samples
@@ -93,11 +94,17 @@ def calibrate(
     profile.save(output)
     say(f"{output}: {profile.camera}, {len(samples)} samples of {len(profile.shots)} shots")
     if learning_curve:
-        with progress_bar("learning curve") as report:
-            curves = learning_curves(samples, report)
-        for name, curve in curves.items():
-            print_learning_curve(name, curve)
+        _measure_learning_curves(samples)
     say(f"styles: {', '.join(profile.styles)}; white balances: {', '.join(profile.white_balances)}")
+
+
+def _measure_learning_curves(samples: "SampleSet") -> None:
+    from lutforge.pipeline.calibration import learning_curves
+
+    with progress_bar("learning curve") as report:
+        curves = learning_curves(samples, report)
+    for name, curve in curves.items():
+        print_learning_curve(name, curve)
 
 
 def print_learning_curve(style: str, curve: "LearningCurve") -> None:

@@ -34,7 +34,7 @@ class RoundTrip:
     def __str__(self) -> str:
         mean, p999, maximum = (rounded_up(value) for value in (self.mean, self.p999, self.maximum))
         text = f"round trip mean {mean}, max {maximum}, 99.9 % within {p999}"
-        return text if self.met else f"{text}; more than {MAX_GOAL:g} where no sample showed how the camera renders"
+        return text if self.met else f"{text}; more than {MAX_GOAL:g} for codes at the edge of what the camera makes"
 
 
 def rounded_up(value: float) -> str:
