@@ -32,6 +32,8 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.outputs import check_output
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import extract
+from lutforge.samples.tiles import cell_size
+from lutforge.shots.cells import raw_on_jpeg_cells
 from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
 
@@ -142,16 +144,31 @@ def check_kit(
 def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
     """Compare a picture that any program developed of a RAW file, in encoded sRGB, with the camera's JPEG of the shot.
 
-    Raises ImageError where a file cannot be read, ShotError where the pictures do not match or share no flat tile.
+    The tiles are those of RAW and JPEG, whatever the program made of them: what it clips is counted. Tiles that its
+    picture crops are not. Raises ImageError where a file cannot be read, ShotError where the pictures do not match.
     """
     pixels = np.asarray(read_image(picture).pixels[..., :3], dtype=np.float32)
-    samples = extract(read_shot(raw, Development(pixels, "srgb", picture.name))).samples
-    if len(samples) == 0:
+    own = read_shot(raw)
+    samples = extract(own).samples
+    samples = samples.select(np.char.startswith(samples.patch.astype(np.str_), "tile_"))
+    developed = read_shot(raw, Development(pixels, "srgb", picture.name))
+    turns = [turn for turn in range(4) if np.array_equal(np.rot90(own.jpeg, turn), developed.jpeg)]
+    if not turns:
+        raise ShotError(f"{raw}: {picture.name} matches another JPEG than the RAW does")
+    if turns[0]:
+        upright = np.ascontiguousarray(np.rot90(pixels, -turns[0]))
+        developed = read_shot(raw, Development(upright, "srgb", picture.name))
+    cell = cell_size(own.registration)
+    corners = np.array([name.split("_")[1:] for name in samples.patch], dtype=np.intp).reshape(-1, 2)
+    shown = raw_on_jpeg_cells(developed, cell).mean[corners[:, 1] // cell, corners[:, 0] // cell]
+    inside = np.isfinite(shown).all(axis=1)
+    if not inside.any():
         raise ShotError(f"{raw}: no flat tiles to compare")
-    difference = delta_e_2000(samples.raw, samples.srgb)
+    difference = delta_e_2000(np.clip(shown[inside], 0.0, 1.0), samples.srgb[inside])
     return KitCheck(
-        raw.name, len(samples), float(difference.mean()), float(np.quantile(difference, 0.95)), float(difference.max())
-    )
+        raw.name, len(difference), float(difference.mean()), float(np.quantile(difference, 0.95)),
+        float(difference.max()),
+    )  # fmt: skip
 
 
 def _checked(script: Path, raw: Path) -> KitCheck:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO
 import pytest
 
 from lutforge.calibration.calibrate import calibrate
@@ -13,6 +14,7 @@ from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.errors import LutForgeError, SettingsError
 from lutforge.images.raw import read_raw
+from lutforge.images.read import read_image
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.kits import KITS, check_kit, compare_with_jpeg, look_of, write_kit
@@ -145,15 +147,24 @@ def test_a_kit_that_runs_nothing_cannot_be_checked(raw_profile: CameraProfile, t
         check_kit(folder, ["a.CRW"])
 
 
-def test_a_picture_is_compared_with_the_jpeg(shared_data: Path, tmp_path: Path) -> None:
+def test_a_picture_is_compared_with_the_jpeg(shared_data: Path, s40_samples: SampleSet, tmp_path: Path) -> None:
     raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
     jpeg = read_raw(raw).preview
     assert jpeg is not None
     (tmp_path / "same.jpg").write_bytes(jpeg)
     check = compare_with_jpeg(raw, tmp_path / "same.jpg")
     assert check.shot == "CRW_0101.CRW"
-    assert check.tiles > 100
+    assert check.tiles == np.count_nonzero(s40_samples.shot == "CRW_0101")
     assert check.maximum < 0.1
+    # What a program clips is an error of its picture, and counts; how its picture lies does not.
+    pixels = read_image(tmp_path / "same.jpg").pixels
+    turned = np.ascontiguousarray(np.rot90(np.minimum(pixels * 1.5, 1.0)), dtype=np.float32)
+    buffer = OpenImageIO.ImageBuf(OpenImageIO.ImageSpec(turned.shape[1], turned.shape[0], 3, "uint16"))
+    buffer.set_pixels(OpenImageIO.ROI(), turned)
+    assert buffer.write(str(tmp_path / "clipped.tif"))
+    clipped = compare_with_jpeg(raw, tmp_path / "clipped.tif")
+    assert clipped.tiles == check.tiles
+    assert clipped.mean > 5.0
 
 
 def test_a_script_that_cannot_be_run_is_one_line(raw_profile: CameraProfile, shared_data: Path, tmp_path: Path) -> None:
