@@ -141,7 +141,7 @@ def darktable_lut_generator(shot: LeftOut) -> float:
             (settings / "darktablerc").write_text("".join(rows), encoding="utf-8")
             options = ["--path_config_dir", str(settings), "--interpolation", "tetrahedral"]
             # It aligns pictures of one size only: the JPEGs are 640 pixels wide. Its manual names the least number of
-            # samples, with which a cube takes minutes; with its default an hour goes by for all.
+            # samples, with which a cube takes minutes; its default takes several times as long.
             options += ["--resize", "640", "--n_samples", "10000"]
             program = beside_python("darktable_lut_generator")
             made = Path(folder) / "made.cube"
