@@ -147,5 +147,5 @@ def test_errors_are_said_no_smaller_than_they_are() -> None:
 
 
 def test_a_loss_beyond_the_goal_says_where() -> None:
-    assert "no sample" not in str(RoundTrip(0.0005, 0.005, MAX_GOAL))
-    assert "no sample" in str(RoundTrip(0.0005, 0.005, 0.03))
+    assert "edge of what the camera makes" not in str(RoundTrip(0.0005, 0.005, MAX_GOAL))
+    assert "edge of what the camera makes" in str(RoundTrip(0.0005, 0.005, 0.03))
