@@ -136,11 +136,6 @@ def prophoto_of_hsv(hsv: Array) -> Array:
     return np.asarray(value[..., None] * (1.0 - saturation[..., None] * share))
 
 
-def apply_tone_curve(rgb: Array, curve: Array) -> Array:
-    """The curve on largest and smallest channel; the middle one keeps its place between them (hue is kept)."""
-    return _between_ends(rgb, lambda x: np.interp(x, curve[:, 0], curve[:, 1]))
-
-
 def _before_tone_curve(rgb: Array, curve: Array) -> Array:
     rising = np.concatenate([[True], np.diff(curve[:, 1]) > 0])  # of the inputs that clip, the least
     return _between_ends(rgb, lambda y: np.interp(y, curve[rising, 1], curve[rising, 0]))

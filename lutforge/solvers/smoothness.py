@@ -41,17 +41,6 @@ def bending(levels: Array) -> Array:
     return gram
 
 
-@compiled()
-def to_bands(matrix: Array) -> Array:
-    """The five central diagonals of a symmetric (N, N) matrix as (N, 5), offsets −2 … 2."""
-    count = len(matrix)
-    bands = np.zeros((count, 5))
-    for row in range(count):
-        for column in range(max(0, row - 2), min(count, row + 3)):
-            bands[row, column - row + 2] = matrix[row, column]
-    return bands
-
-
 def keys_cubic(count: int) -> tuple[Array, Array, Array]:
     """Gram matrices of Keys' cubic convolution basis on `count` nodes at unit spacing: ∫φφ', ∫φ'φ'', ∫φ''φ'' sense.
 
