@@ -41,9 +41,12 @@ both tables in view; that they are not choices for these cameras is shown by `te
 - CanonPowerShotS50, CanonPowerShotS60, CasioEX-Z55: their white balance followed the light (greys of other RAW ratios
   came out equally grey), and the file does not say how; every method got the same three gains per test shot, read from
   the unsaturated patches.
-- CasioEX-Z55: not the full model but the polynomial of all channels is best, both ways. At one RAW ratio its greys come
-  out as 93 90 96, 132 149 159 and 180 194 216 in three exposures of light 2: it renders each shot differently (the
-  thesis's photofinishing mode), so that no fixed f and T fit, and the response found is a compromise between shots.
+- CasioEX-Z55: trained on light 2, not the full model but the polynomial of all channels is best. At one RAW ratio its
+  greys come out as 93 90 96, 132 149 159 and 180 194 216 in three exposures of light 2: it renders each shot
+  differently (the thesis's photofinishing mode), so that no fixed f and T fit, and the response found is a compromise
+  between shots.
+- SonyDSLR-A100: trained on light 1, a polynomial per channel is best, for one patch: a saturated blue of light 2, of
+  code 0.98 where light 1 has none above 0.95, comes out 0.17 too bright, and is most of the error.
 - PentaxK10D: its chart stays below 0.4 of saturation; h has nothing to do there and costs nothing.
 """
 
