@@ -8,22 +8,23 @@ the fractional coordinate. Inputs outside the first and last node level are clam
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.compiled import compiled
 from lutforge.threads import run, shares
 
 Interpolation = Literal["trilinear", "tetrahedral"]
 INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
 
-Levels = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Levels = tuple[Array, Array, Array]
 """The node levels of the three axes, each (N,) strictly increasing."""
 
 POINTS_PER_THREAD = 20_000
 
 
 @compiled()
-def locate(levels: NDArray[np.float64], x: float) -> tuple[int, float]:
+def locate(levels: Array, x: float) -> tuple[int, float]:
     """Cell index (0 … N − 2) and fraction in [0, 1] of `x` on one axis; `x` is clamped. O(log N)."""
     last = levels.shape[0] - 1
     if not x > levels[0]:  # NaN, too, goes to the first node
@@ -41,7 +42,7 @@ def locate(levels: NDArray[np.float64], x: float) -> tuple[int, float]:
 
 
 @compiled()
-def corner_weights(tetrahedral: bool, fr: float, fg: float, fb: float, weights: NDArray[np.float64]) -> None:
+def corner_weights(tetrahedral: bool, fr: float, fg: float, fb: float, weights: Array) -> None:
     """Fill `weights` (8,) with the weights of a cell's corners; corner index = 4·r + 2·g + b with r, g, b in {0, 1}."""
     if not tetrahedral:
         weights[0] = (1 - fr) * (1 - fg) * (1 - fb)
@@ -70,13 +71,13 @@ def corner_weights(tetrahedral: bool, fr: float, fg: float, fb: float, weights: 
 
 @compiled()
 def _interpolate(
-    x: NDArray[np.float64],
-    r_levels: NDArray[np.float64],
-    g_levels: NDArray[np.float64],
-    b_levels: NDArray[np.float64],
-    values: NDArray[np.float64],
+    x: Array,
+    r_levels: Array,
+    g_levels: Array,
+    b_levels: Array,
+    values: Array,
     tetrahedral: bool,
-    y: NDArray[np.float64],
+    y: Array,
     first: int,
     last: int,
 ) -> None:
@@ -95,9 +96,7 @@ def _interpolate(
             y[n, c] = total
 
 
-def interpolate(
-    x: ArrayLike, levels: Levels, values: NDArray[np.float64], method: Interpolation = "trilinear"
-) -> NDArray[np.float64]:
+def interpolate(x: ArrayLike, levels: Levels, values: Array, method: Interpolation = "trilinear") -> Array:
     """Evaluate a lattice at `x`.
 
     x: (…, 3); levels: three (N,) axes; values: (N_r, N_g, N_b, C). Returns (…, C), float64.
@@ -114,7 +113,7 @@ def interpolate(
     return result.reshape(*points.shape[:-1], nodes.shape[3])
 
 
-def through(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+def through(table: Array, x: Array) -> Array:
     """A curve per channel, given at even steps of [0, 1] as (m, 3), at x (…, 3); clamped. NaN counts as 0."""
     curve, points = np.ascontiguousarray(table), np.ascontiguousarray(x).reshape(-1, 3)
     result = np.empty_like(points)
@@ -123,7 +122,7 @@ def through(table: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.fl
 
 
 @compiled()
-def _through(table: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], first: int, last: int) -> None:
+def _through(table: Array, x: Array, y: Array, first: int, last: int) -> None:
     end = table.shape[0] - 1
     for n in range(first, last):
         for c in range(3):

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
-from numpy.typing import NDArray
 
 from lutforge.apply.image import apply_to_pixels
 from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.apply.source_settings import AS_SHOT, STEADY, choose_camera
+from lutforge.arrays import Pixels
 from lutforge.errors import ImageError, SettingsError
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import upright, write_image
@@ -17,8 +17,6 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import temperature_range
 from lutforge.settings import Kelvin, Multipliers, Selector, parse_selector
 from lutforge.shots.picture_settings import read_picture_settings
-
-Pixels = NDArray[np.float32]
 
 GAP, LABEL = 8, 40
 """Pixels between the pictures of a sheet, and for the line above each."""

@@ -5,17 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
-from numpy.typing import NDArray
 
 from lutforge.apply.grade import Grade
+from lutforge.arrays import Index, Pixels
 from lutforge.colour.adobe_rgb import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.read import is_premultiplied
 from lutforge.images.write import IN_ANOTHER_SPACE
 from lutforge.shots.maker_settings import in_adobe_rgb
 from lutforge.shots.tags import tags
-
-Pixels = NDArray[np.float32]
 
 _RGB = (("r", "g", "b"), ("red", "green", "blue"))
 
@@ -82,7 +80,7 @@ def layers(spec: oiio.ImageSpec) -> Iterator[str]:
         yield f"{', '.join(graded)} were graded; the layers {', '.join(found)} are as they were"
 
 
-def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> NDArray[np.int64]:
+def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
     """(3,): how many pixels (h, w, c) are clipped, how many of the others are unlike every colour of the calibration,
     how many are no finite numbers. confidence: as `Grade.confidence` gives it, where it is known.
     """
@@ -97,7 +95,7 @@ def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> NDArray[np.int6
     return np.array([clipped, unlike, broken])
 
 
-def doubts(doubtful: NDArray[np.int64], count: int) -> Iterator[str]:
+def doubts(doubtful: Index, count: int) -> Iterator[str]:
     """What to tell of the pixels of `count_doubtful`; a guess at less than one in a thousand is not worth a line."""
     clipped, unlike, broken = (int(number) for number in doubtful)
     if clipped > 0.001 * count:

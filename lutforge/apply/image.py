@@ -16,7 +16,6 @@ from threading import Semaphore
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-from numpy.typing import NDArray
 
 from lutforge.apply.colours import (
     check_colours,
@@ -28,6 +27,7 @@ from lutforge.apply.colours import (
     wrong_light,
 )
 from lutforge.apply.grade import Grade
+from lutforge.arrays import Index, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.raw import read_raw
@@ -35,8 +35,6 @@ from lutforge.images.read import ImageReader, Region, is_premultiplied
 from lutforge.images.write import image_writer, keeps_orientation, upright, with_shape
 from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.metadata import raw_attributes
-
-Pixels = NDArray[np.float32]
 
 BLOCK = 64 * 1024
 """Pixels per call of OpenColorIO, which packs them into 1 MB of RGBA floats: what a core's cache holds."""
@@ -186,7 +184,7 @@ def _notes(
     source: oiio.ImageSpec,
     output: oiio.ImageSpec,
     attributes: Mapping[str, object],
-    doubtful: NDArray[np.int64],
+    doubtful: Index,
     parts: int,
 ) -> Iterator[str]:
     """What the user should know of a graded image. doubtful: as `count_doubtful` sums them."""

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-from numpy.typing import NDArray
 
 from lutforge.apply.colours import TELL_ADOBE_RGB
 from lutforge.apply.grade import Grade, Rebuilt, fingerprint, unchanged
 from lutforge.apply.gradings import Gradings
 from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
+from lutforge.arrays import Array
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.images.write import IN_SRGB
 from lutforge.luts.sequence import Lut
@@ -25,8 +25,6 @@ from lutforge.settings import Multipliers, Selector, checked_tint, parse_selecto
 from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.maker_settings import ADOBE_RGB
 from lutforge.shots.picture_settings import PictureSettings, read_picture_settings, software_tag
-
-Array = NDArray[np.float64]
 
 LIGHT_SOURCES: Mapping[str, int] = {
     "daylight": 1, "fluorescent": 2, "tungsten": 3, "incandescent": 3, "flash": 4, "cloudy": 10, "shade": 11,

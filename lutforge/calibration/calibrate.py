@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.reference_camera import calibrate_by_reference
@@ -17,7 +17,6 @@ from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
 from lutforge.samples.sample_set import SampleSet
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share that is done, 0 … 1."""
 

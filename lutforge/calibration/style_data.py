@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
-
-Array = NDArray[np.float64]
 
 LEAST_SAMPLES = 10
 CODE = 1.0 / 255.0
@@ -28,16 +27,16 @@ class StyleData:
     samples: SampleSet
     monochrome: bool = False
 
-    def select(self, rows: NDArray[np.bool_]) -> "StyleData":
+    def select(self, rows: Mask) -> "StyleData":
         """The rows of a mask."""
         return StyleData(
             self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows), self.monochrome
         )
 
 
-def unclipped(samples: SampleSet, multipliers: Array) -> NDArray[np.bool_]:
+def unclipped(samples: SampleSet, multipliers: Array) -> Mask:
     """(n,): no JPEG channel at 0 or 255, RAW neither saturated nor at black, nor beyond 1 after white balance."""
-    usable: NDArray[np.bool_] = (
+    usable: Mask = (
         np.all((samples.srgb >= 0.5 * CODE) & (samples.srgb <= 1 - 0.5 * CODE), axis=1)
         & np.all((samples.raw > 0.0) & (samples.raw < 0.999), axis=1)
         & np.all(samples.raw * multipliers < 1.0, axis=1)
@@ -45,7 +44,7 @@ def unclipped(samples: SampleSet, multipliers: Array) -> NDArray[np.bool_]:
     return usable
 
 
-def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[Mask, tuple[str, ...]]:
     """(n,): samples of styles with enough unclipped ones to fit, and a note for each style that is left out.
 
     Raises CalibrationError where no style has enough.

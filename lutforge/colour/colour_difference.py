@@ -1,9 +1,8 @@
 """ΔE00 between encoded sRGB colours, through colour-science."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lutforge.arrays import Array
 
 
 def srgb_to_lab(encoded: Array) -> Array:

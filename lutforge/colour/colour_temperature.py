@@ -7,12 +7,10 @@ the distance from the locus in CIE 1960 (u, v); positive makes the picture more 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.srgb import D65, SRGB_TO_XYZ
 from lutforge.settings import KELVIN_RANGE
-
-Array = NDArray[np.float64]
 
 TINT_PER_UV = 3000.0
 

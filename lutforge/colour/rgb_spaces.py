@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import SettingsError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

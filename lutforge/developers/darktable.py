@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
+from lutforge.arrays import Pixels
 
 NEUTRAL = {
     "plugins/darkroom/workflow": "none",
@@ -29,6 +28,6 @@ class Darktable:
         own = ["--core", "--configdir", str(folder / "config"), "--library", ":memory:"]
         return [self.program, str(raw), str(output), "--icc-type", "LIN_REC2020", *own, *settings]
 
-    def linear(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    def linear(self, pixels: Pixels) -> Pixels:
         """The TIFF is linear already."""
         return pixels

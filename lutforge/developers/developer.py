@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Pixels
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ShotError
 from lutforge.images.development import Development
@@ -44,7 +44,7 @@ class Developer(Protocol):
         """The command that develops `raw` to a 16-bit TIFF, neutrally; `folder` is for its own files."""
         ...
 
-    def linear(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    def linear(self, pixels: Pixels) -> Pixels:
         """Pixels of the TIFF → linear RGB of `space`."""
         ...
 
@@ -106,7 +106,7 @@ def program_version(developer: Developer) -> str:
     return f"{developer.name} {found[0]}" if found else developer.name
 
 
-def _colour(pixels: NDArray[np.float32], path: Path) -> NDArray[np.float32]:
+def _colour(pixels: Pixels, path: Path) -> Pixels:
     if pixels.ndim != 3 or pixels.shape[2] < 3:
         raise ShotError(f"{path}: its development is not a colour picture")
     return np.asarray(pixels[..., :3], dtype=np.float32)

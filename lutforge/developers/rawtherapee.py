@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Pixels
 from lutforge.colour.rgb_spaces import rgb_space
 
 NEUTRAL = {
@@ -66,6 +66,6 @@ class RawTherapee:
         settings.write_text(profile_text(), encoding="utf-8")
         return [self.program, "-o", str(output), "-p", str(settings), "-t", "-b16", "-Y", "-c", str(raw)]
 
-    def linear(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    def linear(self, pixels: Pixels) -> Pixels:
         """Its Rec. 2020 output profile encodes by sRGB's curve."""
         return rgb_space("rec2020-srgb").decode(pixels).astype(np.float32)

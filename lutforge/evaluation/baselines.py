@@ -5,9 +5,9 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lutforge.arrays import Array
+
 Predictor = Callable[[Array], Array]
 
 CHANNEL_ORDER = 6

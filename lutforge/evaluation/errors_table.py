@@ -3,11 +3,9 @@
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.colour_difference import delta_e_2000
-
-Array = NDArray[np.float64]
 
 JUST_VISIBLE = 1.0
 """The ΔE00 that is just noticed side by side, about (CIE 142-2001)."""

@@ -6,8 +6,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Mask
 from lutforge.calibration.lattice.monochrome import monochrome_note
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_gains
@@ -23,8 +23,6 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.sample_set import SampleSet
 from lutforge.settings import Selector
-
-Array = NDArray[np.float64]
 
 
 def evaluate(
@@ -70,7 +68,7 @@ def evaluate(
     return _evaluation(profile, predictions, notes, tables=tables)
 
 
-def _known_styles(profile: CameraProfile, samples: SampleSet) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+def _known_styles(profile: CameraProfile, samples: SampleSet) -> tuple[Mask, tuple[str, ...]]:
     """(n,): the samples of styles that the profile has, and notes on the others. Raises CalibrationError."""
     notes = []
     others = [str(name) for name in np.unique(samples.camera) if name != profile.camera]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, REACHES, chosen_reach
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
@@ -19,9 +20,6 @@ from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import Fit, Fits, Fitter, Predictor, fit_baselines, fits_of_profile
 from lutforge.model.camera_profile import PhysicalModel, PictureStyle
 from lutforge.solvers.cross_validation import leave_groups_out
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Mask
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import fit_style
@@ -64,9 +64,7 @@ def learning_curve(
     return LearningCurve(tuple(points), _advice(points))
 
 
-def _point(
-    data: StyleData, masks: list[NDArray[np.bool_]], count: int, options: CalibrationOptions
-) -> list[LearningPoint]:
+def _point(data: StyleData, masks: list[Mask], count: int, options: CalibrationOptions) -> list[LearningPoint]:
     """The point of `count` shots; none where they hold too few samples."""
     rng = np.random.default_rng(count)
     rows = []

@@ -3,14 +3,12 @@
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.held_out import Predictions
 from lutforge.model.camera_profile import PhysicalModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -29,7 +27,7 @@ class LinearisationError:
         return asdict(self)
 
 
-def delta(first: Array, second: Array, ratio: NDArray[np.float64]) -> tuple[float, float, float]:
+def delta(first: Array, second: Array, ratio: Array) -> tuple[float, float, float]:
     """(4.11): root mean square of k' f⁻¹(i) − f⁻¹(i') per channel; first, second linear (n, 3); ratio k' (n,)."""
     r, g, b = (float(value) for value in np.sqrt(np.mean((ratio[:, None] * first - second) ** 2, axis=0)))
     return (r, g, b)

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.base import fit_base, with_matrix_of_all
 from lutforge.calibration.lattice.shrinkage import Shrinkable, shrinkable
 from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
@@ -19,7 +19,6 @@ from lutforge.errors import CalibrationError
 from lutforge.evaluation.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
 from lutforge.model.camera_profile import PhysicalModel, PictureStyle
 
-Array = NDArray[np.float64]
 Predictor = Callable[[Array], Array]
 
 LATTICE, RBF, NO_GAMUT_MAP = "lattice", "rbf", "f and T, no h"

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lutforge.arrays import Array
 from lutforge.colour.colour_difference import srgb_to_lab
-
-Array = NDArray[np.float64]
 
 GREY_CHROMA = 12.0
 TONES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))

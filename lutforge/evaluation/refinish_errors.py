@@ -11,11 +11,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.evaluation.errors_table import ErrorFigures, error_figures
 from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.methods import LATTICE, NO_GAMUT_MAP, RBF
-
-Array = NDArray[np.float64]
 
 UNCHANGED = "unchanged"
 """The method that leaves the JPEG as it is: how far apart the two settings are."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
@@ -14,9 +14,6 @@ from lutforge.calibration.style_fit import fit_direction
 from lutforge.errors import CalibrationError
 from lutforge.progress import Progress, silent
 from lutforge.solvers.cross_validation import leave_groups_out, predict_held_out
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 def smallest_size(

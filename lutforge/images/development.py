@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+from lutforge.arrays import Pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,6 +13,6 @@ class Development:
     and its version.
     """
 
-    pixels: NDArray[np.float32]
+    pixels: Pixels
     space: str
     developer: str

@@ -11,6 +11,7 @@ import numpy as np
 import rawpy
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Pixels
 from lutforge.boundary import reading, require_file
 from lutforge.errors import ImageError
 
@@ -40,16 +41,16 @@ class RawImage:
     clip_level: (3,) level above which this file's pixels were taken for saturated, before they were set to 1.
     """
 
-    pixels: NDArray[np.float32]
+    pixels: Pixels
     pixel_size: float
     flip: int
-    multipliers: NDArray[np.float64] | None
+    multipliers: Array | None
     preview: bytes | None
     preview_note: str
-    xyz_to_camera: NDArray[np.float64] | None
+    xyz_to_camera: Array | None
     exposure_s: float
     iso: float
-    clip_level: NDArray[np.float64]
+    clip_level: Array
     focal_mm: float = math.nan
     aperture: float = math.nan
     lens: str = ""
@@ -115,7 +116,7 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
     return image
 
 
-def read_multipliers(path: Path | str) -> NDArray[np.float64] | None:
+def read_multipliers(path: Path | str) -> Array | None:
     """As-shot white balance (3,) of a RAW file with green = 1, without decoding it; None where it has no valid one.
 
     Raises ImageError.
@@ -185,7 +186,7 @@ def _scale_to_saturation(raw: rawpy.RawPy) -> float:
     return nominal / linear if 0.75 * nominal <= linear <= nominal else 1.0
 
 
-def _clip_levels(raw: rawpy.RawPy) -> NDArray[np.float64]:
+def _clip_levels(raw: rawpy.RawPy) -> Array:
     """(3,) level, 1 = LibRaw's nominal maximum, at which each channel of this file saturates; 1 where it is
     not seen."""
     levels = np.ones(3)
@@ -244,7 +245,7 @@ def _corners(raw: rawpy.RawPy) -> dict[int, tuple[int, int]]:
     return {channel: (int(at[0, 0]), int(at[0, 1])) for channel, at in found.items() if len(at) == 1}
 
 
-def _move_to_centre(plane: NDArray[np.float32], corner: tuple[int, int]) -> None:
+def _move_to_centre(plane: Pixels, corner: tuple[int, int]) -> None:
     """Interpolate a half-size plane, sampled at one corner of each 2×2 block, at the blocks' centres, in place.
 
     The centre lies a quarter of a block away; left uncorrected, red and blue are a whole sensor pixel apart.
@@ -257,7 +258,7 @@ def _move_to_centre(plane: NDArray[np.float32], corner: tuple[int, int]) -> None
         view += 0.25 * neighbour
 
 
-def _multipliers(camera: list[float]) -> NDArray[np.float64] | None:
+def _multipliers(camera: list[float]) -> Array | None:
     """As-shot multipliers with green = 1; None for LibRaw's ways of saying unknown: −1, 0, NaN, all equal."""
     red, green, blue = camera[:3]
     second = camera[3] if len(camera) > 3 else 0.0
@@ -270,7 +271,7 @@ def _multipliers(camera: list[float]) -> NDArray[np.float64] | None:
     return values if np.all((values > 0.05) & (values < 20)) else None
 
 
-def _xyz_to_camera(matrix: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _xyz_to_camera(matrix: Array) -> Array | None:
     if matrix.shape[0] < 3 or not np.all(np.isfinite(matrix)) or not np.any(matrix):
         return None
     return matrix[:3].copy()

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
-from numpy.typing import NDArray
 
+from lutforge.arrays import Pixels
 from lutforge.boundary import require_file
 from lutforge.errors import ImageError
 
@@ -27,7 +27,7 @@ class Image:
     parts: how many images the file holds; `pixels` is the first.
     """
 
-    pixels: NDArray[np.float32]
+    pixels: Pixels
     spec: oiio.ImageSpec
     format: str = ""
     parts: int = 1
@@ -112,7 +112,7 @@ class ImageReader:
             for left in range(0, width, columns)
         ]
 
-    def read(self, region: Region) -> NDArray[np.float32]:
+    def read(self, region: Region) -> Pixels:
         """The pixels (h, w, c) of one of `regions`, or of the whole image; float32, oriented as stored."""
         spec, source = self.spec, self._source
         top, bottom = spec.y + region.top, spec.y + region.bottom

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.read import Image, ImageReader, Region
@@ -77,7 +78,7 @@ class ImageWriter:
         """True where the file is made of the source's tiles and takes regions of whole tiles, not only whole rows."""
         return bool(self.spec.tile_width > 0)
 
-    def write(self, region: Region, pixels: NDArray[np.float32]) -> None:
+    def write(self, region: Region, pixels: Pixels) -> None:
         """Write the pixels (h, w, c) of a region. Raises ImageError."""
         spec = self.spec
         top, bottom = spec.y + region.top, spec.y + region.bottom
@@ -278,7 +279,7 @@ def _depth(name: str, source: str) -> str:
     return wanted if _DEPTHS.index(wanted) <= _DEPTHS.index(widest) else widest
 
 
-def upright(array: NDArray[np.float32], orientation: int) -> NDArray[np.float32]:
+def upright(array: Pixels, orientation: int) -> Pixels:
     """Turn a stored image (h, w, c) the way its EXIF orientation (1–8) asks for."""
     turned = {
         2: lambda a: a[:, ::-1],

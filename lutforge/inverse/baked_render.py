@@ -4,15 +4,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Levels, interpolate, through
 from lutforge.luts.ops import Cube, Curve, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

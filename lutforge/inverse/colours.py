@@ -4,13 +4,11 @@ from collections.abc import Callable
 from itertools import permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from lutforge.arrays import Array
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import grid
-
-Array = NDArray[np.float64]
 
 
 def in_every_cell(levels: Levels, rng: np.random.Generator) -> Array:

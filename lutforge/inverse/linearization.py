@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lutforge.arrays import Array
 from lutforge.interpolation import Levels, interpolate, through
 from lutforge.inverse.baked_render import BakedRender
 from lutforge.inverse.colours import in_every_cell, raw_colours
@@ -24,8 +24,6 @@ from lutforge.luts.shaper import shaper
 from lutforge.model.lattice import grid
 from lutforge.model.node_levels import snap_levels
 from lutforge.solvers.lattice_regression import Prior, Regularisation, fit_lattice
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
 from lutforge.interpolation import locate
 from lutforge.inverse.baked_render import BakedRender
 from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.threads import run, shares
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 def clipped_sides(jpeg: Array) -> Index:

@@ -7,11 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.inverse.colours import as_8_bit, climbed, raw_colours
 
-Array = NDArray[np.float64]
 Evaluated = Callable[[Array], Array]
 
 MEAN_GOAL, MAX_GOAL = 0.001, 0.02

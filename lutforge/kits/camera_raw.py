@@ -15,14 +15,12 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
 from lutforge.kits.kit import Look, Source
 from lutforge.luts.bake import bake
-
-Array = NDArray[np.float64]
 
 DIVISIONS = 32
 """Most nodes per axis that the format has."""

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.kits.kit import Look
-
-Array = NDArray[np.float64]
 
 XYZ_D50_FROM_PROPHOTO = np.array(
     [[0.7976749, 0.1351917, 0.0313534], [0.2880402, 0.7118741, 0.0000857], [0.0, 0.0, 0.8252100]]

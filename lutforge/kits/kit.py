@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile
-
-Array = NDArray[np.float64]
 
 Source = Literal["raw", "developed", "any"]
 """What a kit can be made from: a profile of RAW files, one of developed pictures, or either."""

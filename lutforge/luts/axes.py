@@ -13,16 +13,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import qmc
 
+from lutforge.arrays import Array
 from lutforge.interpolation import Levels, through
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.node_levels import snap_levels
 
-Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 
 LINES = 64

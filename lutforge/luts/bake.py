@@ -13,7 +13,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lutforge.colour.colour_difference import delta_e_2000
@@ -28,8 +27,6 @@ from lutforge.luts.shaper import lattice_ops, levels_behind_gain, node_levels, s
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.transform import ColourFunction, Linear, Transform
 from lutforge.progress import Progress, silent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

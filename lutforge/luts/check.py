@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Real
 from lutforge.errors import LutError, one_line
 from lutforge.luts.ends import RAW
 from lutforge.luts.ops import Cube, Curve, Matrix
@@ -15,7 +15,6 @@ from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.read import read_lut
 from lutforge.luts.sequence import Lut
 
-Array = NDArray[np.float64]
 Colour = tuple[float, float, float]
 
 FALL = 1e-5
@@ -102,7 +101,7 @@ def report_lines(report: LutReport) -> list[str]:
     return lines
 
 
-def _triple(colour: NDArray[np.floating]) -> Colour:
+def _triple(colour: Real) -> Colour:
     r, g, b = (float(v) for v in colour)
     return r, g, b
 

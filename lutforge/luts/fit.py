@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lutforge.interpolation import Interpolation
 from lutforge.luts.axes import Axes, fit_axes, measure_lines
@@ -19,8 +18,6 @@ from lutforge.luts.shaper import SHAPER_SIZE, is_even, levels_behind_gain, shape
 from lutforge.model.lattice import uniform_levels
 from lutforge.model.transform import ColourFunction
 from lutforge.progress import Progress, silent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

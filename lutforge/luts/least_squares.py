@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from lutforge.arrays import Array, Mask
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation, Levels, interpolate, through
 from lutforge.model.lattice import grid
@@ -22,7 +22,6 @@ from lutforge.solvers.robust_weights import lawson
 from lutforge.solvers.solution import Status
 from lutforge.solvers.stencil import StencilOperator, from_planar, planar
 
-Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 
 OVERHANG = 0.03
@@ -43,7 +42,7 @@ class Samples:
     x: Array
     y: Array
     designs: tuple[Levels, ...]
-    on_face: NDArray[np.bool_]
+    on_face: Mask
     counted: Array
     nodes: tuple[Array, ...]
 
@@ -138,7 +137,7 @@ def fit_cube(
     return values
 
 
-def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, NDArray[np.bool_], Array]:
+def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, Mask, Array]:
     """Points (n, 3), even over the cells of each design, some of them on its faces: `on_face` and `counted` of Samples.
 
     Where a gain clips its inputs, many of them fall on the upper face.

@@ -7,13 +7,11 @@ the Common LUT Format (SMPTE ST 2136-1). A curve or cube clamps its inputs to it
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation, interpolate, through
 from lutforge.model.lattice import uniform_levels
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import through
 from lutforge.luts.shaper import SHAPER_SIZE
@@ -28,7 +28,6 @@ from lutforge.model.transform import (
     through_stages,
 )
 
-Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 
 

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Single
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading, require_file
 from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
-
-Array = NDArray[np.float64]
 
 OCIO_ERRORS = (OCIO.Exception, OCIO.ExceptionMissingFile)
 """What OpenColorIO raises; in Python the second is not a kind of the first."""
@@ -156,7 +155,7 @@ def file_processor(
         return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
 
 
-def evaluate(processor: OCIO.CPUProcessor, x: ArrayLike) -> NDArray[np.float32]:
+def evaluate(processor: OCIO.CPUProcessor, x: ArrayLike) -> Single:
     """Apply a processor to colours (…, 3); float32."""
     y = np.array(x, dtype=np.float32, order="C", ndmin=2)
     processor.applyRGB(y)

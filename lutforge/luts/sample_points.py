@@ -1,14 +1,12 @@
 """Where a LUT is compared with its model: the same points every time, and more of them where it bends."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from lutforge.arrays import Array
 from lutforge.luts.ops import Matrix
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels
-
-Array = NDArray[np.float64]
 
 
 def sample_points(lut: Lut, count: int = 32768) -> Array:

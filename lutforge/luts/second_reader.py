@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
-
-Array = NDArray[np.float64]
 
 SUFFIXES = (".cube", ".csp", ".spi1d", ".spi3d")
 """What colour-science 0.4 reads; its reader of CLF is a package of its own, which refuses OCIO's namespace."""

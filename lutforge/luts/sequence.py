@@ -7,17 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, get_args
 
-import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.processor import processor_of
 from lutforge.model.transform import checked_colours
-
-Array = NDArray[np.float64]
 
 Form = Literal["full", "shaper", "shared", "plain"]
 """What sequences a format holds: any; a curve per channel and a cube; one curve for all channels and a cube; a cube."""

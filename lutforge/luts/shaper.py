@@ -5,14 +5,12 @@ the points: readers interpolate linearly between samples.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Levels
 from lutforge.luts.ops import Cube, Curve, Op
 from lutforge.model.lattice import Lattice, grid
-
-Array = NDArray[np.float64]
 
 SHAPER_SIZE = 65536
 """Entries of a shaper: the most that DaVinci Resolve and OpenColorIO read in a .cube file."""

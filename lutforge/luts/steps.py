@@ -7,7 +7,6 @@ cube of both can only come near. A refinish of a physical model becomes two cube
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
@@ -19,8 +18,6 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import RAMP
 from lutforge.model.lattice import Lattice, grid
 from lutforge.model.transform import Clip, ColourFunction, KeepNeutral, Stage, Transform, through_stages
-
-Array = NDArray[np.float64]
 
 
 def bake_steps(

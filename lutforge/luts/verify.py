@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Single
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.interpolation import Interpolation
 from lutforge.luts.formats import spi
@@ -80,12 +80,12 @@ def _files(path: Path) -> list[Path]:
     return pair if path.suffix.lower() in spi.PAIR and all(file.is_file() for file in pair) else [path]
 
 
-def _read_back(path: Path, method: Interpolation) -> Callable[[NDArray[np.float64]], NDArray[np.float32]]:
+def _read_back(path: Path, method: Interpolation) -> Callable[[Array], Single]:
     """What a reader of the file makes of colours (n, 3)."""
     if path.suffix.lower() in OCIO_READS:
         processors = [file_processor(file, method) for file in _files(path)]
 
-        def through(x: NDArray[np.float64]) -> NDArray[np.float32]:
+        def through(x: Array) -> Single:
             y = x.astype(np.float32)
             for processor in processors:
                 y = evaluate(processor, y)
@@ -99,9 +99,9 @@ def _read_back(path: Path, method: Interpolation) -> Callable[[NDArray[np.float6
 
 
 def compare(
-    got: NDArray[np.float32],
-    wanted: NDArray[np.float64],
-    x: NDArray[np.float64],
+    got: Single,
+    wanted: Array,
+    x: Array,
     display_referred: bool = True,
 ) -> FileError:
     """Figures of the difference of two outputs (n, 3) at the inputs x (n, 3)."""

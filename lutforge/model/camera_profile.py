@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.gamut_map import GamutMap
@@ -21,7 +21,6 @@ from lutforge.model.transform import Carry, Clip, Decode, Encode, EncodeRgb, Gai
 from lutforge.model.white_balance import WhiteBalance, resolve, seen_as, tinted
 from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector
 
-Array = NDArray[np.float64]
 ModelName = Literal["lattice", "rbf"]
 MODELS: tuple[ModelName, ...] = get_args(ModelName)
 

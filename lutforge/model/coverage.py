@@ -1,15 +1,13 @@
 """Which colours a calibrated camera really knows: neither clipped nor far from every sample."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from lutforge.arrays import Array, Mask
 from lutforge.model.camera_profile import PhysicalModel, PictureStyle
 from lutforge.model.highlights import CLIPPED, clipped
 from lutforge.model.lattice import Lattice, grid
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 FARTHEST = 24.0 / 255.0
 """Default limit: distance to the nearest sample, in encoded RGB."""

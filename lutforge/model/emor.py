@@ -11,9 +11,8 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lutforge.arrays import Array
 
 ENTRIES = 1024
 MOST_CURVES = 15

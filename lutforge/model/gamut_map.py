@@ -10,12 +10,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.arrays import Array, Single
 from lutforge.compiled import compiled
 from lutforge.errors import ProfileError
 from lutforge.threads import run, shares
-
-Array = NDArray[np.float64]
-
 
 BLOCK = 64
 """Centres per block of the evaluation."""
@@ -65,8 +63,8 @@ def _evaluate(
     polynomial: Array,
     middles: Array,
     totals: Array,
-    centres: NDArray[np.float32],
-    coefficients: NDArray[np.float32],
+    centres: Single,
+    coefficients: Single,
     offset: float,
     y: Array,
     first: int,
@@ -151,7 +149,7 @@ class GamutMap:
         return mapped.reshape(points.shape)
 
     @cached_property
-    def _blocks(self) -> tuple[Array, Array, NDArray[np.float32], NDArray[np.float32]]:
+    def _blocks(self) -> tuple[Array, Array, Single, Single]:
         """What `_evaluate` takes: per block its middle, Σ λ, centres from the middle and λ (3, BLOCK)."""
         points = to_even(self.centres, self.offset)
         order = _spatial_order(points) if len(points) else np.zeros(0, dtype=np.intp)

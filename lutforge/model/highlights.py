@@ -1,10 +1,9 @@
 """What clipped in the source cannot be recovered; it is kept neutral, not turned into a colour by new multipliers."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from lutforge.arrays import Array, Mask
 
 CLIPPED = 0.5 / 255.0
 """An encoded channel this near to 0 or 1 is clipped: half a code of an 8-bit file."""

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.errors import ProfileError
 from lutforge.interpolation import Interpolation, Levels, interpolate, through
 
@@ -27,9 +28,9 @@ class Lattice:
     """
 
     levels: Levels
-    values: NDArray[np.float64]
+    values: Array
     interpolation: Interpolation = "trilinear"
-    response: NDArray[np.float64] | None = None
+    response: Array | None = None
     plain: "Lattice | None" = None
 
     def __post_init__(self) -> None:
@@ -54,12 +55,12 @@ class Lattice:
         if self.plain is not None and (self.plain.response is not None or self.plain.plain is not None):
             raise ProfileError("lattice: the plain form has a response")
 
-    def __call__(self, x: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, x: ArrayLike) -> Array:
         """Evaluate at `x` (…, 3), clamped to the domain; returns (…, 3) float64."""
         values = self.inner(x)
         return values if self.response is None else through(self.response, values)
 
-    def inner(self, x: ArrayLike) -> NDArray[np.float64]:
+    def inner(self, x: ArrayLike) -> Array:
         """The interpolated values at `x` (…, 3), before the response."""
         return interpolate(x, self.levels, self.values, self.interpolation)
 
@@ -76,7 +77,7 @@ def uniform_levels(size: int) -> Levels:
     return (axis, axis.copy(), axis.copy())
 
 
-def grid(levels: Levels) -> NDArray[np.float64]:
+def grid(levels: Levels) -> Array:
     """All node positions, (N_r, N_g, N_b, 3)."""
     r, g, b = levels
     positions = np.empty((len(r), len(g), len(b), 3))

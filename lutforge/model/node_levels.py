@@ -1,13 +1,11 @@
 """Node levels of a lattice's axes: from a density, of another number, and on the grid of a shaper."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Levels
-
-Array = NDArray[np.float64]
 
 
 def equidistribute(density: Array, size: int) -> Array:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import NDArray
 
 from lutforge import __version__
+from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ProfileError
 from lutforge.interpolation import INTERPOLATIONS
@@ -21,8 +21,6 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
-
-Array = NDArray[np.float64]
 
 FORMAT_VERSION = 4
 """2: lattices may have a response. 3: gamut maps may be on an even scale. 4: white balances have a gain."""

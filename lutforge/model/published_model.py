@@ -10,15 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import ProfileError
 from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.response import Response
 from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
-
-Array = NDArray[np.float64]
 
 LIGHT_SOURCES = {
     1: "daylight",

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lutforge import __version__
+from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ProfileError
 from lutforge.model.transform import ColourFunction, checked_colours
-
-Array = NDArray[np.float64]
 
 FORMAT = "lutforge-raw-transfer"
 FORMAT_VERSION = 2

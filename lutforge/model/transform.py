@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.errors import ImageError
 from lutforge.model.gamut_map import GamutMap
@@ -16,7 +17,6 @@ from lutforge.model.highlights import neutral_where_clipped
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 
-Array = NDArray[np.float64]
 ColourFunction = Callable[[ArrayLike], Array]
 """Any function of colours (…, 3) → (…, 3), float64."""
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.colour_temperature import (
     COOLEST,
     HOTTEST,
@@ -19,8 +19,6 @@ from lutforge.colour.colour_temperature import (
 )
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.settings import LARGEST_MULTIPLIER, Kelvin, Multipliers
-
-Array = NDArray[np.float64]
 
 NAMED_KELVIN = {
     "tungsten": 3200.0,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.ocio.versions import INTEROP_IDS, MIRRORED_DISPLAYS, minor_version
 
@@ -72,7 +72,7 @@ _DISPLAYS = (
 DISPLAYS = tuple(display.name for display in _DISPLAYS)
 
 
-def matrix_transform(matrix: NDArray[np.float64]) -> OCIO.MatrixTransform:
+def matrix_transform(matrix: Array) -> OCIO.MatrixTransform:
     """A 3 × 3 matrix as a transform."""
     whole = np.eye(4)
     whole[:3, :3] = matrix

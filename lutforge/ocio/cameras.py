@@ -5,14 +5,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.names import UniqueNames, file_stem, part_name, space_name
-
-Array = NDArray[np.float64]
 
 RAW = "RAW"
 DEFAULT = "default"

@@ -9,15 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from lutforge.arrays import Pixels
 from lutforge.errors import ConfigError
 from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.ocio.merge import LUT_SUFFIXES
-
-Pixels = NDArray[np.float32]
 
 WANTED_ROLES = (
     OCIO.ROLE_INTERCHANGE_SCENE,

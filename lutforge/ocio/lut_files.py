@@ -9,8 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.interpolation import interpolate
 from lutforge.luts.formats import clf
 from lutforge.luts.formats.text import write_text
@@ -19,8 +19,6 @@ from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels, shaper
 from lutforge.model.lattice import grid
 from lutforge.model.node_levels import snap_levels
-
-Array = NDArray[np.float64]
 
 CURVE_SIZE = 4096
 """Entries of a curve or shaper in the files of a config."""

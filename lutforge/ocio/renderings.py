@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import ConfigError
 from lutforge.inverse.baked_render import BakedRender
 from lutforge.inverse.colours import climbed, raw_colours
@@ -22,7 +22,6 @@ from lutforge.ocio.lut_files import compact
 from lutforge.ocio.names import UniqueNames, file_stem
 from lutforge.settings import Selector
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 

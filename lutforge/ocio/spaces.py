@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.ocio.base_config import matrix_transform
 from lutforge.ocio.cameras import AS_SHOT, DEFAULT, Camera
 from lutforge.ocio.names import UniqueNames, config_names, file_stem, space_name
@@ -31,7 +31,7 @@ def file_transform(name: str) -> OCIO.FileTransform:
     return OCIO.FileTransform(src=name, interpolation=OCIO.INTERP_BEST)
 
 
-def inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def inverse(matrix: Array) -> Array:
     """The inverse of a 3 × 3 matrix."""
     return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.atomic_write import scratch_folder
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.developers.developer import run_command
@@ -75,7 +75,7 @@ def look_of(profile: CameraProfile, to: str) -> Look:
     multipliers = profile.multipliers(selector)
     rendering = profile.render(selector)
 
-    def render(balanced: NDArray[np.float64]) -> NDArray[np.float64]:
+    def render(balanced: Array) -> Array:
         return rendering(np.asarray(balanced) / multipliers)
 
     return Look(

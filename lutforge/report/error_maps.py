@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.evaluation.held_out import Predictions
 from lutforge.report.drawing import ERROR_SCALE, MAP
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
@@ -14,8 +14,6 @@ from lutforge.samples.tiles import jpeg_cells
 from lutforge.shots.cells import raw_on_jpeg_cells
 from lutforge.shots.read import TURNS
 from lutforge.shots.shot import Shot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.model.gamut_map import GamutMap
 from lutforge.report.drawing import MAP
-
-Array = NDArray[np.float64]
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Of linear sRGB (IEC 61966-2-1)."""

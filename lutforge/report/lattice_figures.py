@@ -4,12 +4,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.model.lattice import Lattice
 from lutforge.report.drawing import CHANNELS, MAP
-
-Array = NDArray[np.float64]
 
 
 def draw_levels(axis: Axes, lattice: Lattice, source: str) -> None:

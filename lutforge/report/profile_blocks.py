@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.options import options_from_json
@@ -17,8 +17,6 @@ from lutforge.report.lattice_figures import lattice_figure, levels_on_errors, pl
 from lutforge.report.page import Block, Picture, Table
 from lutforge.report.response_figure import response_figure
 from lutforge.report.sheets import DIRECTIONS
-
-Array = NDArray[np.float64]
 
 
 def setting_tables(profile: CameraProfile) -> Iterator[Block]:

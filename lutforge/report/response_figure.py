@@ -2,14 +2,13 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.srgb import srgb_encode
 from lutforge.model.camera_profile import PictureStyle
 from lutforge.model.emor import inverse_emor
 from lutforge.report.drawing import CHANNELS
 
-Array = NDArray[np.float64]
 STOPS = (-8, 0)
 
 

@@ -2,12 +2,10 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.colour_difference import srgb_to_lab
 from lutforge.report.drawing import ERROR_SCALE, MAP
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 6000
 """More are thinned at random: the figure stays small, and points no longer hide each other."""

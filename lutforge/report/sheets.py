@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from lutforge.arrays import Pixels
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.report.drawing import ERROR_SCALE, MAP, save_png
 from lutforge.report.lattice_figures import draw_coverage, draw_grey_axis, draw_levels
 
-Pixels = NDArray[np.float32]
 DIRECTIONS = {"render": ("RAW after white balance", "JPEG"), "linearize": ("JPEG", "RAW after white balance")}
 """Per lattice of a style: what goes in, what comes out."""
 

@@ -4,11 +4,13 @@ flower."""
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array
+
 
 def balance(
-    codes: NDArray[np.float64],
+    codes: Array,
     level: NDArray[np.intp],
-    roughness: NDArray[np.float64],
+    roughness: Array,
     per_shot: int = 3000,
     per_bin: int = 12,
     per_bin_relaxed: int = 3,

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Pixels
 from lutforge.samples.clipping import Clipping, Extremes, clipping
 from lutforge.shots.shot import Shot
-
-Array = NDArray[np.float64]
 
 COLUMNS, ROWS = 6, 4
 
@@ -201,7 +200,7 @@ def _jpeg_patches(jpeg: NDArray[np.uint8], chart: Chart) -> tuple[Array, Array]:
     return mean, deviation
 
 
-def _pixels_inside(image: NDArray[np.uint8] | NDArray[np.float32], corners: Array) -> Array:
+def _pixels_inside(image: NDArray[np.uint8] | Pixels, corners: Array) -> Array:
     """(n, 3) pixels whose centres lie in a convex quadrilateral (4, 2) of x, y; none where it leaves the
     image."""
     low, high = np.floor(corners.min(axis=0)).astype(int), np.ceil(corners.max(axis=0)).astype(int) + 1

@@ -4,10 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from lutforge.arrays import Array, Mask, Pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +63,7 @@ def _in_any_channel(mask: Mask) -> Mask:
     return result
 
 
-def saturation_levels(pixels: NDArray[np.float32]) -> Array:
+def saturation_levels(pixels: Pixels) -> Array:
     """(3,) RAW level at which each channel of (h, w, 3) saturates, at most 1.
 
     Many sensors saturate below the file's nominal white. Their pixels pile up at the channel's maximum, where

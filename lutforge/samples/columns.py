@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from lutforge.arrays import Array
 from lutforge.errors import SampleError
-from lutforge.samples.sample_set import Numbers
 
 TEXT_COLUMNS = ("camera", "style", "white_balance", "shot", "patch")
 RAW_COLUMNS = ("raw_r", "raw_g", "raw_b")
@@ -54,7 +54,7 @@ def wanted_columns(path: Path, names: list[str]) -> list[str]:
     return [name for name in names if name in REQUIRED_COLUMNS or name in OPTIONAL_COLUMNS]
 
 
-def is_valid(numbers: dict[str, Numbers]) -> bool:
+def is_valid(numbers: dict[str, Array]) -> bool:
     """Whether the numbers of every row pass `row_problem`, in whole columns."""
     with np.errstate(all="ignore"):
         for name, values in numbers.items():

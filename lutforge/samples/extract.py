@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.samples.balance import balance
 from lutforge.samples.chart import detector_note, find_chart, sample_chart
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
@@ -13,8 +13,6 @@ from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.tiles import LEVELS, agreement, cell_size, flatness, jpeg_cells
 from lutforge.shots.cells import raw_on_jpeg_cells
 from lutforge.shots.shot import Shot
-
-Array = NDArray[np.float64]
 
 FEW_TILES = 100
 """A shot with fewer tiles within the first two limits may use the hard bound, and is told about charts."""
@@ -75,7 +73,7 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     hot = raw.hot
     raw = raw_on_jpeg_cells(shot, cell, hot) if hot else raw
     jpeg = jpeg_cells(shot.jpeg, cell, hot)
-    inside: NDArray[np.bool_] = np.isfinite(raw.mean[..., 0])
+    inside: Mask = np.isfinite(raw.mean[..., 0])
     clip = clipping(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation)
     usable = inside & ~clip.any
     flat = flatness(jpeg, raw, shot.metadata.multipliers, usable)

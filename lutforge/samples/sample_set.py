@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.errors import SampleError
 from lutforge.settings import setting_name
 
 Text = NDArray[np.str_]
-Numbers = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,15 +32,15 @@ class SampleSet:
     white_balance: Text
     shot: Text
     patch: Text
-    exposure_s: Numbers
-    raw: Numbers
-    srgb: Numbers
-    wb: Numbers
+    exposure_s: Array
+    raw: Array
+    srgb: Array
+    wb: Array
     raw_camera: Text
-    position: Numbers = field(default_factory=lambda: np.zeros((0, 2)))
+    position: Array = field(default_factory=lambda: np.zeros((0, 2)))
     lens: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
-    focal_mm: Numbers = field(default_factory=lambda: np.zeros(0))
-    aperture: Numbers = field(default_factory=lambda: np.zeros(0))
+    focal_mm: Array = field(default_factory=lambda: np.zeros(0))
+    aperture: Array = field(default_factory=lambda: np.zeros(0))
     raw_space: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     developer: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
 
@@ -62,7 +62,7 @@ class SampleSet:
     def __len__(self) -> int:
         return len(self.camera)
 
-    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "SampleSet":
+    def select(self, rows: Mask | NDArray[np.intp]) -> "SampleSet":
         """The rows of a mask or an index array."""
         return SampleSet(*(getattr(self, column.name)[rows] for column in fields(self)))
 

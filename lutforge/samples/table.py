@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
 from lutforge.errors import SampleError
@@ -25,7 +26,7 @@ from lutforge.samples.columns import (
 )
 from lutforge.samples.read_csv import first_csv_problem, read_csv
 from lutforge.samples.read_parquet import read_parquet, write_parquet
-from lutforge.samples.sample_set import Numbers, SampleSet, Text
+from lutforge.samples.sample_set import SampleSet, Text
 
 
 def read_samples(path: str | Path) -> SampleSet:
@@ -86,8 +87,8 @@ def _suffix(path: Path) -> str:
     return suffix
 
 
-def _number_array(series: pl.Series) -> Numbers:
-    values: Numbers = series.fill_null(math.nan).to_numpy()
+def _number_array(series: pl.Series) -> Array:
+    values: Array = series.fill_null(math.nan).to_numpy()
     return values
 
 
@@ -112,8 +113,8 @@ def _first_problem(path: Path, frame: pl.DataFrame) -> SampleError:
     return SampleError(f"{path}: holds values that cannot be read; write it anew")
 
 
-def _sample_set(texts: dict[str, Text], numbers: dict[str, Numbers]) -> SampleSet:
-    def stack(names: tuple[str, ...]) -> Numbers:
+def _sample_set(texts: dict[str, Text], numbers: dict[str, Array]) -> SampleSet:
+    def stack(names: tuple[str, ...]) -> Array:
         return np.stack([numbers[name] for name in names], axis=1)
 
     camera = texts["camera"]
@@ -145,7 +146,7 @@ def _frame(samples: SampleSet) -> pl.DataFrame:
     for name in TEXT_COLUMNS:
         columns[name] = _series(getattr(samples, name))
     columns["exposure_s"] = pl.Series(samples.exposure_s)
-    groups: list[tuple[tuple[str, ...], Numbers]] = [(RAW_COLUMNS, samples.raw), (SRGB_COLUMNS, samples.srgb)]
+    groups: list[tuple[tuple[str, ...], Array]] = [(RAW_COLUMNS, samples.raw), (SRGB_COLUMNS, samples.srgb)]
     if np.isfinite(samples.wb).any():
         groups.append((WB_COLUMNS, samples.wb))
     if np.isfinite(samples.position).any():

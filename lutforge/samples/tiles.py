@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lutforge.arrays import Array, Mask
 from lutforge.samples.clipping import Extremes
 from lutforge.shots.cells import REACH, CellStatistics, without_outliers
 from lutforge.shots.shot import Registration
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
+from lutforge.arrays import Array
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots.cells import area_weights, cell_edges
@@ -32,8 +33,6 @@ MIN_CORRELATION = 0.5
 _LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601, as in JPEG
 _COARSE_SIDE = 192
 """Pixels of the longer side of the copy that is searched."""
-
-Array = NDArray[np.float64]
 
 
 def register(raw: RawImage, jpeg: NDArray[np.uint8]) -> Registration:

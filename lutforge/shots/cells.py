@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from lutforge.arrays import Array
 from lutforge.images.raw import RawImage
 from lutforge.shots.shot import Registration, Shot
-
-Array = NDArray[np.float64]
 
 REACH = 2.4
 """How far, in standard deviations, noise is taken to reach: 64 pixels of it do on average. Where no more than these

@@ -4,11 +4,9 @@ Layouts: exiftool.org/TagNames, exiv2.org/tags.html; Canon's ColorData by its le
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.shots.tags import Tags, Value, key_of, maker_table
-
-Array = NDArray[np.float64]
 
 
 def multipliers_of(tags: Tags) -> Array | None:

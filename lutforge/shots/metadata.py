@@ -5,9 +5,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lutforge.arrays import Array
 from lutforge.images.raw import RawImage
 from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
 from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Value, tags, tags_of
@@ -35,7 +33,7 @@ class ShotMetadata:
     model: str
     style: str
     white_balance: str
-    multipliers: NDArray[np.float64] | None
+    multipliers: Array | None
     exposure_s: float
     iso: float
     notes: tuple[str, ...]

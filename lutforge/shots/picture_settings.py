@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import ImageError, SettingsError
 from lutforge.images.raw import read_multipliers
 from lutforge.images.read import ImageReader
@@ -34,7 +34,7 @@ class PictureSettings:
     camera: str
     style: str
     white_balance: str
-    multipliers: NDArray[np.float64] | None
+    multipliers: Array | None
     notes: tuple[str, ...] = ()
 
 

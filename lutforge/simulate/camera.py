@@ -9,8 +9,9 @@ from functools import cache
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import SettingsError
 from lutforge.simulate.gamut_map import GamutMap
@@ -22,8 +23,6 @@ from lutforge.simulate.spectra import (
     sensitivities,
     surface_reflectances,
 )
-
-Array = NDArray[np.float64]
 
 WHITE_AT_NOMINAL = 0.9
 """The largest RAW value of a perfect diffuser at the camera's nominal exposure."""

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import ImageError
@@ -35,7 +36,6 @@ CFA_COLORS: Final = "RGB"
 _BYTE, _ASCII, _SHORT, _LONG, _RATIONAL, _UNDEFINED, _SRATIONAL = 1, 2, 3, 4, 5, 7, 10
 _FORMATS: Final[Mapping[int, str]] = {_BYTE: "B", _SHORT: "H", _LONG: "I", _RATIONAL: "II", _SRATIONAL: "ii"}
 
-Array = NDArray[np.float64]
 Field = tuple[int, int, bytes]
 """Type, count and packed values of one TIFF field."""
 

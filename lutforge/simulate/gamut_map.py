@@ -9,12 +9,11 @@ the thesis assumes.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.errors import ProfileError
 from lutforge.simulate.response import invert_increasing
-
-Array = NDArray[np.float64]
 
 DARKEST = 1e-12
 """Signals below this count as black, so that saturation stays finite."""

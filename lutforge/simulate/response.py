@@ -4,12 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lutforge.arrays import Array
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import ProfileError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lutforge.arrays import Array, Mask, Pixels
 from lutforge.errors import ImageError
 from lutforge.simulate.camera import SimulatedCamera
 from lutforge.simulate.spectra import chart_reflectances, surface_reflectances
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +32,9 @@ class Scene:
     reflectances: Array
     first: NDArray[np.int16]
     second: NDArray[np.int16]
-    mix: NDArray[np.float32]
-    shade: NDArray[np.float32]
-    gloss: NDArray[np.float32]
+    mix: Pixels
+    shade: Pixels
+    gloss: Pixels
     patches: Array
     patch_side: float = 0.0
 
@@ -51,9 +49,7 @@ class Scene:
         height, width = self.first.shape
         return height, width
 
-    def irradiance(
-        self, camera: SimulatedCamera, white_balance: str, exposure_s: float | None = None
-    ) -> NDArray[np.float32]:
+    def irradiance(self, camera: SimulatedCamera, white_balance: str, exposure_s: float | None = None) -> Pixels:
         """E before lens and sensor: (h, w, 3), no noise, 1 = saturation, highlights beyond 1 not clipped."""
         surfaces = camera.expose(self.reflectances, white_balance, exposure_s).astype(np.float32)
         source = camera.expose(np.ones(self.reflectances.shape[1]), white_balance, exposure_s).astype(np.float32)

@@ -4,16 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lutforge.arrays import Pixels
 from lutforge.simulate.camera import SimulatedCamera
-
-Float32 = NDArray[np.float32]
 
 LENS_BLUR = 0.7
 """Standard deviation, in pixels, of the blur by lens and low-pass filter."""
 
 
 def capture(
-    camera: SimulatedCamera, irradiance: Float32, rng: np.random.Generator, iso: int = 100
+    camera: SimulatedCamera, irradiance: Pixels, rng: np.random.Generator, iso: int = 100
 ) -> NDArray[np.uint16]:
     """One exposure: irradiance (h, w, 3), 1 = saturation, to a mosaic (h, w) of sensor codes.
 
@@ -29,7 +28,7 @@ def capture(
     return np.clip(np.rint(codes), 0, camera.white).astype(np.uint16)
 
 
-def filtered(image: Float32, cfa: str) -> Float32:
+def filtered(image: Pixels, cfa: str) -> Pixels:
     """The mosaic (h, w) that a 2 × 2 filter array, such as "RGGB", lets through of an image (h, w, 3)."""
     mosaic = np.empty(image.shape[:2], dtype=image.dtype)
     for place, color in enumerate(cfa):
@@ -38,7 +37,7 @@ def filtered(image: Float32, cfa: str) -> Float32:
     return mosaic
 
 
-def normalized(camera: SimulatedCamera, mosaic: NDArray[np.uint16]) -> Float32:
+def normalized(camera: SimulatedCamera, mosaic: NDArray[np.uint16]) -> Pixels:
     """Sensor codes to E: black = 0, white = 1."""
     return (mosaic.astype(np.float32) - camera.black) / np.float32(camera.white - camera.black)
 
@@ -60,7 +59,7 @@ _DIAGONAL = np.array(
 )
 
 
-def demosaic(mosaic: Float32, cfa: str) -> Float32:
+def demosaic(mosaic: Pixels, cfa: str) -> Pixels:
     """Full colour (h, w, 3) from a Bayer mosaic: gradient-corrected linear interpolation (Malvar et al.)."""
     green, along_row, along_column, diagonal = (
         ndimage.convolve(mosaic, kernel / 8, mode="mirror") for kernel in (_GREEN, _ALONG_ROW, _ALONG_ROW.T, _DIAGONAL)

@@ -11,11 +11,9 @@ from typing import Any
 import colour
 import numpy as np
 from colour.quality.cfi2017 import load_TCS_CIE2017
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.srgb import D65
-
-Array = NDArray[np.float64]
 
 WAVELENGTHS = np.arange(380.0, 781.0, 5.0)
 """Nanometres; L = 81."""

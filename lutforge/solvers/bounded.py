@@ -6,8 +6,8 @@ neighbour to neighbour, so the start has to be right at large: a prior, or the f
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
 from lutforge.solvers.lattice_regression import LatticeFit, Prior
@@ -15,9 +15,6 @@ from lutforge.solvers.normal_equations import NormalEquations
 from lutforge.solvers.solution import Status
 from lutforge.solvers.stencil import COUPLINGS, FAR, couple, from_planar, planar, steps
 from lutforge.solvers.transfer import coarsen_axis
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 def solve_bounded(

@@ -5,12 +5,10 @@ that goes round in circles, or the equations do not tell every unknown, SciPy's 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 from scipy.optimize import lsq_linear
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from lutforge.arrays import Array, Mask
 
 MOST_EXCHANGES = 20
 RANK_TOLERANCE = 1e-14

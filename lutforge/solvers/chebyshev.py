@@ -7,15 +7,11 @@ V-cycles", Numerical Linear Algebra with Applications 30 (2023), algorithm 3 and
 Yang, "Multigrid smoothers for ultraparallel computing", SIAM J. Sci. Comput. 33 (2011).
 """
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Real
 from lutforge.compiled import compiled
 from lutforge.solvers.stencil import FAR, run_planes
-
-Real = NDArray[np.floating[Any]]
 
 
 @compiled(fastmath={"contract"})

@@ -2,17 +2,14 @@
 Methods for Sparse Linear Systems", 2003, algorithm 9.1)."""
 
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Real
 from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.solvers.solution import Solution, Status
 from lutforge.threads import run, slabs
-
-Array = NDArray[np.float64]
-Real = NDArray[np.floating[Any]]
 
 
 class Operator(Protocol):

@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from lutforge.arrays import Array, Mask
 
 
 def leave_groups_out(groups: NDArray[np.str_], most: int = 5) -> list[Mask]:

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.compiled import compiled
 from lutforge.solvers.solution import Status
 from lutforge.threads import run, shares
 
-Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Linearize = Callable[[Array, Index], tuple[Array, Array]]
 """Residuals (a, m) and their slopes (a, m, k) of the problems `which` (a,), at unknowns (a, k)."""
@@ -32,7 +32,7 @@ class Minima:
 
     value: Array
     residual: Array
-    converged: NDArray[np.bool_]
+    converged: Mask
     iterations: int
 
     @property

@@ -5,13 +5,11 @@ and that becomes a non-negative least-squares problem in as many unknowns as the
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
 from lutforge.solvers.solution import Solution, Status
-
-Array = NDArray[np.float64]
 
 
 def solve_lsi(design: Array, target: Array, constraints: Array, bounds: Array) -> Array:

@@ -12,8 +12,8 @@ b − b₀, from the samples' differences to the prior.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Single
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import Interpolation, Levels, interpolate
 from lutforge.solvers.conjugate_gradients import Operator, conjugate_gradients
@@ -22,8 +22,6 @@ from lutforge.solvers.normal_equations import NormalEquations, normal_equations
 from lutforge.solvers.smoothness import ThinPlate, thin_plate
 from lutforge.solvers.solution import Status
 from lutforge.solvers.stencil import from_planar, planar
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -136,7 +134,7 @@ class _WithThinPlate:
         self.multigrid.product(b, out)
         out += self.weight * planar(self.plate(from_planar(b, self.multigrid.size)))
 
-    def precondition(self, residual: Array) -> NDArray[np.float32]:
+    def precondition(self, residual: Array) -> Single:
         return self.like.precondition(residual)
 
 

@@ -11,8 +11,8 @@ from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Index, Single
 from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
 from lutforge.solvers.chebyshev import first_step, second_step
@@ -26,10 +26,6 @@ from lutforge.solvers.transfer import (
     restrict,
 )
 from lutforge.threads import cores, run, slabs
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
-Index = NDArray[np.int64]
 
 
 class _Step(IntEnum):

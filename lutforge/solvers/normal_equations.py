@@ -10,14 +10,11 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Index, Mask
 from lutforge.compiled import compiled
 from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
 from lutforge.threads import cores, run, slabs
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SAMPLES_PER_THREAD = 20_000
 FOLLOWING = 14
@@ -160,7 +157,7 @@ class InterpolationMatrix:
         return y
 
     @property
-    def touched(self) -> NDArray[np.bool_]:
+    def touched(self) -> Mask:
         """(N_r, N_g, N_b): the corners of cells with samples."""
         r, g, b = self.size
         cells, nodes = np.diff(self._rows[1]).reshape(r - 1, g - 1, b - 1) > 0, np.zeros(self.size, dtype=np.bool_)

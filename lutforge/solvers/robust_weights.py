@@ -13,9 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lutforge.arrays import Array
+
 Loss = Callable[[Array], Array]
 """The IRLS weight, in [0, 1], of each ratio residual / scale ≥ 0."""
 

@@ -6,11 +6,9 @@ Both terms are sums of tensor products of one-dimensional matrices, so a lattice
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.compiled import compiled
-
-Array = NDArray[np.float64]
 
 
 @compiled()

@@ -3,10 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from lutforge.arrays import Array
 
 
 class Status(Enum):

@@ -8,18 +8,12 @@ compiler vectorises. A run's sums do not depend on how planes are dealt out to t
 """
 
 from functools import partial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Index, Real, Single
 from lutforge.compiled import compiled
 from lutforge.threads import cores, run, slabs
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
-Real = NDArray[np.floating[Any]]
-Index = NDArray[np.int64]
 
 FAR = 2
 """Planes that a coupling reaches."""

@@ -2,19 +2,12 @@
 the operators that they make of fine ones, P'AP (Galerkin). The trilinear functions nest.
 """
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Index, Single
 from lutforge.compiled import compiled
 from lutforge.solvers.smoothness import bending
 from lutforge.solvers.stencil import FAR
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
-Real = NDArray[np.floating[Any]]
-Index = NDArray[np.int64]
 
 COARSEST = 3
 """Axes of this many nodes or fewer are not coarsened; the coarsest lattice is solved densely."""

@@ -9,6 +9,7 @@ import panel as pn
 from bokeh.models import ColumnDataSource
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.brushed_plot import BrushedPlot
 from lutforge.studio.elements import NARROW, WIDTH, Slider, entry, frame, select, text
@@ -28,8 +29,6 @@ from lutforge.studio.plots import (
 from lutforge.studio.session import Session
 from lutforge.studio.thumbnails import shot_picture
 from lutforge.studio.workspace import Filters, Workspace, WorkspaceError
-
-Mask = NDArray[np.bool_]
 
 
 def find_rows(samples: SampleSet, words: str) -> Mask:
@@ -266,5 +265,5 @@ class DataView:
             self.session.select(find_rows(self.session.workspace.samples, self.words.value))
 
 
-def _space_points(at: NDArray[np.float64], row: NDArray[np.intp]) -> Points:
+def _space_points(at: Array, row: NDArray[np.intp]) -> Points:
     return Points(at[:, 0], at[:, 1], row, row, np.full(len(row), -1, dtype=np.intp))

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
@@ -28,13 +28,11 @@ from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.settings import Multipliers, Selector
 from lutforge.studio.workspace import FittedModel
 
-Array = NDArray[np.float64]
-
 
 def fit_model(
     kind: str,
     samples: SampleSet,
-    rows: NDArray[np.bool_],
+    rows: Mask,
     options: CalibrationOptions,
     stages: CameraProfile | None,
     progress: Progress,
@@ -188,7 +186,7 @@ class ResidualRow:
     held_out: float | None
 
 
-def residuals(fitted: FittedModel, name: str, samples: SampleSet, rows: NDArray[np.bool_]) -> ResidualRow | None:
+def residuals(fitted: FittedModel, name: str, samples: SampleSet, rows: Mask) -> ResidualRow | None:
     """The figures on some rows; None where the model says nothing of any of them."""
     distance = np.linalg.norm(fitted.predicted[rows] - samples.srgb[rows], axis=1)
     distance = distance[np.isfinite(distance)]

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import panel as pn
 from bokeh.models import ColorBar, ColumnDataSource, LinearColorMapper, Range1d
-from numpy.typing import NDArray
 
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, PictureStyle
@@ -14,8 +13,6 @@ from lutforge.report.drawing import CHANNELS
 from lutforge.report.gamut_slices import gamut_slice
 from lutforge.studio.elements import Slider, extent, frame, plot, select, text
 from lutforge.studio.session import Session
-
-Array = NDArray[np.float64]
 
 PALETTE = "Cividis256"
 DIRECTIONS = {"RAW → JPEG": "render", "JPEG → RAW": "linearize"}

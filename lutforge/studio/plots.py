@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import D65, SRGB_TO_XYZ, srgb_decode
 from lutforge.model.emor import inverse_emor
 from lutforge.model.response import Response
 from lutforge.studio.workspace import FittedModel, Workspace
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 PLOTS = {
     "srgb_btf": "sRGB BTF",

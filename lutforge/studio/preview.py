@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from lutforge.apply.gradings import Gradings
 from lutforge.apply.image import apply_to_pixels
+from lutforge.arrays import Array, Pixels
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import temperature_range
-
-Pixels = NDArray[np.float32]
 
 MARK_WHITE, MARK_BLACK = (230, 97, 1), (94, 60, 153)
 """Orange over what is clipped to white, violet over black: told apart by colour-blind eyes."""
@@ -26,7 +25,7 @@ class Shown:
     channel; seconds: what grading took."""
 
     pixels: NDArray[np.uint8]
-    histogram: NDArray[np.float64]
+    histogram: Array
     clipped: tuple[float, float]
     seconds: float
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import panel as pn
-from numpy.typing import NDArray
 
+from lutforge.arrays import Mask
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.studio.elements import Slider, button, text
@@ -34,7 +34,7 @@ class Session:
     def __init__(self, folders: Folders) -> None:
         self.folders = folders
         self.history: History | None = None
-        self.selected: NDArray[np.bool_] = np.zeros(0, dtype=np.bool_)
+        self.selected: Mask = np.zeros(0, dtype=np.bool_)
         self.loaded_profile: CameraProfile | None = None
         self.files: Mapping[str, Path] = {}
         self.job: Job | None = None
@@ -133,7 +133,7 @@ class Session:
             self.say("done again")
             self.on_change()
 
-    def select(self, rows: NDArray[np.bool_]) -> None:
+    def select(self, rows: Mask) -> None:
         """Samples selected, in all plots."""
         self.selected = rows
         self.on_select()

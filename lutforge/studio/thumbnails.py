@@ -8,8 +8,8 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Mask
 from lutforge.errors import LutForgeError
 from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.discover import jpeg_beside
@@ -18,7 +18,7 @@ from lutforge.studio.plots import hex_colours
 WIDTH, SIDE = 330, 12
 
 
-def shot_picture(samples: SampleSet, selected: NDArray[np.bool_], shot: str, files: Mapping[str, Path]) -> str:
+def shot_picture(samples: SampleSet, selected: Mask, shot: str, files: Mapping[str, Path]) -> str:
     """HTML of one shot: photograph and swatches."""
     rows = np.flatnonzero(samples.shot == shot)
     most = 540

@@ -7,15 +7,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.sample_set import SampleSet
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 MODELS = {
     "response": "Response only",

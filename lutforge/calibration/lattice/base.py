@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.unsaturated import saturation, untouched_odds
 from lutforge.colour.srgb import srgb_decode
@@ -27,8 +28,6 @@ from lutforge.model.response import Response
 from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.bounded_least_squares import bounded_least_squares
 from lutforge.solvers.solution import Status
-
-Array = NDArray[np.float64]
 
 KNOTS = 33
 """Entries of the fitted f⁻¹ per channel; between them it is linear."""

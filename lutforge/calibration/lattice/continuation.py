@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.base import with_matrix_of_all
 from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
@@ -26,8 +27,6 @@ from lutforge.calibration.physical.radial_basis import RadialBasis, RadialBasisP
 from lutforge.model.gamut_map import even_slope, from_even, to_even
 from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
-
-Array = NDArray[np.float64]
 
 OFFSET = 0.005
 """ε of the even scale."""
@@ -110,7 +109,7 @@ class Continuation:
             np.concatenate([weight, np.ones(len(GREYS))]),
         )
 
-    def leave_out(self, x: Array, y: Array, held: Sequence[NDArray[np.bool_]]) -> "list[Continuation]":
+    def leave_out(self, x: Array, y: Array, held: Sequence[Mask]) -> "list[Continuation]":
         """The guesses of the samples x → y (n, 3) less those of each mask (n,), where this is the guess of them all.
 
         Masks are disjoint. The same centres serve them all, so that the data term is summed once, mask by mask.

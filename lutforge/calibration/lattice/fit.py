@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.output_curve import OutputCurve
 from lutforge.calibration.lattice.plain import fit_plain
 from lutforge.calibration.lattice.problem import Guess, LatticeProblem
@@ -23,8 +24,6 @@ from lutforge.model.lattice import Lattice, uniform_levels
 from lutforge.model.node_levels import resized_levels
 from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.lattice_regression import LatticeFit
-
-Array = NDArray[np.float64]
 
 
 @one_blas_thread

@@ -5,14 +5,12 @@ with render(t, t, t) = g; off the grey axis, where no such JPEG lies, the same c
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.result import snapped
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-
-Array = NDArray[np.float64]
 
 CODES = 1024
 """Steps of codes on which the nodes of an inverse may lie."""

@@ -1,14 +1,12 @@
 """Node levels where a lattice needs them: close together where its errors are large (thesis 5.3)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
 from lutforge.model.gamut_map import to_even
 from lutforge.model.node_levels import equidistribute
-
-Array = NDArray[np.float64]
 
 BINS = 1000
 """Bins of the error histogram (thesis 5.3)."""

@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
 from lutforge.interpolation import through
 from lutforge.model.response import Response
-
-Array = NDArray[np.float64]
 
 ENTRIES = 4096
 STEEPEST = 8.0
@@ -58,7 +56,7 @@ class OutputCurve:
         return np.asarray(found).reshape(points.shape)
 
     @cached_property
-    def _by_linear(self) -> tuple[Array, NDArray[np.int64]]:
+    def _by_linear(self) -> tuple[Array, Index]:
         """f⁻¹ (3, n), and which of its cells even steps of linear light from its start to its end lie in."""
         axes = np.ascontiguousarray(self.linear.T)
         cells = [np.searchsorted(axis[1:-1], np.linspace(axis[0], axis[-1], 1024), side="right") for axis in axes]
@@ -86,7 +84,7 @@ def _enter(table: Array, values: Array, encoded: Array) -> Array:
 
 
 @compiled()
-def _continued(known: Array, cells: NDArray[np.int64], values: Array, ends: Array, linear: Array) -> Array:
+def _continued(known: Array, cells: Index, values: Array, ends: Array, linear: Array) -> Array:
     """v (n, 3) of linear light; known: (3, m), f⁻¹ at the even steps of I that values (m, 3) are at; cells: (3, k)."""
     result, last = np.empty_like(linear), cells.shape[1] - 1
     for c in range(3):

@@ -8,9 +8,9 @@ samples and, around and between them, to that lattice, with node levels that sha
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.node_levels import equidistributed_levels
 from lutforge.calibration.lattice.problem import LatticeProblem, PlacedProblem
 from lutforge.calibration.lattice.result import LatticeResult, result, snapped
@@ -25,7 +25,6 @@ from lutforge.solvers.lattice_regression import LatticeFit, Prior
 from lutforge.solvers.normal_equations import InterpolationMatrix, NormalEquations
 from lutforge.solvers.robust_weights import lawson
 
-Array = NDArray[np.float64]
 Bounds = tuple[float, float]
 
 COLOURS, FREE = (0.0, 1.0), (-0.25, 1.25)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.continuation import OFFSET, Continuation
 from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_levels, even_to_the_eye
 from lutforge.calibration.lattice.output_curve import OutputCurve
@@ -21,7 +22,6 @@ from lutforge.model.lattice import Lattice, grid
 from lutforge.solvers.lattice_regression import LatticeFit, Prior, Regularisation, solve_lattice
 from lutforge.solvers.normal_equations import InterpolationMatrix, NormalEquations
 
-Array = NDArray[np.float64]
 Guess = Callable[[Array], Array]
 """What the lattice should be where there are no samples: node positions (…, 3) → values (…, 3)."""
 
@@ -45,7 +45,7 @@ class LatticeProblem:
     smoothness: float
     curve: OutputCurve | None
 
-    def leave_out(self, held: list[NDArray[np.bool_]]) -> "list[LatticeProblem]":
+    def leave_out(self, held: list[Mask]) -> "list[LatticeProblem]":
         """The problems of the samples that are not of each mask, with guesses that have not seen those."""
         if isinstance(self.guess, Continuation):
             guesses: list[Guess] = [*self.guess.leave_out(self.x, self.y, held)]
@@ -53,7 +53,7 @@ class LatticeProblem:
             guesses = [self.guess] * len(held)
         return [self.select(~mask, guess) for mask, guess in zip(held, guesses, strict=True)]
 
-    def select(self, rows: NDArray[np.intp] | NDArray[np.bool_], guess: Guess) -> "LatticeProblem":
+    def select(self, rows: NDArray[np.intp] | Mask, guess: Guess) -> "LatticeProblem":
         """The problem of some of the samples, with another guess."""
         return replace(
             self, x=self.x[rows], y=self.y[rows], target=self.target[rows], weight=self.weight[rows], guess=guess

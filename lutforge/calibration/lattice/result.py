@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels, through
 from lutforge.model.lattice import Lattice
 from lutforge.model.node_levels import snap_levels
 from lutforge.solvers.normal_equations import InterpolationMatrix
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,14 +5,11 @@ of the differences near those that fall. Where a channel has clipped at white it
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
 from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
 from lutforge.solvers.inequality_least_squares import least_distance
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 RISE = 1e-7
 """Between two points, so that rounding does not make a fall of it."""

@@ -13,17 +13,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.base import with_matrix_of_all
 from lutforge.calibration.lattice.continuation import Continuation
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.lattice.rising_axis import with_rising_axis
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.model.lattice import Lattice, grid
-
-Array = NDArray[np.float64]
 
 MOST_SHOTS = 4
 """More shots leave a lattice as it is."""

@@ -3,12 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.output_curve import OutputCurve
 from lutforge.calibration.lattice_options import LatticeFitOptions
 from lutforge.interpolation import through
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
-
-Array = NDArray[np.float64]
 
 
 def outlier_weights(squared_error: Array, options: LatticeFitOptions) -> Array:

@@ -6,12 +6,10 @@ The RAW that renders neutral is A⁻¹ (1, 1, 1), and the multipliers are its re
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
-
-Array = NDArray[np.float64]
 
 KNOTS = 17
 ROUNDS = 4

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.curve_basis import log_spline_basis
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_bracket
 from lutforge.calibration.physical.plain_curves import gamma_response, srgb_response
@@ -16,8 +16,6 @@ from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.model.response import Response
-
-Array = NDArray[np.float64]
 
 ENTRIES = 1024
 
@@ -109,7 +107,7 @@ def fit_bracket(pairs: ExposurePairs, beta: float = BETA) -> BracketFit:
     return BracketFit(found, errors, len(pairs), pairs.black, pairs.white)
 
 
-def _residual(pairs: ExposurePairs, response: Response, rows: NDArray[np.bool_]) -> tuple[float, float]:
+def _residual(pairs: ExposurePairs, response: Response, rows: Mask) -> tuple[float, float]:
     """Median and root mean square of I' − f(k' f⁻¹(I)) in codes."""
     expected = response.encode(np.exp(pairs.log_ratio[rows])[:, None] * response.linearize(pairs.first[rows]))
     codes = 255.0 * (pairs.white - pairs.black) * (pairs.second[rows] - expected)

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.model.response import Response
-
-Array = NDArray[np.float64]
 
 OUTLIER = 3.0 / 255.0
 """A JPEG value this far from the camera's transfer function is an outlier; so is its whole colour (3.2)."""
@@ -34,7 +33,7 @@ class TransferFunction:
     second: Array
     raw_first: Array
     raw_second: Array
-    outlier: NDArray[np.bool_]
+    outlier: Mask
     pair: NDArray[np.intp]
     curve: Array
 
@@ -124,7 +123,7 @@ def _centres(stops: Array) -> list[float]:
     return centres
 
 
-def _departure(pairs: ExposurePairs, response: Response, rows: NDArray[np.bool_]) -> Array:
+def _departure(pairs: ExposurePairs, response: Response, rows: Mask) -> Array:
     """I' − τ(I) (n, 3), each pair with its own ratio."""
     ratio = np.exp(pairs.log_ratio[rows])[:, None]
     return pairs.second[rows] - response.encode(ratio * response.linearize(pairs.first[rows]))

@@ -9,12 +9,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.colour.colour_temperature import COOLEST, HOTTEST, camera_from_xyz, temperature_and_tint, white_of
 from lutforge.model.white_balance import DAYLIGHT, NAMED_KELVIN, WhiteBalance
-
-Array = NDArray[np.float64]
 
 LARGEST_TINT = 60.0
 """Lights further from the locus (0.02 in CIE 1960 u, v) have no colour temperature worth the name."""

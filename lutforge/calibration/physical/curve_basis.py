@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
+from lutforge.arrays import Array
 from lutforge.calibration.physical.plain_curves import srgb_response
 from lutforge.errors import CalibrationError
 from lutforge.model.emor import ENTRIES, MOST_CURVES, inverse_emor, log_inverse_emor
 from lutforge.solvers.inequality_least_squares import solve_lsi
-
-Array = NDArray[np.float64]
 
 LEAST_SLOPE = 0.02
 """A curve rises at least this fraction as fast as EMoR's mean: no f⁻¹ is flat."""

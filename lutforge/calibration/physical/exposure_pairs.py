@@ -7,10 +7,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
-
-Array = NDArray[np.float64]
 
 CLIPPED = 1.5 / 255.0
 """JPEG values this near 0 or 1 in any channel are clipped."""
@@ -45,11 +44,11 @@ class ExposurePairs:
     raw_second: Array
     first_row: NDArray[np.intp]
     second_row: NDArray[np.intp]
-    log_ratio: NDArray[np.float64]
+    log_ratio: Array
     shots: tuple[str, ...]
     first_shot: NDArray[np.intp]
     second_shot: NDArray[np.intp]
-    shot_exposure: NDArray[np.float64]
+    shot_exposure: Array
     spread: float
     black: Array = field(default_factory=lambda: np.zeros(3))
     white: Array = field(default_factory=lambda: np.ones(3))
@@ -66,7 +65,7 @@ class _Exposure:
     log_time: float
     encoded: Array
     raw: Array
-    usable: NDArray[np.bool_]
+    usable: Mask
     row: NDArray[np.intp]
 
 
@@ -77,7 +76,7 @@ def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
     ratio are other scenes and left out; without, it is that of the exposure times.
     Raises CalibrationError where no two shots are a pair.
     """
-    parts: list[tuple[_Exposure, _Exposure, NDArray[np.bool_], float]] = []
+    parts: list[tuple[_Exposure, _Exposure, Mask, float]] = []
     from_raw = bool(np.all(samples.raw_camera == samples.camera)) and bool(np.any(samples.raw > 0))
     for group in _groups(samples):
         for one, other in combinations(sorted(group, key=lambda shot: shot.log_time), 2):
@@ -146,7 +145,7 @@ def _insensitive(outer: Array, inner: Array, *, dark: bool) -> tuple[Array, Arra
     return ends, noise
 
 
-def _over_tones(encoded: Array, usable: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
+def _over_tones(encoded: Array, usable: Mask, most: int) -> Mask:
     """At most so many of the usable cells (n,), evenly over the tones: a dark wall must not outweigh all else."""
     rows = np.random.default_rng(0).permutation(np.flatnonzero(usable))
     tone = np.minimum((encoded[rows].mean(axis=1) * TONES).astype(np.intp), TONES - 1)
@@ -189,7 +188,7 @@ def _groups(samples: SampleSet) -> Iterator[list[_Exposure]]:
             yield group
 
 
-def _log_ratio(one: _Exposure, other: _Exposure, both: NDArray[np.bool_], from_raw: bool) -> float | None:
+def _log_ratio(one: _Exposure, other: _Exposure, both: Mask, from_raw: bool) -> float | None:
     """log k' of other over one; None where they are no pair."""
     if both.sum() < LEAST_PAIRS:
         return None
@@ -204,7 +203,7 @@ def _log_ratio(one: _Exposure, other: _Exposure, both: NDArray[np.bool_], from_r
     return middle if float(np.median(np.abs(logs - middle))) < SAME_SCENE else None
 
 
-def _join(parts: list[tuple[_Exposure, _Exposure, NDArray[np.bool_], float]], spread: float) -> ExposurePairs:
+def _join(parts: list[tuple[_Exposure, _Exposure, Mask, float]], spread: float) -> ExposurePairs:
     names = sorted({shot.name for one, other, _, _ in parts for shot in (one, other)})
     index = {name: place for place, name in enumerate(names)}
     counts = [int(both.sum()) for _, _, both, _ in parts]

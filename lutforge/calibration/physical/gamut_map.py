@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
+from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap, from_even, to_even
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, float], None]
 """Told the number of centres and the share of pairs that are not yet met."""
 
@@ -169,7 +169,7 @@ def _first_centres(source: Array, count: int) -> NDArray[np.intp]:
     return np.array(chosen)
 
 
-def _worst_apart(source: Array, residual: Array, candidates: NDArray[np.bool_], wanted: int) -> NDArray[np.intp]:
+def _worst_apart(source: Array, residual: Array, candidates: Mask, wanted: int) -> NDArray[np.intp]:
     """Up to `wanted` of the worst pairs, one a cell, the cells as large as still gives so many."""
     rows = np.flatnonzero(candidates)
     rows = rows[np.argsort(-residual[rows], kind="stable")]

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.options import Preset
 from lutforge.errors import CalibrationError
-
-Array = NDArray[np.float64]
 
 ROUNDS = 10
 OUTLIER = 3.0
@@ -36,7 +35,7 @@ class MatrixFit:
     matrix: Array
     multipliers: Mapping[str, Array]
     gain: Mapping[str, float]
-    weight: NDArray[np.float64]
+    weight: Array
     rms: float
 
 
@@ -46,7 +45,7 @@ def fit_matrix(
     setting: NDArray[np.str_],
     known: Mapping[str, Array],
     *,
-    trusted: NDArray[np.float64],
+    trusted: Array,
     neutral: Array | None = None,
     preset: Preset = "lutforge",
 ) -> MatrixFit:
@@ -95,7 +94,7 @@ def fit_matrix(
     )
 
 
-def _check(linear: Array, trusted: NDArray[np.float64]) -> None:
+def _check(linear: Array, trusted: Array) -> None:
     used = trusted > LEAST_TRUST
     count = int(used.sum())
     if count < LEAST_COLOURS:
@@ -123,7 +122,7 @@ def _solve(
     setting: NDArray[np.str_],
     fixed: Mapping[str, Array],
     free: list[str],
-    weight: NDArray[np.float64],
+    weight: Array,
 ) -> tuple[Array, dict[str, Array]]:
     """One weighted solve, a channel at a time: row · X − tw_i E = known part. Unknown: 3, and one a free setting."""
     root = np.sqrt(weight)

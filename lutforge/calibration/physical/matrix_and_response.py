@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.curve_basis import SAMPLE, CurveBasis, emor_basis, solve_rising, spline_basis
 from lutforge.calibration.physical.unsaturated import LEAST_UNSATURATED, saturation, untouched_odds
 from lutforge.errors import CalibrationError
@@ -26,8 +27,6 @@ from lutforge.model.response import Response
 from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
 from lutforge.solvers.solution import Status
-
-Array = NDArray[np.float64]
 
 ALL_COLOURS = RobustWeights(cauchy, multiple=4.0, least=2.0 / 255.0)
 """How all samples count, saturated ones too."""
@@ -140,7 +139,7 @@ def _with_inliers(fit: MatrixAndResponse, residual: Array) -> MatrixAndResponse:
     return replace(fit, inlier=weight, rms=float(np.sqrt((residual**2 @ weight) / weight.sum())))
 
 
-def _some(chosen: NDArray[np.bool_], most: int) -> NDArray[np.intp]:
+def _some(chosen: Mask, most: int) -> NDArray[np.intp]:
     """The rows that are chosen, or so many of them, the same ones every time."""
     rows = np.flatnonzero(chosen)
     return rows if len(rows) <= most else np.random.default_rng(0).choice(rows, most, replace=False, shuffle=False)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import Preset
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.gamut_map import GamutMapFit, GamutMapOptions, fit_gamut_map, identity_gamut_map
@@ -18,8 +19,6 @@ from lutforge.model.camera_profile import PhysicalModel
 from lutforge.model.gamut_map import even_slope
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
-
-Array = NDArray[np.float64]
 
 LARGER_BETAS = (0.4, 0.5)
 MOST_TURNS, SETTLED = 15, 5e-4
@@ -35,7 +34,7 @@ class StyleStages:
     """What is fitted before the gamut map. trusted: (n,) of the style's samples, those that h leaves alone."""
 
     response: Response
-    trusted: NDArray[np.float64]
+    trusted: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +49,7 @@ class CameraStages:
     styles: Mapping[str, StyleStages]
 
 
-def fit_stages(
-    samples: SampleSet, multipliers: Array, known: NDArray[np.bool_], preset: Preset = "lutforge"
-) -> CameraStages:
+def fit_stages(samples: SampleSet, multipliers: Array, known: Mask, preset: Preset = "lutforge") -> CameraStages:
     """f of every style, Ts and the unknown Tw, of unclipped samples of one camera.
 
     multipliers: (n, 3), good guesses where known (n,) is False. The "thesis" preset takes f from exposure pairs and all
@@ -128,7 +125,7 @@ def _fit_style(samples: SampleSet, multipliers: Array, name: str, preset: Preset
     return StyleStages(fit.response, fit.trust)
 
 
-def _unsaturated(encoded: Array, response: Response) -> NDArray[np.bool_]:
+def _unsaturated(encoded: Array, response: Response) -> Mask:
     """(n,) colours below β; where these are all alike, as on a small chart, below a larger one."""
     linear = response.linearize(encoded)
     for beta in (BETA, *LARGER_BETAS):

@@ -1,13 +1,10 @@
 """Plain models of the response f, to stand beside EMoR: sRGB's curve and a gamma."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
-
-Array = NDArray[np.float64]
 
 
 def srgb_response(entries: int = 1024) -> Response:

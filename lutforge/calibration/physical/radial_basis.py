@@ -8,14 +8,12 @@ thesis has, costs accuracy between samples, and its slope beyond the outermost o
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.linalg.lapack import dgeqrf, dposv
 
+from lutforge.arrays import Array, Index, Mask
 from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.threads import run, slabs
-
-Array = NDArray[np.float64]
 
 SMOOTHNESS = 3e-4
 """μ, per sample of weight 1: so little that noise is averaged by how few the centres are, enough for centres that no
@@ -62,7 +60,7 @@ class RadialBasisProblem:
         self.bending = np.zeros_like(inner)
         self.bending[4:, 4:] = inner[4:, 4:]
 
-    def equations(self, target: Array, weight: Array, rows: NDArray[np.bool_] | None = None) -> Array:
+    def equations(self, target: Array, weight: Array, rows: Mask | None = None) -> Array:
         """The normal matrix of some rows and beside it their right sides, (m, m + 3), without the bending term."""
         chosen = np.arange(len(target)) if rows is None else np.flatnonzero(rows)
         root = np.sqrt(weight)
@@ -155,7 +153,7 @@ def _evaluate(z: Array, centres: Array, coefficients: Array, polynomial: Array, 
 
 
 @compiled()
-def _weighted(design: Array, target: Array, root: Array, rows: NDArray[np.int64]) -> Array:
+def _weighted(design: Array, target: Array, root: Array, rows: Index) -> Array:
     """The chosen rows of [design, target] times their weights' roots."""
     unknowns = design.shape[1]
     result = np.empty((len(rows), unknowns + 3))
@@ -168,7 +166,7 @@ def _weighted(design: Array, target: Array, root: Array, rows: NDArray[np.int64]
 
 
 @compiled(fastmath={"contract"})
-def spread(points: Array, count: int) -> NDArray[np.int64]:
+def spread(points: Array, count: int) -> Index:
     """Farthest-point sampling: each next point is the one farthest from those chosen. The first is nearest to black."""
     chosen, distance = np.empty(count, dtype=np.int64), np.empty(len(points))
     darkest = np.inf

@@ -4,13 +4,12 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError
 from lutforge.model.raw_transfer import OPPONENT, HueWedges, RawTransfer, root_terms
 from lutforge.samples.sample_set import SampleSet
 
-Array = NDArray[np.float64]
 Form = Literal["matrix", "piecewise", "root-polynomial"]
 
 LEAST_PAIRS = 12
@@ -111,7 +110,7 @@ def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) 
     """
     size = float(np.median(weight * np.linalg.norm(terms, axis=1)))
 
-    def fit(stiffness: float, rows: NDArray[np.bool_]) -> Array:
+    def fit(stiffness: float, rows: Mask) -> Array:
         scale = stiffness * np.sqrt(rows.sum()) * size
         left = np.vstack([terms[rows] * weight[rows, None], scale * bend, 1e-3 * scale * np.eye(len(start))])
         rest = (y[rows] - terms[rows] @ start) * weight[rows, None]
@@ -128,7 +127,7 @@ def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) 
     return fit(STIFFNESS[best], np.ones(len(y), dtype=np.bool_)), errors[best]
 
 
-def _folds(count: int) -> list[NDArray[np.bool_]]:
+def _folds(count: int) -> list[Mask]:
     """The pairs that each fit sees."""
     return [np.arange(count) % FOLDS != index for index in range(FOLDS)]
 

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, hue_spread
@@ -25,8 +25,6 @@ from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureS
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
-
-Array = NDArray[np.float64]
 
 CODE = 1.0 / 255.0
 LEAST_COLOURS = 12

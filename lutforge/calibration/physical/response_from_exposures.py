@@ -7,8 +7,8 @@ saturation β and no others; the "lutforge" preset starts there and then trusts 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import Preset
 from lutforge.calibration.physical.curve_basis import CurveBasis, log_emor_basis, solve_rising
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
@@ -16,8 +16,6 @@ from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturat
 from lutforge.model.response import Response
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
 from lutforge.solvers.solution import Status
-
-Array = NDArray[np.float64]
 
 PAIR_WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
 """How pairs count by their residual, in units of the noise of their codes."""
@@ -57,7 +55,7 @@ def fit_response_to_exposures(
     return _fit(pairs, low, preset, basis or log_emor_basis())
 
 
-def _fit(pairs: ExposurePairs, low: NDArray[np.bool_], preset: Preset, basis: CurveBasis) -> ExposureResponseFit:
+def _fit(pairs: ExposurePairs, low: Mask, preset: Preset, basis: CurveBasis) -> ExposureResponseFit:
     """f in one basis; low: (n,) the pairs to start from."""
     robust = preset == "lutforge"
     weight, noise = low.astype(np.float64), np.full(pairs.first.shape, 0.02)

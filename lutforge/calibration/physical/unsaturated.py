@@ -1,12 +1,10 @@
 """Colours that the gamut map leaves alone, told by their saturation (thesis 4.2.1: the threshold β)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import Preset
 from lutforge.errors import CalibrationError
-
-Array = NDArray[np.float64]
 
 BETA = 0.3
 """HSV saturation below which a colour is taken to be untouched by the gamut map."""
@@ -28,7 +26,7 @@ def saturation(encoded: Array) -> Array:
     return np.asarray(1.0 - low / np.maximum(high, 1e-6))
 
 
-def untouched(encoded: Array, beta: float = BETA) -> NDArray[np.bool_]:
+def untouched(encoded: Array, beta: float = BETA) -> Mask:
     """(n,) colours (n, 3) that a plain fit trusts: saturation below β, and not near white."""
     return np.asarray((saturation(encoded) < beta) & (encoded.max(axis=1) < NEAR_WHITE))
 
@@ -46,7 +44,7 @@ def starting_beta(chroma: Array, preset: Preset, beta: float = BETA) -> float:
     return float(np.clip(np.quantile(chroma, LEAST_SHARE), beta, LARGEST_BETA))
 
 
-def check_tones(encoded: Array, unsaturated: NDArray[np.bool_]) -> None:
+def check_tones(encoded: Array, unsaturated: Mask) -> None:
     if unsaturated.sum() < LEAST_UNSATURATED:
         raise CalibrationError(
             f"{unsaturated.sum()} unsaturated colours; the response needs {LEAST_UNSATURATED}: "

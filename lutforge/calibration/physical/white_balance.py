@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.blind_white_balance import multipliers_from_colours
 from lutforge.calibration.physical.colour_temperature import with_temperatures
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
@@ -12,8 +12,6 @@ from lutforge.errors import CalibrationError
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import weighted_median
-
-Array = NDArray[np.float64]
 
 NEUTRAL_SATURATION = 0.12
 """Standard deviation in HSV saturation of the weight by which near-neutral JPEG colours vote for the multipliers."""
@@ -52,7 +50,7 @@ def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
     return multipliers, tuple(notes)
 
 
-def with_fitted_gains(samples: SampleSet, multipliers: Array, usable: NDArray[np.bool_]) -> Array:
+def with_fitted_gains(samples: SampleSet, multipliers: Array, usable: Mask) -> Array:
     """Tw (n, 3): the multipliers (n, 3) times a common factor of each setting, the third number of Tw (thesis 4.2.2).
 
     usable: (n,) unclipped samples. A camera may expose one setting's JPEGs brighter than another's, which multipliers
@@ -82,9 +80,7 @@ def _times(samples: SampleSet, multipliers: Array, gains: Mapping[str, float]) -
     return np.asarray(multipliers * factors[:, None])
 
 
-def _departures(
-    samples: SampleSet, balanced_by: Array, usable: NDArray[np.bool_], names: list[str]
-) -> tuple[Array, Array]:
+def _departures(samples: SampleSet, balanced_by: Array, usable: Mask, names: list[str]) -> tuple[Array, Array]:
     """By setting the logarithm of what its JPEGs are brighter than f(Ts Tw E) of all, and its standard error."""
     ratio, weight = np.zeros(len(samples)), np.zeros(len(samples))
     for style in np.unique(samples.style[usable]):

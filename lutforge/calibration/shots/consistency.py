@@ -3,13 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.monochrome import monochrome_note
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation
 from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
-
-Array = NDArray[np.float64]
 
 DISAGREEMENT = 8.0 / 255.0
 """A shot whose unsaturated colours lie so far from the common response, in the median, contradicts the others …"""

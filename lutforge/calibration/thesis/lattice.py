@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.node_levels import BINS, error_histogram
 from lutforge.calibration.lattice.result import LatticeResult, result, snapped
 from lutforge.calibration.options import CalibrationOptions
@@ -13,8 +13,6 @@ from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice, uniform_levels
 from lutforge.model.node_levels import equidistribute
 from lutforge.solvers.lattice_regression import LatticeFit, Regularisation, fit_lattice, predict
-
-Array = NDArray[np.float64]
 
 THESIS = Regularisation(smoothness=0.1, anchor=0.01, thin_plate=1e-6)
 """λ_S, λ_A and λ_K of section 5.3."""

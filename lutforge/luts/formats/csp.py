@@ -6,15 +6,13 @@ ffmpeg's lut3d draws straight lines between the knots; OpenColorIO lays a spline
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.luts.formats.lines import LONGEST_CURVE, MAX_CURVE, MAX_SIZE, Lines, red_fastest, red_first
 from lutforge.luts.formats.text import plain, rows, write_text
 from lutforge.luts.ops import Cube, Curve, Op
 from lutforge.luts.sequence import FileFormat, Lut, register
 from lutforge.luts.shaper import node_levels
-
-Array = NDArray[np.float64]
 
 
 def write(lut: Lut, path: Path) -> None:

@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.luts.formats import cube
 from lutforge.luts.formats.text import comment_lines, plain, write_text
 from lutforge.luts.ops import Curve
 from lutforge.luts.sequence import FileFormat, Lut, register
-
-Array = NDArray[np.float64]
 
 MOST_KNOTS = 2048
 """Knots of the shaper per channel: 48 KB in all, which a GPU keeps in constant memory (64 KB)."""

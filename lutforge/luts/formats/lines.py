@@ -3,11 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
-
-Array = NDArray[np.float64]
 
 LONGEST = 1024
 """Characters of a line, save those that hold the knots of a curve."""

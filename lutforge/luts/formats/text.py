@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.compiled import compiled
 
@@ -46,7 +47,7 @@ def rows(values: ArrayLike) -> str:
 
 
 @compiled()
-def _fixed_point(numbers: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _fixed_point(numbers: Array) -> NDArray[np.uint8]:
     """The text of numbers (n, 3) as bytes: twenty times as fast as Python's own formatting."""
     text = np.empty(numbers.size * LONGEST, dtype=np.uint8)
     digits = np.empty(LONGEST, dtype=np.uint8)

@@ -1,0 +1,24 @@
+"""The kinds of arrays that functions take and return; a docstring says their shapes."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+"""Numbers of fits and tables."""
+
+Pixels = NDArray[np.float32]
+"""Values of images."""
+
+Single = NDArray[np.float32]
+"""Numbers of which there are too many for double precision."""
+
+Real = NDArray[np.floating[Any]]
+"""Numbers of either precision."""
+
+Mask = NDArray[np.bool_]
+"""Which elements are chosen."""
+
+Index = NDArray[np.int64]
+"""Places in another array."""
