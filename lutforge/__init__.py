@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from lutforge.luts.read import read_lut
     from lutforge.luts.sequence import Lut
     from lutforge.luts.verify import verify
-    from lutforge.model.camera_profile import CameraProfile, match
-    from lutforge.model.profile_file import load_profile, save_profile
+    from lutforge.model.camera_profile import CameraProfile, load_profile, match
+    from lutforge.model.profile_file import save_profile
     from lutforge.model.published_model import import_published
     from lutforge.ocio.config import build_config, write_config
     from lutforge.pipeline.calibration import calibrate, learning_curves, smallest_size
@@ -87,7 +87,7 @@ _HOMES = {
     "evaluate": "pipeline.evaluation",
     "import_published": "model.published_model",
     "learning_curves": "pipeline.calibration",
-    "load_profile": "model.profile_file",
+    "load_profile": "model.camera_profile",
     "match": "model.camera_profile",
     "read_lut": "luts.read",
     "read_raw": "images.raw",

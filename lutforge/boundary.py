@@ -13,7 +13,6 @@ from pathlib import Path
 
 from lutforge.errors import LutForgeError, one_line
 
-_ASKED_FOR = (KeyboardInterrupt, SystemExit, GeneratorExit)
 _redirection = threading.RLock()
 
 
@@ -21,14 +20,16 @@ _redirection = threading.RLock()
 def reading(path: str | Path, kind: str, error: type[LutForgeError] = LutForgeError) -> Iterator[None]:
     """Turn every failure of a reader into one line of `error`: "PATH: cannot be read as KIND (reason)".
 
-    kind: what the file should be, with its article: "a LUT", "a camera profile". Errors of LutForge pass as they are;
-    so do a user's interrupt, and SystemExit.
+    kind: what the file should be, with its article: "a LUT", "a camera profile". Errors of LutForge pass, with the path
+    before them where they do not name the file; a user's interrupt and SystemExit pass as they are.
     """
     try:
         yield
-    except LutForgeError:
-        raise
-    except _ASKED_FOR:
+    except LutForgeError as failure:
+        if Path(path).name in str(failure):
+            raise
+        raise type(failure)(f"{path}: {failure}") from failure
+    except (KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as failure:  # a panic of pyo3 derives from BaseException
         raise error(f"{path}: cannot be read as {kind} ({reason_of(failure)})") from failure

@@ -44,9 +44,10 @@ def test_what_the_user_asks_for_passes(failure: type[BaseException]) -> None:
         raise failure
 
 
-def test_own_errors_pass_as_they_are() -> None:
-    with pytest.raises(SampleError, match=r"^row 7: empty$"), reading("a.npz", "a table", ImageError):
-        raise SampleError("row 7: empty")
+def test_own_errors_pass_and_name_the_file_once() -> None:
+    for words in ("a.npz: row 7: empty", "row 7: empty"):
+        with pytest.raises(SampleError, match=r"^a\.npz: row 7: empty$"), reading("a.npz", "a table", ImageError):
+            raise SampleError(words)
 
 
 def test_messages_are_one_printable_line_with_their_ends() -> None:

@@ -17,8 +17,7 @@ from lutforge.arrays import Array
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.images.write import IN_SRGB
 from lutforge.luts.sequence import Lut
-from lutforge.model.camera_profile import CameraProfile, same_light
-from lutforge.model.profile_file import load_profile
+from lutforge.model.camera_profile import CameraProfile, load_profile, same_light
 from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
 from lutforge.model.white_balance import tinted
 from lutforge.settings import Multipliers, Selector, checked_tint, parse_selector

@@ -14,7 +14,8 @@ from lutforge.calibration.shots.consistency import check_agreement, thin_colours
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.calibration.style_fit import StyleFit, fit_style, render_with_plain
 from lutforge.errors import CalibrationError
-from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.profile_data import PictureStyle
 from lutforge.samples.sample_set import SampleSet
 
 Progress = Callable[[str, float], None]

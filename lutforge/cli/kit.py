@@ -27,7 +27,7 @@ def kit(
     ] = None,
 ) -> None:
     """Write a kit: LUT or camera profile, the preset that places it, and a page that says what to do."""
-    from lutforge.model.profile_file import load_profile
+    from lutforge.model.camera_profile import load_profile
     from lutforge.pipeline.kits import check_kit, write_kit
 
     folder = write_kit(load_profile(profile), to, output, program)

@@ -18,7 +18,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import Fit, Fits, Fitter, Predictor, fit_baselines, fits_of_profile
-from lutforge.model.camera_profile import PhysicalModel, PictureStyle
+from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.solvers.cross_validation import leave_groups_out
 
 

@@ -13,7 +13,8 @@ from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
 from lutforge.evaluation.held_out import Predictions, predict, reaches_within_a_shot
 from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, shrinks
-from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.profile_data import PictureStyle
 
 
 def with_held_out_errors(

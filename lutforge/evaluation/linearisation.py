@@ -8,7 +8,7 @@ from lutforge.arrays import Array
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.held_out import Predictions
-from lutforge.model.camera_profile import PhysicalModel
+from lutforge.model.profile_data import PhysicalModel
 
 
 @dataclass(frozen=True)

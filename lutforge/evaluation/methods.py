@@ -17,7 +17,7 @@ from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import fit_direction, refit_physical
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
-from lutforge.model.camera_profile import PhysicalModel, PictureStyle
+from lutforge.model.profile_data import PhysicalModel, PictureStyle
 
 Predictor = Callable[[Array], Array]
 

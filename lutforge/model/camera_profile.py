@@ -3,8 +3,7 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -13,90 +12,20 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError
-from lutforge.model.gamut_map import GamutMap
-from lutforge.model.lattice import Lattice
+from lutforge.model.profile_data import PhysicalModel, ProfileData
+from lutforge.model.profile_file import read_profile, save_profile
 from lutforge.model.raw_transfer import RawTransfer
-from lutforge.model.response import Response
 from lutforge.model.transform import Carry, Clip, Decode, Encode, EncodeRgb, Gain, KeepNeutral, Linear, Stage, Transform
-from lutforge.model.white_balance import WhiteBalance, resolve, seen_as, tinted
+from lutforge.model.white_balance import resolve, seen_as, tinted
 from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector
 
 ModelName = Literal["lattice", "rbf"]
 MODELS: tuple[ModelName, ...] = get_args(ModelName)
 
-LONGEST_NAME = 200
-"""Characters of a camera's, style's or white balance's name: they become names of files and of colour spaces."""
-
 
 @dataclass(frozen=True, eq=False)
-class PhysicalModel:
-    """I = f(h(Ts Tw E)) for some white balances of a style (4.1). matrix: Ts (3, 3), for multipliers with green = 1."""
-
-    white_balances: tuple[str, ...]
-    matrix: Array
-    response: Response
-    gamut_map: GamutMap
-    inverse_gamut_map: GamutMap
-
-
-@dataclass(frozen=True, eq=False)
-class PictureStyle:
-    """What is known of one picture style.
-
-    render: Tw E → I; linearize: I → Tw E; errors: held-out figures by name; coverage: per direction the summed weight
-    of the samples at each node of its lattice, (N_r, N_g, N_b).
-    """
-
-    render: Lattice | None = None
-    linearize: Lattice | None = None
-    physical: tuple[PhysicalModel, ...] = ()
-    errors: Mapping[str, float] = field(default_factory=dict)
-    coverage: Mapping[str, Array] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Raise ProfileError where a coverage is not that of its lattice."""
-        for direction, weights in self.coverage.items():
-            lattice: Lattice | None = {"render": self.render, "linearize": self.linearize}.get(direction)
-            if lattice is None or weights.shape != lattice.size:
-                shape = "no lattice" if lattice is None else f"a lattice of {lattice.size} nodes"
-                raise ProfileError(f"coverage of shape {weights.shape} for {shape} ({direction})")
-            if not np.all(np.isfinite(weights)) or weights.min() < 0:
-                raise ProfileError(f"the coverage ({direction}) holds a weight that is negative or not finite")
-
-
-@dataclass(frozen=True, eq=False)
-class CameraProfile:
-    """A camera. matrix: Ts (3, 3), white-balanced camera RGB → linear sRGB, rows sum to 1.
-
-    shots: the names that it was calibrated from; options: how, as plain JSON values. raw_camera: the reference camera
-    whose RAW stood in for a camera without RAW (4.9), else "": each white balance then has a physical model of its own,
-    whose matrix takes that camera's RAW to linear sRGB.
-    Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
-    singular.
-    """
-
-    camera: str
-    matrix: Array
-    white_balances: Mapping[str, WhiteBalance]
-    styles: Mapping[str, PictureStyle]
-    shots: tuple[str, ...] = ()
-    options: Mapping[str, object] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    raw_camera: str = ""
-
-    def __post_init__(self) -> None:
-        if not self.styles or not self.white_balances:
-            raise ProfileError(f"{self.camera}: a profile needs at least one picture style and one white balance")
-        for name in (self.camera, self.raw_camera, *self.styles, *self.white_balances):
-            if len(name) > LONGEST_NAME or not name.isprintable():
-                raise ProfileError(
-                    f"{name[:LONGEST_NAME]!r} is no name of a camera, style or white balance: one line of at most "
-                    f"{LONGEST_NAME} printable characters"
-                )
-        if self.matrix.shape != (3, 3) or not np.all(np.isfinite(self.matrix)):
-            raise ProfileError(f"{self.camera}: the matrix is not 3 × 3 finite numbers")
-        if np.linalg.cond(self.matrix) > 1e6:
-            raise ProfileError(f"{self.camera}: the matrix cannot be inverted")
+class CameraProfile(ProfileData):
+    """A calibrated camera, and the transforms that it offers."""
 
     def selector(self, text: str | Selector) -> Selector:
         """A selector whose style and white balance this profile knows. Raises SettingsError listing the known ones."""
@@ -191,8 +120,6 @@ class CameraProfile:
 
     def save(self, path: str | Path) -> None:
         """Write the profile to a file (.npz), atomically; `lutforge.load_profile` reads it."""
-        from lutforge.model.profile_file import save_profile  # the file format imports this module
-
         save_profile(self, path)
 
     def raw_to_linear_srgb(self, selector: Selector) -> Array:
@@ -216,6 +143,11 @@ class CameraProfile:
             raise ProfileError(f"{self.camera}: style {selector.style} holds no physical model; use --model lattice")
         named = [model for model in models if selector.white_balance in model.white_balances]
         return (named or list(models))[0]
+
+
+def load_profile(path: str | Path) -> CameraProfile:
+    """Read a profile. Raises ProfileError, in one line, on anything that is not one."""
+    return CameraProfile(**vars(read_profile(path)))
 
 
 def _reach(physical: PhysicalModel) -> Array:

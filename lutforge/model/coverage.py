@@ -5,9 +5,9 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array, Mask
-from lutforge.model.camera_profile import PhysicalModel, PictureStyle
 from lutforge.model.highlights import CLIPPED, clipped
 from lutforge.model.lattice import Lattice, grid
+from lutforge.model.profile_data import PhysicalModel, PictureStyle
 
 FARTHEST = 24.0 / 255.0
 """Default limit: distance to the nearest sample, in encoded RGB."""

@@ -14,9 +14,6 @@ import numpy as np
 
 from lutforge.arrays import Array
 
-ENTRIES = 1024
-MOST_CURVES = 15
-
 
 @dataclass(frozen=True, eq=False)
 class ResponseBasis:
@@ -36,7 +33,7 @@ class ResponseBasis:
 
 
 @cache
-def inverse_emor(count: int = MOST_CURVES) -> ResponseBasis:
+def inverse_emor(count: int = 15) -> ResponseBasis:
     """f⁻¹ = mean + ξ · curves: the basis in the linear domain, at most 15 curves."""
     with files("lutforge.model").joinpath("data/emor.npz").open("rb") as stream, np.load(stream) as table:
         mean, curves = table["mean"].astype(np.float64), table["basis"].astype(np.float64)
@@ -46,7 +43,7 @@ def inverse_emor(count: int = MOST_CURVES) -> ResponseBasis:
 
 
 @cache
-def log_inverse_emor(count: int = MOST_CURVES) -> ResponseBasis:
+def log_inverse_emor(count: int = 15) -> ResponseBasis:
     """log f⁻¹ = mean + ξ · curves (4.3), with η_n = h_n / g0: the first-order expansion of log(g0 + Σ ξ_n h_n).
 
     The authors publish no basis for the logarithm; this one spans sRGB, gamma curves and cameras' curves to 0.006 of

@@ -17,20 +17,7 @@ from lutforge.threads import run, shares
 
 BLOCK = 64
 """Centres per block of the evaluation."""
-POINTS_PER_THREAD = 2_000
 POWER = 1 / 2.4
-
-
-@compiled(fastmath=True)
-def _even(x: float, offset: float) -> float:
-    low = offset**POWER
-    return float(np.sign(x) * ((abs(x) + offset) ** POWER - low) / ((1.0 + offset) ** POWER - low))
-
-
-@compiled(fastmath=True)
-def _linear(y: float, offset: float) -> float:
-    low = offset**POWER
-    return float(np.sign(y) * ((abs(y) * ((1.0 + offset) ** POWER - low) + low) ** (1 / POWER) - offset))
 
 
 def to_even(linear: ArrayLike, offset: float) -> Array:
@@ -65,20 +52,17 @@ def _evaluate(
     totals: Array,
     centres: Single,
     coefficients: Single,
-    offset: float,
     y: Array,
     first: int,
     last: int,
 ) -> None:
-    """y = a·[1, x] + Σ λ ‖x − c‖, block by block; with an offset, of e(x) and through e⁻¹.
+    """y = a·[1, x] + Σ λ ‖x − c‖, block by block.
 
     With q the distance to the block's middle, Σ λ (‖x − c‖ − q) is a small sum, good in float32 (16 at a time), and
     q Σ λ is added in float64: within 1.2e-6 of the exact sum where Σ|λ| = 230.
     """
     for n in range(first, last):
         x0, x1, x2 = x[n, 0], x[n, 1], x[n, 2]
-        if offset > 0:
-            x0, x1, x2 = _even(x0, offset), _even(x1, offset), _even(x2, offset)
         p = polynomial
         total0 = p[0, 0] + p[1, 0] * x0 + p[2, 0] * x1 + p[3, 0] * x2
         total1 = p[0, 1] + p[1, 1] * x0 + p[2, 1] * x1 + p[3, 1] * x2
@@ -98,8 +82,6 @@ def _evaluate(
             total0 += sum0 + totals[block, 0] * far
             total1 += sum1 + totals[block, 1] * far
             total2 += sum2 + totals[block, 2] * far
-        if offset > 0:
-            total0, total1, total2 = _linear(total0, offset), _linear(total1, offset), _linear(total2, offset)
         y[n, 0], y[n, 1], y[n, 2] = total0, total1, total2
 
 
@@ -140,13 +122,13 @@ class GamutMap:
     def __call__(self, x: ArrayLike) -> Array:
         """h at x (…, 3). Time O(points · centres), multi-threaded, no matrix of distances is formed."""
         points = np.asarray(x, dtype=np.float64)
-        flat = np.ascontiguousarray(points.reshape(-1, 3))
+        flat = np.ascontiguousarray(to_even(points.reshape(-1, 3), self.offset))
         polynomial, mapped = np.ascontiguousarray(self.polynomial), np.empty_like(flat)
         run(
-            lambda first, last: _evaluate(flat, polynomial, *self._blocks, self.offset, mapped, first, last),
-            shares(len(flat), POINTS_PER_THREAD),
+            lambda first, last: _evaluate(flat, polynomial, *self._blocks, mapped, first, last),
+            shares(len(flat), 2_000),  # points that are worth a thread
         )
-        return mapped.reshape(points.shape)
+        return from_even(mapped, self.offset).reshape(points.shape)
 
     @cached_property
     def _blocks(self) -> tuple[Array, Array, Single, Single]:

@@ -9,12 +9,6 @@ from lutforge.arrays import Array
 from lutforge.errors import ProfileError
 from lutforge.interpolation import Interpolation, Levels, interpolate, through
 
-MOST_ENTRIES = 1 << 16
-"""Of a response: as many as the 1D tables of process lists."""
-
-LARGEST_VALUE = 1e4
-"""Node values are colours on [0, 1] and what a fit makes of unsampled corners; no sound one is near this."""
-
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
@@ -42,15 +36,15 @@ class Lattice:
                 raise ProfileError(f"lattice: the {name} node levels are not strictly increasing numbers")
         if not np.all(np.isfinite(self.values)):
             raise ProfileError("lattice: a node value is not a finite number")
-        if np.abs(self.values).max() > LARGEST_VALUE:
+        if np.abs(self.values).max() > 1e4:  # colours on [0, 1], and what a fit makes of corners without samples
             raise ProfileError(f"lattice: a node value of {np.abs(self.values).max():.3g} is no colour")
         if self.response is not None:
             table = self.response
-            if table.ndim != 2 or table.shape[1] != 3 or not 2 <= len(table) <= MOST_ENTRIES:
+            if table.ndim != 2 or table.shape[1] != 3 or not 2 <= len(table) <= 1 << 16:  # as the 1D tables of CLF
                 raise ProfileError("lattice: the response is not a table of rows of three numbers")
             if not np.all(np.isfinite(table)) or np.any(np.diff(table, axis=0) < 0):
                 raise ProfileError("lattice: the response falls, or holds what is not a number")
-            if np.abs(table).max() > LARGEST_VALUE:
+            if np.abs(table).max() > 1e4:
                 raise ProfileError(f"lattice: a response of {np.abs(table).max():.3g} is no colour")
         if self.plain is not None and (self.plain.response is not None or self.plain.plain is not None):
             raise ProfileError("lattice: the plain form has a response")

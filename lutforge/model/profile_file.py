@@ -3,8 +3,8 @@
 import json
 import math
 import zipfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,25 +14,20 @@ from numpy.lib import format as npy
 from lutforge import __version__
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
+from lutforge.boundary import reading
 from lutforge.errors import ProfileError
 from lutforge.interpolation import INTERPOLATIONS
-from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
+from lutforge.model.profile_data import PhysicalModel, PictureStyle, ProfileData
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 
 FORMAT_VERSION = 4
 """2: lattices may have a response. 3: gamut maps may be on an even scale. 4: white balances have a gain."""
-LARGEST_ENTRY = 512 * 1024 * 1024
-"""Bytes that one array of a profile may unpack to; a 129³ lattice takes 52 MB."""
-MOST_ENTRIES = 4096
-DIRECTIONS = ("render", "linearize")
-LONGEST_REASON = 200
-"""Characters of what a library says of a damaged file."""
 
 
-def save_profile(profile: CameraProfile, path: str | Path) -> None:
+def save_profile(profile: ProfileData, path: str | Path) -> None:
     """Write a profile (.npz). The same profile gives the same bytes. Atomic."""
     arrays: dict[str, Array] = {}
     document = {
@@ -42,15 +37,7 @@ def save_profile(profile: CameraProfile, path: str | Path) -> None:
         "camera": profile.camera,
         "raw_camera": profile.raw_camera,
         "matrix": profile.matrix.tolist(),
-        "white_balances": {
-            name: {
-                "multipliers": list(balance.multipliers),
-                "kelvin": balance.kelvin,
-                "spread": balance.spread,
-                "gain": balance.gain,
-            }
-            for name, balance in profile.white_balances.items()
-        },
+        "white_balances": {name: asdict(balance) for name, balance in profile.white_balances.items()},
         "styles": {
             name: _style_to_json(style, f"style{index}", arrays)
             for index, (name, style) in enumerate(profile.styles.items())
@@ -69,33 +56,26 @@ def save_profile(profile: CameraProfile, path: str | Path) -> None:
 
 
 def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -> dict[str, Any]:
-    result: dict[str, Any] = {"errors": {name: float(value) for name, value in style.errors.items()}}
-    for direction in DIRECTIONS:
-        lattice: Lattice | None = getattr(style, direction)
-        if lattice is None:
-            continue
-        entry = _lattice_to_json(lattice, f"{prefix}_{direction}", arrays)
-        if direction in style.coverage:
-            entry["coverage"] = f"{prefix}_{direction}_coverage"
-            arrays[entry["coverage"]] = style.coverage[direction]
-        result[direction] = entry
-    result["physical"] = []
+    result: dict[str, Any] = {"errors": {name: float(value) for name, value in style.errors.items()}, "physical": []}
+    for direction, lattice in (("render", style.render), ("linearize", style.linearize)):
+        if lattice is not None:
+            result[direction] = _lattice_to_json(lattice, f"{prefix}_{direction}", arrays)
+            if direction in style.coverage:
+                result[direction]["coverage"] = f"{prefix}_{direction}_coverage"
+                arrays[f"{prefix}_{direction}_coverage"] = style.coverage[direction]
     for index, model in enumerate(style.physical):
         base = f"{prefix}_physical{index}"
+        maps = {"gamut_map": model.gamut_map, "inverse_gamut_map": model.inverse_gamut_map}
         arrays[f"{base}_response"] = model.response.inverse
-        for side, gamut_map in (
-            ("gamut_map", model.gamut_map),
-            ("inverse_gamut_map", model.inverse_gamut_map),
-        ):
-            arrays[f"{base}_{side}_centres"] = gamut_map.centres
-            arrays[f"{base}_{side}_coefficients"] = gamut_map.coefficients
-            arrays[f"{base}_{side}_polynomial"] = gamut_map.polynomial
+        for side, gamut_map in maps.items():
+            for part in ("centres", "coefficients", "polynomial"):
+                arrays[f"{base}_{side}_{part}"] = getattr(gamut_map, part)
         result["physical"].append(
             {
                 "white_balances": list(model.white_balances),
                 "matrix": model.matrix.tolist(),
                 "arrays": base,
-                "offsets": [model.gamut_map.offset, model.inverse_gamut_map.offset],
+                "offsets": [gamut_map.offset for gamut_map in maps.values()],
             }
         )
     return result
@@ -119,141 +99,104 @@ def _lattice_to_json(lattice: Lattice, prefix: str, arrays: dict[str, Array]) ->
     return entry
 
 
-def load_profile(path: str | Path) -> CameraProfile:
-    """Read a profile. Raises ProfileError, in one line, on anything that is not one."""
+def read_profile(path: str | Path) -> ProfileData:
+    """Read what a profile file holds. Raises ProfileError, in one line, on anything that is not one."""
     path = Path(path)
     if not path.is_file():
         raise ProfileError(f"{path}: no such profile; make one with `lutforge calibrate … -o {path.name}`")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            document = _read_document(archive, path)
-            arrays = _Arrays(archive, path)
-            return _profile_from_json(document, arrays, path)
-    except (zipfile.BadZipFile, zlib.error, OSError, EOFError) as error:
-        raise ProfileError(f"{path}: not a LutForge profile ({error})") from error
-    except ProfileError as error:
-        raise error if str(path) in str(error) else ProfileError(f"{path}: {error}") from error
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError, zipfile.LargeZipFile) as error:
-        said = " ".join(str(error).split())[:LONGEST_REASON]
-        raise ProfileError(f"{path}: damaged profile ({type(error).__name__}: {said})") from error
-    except (RuntimeError, NotImplementedError) as error:  # encrypted, or an unknown compression
-        raise ProfileError(f"{path}: cannot unpack this profile ({error})") from error
+    with reading(path, "a LutForge profile", ProfileError), zipfile.ZipFile(path) as archive:
+        document = _read_document(archive)
+        options = document.get("options", {})
+        if not isinstance(options, dict):
+            raise ProfileError("damaged profile, its options are no table")
+
+        def array(name: str) -> Array:
+            return _read_array(archive, name)
+
+        return ProfileData(
+            camera=str(document["camera"]),
+            matrix=np.array(document["matrix"], dtype=np.float64),
+            white_balances={str(name): _balance(entry) for name, entry in document["white_balances"].items()},
+            styles={str(name): _style_from_json(entry, array) for name, entry in document["styles"].items()},
+            shots=tuple(str(shot) for shot in document.get("shots", [])),
+            options=options,
+            notes=tuple(str(note) for note in document.get("notes", [])),
+            raw_camera=str(document.get("raw_camera", "")),
+        )
 
 
-def _read_document(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
+def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
     names = archive.namelist()
     if "profile.json" not in names:
-        raise ProfileError(f"{path}: not a LutForge profile (it holds no profile.json)")
-    if len(names) > MOST_ENTRIES or archive.getinfo("profile.json").file_size > 16 * 1024 * 1024:
-        raise ProfileError(f"{path}: refused, it is far larger than any profile")
+        raise ProfileError("not a LutForge profile (it holds no profile.json)")
+    if len(names) > 4096 or archive.getinfo("profile.json").file_size > 16 << 20:
+        raise ProfileError("refused, it is far larger than any profile")
     document = json.loads(archive.read("profile.json"))
     if not isinstance(document, dict) or document.get("format") != "lutforge-profile":
-        raise ProfileError(f"{path}: profile.json is not a LutForge profile")
+        raise ProfileError("profile.json is not a LutForge profile")
     version = document.get("version")
     if not isinstance(version, int) or isinstance(version, bool) or not 1 <= version <= FORMAT_VERSION:
-        raise ProfileError(f"{path}: profile version {version}; this LutForge reads up to {FORMAT_VERSION}: update it")
+        raise ProfileError(f"profile version {version}; this LutForge reads up to {FORMAT_VERSION}: update it")
     return document
 
 
-class _Arrays:
-    """The arrays of an open profile, read on demand with limits."""
-
-    def __init__(self, archive: zipfile.ZipFile, path: Path) -> None:
-        self._archive = archive
-        self._path = path
-
-    def __getitem__(self, name: str) -> Array:
-        entry = f"{name}.npy"
-        if entry not in self._archive.namelist():
-            raise ProfileError(f"{self._path}: damaged profile, the array {name} is missing")
-        size = self._archive.getinfo(entry).file_size
-        if size > LARGEST_ENTRY:
-            raise ProfileError(f"{self._path}: refused, the array {name} unpacks to {size} bytes")
-        with self._archive.open(entry) as stream:
-            version = npy.read_magic(stream)
-            if version != (1, 0):
-                raise ProfileError(f"{self._path}: damaged profile, the array {name} has an unknown header")
-            shape, _, dtype = npy.read_array_header_1_0(stream)
-            if dtype != np.float64 or math.prod(shape) * 8 > size:
-                raise ProfileError(
-                    f"{self._path}: damaged profile, the array {name} is not float64 of its stated shape"
-                )
-        with self._archive.open(entry) as stream:
-            array: Array = npy.read_array(stream, allow_pickle=False)
-        return array
+def _read_array(archive: zipfile.ZipFile, name: str) -> Array:
+    """An array of the profile, whose header is judged before any memory is taken."""
+    entry = f"{name}.npy"
+    if entry not in archive.namelist():
+        raise ProfileError(f"damaged profile, the array {name} is missing")
+    size = archive.getinfo(entry).file_size
+    if size > 512 << 20:  # a 129³ lattice takes 52 MB
+        raise ProfileError(f"refused, the array {name} unpacks to {size} bytes")
+    with archive.open(entry) as stream:
+        if npy.read_magic(stream) != (1, 0):
+            raise ProfileError(f"damaged profile, the array {name} has an unknown header")
+        shape, _, dtype = npy.read_array_header_1_0(stream)
+        if dtype != np.float64 or math.prod(shape) * 8 > size:
+            raise ProfileError(f"damaged profile, the array {name} is not float64 of its stated shape")
+    with archive.open(entry) as stream:
+        return np.asarray(npy.read_array(stream, allow_pickle=False))
 
 
-def _profile_from_json(document: dict[str, Any], arrays: _Arrays, path: Path) -> CameraProfile:
-    balances = {
-        str(name): WhiteBalance(
-            _triple(entry["multipliers"]),
-            entry["kelvin"],
-            float(entry.get("spread", 0.0)),
-            float(entry.get("gain", 1.0)),
-        )
-        for name, entry in document["white_balances"].items()
-    }
-    styles = {str(name): _style_from_json(entry, arrays, path) for name, entry in document["styles"].items()}
-    options = document.get("options", {})
-    if not isinstance(options, dict):
-        raise ProfileError(f"{path}: damaged profile, its options are no table")
-    return CameraProfile(
-        camera=str(document["camera"]),
-        matrix=np.array(document["matrix"], dtype=np.float64),
-        white_balances=balances,
-        styles=styles,
-        shots=tuple(str(shot) for shot in document.get("shots", [])),
-        options=options,
-        notes=tuple(str(note) for note in document.get("notes", [])),
-        raw_camera=str(document.get("raw_camera", "")),
-    )
+def _balance(entry: Mapping[str, Any]) -> WhiteBalance:
+    r, g, b = (float(value) for value in entry["multipliers"])
+    return WhiteBalance((r, g, b), entry["kelvin"], float(entry.get("spread", 0.0)), float(entry.get("gain", 1.0)))
 
 
-def _triple(values: list[float]) -> tuple[float, float, float]:
-    r, g, b = (float(value) for value in values)
-    return (r, g, b)
-
-
-def _style_from_json(entry: Mapping[str, Any], arrays: _Arrays, path: Path) -> PictureStyle:
+def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:
     lattices: dict[str, Lattice] = {}
     coverage: dict[str, Array] = {}
-    for direction in DIRECTIONS:
+    for direction in ("render", "linearize"):
         if direction in entry:
             stored = entry[direction]
-            plain = _lattice_from_json(stored["plain"], arrays, path) if "plain" in stored else None
-            lattices[direction] = _lattice_from_json(stored, arrays, path, plain)
+            lattices[direction] = _lattice_from_json(stored, array)
             if "coverage" in stored:
-                coverage[direction] = arrays[stored["coverage"]]
+                coverage[direction] = array(stored["coverage"])
     physical = []
     for model in entry.get("physical", []):
         base = model["arrays"]
-        maps = [
+        forward, back = (
             GamutMap(
-                arrays[f"{base}_{side}_centres"],
-                arrays[f"{base}_{side}_coefficients"],
-                arrays[f"{base}_{side}_polynomial"],
+                array(f"{base}_{side}_centres"),
+                array(f"{base}_{side}_coefficients"),
+                array(f"{base}_{side}_polynomial"),
                 float(offset),
             )
             for side, offset in zip(("gamut_map", "inverse_gamut_map"), model.get("offsets", (0.0, 0.0)), strict=True)
-        ]
-        physical.append(
-            PhysicalModel(
-                tuple(model["white_balances"]),
-                np.array(model["matrix"], dtype=np.float64),
-                Response(arrays[f"{base}_response"]),
-                maps[0],
-                maps[1],
-            )
         )
+        matrix = np.array(model["matrix"], dtype=np.float64)
+        response = Response(array(f"{base}_response"))
+        physical.append(PhysicalModel(tuple(model["white_balances"]), matrix, response, forward, back))
     errors = {str(name): float(value) for name, value in entry.get("errors", {}).items()}
     return PictureStyle(lattices.get("render"), lattices.get("linearize"), tuple(physical), errors, coverage)
 
 
-def _lattice_from_json(stored: Mapping[str, Any], arrays: _Arrays, path: Path, plain: Lattice | None = None) -> Lattice:
+def _lattice_from_json(stored: Mapping[str, Any], array: Callable[[str], Array], nested: bool = False) -> Lattice:
+    plain = _lattice_from_json(stored["plain"], array, nested=True) if "plain" in stored and not nested else None
     if stored["interpolation"] not in INTERPOLATIONS:
-        raise ProfileError(f"{path}: unknown interpolation {stored['interpolation']!r}")
-    r, g, b = (arrays[name] for name in stored["levels"])
+        raise ProfileError(f"unknown interpolation {stored['interpolation']!r}")
+    r, g, b = (array(name) for name in stored["levels"])
     if stored.get("domain", [0.0, 1.0]) != [0.0, 1.0] or any(axis[0] != 0 or axis[-1] != 1 for axis in (r, g, b)):
-        raise ProfileError(f"{path}: damaged profile, the node levels of a lattice do not run from 0 to 1")
-    response = arrays[stored["response"]] if "response" in stored else None
-    return Lattice((r, g, b), arrays[stored["values"]], stored["interpolation"], response, plain)
+        raise ProfileError("damaged profile, the node levels of a lattice do not run from 0 to 1")
+    response = array(stored["response"]) if "response" in stored else None
+    return Lattice((r, g, b), array(stored["values"]), stored["interpolation"], response, plain)

@@ -13,8 +13,9 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.errors import ProfileError
-from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
+from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
 
@@ -29,8 +30,6 @@ LIGHT_SOURCES = {
     14: "fluorescent",
 }
 """EXIF LightSource codes (EXIF 2.3, tag 37384) that name a camera's white balance."""
-
-LARGEST_FILE = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +134,7 @@ def _read_points(path: Path) -> Array:
 def _lines(path: Path) -> list[tuple[int, str]]:
     """The lines that are not empty, with their numbers."""
     try:
-        if path.stat().st_size > LARGEST_FILE:
+        if path.stat().st_size > 64 << 20:
             raise ProfileError(f"{path}: refused, it is far larger than any published model")
         text = path.read_text(encoding="ascii")
     except OSError as error:

@@ -16,14 +16,13 @@ from numpy.typing import ArrayLike
 from lutforge import __version__
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
+from lutforge.boundary import reading, require_file
 from lutforge.errors import ProfileError
 from lutforge.model.transform import ColourFunction, checked_colours
 
 FORMAT = "lutforge-raw-transfer"
 FORMAT_VERSION = 2
 """2 where there is a root polynomial, which older programs would leave out; else 1."""
-LARGEST_FILE = 1 << 20
-MOST_HUES = 64
 
 OPPONENT = np.array([[1.0, -0.5, -0.5], [0.0, np.sqrt(0.75), -np.sqrt(0.75)]])
 """The plane of hues, seen along the neutral axis."""
@@ -44,7 +43,7 @@ class HueWedges:
 
     def __post_init__(self) -> None:
         count = len(self.hues)
-        if not 3 <= count <= MOST_HUES or self.images.shape != (count + 1, 3) or self.neutral.shape != (3,):
+        if not 3 <= count <= 64 or self.images.shape != (count + 1, 3) or self.neutral.shape != (3,):
             raise ProfileError(f"RAW transfer: {count} hues and {self.images.shape} images do not make wedges")
         if not all(np.all(np.isfinite(part)) for part in (self.hues, self.images, self.neutral)):
             raise ProfileError("RAW transfer: a number is not finite")
@@ -154,30 +153,24 @@ class RawTransfer:
 
 def load_transfer(path: str | Path) -> RawTransfer:
     """Read a transfer. Raises ProfileError, in one line, on anything that is not one."""
-    path = Path(path)
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ProfileError(f"{path}: refused, it is far larger than any RAW transfer")
-        document = json.loads(path.read_text(encoding="utf-8"))
+    with reading(path, "a RAW transfer", ProfileError):
+        require_file(path, "a RAW transfer", ProfileError, most=1 << 20)
+        document = json.loads(Path(path).read_text(encoding="utf-8"))
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise ProfileError(f"{path}: not a RAW transfer; make one with `lutforge transfer`")
         if not isinstance(document["version"], int) or document["version"] > FORMAT_VERSION:
             raise ProfileError(f"{path}: version {document['version']}; this LutForge reads up to {FORMAT_VERSION}")
-        stored = document["wedges"]
-        neutral = None if document["neutral"] is None else np.array(document["neutral"], dtype=np.float64)
+
+        def array(name: str) -> Array | None:
+            return None if document.get(name) is None else np.array(document[name], dtype=np.float64)
+
+        neutral, matrix, stored = array("neutral"), np.array(document["matrix"], dtype=np.float64), document["wedges"]
         wedges = None
         if stored is not None and neutral is not None:
             wedges = HueWedges(neutral, *(np.array(stored[name], dtype=np.float64) for name in ("hues", "images")))
         error = None if document["error"] is None else float(document["error"])
-        matrix = np.array(document["matrix"], dtype=np.float64)
-        roots = None if document.get("roots") is None else np.array(document["roots"], dtype=np.float64)
-        return RawTransfer(str(document["source"]), str(document["target"]), matrix, neutral, wedges, error, roots)
-    except OSError as error:
-        raise ProfileError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except ProfileError as error:
-        raise error if str(path) in str(error) else ProfileError(f"{path}: {error}") from error
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
-        raise ProfileError(f"{path}: damaged RAW transfer ({type(error).__name__}: {error})") from error
+        names = str(document["source"]), str(document["target"])
+        return RawTransfer(*names, matrix, neutral, wedges, error, array("roots"))
 
 
 def chained(transfers: list[RawTransfer]) -> RawTransfer:

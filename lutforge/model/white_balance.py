@@ -30,10 +30,6 @@ NAMED_KELVIN = {
 }
 """Correlated colour temperatures that cameras mean by their settings, in kelvin."""
 
-DAYLIGHT = 5200.0
-MIRED_MARGIN = 30.0
-"""How far beyond the outermost known white balance a temperature may lie, in mired."""
-
 
 @dataclass(frozen=True)
 class WhiteBalance:
@@ -121,7 +117,8 @@ def temperature_range(known: Mapping[str, WhiteBalance]) -> tuple[float, float]:
             "a colour temperature needs two white balances of known temperature to interpolate between; "
             f"this profile knows {', '.join(sorted(known))}"
         )
-    return 1e6 / (max(mireds) + MIRED_MARGIN), 1e6 / max(min(mireds) - MIRED_MARGIN, 1e6 / HOTTEST)
+    margin = 30.0  # mired beyond the outermost known white balance
+    return 1e6 / (max(mireds) + margin), 1e6 / max(min(mireds) - margin, 1e6 / HOTTEST)
 
 
 def _at_temperature(kelvin: float, tint: float, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
@@ -159,5 +156,5 @@ def _camera_from_xyz(known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
     points = _on_the_locus(known)
     if not points:
         raise SettingsError("this profile knows no colour temperature; name multipliers r,g,b instead")
-    kelvin, factors = min(points, key=lambda point: abs(1e6 / point[0] - 1e6 / DAYLIGHT))
+    kelvin, factors = min(points, key=lambda point: abs(1e6 / point[0] - 1e6 / NAMED_KELVIN["daylight"]))
     return camera_from_xyz(matrix, factors / factors[1], kelvin)

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import ImageError
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_file import load_profile
+from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
 from lutforge.samples.table import read_samples
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside

@@ -11,7 +11,8 @@ from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import fit_direction
-from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.profile_data import PictureStyle
 from lutforge.report.gamut_slices import gamut_figure
 from lutforge.report.lattice_figures import lattice_figure, levels_on_errors, plane_destinations
 from lutforge.report.page import Block, Picture, Table

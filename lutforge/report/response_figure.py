@@ -5,8 +5,8 @@ from matplotlib.figure import Figure
 
 from lutforge.arrays import Array
 from lutforge.colour.srgb import srgb_encode
-from lutforge.model.camera_profile import PictureStyle
 from lutforge.model.emor import inverse_emor
+from lutforge.model.profile_data import PictureStyle
 from lutforge.report.drawing import CHANNELS
 
 STOPS = (-8, 0)

@@ -24,9 +24,6 @@ from lutforge.simulate.spectra import (
     surface_reflectances,
 )
 
-WHITE_AT_NOMINAL = 0.9
-"""The largest RAW value of a perfect diffuser at the camera's nominal exposure."""
-
 LIGHT_OF_WHITE_BALANCE: Mapping[str, float | str] = MappingProxyType(
     {
         "tungsten": "A",
@@ -93,10 +90,9 @@ class SimulatedCamera:
         """
         spectrum = light(LIGHT_OF_WHITE_BALANCE[self._known(white_balance, self.white_balances)])
         responses = spectrum[:, None] * self.sensitivity
-        responses = responses * (WHITE_AT_NOMINAL / responses.sum(axis=0).max())
+        responses = responses * (0.9 / responses.sum(axis=0).max())
         times = 1.0 if exposure_s is None else exposure_s / self.nominal_exposure_s
-        result: Array = times * (np.asarray(reflectances, dtype=np.float64) @ responses)
-        return result
+        return np.asarray(times * (np.asarray(reflectances, dtype=np.float64) @ responses))
 
     def multipliers(self, white_balance: str | ArrayLike) -> Array:
         """Tw's diagonal (3,): of a named setting, or the given multipliers themselves."""
@@ -120,15 +116,13 @@ class SimulatedCamera:
         chain = self.styles[self._known(style, self.styles)]
         linear = chain.gamut_map.inverse(chain.response.inverse(encoded))
         balanced = linear @ np.linalg.inv(self.matrix).T
-        result: Array = balanced / (self.multipliers(white_balance) * 2.0**ev)
-        return result
+        return np.asarray(balanced / (self.multipliers(white_balance) * 2.0**ev))
 
     def color_matrix(self) -> Array:
         """XYZ (D65) → camera RGB (3, 3), as DNG's ColorMatrix1 wants it, from the training surfaces."""
         from_xyz = np.linalg.inv(self.matrix) @ np.linalg.inv(SRGB_TO_XYZ)
         daylight = self.multipliers("daylight")
-        result: Array = from_xyz / daylight[:, None]
-        return result
+        return np.asarray(from_xyz / daylight[:, None])
 
     def _known(self, name: str, names: Mapping[str, object]) -> str:
         if name not in names:
@@ -159,22 +153,14 @@ def _build(model: str, sensitivity: Array, warmth: float = 0.0) -> SimulatedCame
     matrix = _fit_matrix(sensitivity)
     signal = np.array([0.25, 0.5, 0.25]) @ np.linalg.inv(matrix)
     w = (float(signal[0]), float(signal[1]), float(signal[2]))
+    looks = {
+        "standard": (GamutMap(w, knee=0.6, onset=0.5, turn=warmth), 0.26, 0.94),
+        "vivid": (GamutMap(w, knee=0.7, boost=0.9, turn=0.1 + warmth, bend=0.15), 0.2, 0.97),
+        "landscape": (GamutMap(w, knee=0.65, boost=0.5, turn=warmth - 0.06, bend=-0.14), 0.23, 0.95),
+    }
     styles = {
-        "standard": SimulatedStyle(
-            "standard",
-            GamutMap(w, knee=0.6, onset=0.5, turn=warmth),
-            ToneResponse(toe=(0.26,) * 3, shoulder=(0.94,) * 3),
-        ),
-        "vivid": SimulatedStyle(
-            "vivid",
-            GamutMap(w, knee=0.7, boost=0.9, turn=0.1 + warmth, bend=0.15),
-            ToneResponse(toe=(0.2,) * 3, shoulder=(0.97,) * 3),
-        ),
-        "landscape": SimulatedStyle(
-            "landscape",
-            GamutMap(w, knee=0.65, boost=0.5, turn=warmth - 0.06, bend=-0.14),
-            ToneResponse(toe=(0.23,) * 3, shoulder=(0.95,) * 3),
-        ),
+        name: SimulatedStyle(name, gamut_map, ToneResponse((toe,) * 3, (shoulder,) * 3))
+        for name, (gamut_map, toe, shoulder) in looks.items()
     }
     return SimulatedCamera("LutForge", model, sensitivity, matrix, MappingProxyType(balances), MappingProxyType(styles))
 

@@ -49,12 +49,6 @@ HELD_OUT = DemoShot("standard", "tungsten", "still-life", 7, 0.6, light="dayligh
 """The finished picture that the demo grades, never calibrated from: the camera was left on tungsten in
 daylight, and the exposure is short."""
 
-WANTED_STYLE, WANTED_WHITE_BALANCE, WANTED_EV = "vivid", "daylight", 0.7
-"""What it should have had."""
-
-HEIGHT, WIDTH = 808, 1216
-"""Pixels of the demo's sensor."""
-
 
 @dataclass(frozen=True)
 class DemoShots:
@@ -78,7 +72,7 @@ def demo_shots(
     folder: str | Path,
     progress: Callable[[str], None] = lambda _: None,
     camera: SimulatedCamera | None = None,
-    shape: tuple[int, int] = (HEIGHT, WIDTH),
+    shape: tuple[int, int] = (808, 1216),
 ) -> DemoShots:
     """Photograph the demo's scenes into `folder`, and a held-out one into its subfolder "held-out".
 
@@ -101,22 +95,11 @@ def demo_shots(
         for number, shot in enumerate(SHOTS, start=1)
     )
     held_out = take(HELD_OUT, folder / "held-out", "held-out", True)
-    right = replace(
-        _settings(camera, HELD_OUT),
-        style=WANTED_STYLE,
-        white_balance=WANTED_WHITE_BALANCE,
-        push_ev=WANTED_EV,
-    )
+    style, white_balance, ev = "vivid", "daylight", 0.7  # what it should have had
+    right = replace(_settings(camera, HELD_OUT), style=style, white_balance=white_balance, push_ev=ev)
     wanted = develop_again(camera, held_out, right, folder / "held-out" / "wanted.JPG")
-    return DemoShots(
-        camera,
-        calibration,
-        held_out,
-        wanted,
-        source=f"{HELD_OUT.style}/{HELD_OUT.white_balance}",
-        target=f"{WANTED_STYLE}/{WANTED_WHITE_BALANCE}",
-        ev=WANTED_EV,
-    )
+    source, target = f"{HELD_OUT.style}/{HELD_OUT.white_balance}", f"{style}/{white_balance}"
+    return DemoShots(camera, calibration, held_out, wanted, source, target, ev)
 
 
 def _settings(camera: SimulatedCamera, shot: DemoShot) -> CameraSettings:

@@ -5,7 +5,7 @@ exposure, as the specification recommends. Without a preview the mosaic is in IF
 """
 
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import Final
@@ -31,10 +31,6 @@ LIGHT_SOURCES: Final[Mapping[str, int]] = {
 
 CFA_COLORS: Final = "RGB"
 """A colour's place here is its code in CFAPattern (TIFF/EP)."""
-
-# TIFF field types: code and how one value is packed.
-_BYTE, _ASCII, _SHORT, _LONG, _RATIONAL, _UNDEFINED, _SRATIONAL = 1, 2, 3, 4, 5, 7, 10
-_FORMATS: Final[Mapping[int, str]] = {_BYTE: "B", _SHORT: "H", _LONG: "I", _RATIONAL: "II", _SRATIONAL: "ii"}
 
 Field = tuple[int, int, bytes]
 """Type, count and packed values of one TIFF field."""
@@ -132,7 +128,7 @@ def _exif_fields(
         33437: _rationals([f_number]),
         34850: _shorts(1),  # ExposureProgram: manual
         34855: _shorts(iso),
-        36864: (_UNDEFINED, 4, b"0232"),
+        36864: (7, 4, b"0232"),  # ExifVersion, of type UNDEFINED
         36867: _ascii(date_time),
         37384: _shorts(light_source),
         41986: _shorts(1),  # ExposureMode: manual
@@ -232,28 +228,27 @@ class _TiffWriter:
         return bytes(self._content)
 
 
-def _pack(kind: int, values: Sequence[int], per_value: int = 1) -> Field:
-    count = len(values) // per_value
-    return kind, count, struct.pack(f"<{_FORMATS[kind] * count}", *values)
+# The fields of TIFF: their type code, their count, and their values packed.
 
 
 def _bytes(*values: int) -> Field:
-    return _pack(_BYTE, values)
-
-
-def _shorts(*values: int) -> Field:
-    return _pack(_SHORT, values)
-
-
-def _longs(*values: int) -> Field:
-    return _pack(_LONG, values)
+    return 1, len(values), bytes(values)
 
 
 def _ascii(text: str) -> Field:
     values = text.encode() + b"\0"
-    return _ASCII, len(values), values
+    return 2, len(values), values
+
+
+def _shorts(*values: int) -> Field:
+    return 3, len(values), struct.pack(f"<{len(values)}H", *values)
+
+
+def _longs(*values: int) -> Field:
+    return 4, len(values), struct.pack(f"<{len(values)}I", *values)
 
 
 def _rationals(values: Iterable[float], signed: bool = False) -> Field:
     pairs = [Fraction(float(value)).limit_denominator(1_000_000) for value in values]
-    return _pack(_SRATIONAL if signed else _RATIONAL, [n for pair in pairs for n in pair.as_integer_ratio()], 2)
+    numbers = [number for pair in pairs for number in pair.as_integer_ratio()]
+    return 10 if signed else 5, len(pairs), struct.pack(f"<{len(numbers)}{'i' if signed else 'I'}", *numbers)

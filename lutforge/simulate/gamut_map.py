@@ -18,16 +18,6 @@ from lutforge.simulate.response import invert_increasing
 DARKEST = 1e-12
 """Signals below this count as black, so that saturation stays finite."""
 
-HEADROOM, HEADROOM_POWER = 0.35, 4
-"""Near white the upper faces open by 0.35 Y⁴, so that light, nearly neutral colours need not move. A bright
-saturated colour may pass 1 there and is clipped by the response, as in a real camera."""
-
-FULLEST = 1 - 1e-9
-"""Mapped saturations from here on cannot be told apart; the inverse stops here."""
-
-WIDEST = 60.0
-"""The largest saturation that the inverse looks for, far outside any camera's gamut."""
-
 
 @dataclass(frozen=True)
 class GamutMap:
@@ -60,8 +50,8 @@ class GamutMap:
     def inverse(self, mapped: ArrayLike) -> Array:
         """h⁻¹, to about 1e-10 where h reaches; colours out of its reach go to a very saturated one."""
         level, chroma = self._split(mapped)
-        saturation = np.minimum(self._saturation(level, chroma), FULLEST)
-        wide = invert_increasing(self._curve, saturation, 0.0, WIDEST)
+        saturation = np.minimum(self._saturation(level, chroma), 1 - 1e-9)  # beyond, mapped ones cannot be told apart
+        wide = invert_increasing(self._curve, saturation, 0.0, 60.0)  # far outside any camera's gamut
         scale = np.where(saturation > DARKEST, wide / np.maximum(saturation, DARKEST), 1.0)
         return level[..., None] + self._turn_back(level, scale[..., None] * chroma)
 
@@ -80,12 +70,13 @@ class GamutMap:
         down = np.maximum(-chroma, 0) / level[..., None]
         up = np.maximum(chroma, 0) / self._room(level)[..., None]
         squares = down * down + up * up  # only one of the two is not 0
-        result: Array = np.cbrt(np.sqrt((squares * squares * squares).sum(axis=-1)))
-        return result
+        return np.asarray(np.cbrt(np.sqrt((squares * squares * squares).sum(axis=-1))))
 
     def _room(self, level: Array) -> Array:
-        room: Array = np.maximum(1 - level + HEADROOM * level**HEADROOM_POWER, 0.05)
-        return room
+        """How far the upper faces are: near white they open by 0.35 Y⁴, so that light, nearly neutral colours need not
+        move. A bright saturated colour may pass 1 there and is clipped by the response, as in a real camera.
+        """
+        return np.asarray(np.maximum(1 - level + 0.35 * level**4, 0.05))
 
     def _curve(self, saturation: Array) -> Array:
         """Boost beyond the onset, then compress beyond the knee towards 1; increasing, C²."""

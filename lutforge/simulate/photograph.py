@@ -20,9 +20,6 @@ from lutforge.simulate.sensor import capture, demosaic, normalized
 BORDER = 8
 """Sensor pixels left out of the JPEG at the left and at the right; half as many above and below."""
 
-HIGH_SATURATION = 2
-"""The Exif tag Saturation where the style boosts colours (Exif 2.32, 4.6.5)."""
-
 
 @dataclass(frozen=True)
 class CameraSettings:
@@ -144,8 +141,7 @@ def shrink(picture: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
     y, x = ((np.arange(n) + 0.5) / n for n in (rows, columns))
     grid = np.meshgrid(y * height - 0.5, x * width - 0.5, indexing="ij")
     channels = [ndimage.map_coordinates(soft[..., c], grid, order=1, mode="nearest") for c in range(3)]
-    small: NDArray[np.uint8] = np.clip(np.rint(np.stack(channels, axis=-1)), 0, 255).astype(np.uint8)
-    return small
+    return np.asarray(np.clip(np.rint(np.stack(channels, axis=-1)), 0, 255), dtype=np.uint8)
 
 
 def _tags(camera: SimulatedCamera, settings: CameraSettings) -> ExposureTags:
@@ -158,6 +154,6 @@ def _tags(camera: SimulatedCamera, settings: CameraSettings) -> ExposureTags:
         settings.iso,
         settings.f_number,
         LIGHT_SOURCES[settings.white_balance],
-        0 if settings.style == "standard" else HIGH_SATURATION,
+        0 if settings.style == "standard" else 2,  # the style boosts colours (Exif 2.32, 4.6.5)
         settings.orientation,
     )

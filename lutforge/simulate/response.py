@@ -39,8 +39,7 @@ class ToneResponse:
 
     def _curve(self, v: Array) -> Array:
         toe, shoulder = np.asarray(self.toe), np.asarray(self.shoulder)
-        result: Array = v * (3 * toe * (1 - v) ** 2 + v * (3 * shoulder * (1 - v) + v))
-        return result
+        return np.asarray(v * (3 * toe * (1 - v) ** 2 + v * (3 * shoulder * (1 - v) + v)))
 
 
 def invert_increasing(function: Callable[[Array], Array], target: Array, low: float, high: float) -> Array:

@@ -109,22 +109,12 @@ class Canvas:
         top, left = max(0, int((y - radius) * self.height)), max(0, int((x - radius) * self.height))
         bottom, right = int((y + radius) * self.height) + 1, int((x + radius) * self.height) + 1
         part, area = copy(self), (slice(top, bottom), slice(left, right))
-        part.x, part.y, part.shade, part.gloss = (
-            self.x[area],
-            self.y[area],
-            self.shade[area],
-            self.gloss[area],
-        )
-        part.first, part.second, part.mix = self.first[area], self.second[area], self.mix[area]
+        for image in ("x", "y", "first", "second", "mix", "shade", "gloss"):
+            setattr(part, image, getattr(self, image)[area])
         return part
 
     def paint(
-        self,
-        mask: Mask,
-        first: int,
-        second: int | None = None,
-        mix: Array | float = 0.0,
-        shade: Array | float = 1.0,
+        self, mask: Mask, first: int, second: int | None = None, mix: Array | float = 0.0, shade: Array | float = 1.0
     ) -> None:
         """Cover the mask with a surface or a blend of two; `mix` and `shade`: numbers or images (h, w)."""
         self.first[mask] = first
@@ -192,14 +182,6 @@ class Canvas:
         aspect = self.width / self.height
         radius = ((self.x - aspect / 2) ** 2 + (self.y - 0.5) ** 2) / (aspect**2 / 4 + 0.25)
         falloff = (1 - vignette * radius).astype(np.float32)
-        return Scene(
-            name,
-            self.reflectances,
-            self.first,
-            self.second,
-            self.mix,
-            self.shade * falloff,
-            self.gloss * falloff,
-            self.patches,
-            self.patch_side,
-        )
+        shade, gloss = self.shade * falloff, self.gloss * falloff
+        images = self.first, self.second, self.mix, shade, gloss
+        return Scene(name, self.reflectances, *images, self.patches, self.patch_side)

@@ -6,18 +6,17 @@ import numpy as np
 
 from lutforge.simulate.scene import Canvas, Scene, palette, smooth_noise
 
-WHITE, MID_GREY, DARK_GREY, BLACK = 18, 21, 22, 23
-"""Places of the chart's neutral patches in a palette."""
+WHITE, MID_GREY = 18, 21
+"""Places of two of the chart's neutral patches in a palette."""
 
 
 def chart_scene(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     """A ColorChecker Classic, a little tilted, on a grey studio background under one soft light."""
     rng = np.random.default_rng([seed, 1])
     canvas = Canvas(height, width, palette(0, rng), rng)
-    everywhere = np.ones((height, width), dtype=bool)
     texture = 1 + 0.012 * smooth_noise((height, width), 3, rng)
     light = 1.05 - 0.12 * canvas.x / (width / height) - 0.06 * canvas.y
-    canvas.paint(everywhere, MID_GREY, shade=light * texture)
+    canvas.paint(canvas.y > 0, MID_GREY, shade=light * texture)
     x, y = width / height / 2 + rng.uniform(-0.03, 0.03), 0.5 + rng.uniform(-0.02, 0.02)
     canvas.soft_shadow(x + 0.03, y + 0.04, 0.62, 0.42, 0.25)
     canvas.chart(x, y, 1.02, rng.uniform(-0.04, 0.04), light)
@@ -29,9 +28,8 @@ def paint_wall(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     rng = np.random.default_rng([seed, 2])
     count = 104
     canvas = Canvas(height, width, palette(count, rng), rng)
-    everywhere = np.ones((height, width), dtype=bool)
     aspect = width / height
-    canvas.paint(everywhere, MID_GREY, WHITE, 0.5, 1 + 0.02 * smooth_noise((height, width), 4, rng))
+    canvas.paint(canvas.y > 0, MID_GREY, WHITE, 0.5, 1 + 0.02 * smooth_noise((height, width), 4, rng))
     order = rng.permutation(count)
     side = np.sqrt(aspect / count)
     columns = int(np.ceil(aspect / side))

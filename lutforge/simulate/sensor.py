@@ -7,9 +7,6 @@ from scipy import ndimage
 from lutforge.arrays import Pixels
 from lutforge.simulate.camera import SimulatedCamera
 
-LENS_BLUR = 0.7
-"""Standard deviation, in pixels, of the blur by lens and low-pass filter."""
-
 
 def capture(
     camera: SimulatedCamera, irradiance: Pixels, rng: np.random.Generator, iso: int = 100
@@ -19,7 +16,7 @@ def capture(
     Shot noise is Poisson's, as a normal distribution: variance = electrons; read noise is added, then the
     value is clipped at saturation and rounded. A higher ISO fills less of the well.
     """
-    blurred = ndimage.gaussian_filter(irradiance, (LENS_BLUR, LENS_BLUR, 0), mode="nearest")
+    blurred = ndimage.gaussian_filter(irradiance, (0.7, 0.7, 0), mode="nearest")  # pixels: lens and low-pass filter
     well = camera.full_well * 100 / iso
     electrons = np.minimum(filtered(blurred, camera.cfa), 1.5) * well
     noise = rng.standard_normal(electrons.shape, dtype=np.float32)
@@ -42,27 +39,19 @@ def normalized(camera: SimulatedCamera, mosaic: NDArray[np.uint16]) -> Pixels:
     return (mosaic.astype(np.float32) - camera.black) / np.float32(camera.white - camera.black)
 
 
-# Malvar, He & Cutler, "High-quality linear interpolation for demosaicing of Bayer-patterned color images"
-# (ICASSP 2004), figure 2, times 8: green at red or blue; red at green in a red row; red at green in a blue
-# row; red at blue.
-_GREEN = np.array(
-    [[0, 0, -1, 0, 0], [0, 0, 2, 0, 0], [-1, 2, 4, 2, -1], [0, 0, 2, 0, 0], [0, 0, -1, 0, 0]],
-    dtype=np.float32,
-)
-_ALONG_ROW = np.array(
-    [[0, 0, 0.5, 0, 0], [0, -1, 0, -1, 0], [-1, 4, 5, 4, -1], [0, -1, 0, -1, 0], [0, 0, 0.5, 0, 0]],
-    dtype=np.float32,
-)
-_DIAGONAL = np.array(
-    [[0, 0, -1.5, 0, 0], [0, 2, 0, 2, 0], [-1.5, 0, 6, 0, -1.5], [0, 2, 0, 2, 0], [0, 0, -1.5, 0, 0]],
-    dtype=np.float32,
-)
-
-
 def demosaic(mosaic: Pixels, cfa: str) -> Pixels:
-    """Full colour (h, w, 3) from a Bayer mosaic: gradient-corrected linear interpolation (Malvar et al.)."""
+    """Full colour (h, w, 3) from a Bayer mosaic: gradient-corrected linear interpolation.
+
+    Malvar, He & Cutler, "High-quality linear interpolation for demosaicing of Bayer-patterned color images" (ICASSP
+    2004), figure 2: kernels times 16 for green at red or blue, red at green in a red row, red at green in a blue row,
+    red at blue.
+    """
+    at_colour = [[0, 0, -2, 0, 0], [0, 0, 4, 0, 0], [-2, 4, 8, 4, -2], [0, 0, 4, 0, 0], [0, 0, -2, 0, 0]]
+    in_row = [[0, 0, 1, 0, 0], [0, -2, 0, -2, 0], [-2, 8, 10, 8, -2], [0, -2, 0, -2, 0], [0, 0, 1, 0, 0]]
+    at_other = [[0, 0, -3, 0, 0], [0, 4, 0, 4, 0], [-3, 0, 12, 0, -3], [0, 4, 0, 4, 0], [0, 0, -3, 0, 0]]
     green, along_row, along_column, diagonal = (
-        ndimage.convolve(mosaic, kernel / 8, mode="mirror") for kernel in (_GREEN, _ALONG_ROW, _ALONG_ROW.T, _DIAGONAL)
+        ndimage.convolve(mosaic, np.array(kernel, dtype=np.float32) / 16, mode="mirror")
+        for kernel in (at_colour, in_row, np.transpose(in_row), at_other)
     )
     image = np.empty((*mosaic.shape, 3), dtype=np.float32)
     for place, color in enumerate(cfa):

@@ -19,7 +19,8 @@ from lutforge.calibration.style_data import style_data, unclipped
 from lutforge.calibration.style_fit import fit_direction
 from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import CalibrationError, LutForgeError
-from lutforge.model.camera_profile import CameraProfile, ModelName, PhysicalModel, PictureStyle
+from lutforge.model.camera_profile import CameraProfile, ModelName
+from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
 from lutforge.errors import CalibrationError, SampleError
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_file import load_profile
+from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress

@@ -7,8 +7,9 @@ import panel as pn
 from bokeh.models import ColorBar, ColumnDataSource, LinearColorMapper, Range1d
 
 from lutforge.evaluation.next_shots import colour_gaps
-from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.lattice import Lattice
+from lutforge.model.profile_data import PictureStyle
 from lutforge.report.drawing import CHANNELS
 from lutforge.report.gamut_slices import gamut_slice
 from lutforge.studio.elements import Slider, extent, frame, plot, select, text

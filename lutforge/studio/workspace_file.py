@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.calibration.options import options_from_json
 from lutforge.errors import LutForgeError
-from lutforge.model.profile_file import load_profile, save_profile
+from lutforge.model.camera_profile import load_profile
+from lutforge.model.profile_file import save_profile
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.studio.fits import evaluate_on
 from lutforge.studio.workspace import MODELS, MOST_GROUPS, Filters, Group, Workspace, WorkspaceError

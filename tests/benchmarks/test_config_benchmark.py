@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.profile_data import PictureStyle
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.ocio.config import build_config
 

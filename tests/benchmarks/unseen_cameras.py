@@ -28,7 +28,6 @@ from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import (
     LIGHT_OF_WHITE_BALANCE,
-    WHITE_AT_NOMINAL,
     SimulatedCamera,
     SimulatedStyle,
     SimulatedWhiteBalance,
@@ -110,7 +109,7 @@ class UnseenCamera(SimulatedCamera):
 
     def expose(self, reflectances: ArrayLike, white_balance: str, exposure_s: float | None = None) -> Array:
         responses = self.lights[white_balance][:, None] * self.sensitivity
-        responses = responses * (WHITE_AT_NOMINAL / responses.sum(axis=0).max())
+        responses = responses * (0.9 / responses.sum(axis=0).max())
         times = 1.0 if exposure_s is None else exposure_s / self.nominal_exposure_s
         return np.asarray(times * (np.asarray(reflectances) @ responses))
 

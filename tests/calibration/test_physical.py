@@ -10,7 +10,8 @@ from lutforge.calibration.physical.unsaturated import untouched
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style_data import unclipped
 from lutforge.evaluation.linearisation import model_delta
-from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.profile_data import PictureStyle
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet

@@ -7,7 +7,7 @@ import OpenImageIO
 import pytest
 
 from lutforge.errors import SettingsError, ShotError
-from lutforge.model.profile_file import load_profile
+from lutforge.model.camera_profile import load_profile
 from lutforge.pipeline.developing import left_side, sample_pairs
 from tests.conftest import CommandLine
 

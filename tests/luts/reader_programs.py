@@ -195,7 +195,7 @@ def baked(program: Program, transform: ColourFunction, folder: Path) -> Lut:
 
 def main() -> None:
     from lutforge.colour.colour_difference import delta_e_2000
-    from lutforge.model.profile_file import load_profile
+    from lutforge.model.camera_profile import load_profile
 
     transform: ColourFunction = smooth_look
     if len(sys.argv) == 4:

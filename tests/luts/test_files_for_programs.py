@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from lutforge.luts.programs import PROGRAMS, files_for
-from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.lattice import Lattice, uniform_levels
+from lutforge.model.profile_data import PictureStyle
 from lutforge.model.profile_file import save_profile
 from lutforge.model.white_balance import WhiteBalance
 

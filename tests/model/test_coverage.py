@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from lutforge.model.camera_profile import PhysicalModel, PictureStyle
 from lutforge.model.coverage import FARTHEST, confidence, uncovered
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import clipped
+from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from tests.model.profiles_synthetic import gamma_response, identity_map, small_profile
 
 

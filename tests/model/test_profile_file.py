@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from lutforge.errors import LutForgeError, ProfileError
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_file import load_profile, save_profile
+from lutforge.model.camera_profile import CameraProfile, load_profile
+from lutforge.model.profile_file import save_profile
 from tests.model.profiles_synthetic import small_profile
 
 
@@ -52,7 +52,7 @@ def _refused(path: Path) -> str:
         load_profile(path)
     message = str(caught.value)
     assert "\n" not in message
-    assert str(path) in message or "lattice" in message or "gamut map" in message or "response" in message
+    assert str(path) in message
     return message
 
 
@@ -167,7 +167,7 @@ def test_flipped_bytes_never_give_a_traceback(saved: Path) -> None:
 def test_not_a_profile(tmp_path: Path) -> None:
     text = tmp_path / "text.npz"
     text.write_text("hello")
-    assert "not a LutForge profile" in _refused(text)
+    assert "cannot be read as a LutForge profile (File is not a zip file)" in _refused(text)
     other = tmp_path / "other.npz"
     np.savez(other, a=np.zeros(3))
     assert "profile.json" in _refused(other)

@@ -5,8 +5,9 @@ import pytest
 from numpy.typing import ArrayLike
 
 from lutforge.errors import ImageError, ProfileError, SettingsError
-from lutforge.model.camera_profile import CameraProfile, ModelName, PhysicalModel, PictureStyle, match
+from lutforge.model.camera_profile import CameraProfile, ModelName, match
 from lutforge.model.lattice import Lattice
+from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.model.transform import Clip, Encode, Gain, Linear, Transform, checked_colours
 from lutforge.model.white_balance import WhiteBalance
 from tests.model.profiles_synthetic import GAMMA, MATRIX, gamma_response, identity_map, small_profile

@@ -18,8 +18,9 @@ from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
 from lutforge.inverse.linearization import InverseOptions
 from lutforge.luts.sequence import Lut
-from lutforge.model.camera_profile import CameraProfile, PictureStyle
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.profile_data import PictureStyle
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.ocio import config as written_config
 from lutforge.ocio.base_config import DISPLAYS

@@ -9,8 +9,7 @@ import pytest
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.evaluation.next_shots import colour_gaps
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_file import load_profile
+from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.report.page import Picture, Table, write_figures, write_page

@@ -24,8 +24,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.main import app
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.profile_file import load_profile
+from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.studio.export import Export, run, wanted_lut
 from lutforge.studio.export_view import ExportView

@@ -12,7 +12,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.colour.colour_temperature import COOLEST, HOTTEST, camera_from_xyz, temperature_and_tint, white_of
-from lutforge.model.white_balance import DAYLIGHT, NAMED_KELVIN, WhiteBalance
+from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
 
 LARGEST_TINT = 60.0
 """Lights further from the locus (0.02 in CIE 1960 u, v) have no colour temperature worth the name."""
@@ -42,7 +42,7 @@ def with_temperatures(balances: Mapping[str, WhiteBalance], matrix: Array) -> di
     natural = [anchor for anchor in anchors if "fluorescent" not in anchor[1]]
     if not natural:
         return told
-    kelvin, anchor = min(natural, key=lambda entry: abs(1e6 / entry[0] - 1e6 / DAYLIGHT))
+    kelvin, anchor = min(natural, key=lambda entry: abs(1e6 / entry[0] - 1e6 / NAMED_KELVIN["daylight"]))
     from_xyz = camera_from_xyz(matrix, np.array(told[anchor].multipliers), kelvin)
     return {
         name: balance if balance.kelvin is not None else replace(balance, kelvin=_estimate(name, balance, from_xyz))

@@ -14,7 +14,7 @@ from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from lutforge.arrays import Array
 from lutforge.calibration.physical.plain_curves import srgb_response
 from lutforge.errors import CalibrationError
-from lutforge.model.emor import ENTRIES, MOST_CURVES, inverse_emor, log_inverse_emor
+from lutforge.model.emor import inverse_emor, log_inverse_emor
 from lutforge.solvers.inequality_least_squares import solve_lsi
 
 LEAST_SLOPE = 0.02
@@ -57,7 +57,7 @@ class CurveBasis:
 
 
 @cache
-def emor_basis(count: int = MOST_CURVES) -> CurveBasis:
+def emor_basis(count: int = 15) -> CurveBasis:
     """f⁻¹ = scale · g0 + ξ · h, EMoR in the linear domain; θ = (scale, ξ).
 
     The prior standard deviation of ξ_n is 2 / n²: principal components matter less the later they come. Of the six
@@ -67,10 +67,10 @@ def emor_basis(count: int = MOST_CURVES) -> CurveBasis:
     basis = inverse_emor(count)
     design = np.column_stack([basis.mean, basis.curves.T])
     order = np.arange(1, count + 1)
-    steps = np.diff(design[:: (ENTRIES - 1) // 93], axis=0)
+    steps = np.diff(design[::11], axis=0)
     steps[:, 0] *= 1 - LEAST_SLOPE
     return CurveBasis(
-        offset=np.zeros(ENTRIES),
+        offset=np.zeros(1024),
         design=design,
         precision=np.diag(np.concatenate([[0.0], order**4 / 4.0])),
         wanted=np.zeros(count + 1),
@@ -106,7 +106,7 @@ def spline_basis(like: Array, knots: int = 33) -> CurveBasis:
 
 
 @cache
-def log_emor_basis(count: int = MOST_CURVES) -> CurveBasis:
+def log_emor_basis(count: int = 15) -> CurveBasis:
     """log f⁻¹ = log g0 + ξ · η (4.3); θ = ξ.
 
     The prior standard deviation of ξ_n, 5 / n², ties f⁻¹ where no pair reaches. With the thesis preset, f⁻¹ at
@@ -131,7 +131,7 @@ def log_spline_basis(knots: int = 24) -> CurveBasis:
 
     f⁻¹ is straight from black to the first knot. The prior is the bend of sRGB's curve from knot to knot.
     """
-    codes, places = np.linspace(0.0, 1.0, ENTRIES), np.linspace(0.0, 1.0, knots + 1)[1:]
+    codes, places = np.linspace(0.0, 1.0, 1024), np.linspace(0.0, 1.0, knots + 1)[1:]
     position = np.clip(codes * knots - 1.0, 0.0, knots - 1.0)
     design = np.maximum(1.0 - np.abs(position[:, None] - np.arange(knots)), 0.0)
     offset = np.log(np.clip(codes, codes[1], places[0]) / places[0])

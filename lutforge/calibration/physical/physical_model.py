@@ -15,8 +15,8 @@ from lutforge.calibration.physical.matrix_and_response import encoding_slope, fi
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturation, starting_beta, untouched
 from lutforge.errors import CalibrationError
-from lutforge.model.camera_profile import PhysicalModel
 from lutforge.model.gamut_map import even_slope
+from lutforge.model.profile_data import PhysicalModel
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 

@@ -21,7 +21,8 @@ from lutforge.calibration.physical.response_from_exposures import fit_response_t
 from lutforge.calibration.physical.unsaturated import BETA, saturation, untouched_odds
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_fitted_gains
 from lutforge.errors import CalibrationError
-from lutforge.model.camera_profile import CameraProfile, PhysicalModel, PictureStyle
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
