@@ -76,6 +76,8 @@ def parts_of(transform: ColourFunction) -> Parts:
     # Behind a clip in the middle only a response magnifies what the axes of its input are made for.
     if response is not None or not any(isinstance(stage, Clip) for stage in body):
         curve = _first_curve(body)
+        if curve is None and isinstance(last, Encode):
+            curve = np.repeat([[0.0], [1.0]], 3, axis=1)  # a gamut map is smooth in linear light
     lattice = last if isinstance(last, Lattice) and len(body) == 1 else None
     return Parts(_checked(inner), gain, matrix, before, curve, response, lattice)
 

@@ -163,6 +163,14 @@ def test_a_physical_model_keeps_its_curves(tmp_path: Path, suffix: str) -> None:
         np.testing.assert_allclose(got, staged(x), atol=1e-5)
 
 
+def test_a_gamut_map_lies_on_axes_of_linear_light() -> None:
+    """Between a matrix and an output response nothing bends that an input curve could even out."""
+    ops = bake(render(), size=9).ops
+    (shaper,) = (op for op in ops[: [isinstance(op, Cube) for op in ops].index(True)] if isinstance(op, Curve))
+    knots = np.unique(np.round(np.diff(shaper.outputs, axis=0), 7), axis=0)
+    assert len(knots) <= 3 * 8  # one slope an interval of the cube and channel: levels, not a curve
+
+
 def test_stages_at_17_beat_one_cube_at_33(shared_data: Path) -> None:
     """A real camera's model, both ways: half the error with an eighth of the nodes."""
     folder = shared_data / "nus_nikon_d40"
