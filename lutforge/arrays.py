@@ -11,6 +11,9 @@ Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 """Values of images."""
 
+Codes = NDArray[np.uint8]
+"""Values of images in 8 bits, as they are stored."""
+
 Single = NDArray[np.float32]
 """Numbers of which there are too many for double precision."""
 

@@ -17,6 +17,7 @@ from lutforge.apply.image import REGION_SAMPLES, Applied
 from lutforge.apply.inputs import Input
 from lutforge.apply.job import Job, Outcome, run_job
 from lutforge.apply.journal import add_to_journal, read_journal
+from lutforge.apply.jpeg import Canvases
 from lutforge.atomic_write import remove_temporaries
 from lutforge.errors import ImageError
 from lutforge.shots.discover import RAW_SUFFIXES
@@ -66,19 +67,20 @@ def apply_batch(
     masks: str | Path | None = None,
     resume: bool = False,
     scheduler: str | None = None,
+    quality: int | None = None,
 ) -> BatchResult:
     """Grade images into a folder under their own names; each output is written whole or not at all.
 
     suffix: such as ".exr", for another format. workers: threads, by default one per core. masks: a folder for the
     confidence of each grade. resume: what an earlier run did by this recipe is skipped where neither the source nor the
-    output has changed since. scheduler: the address of a Dask cluster that does the work.
+    output has changed since. scheduler: the address of a Dask cluster that does the work. quality: as of `apply_image`.
     Raises ImageError where two inputs would become one output or an output would replace an input, LutForgeError where
     the recipe is wrong for all images; then nothing is written.
     """
-    folder = Path(folder)
+    folder, masks = Path(folder), None if masks is None else Path(masks)
     inputs = [image if isinstance(image, Input) else Input(Path(image), Path(Path(image).name)) for image in images]
     inputs, repeated = _without_repetitions(inputs)
-    jobs = plan_jobs(inputs, folder, suffix, Path(masks) if masks is not None else None)
+    jobs = plan_jobs(inputs, folder, suffix, masks, quality)
     recipe.check()
     remove_temporaries(path for job in jobs for path in job.outputs)
     already = _already_done(recipe, jobs, folder) if resume else set()
@@ -117,7 +119,13 @@ def apply_batch(
     )
 
 
-def plan_jobs(inputs: Sequence[Input], folder: Path, suffix: str | None = None, masks: Path | None = None) -> list[Job]:
+def plan_jobs(
+    inputs: Sequence[Input],
+    folder: Path,
+    suffix: str | None = None,
+    masks: Path | None = None,
+    quality: int | None = None,
+) -> list[Job]:
     """Where each image and its mask go. Raises ImageError on a collision or on an output that is an input."""
     if suffix is not None and not suffix.startswith("."):
         suffix = f".{suffix}"
@@ -126,7 +134,7 @@ def plan_jobs(inputs: Sequence[Input], folder: Path, suffix: str | None = None, 
         raw = image.place.suffix.lower() in RAW_SUFFIXES  # rendered, not refinished: there is no confidence to tell
         chosen = suffix or (".jpg" if raw else image.place.suffix)
         mask = masks / image.place.with_suffix(".tif") if masks is not None and not raw else None
-        jobs.append(Job(image.path, folder / image.place.with_suffix(chosen), mask))
+        jobs.append(Job(image.path, folder / image.place.with_suffix(chosen), mask, quality))
     sources = {job.source.resolve() for job in jobs}
     seen: dict[str, Path] = {}
     for job in jobs:
@@ -158,7 +166,7 @@ def _already_done(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> set[Job]
     done = set()
     for job in jobs:
         record = records.get(str(job.target.absolute()))
-        if record is not None and record.still_true(recipe.key, job.source, job.outputs):
+        if record is not None and record.still_true(job.key(recipe), job.source, job.outputs):
             done.add(job)
     return done
 
@@ -197,13 +205,14 @@ def _run_here(recipe: Recipe, jobs: Sequence[Job], workers: int, tally: "_Tally"
     threads = max(1, workers // at_once)
     # With less than a million values (4 MB), the work between two calls of a codec gets too small.
     samples = max(1_000_000, REGION_SAMPLES // at_once)
+    canvases = Canvases(min(workers, at_once))
     waiting = iter(jobs)
     with _codec_threads(threads), ThreadPoolExecutor(at_once) as pool:
         running: set[Future[Outcome]] = set()
         try:
             while True:
                 for job in islice(waiting, at_once - len(running)):
-                    running.add(pool.submit(run_job, recipe, job, threads, samples, tally.add))
+                    running.add(pool.submit(run_job, recipe, job, threads, samples, tally.add, canvases))
                 if not running:
                     return
                 finished, running = wait(running, timeout=0.2, return_when=FIRST_COMPLETED)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.apply.image import apply_to_pixels
+from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.apply.source_settings import AS_SHOT, STEADY, choose_camera
 from lutforge.arrays import Pixels

@@ -10,6 +10,7 @@ from lutforge.apply.grade import Grade
 from lutforge.arrays import Index, Pixels
 from lutforge.colour.adobe_rgb import adobe_rgb_profile
 from lutforge.errors import ImageError
+from lutforge.images.jpeg import JpegHeader
 from lutforge.images.read import is_premultiplied
 from lutforge.images.write import IN_ANOTHER_SPACE
 from lutforge.shots.maker_settings import in_adobe_rgb
@@ -47,8 +48,13 @@ def _last_words(names: Sequence[str]) -> Iterator[str]:
     return (name.rpartition(".")[2].lower() for name in names)
 
 
-def colour_space(source: Path, spec: oiio.ImageSpec, format: str) -> Mapping[str, object]:
-    """What tells that a picture is in Adobe RGB, where only a tag said it that OpenImageIO does not keep."""
+def colour_space(source: Path, spec: oiio.ImageSpec, format: str, jpeg: JpegHeader | None) -> Mapping[str, object]:
+    """What tells that a picture is in Adobe RGB, where only a tag said it that OpenImageIO does not keep.
+
+    jpeg: what stands in a JPEG whose own tags are kept; they are read no further than where DCF has this one.
+    """
+    if jpeg is not None:
+        return TELL_ADOBE_RGB if jpeg.says_adobe_rgb and spec.getattribute("ICCProfile") is None else {}
     known = format != "jpeg" or spec.getattribute("ICCProfile") is not None
     return {} if known or not in_adobe_rgb(tags(source)) else TELL_ADOBE_RGB
 

@@ -13,7 +13,7 @@ from lutforge import __version__
 from lutforge.errors import ConfigError, LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ends import read_ends
-from lutforge.luts.processor import OCIO_ERRORS, file_processor
+from lutforge.luts.processor import OCIO_ERRORS, file_group, of_codes
 from lutforge.luts.sequence import Lut
 from lutforge.ocio.check import load_config
 
@@ -22,13 +22,14 @@ from lutforge.ocio.check import load_config
 class Grade:
     """What is to be done to one image.
 
-    processor: colours in the image's own encoding → graded colours. history: one line for the output's metadata.
+    processor: colours in the image's own encoding → graded colours; history: one line for the output's metadata.
     attributes: further metadata to set in the output, by OpenImageIO's names; with None those that match the name, a
     regular expression, are erased. confidence: colours → (confidence, unclipped, covered), each in [0, 1]: the first
     for masks, the others to count pixels below 0.5. raw: the source is a RAW file, and its linear camera RGB is graded.
     notes: what the user should know about this image. takes_linear, gives_linear: what goes in, or comes out, is
     scene-linear light and not an encoded picture, where that is known. oiiotool: the words with which oiiotool does the
     same, where it can; lut: what `processor` evaluates, where that is in no file. unchanged: the pixels stay so.
+    codes: what `processor` does, for 8-bit codes in and out; None for RAW files.
     """
 
     processor: OCIO.CPUProcessor
@@ -42,12 +43,14 @@ class Grade:
     oiiotool: tuple[str, ...] = ()
     lut: Lut | None = None
     unchanged: bool = False
+    codes: OCIO.CPUProcessor | None = None
 
 
 def unchanged(history: str) -> Grade:
     """The grade of a picture that is as it should be: its file is copied, or its pixels, to another format."""
-    nothing = OCIO.Config.CreateRaw().getProcessor(OCIO.MatrixTransform()).getDefaultCPUProcessor()
-    return Grade(nothing, history, notes=("it was made with these settings: nothing to change",), unchanged=True)
+    nothing = OCIO.Config.CreateRaw().getProcessor(OCIO.MatrixTransform())
+    told = ("it was made with these settings: nothing to change",)
+    return Grade(nothing.getDefaultCPUProcessor(), history, notes=told, unchanged=True, codes=of_codes(nothing))
 
 
 class Recipe(Protocol):
@@ -120,13 +123,15 @@ class LutRecipe(_OneForAll):
                 "apply, or use the two in an OpenColorIO config"
             )
         ends = read_ends(self.path)
+        _, processor = file_group(self.path, self.interpolation)
         return Grade(
-            file_processor(self.path, self.interpolation),
+            processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
             f"graded with {self.path.name}",
             takes_linear=ends is not None and ends.takes_linear,
             gives_linear=ends is not None and ends.gives_linear,
             # oiiotool interpolates its own way: tetrahedral for cubes.
             oiiotool=("--ociofiletransform", str(self.path)) if self.interpolation == "tetrahedral" else (),
+            codes=of_codes(processor),
         )
 
 
@@ -153,16 +158,18 @@ class ConfigRecipe(_OneForAll):
             if config.getColorSpace(name) is None:
                 raise ConfigError(f'{self.path}: no colour space "{name}"; it has {known}')
         try:
-            processor = config.getProcessor(self.source, self.target).getDefaultCPUProcessor()
+            processor = config.getProcessor(self.source, self.target)
+            floats = processor.getDefaultCPUProcessor()
             linear = [
                 config.isColorSpaceLinear(name, OCIO.REFERENCE_SPACE_SCENE) for name in (self.source, self.target)
             ]
         except OCIO_ERRORS as error:
             raise ConfigError(f"{self.path}: {' '.join(str(error).split())}") from error
         return Grade(
-            processor,
+            floats,
             f"{self.source} to {self.target}",
             takes_linear=linear[0],
             gives_linear=linear[1],
             oiiotool=("--colorconfig", str(self.path), "--colorconvert", self.source, self.target),
+            codes=of_codes(processor, OCIO.OPTIMIZATION_DEFAULT),
         )

@@ -1,5 +1,6 @@
 """The grades of camera profiles as LUTs: what `apply` does to pixels, and what the studio's preview shows."""
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -27,6 +28,7 @@ class Gradings:
         self._confidences: dict[object, OCIO.CPUProcessor] = {}
         # Pictures on automatic white balance each have a grade of their own.
         self.refinish = lru_cache(16)(self._refinish)
+        self.codes: Callable[[Lut], OCIO.CPUProcessor] = lru_cache(16)(lambda lut: lut.processor(codes=True))
 
     def _refinish(
         self,

@@ -5,7 +5,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from itertools import zip_longest
@@ -15,8 +15,8 @@ from threading import Semaphore
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
-import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
+from lutforge.apply.blocks import grade_floats, threads_of
 from lutforge.apply.colours import (
     check_colours,
     colour_space,
@@ -27,17 +27,15 @@ from lutforge.apply.colours import (
     wrong_light,
 )
 from lutforge.apply.grade import Grade
+from lutforge.apply.jpeg import Canvases, JpegSource, grade_whole, jpeg_source
 from lutforge.arrays import Index, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import ImageReader, Region, is_premultiplied
-from lutforge.images.write import image_writer, keeps_orientation, upright, with_shape
+from lutforge.images.write import ImageWriter, describe_output, image_writer, keeps_orientation, upright, with_shape
 from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.metadata import raw_attributes
-
-BLOCK = 64 * 1024
-"""Pixels per call of OpenColorIO, which packs them into 1 MB of RGBA floats: what a core's cache holds."""
 
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
@@ -48,16 +46,6 @@ def _in_memory() -> Semaphore:
     """How many images may be in memory as a whole at once: a decoded RAW file takes about 2 GB in the worst case."""
     pages = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 8_000_000_000
     return Semaphore(max(1, pages // 4_000_000_000))
-
-
-@cache
-def _keep_freed_memory() -> None:
-    """Have the C library keep what it frees.
-
-    OpenColorIO allocates a megabyte in each call. The C library fetches it from the system and gives it back, which
-    takes longer than the LUT, until a larger piece was freed once: from then on it keeps pieces of up to that size.
-    """
-    np.empty(30_000_000, np.uint8)
 
 
 _ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}
@@ -97,29 +85,6 @@ class _InMemory:
         return self.parts
 
 
-def apply_to_pixels(
-    processor: OCIO.CPUProcessor,
-    pixels: Pixels,
-    premultiplied: bool = False,
-    workers: int | None = None,
-    out: Pixels | None = None,
-) -> Pixels:
-    """Grade pixels (h, w, c ≥ 3), float32: the first three channels; the others are passed through.
-
-    premultiplied: the colours are multiplied by the fourth channel; they are divided by it for the LUT and
-    multiplied again. workers: threads, by default one per core (OpenColorIO works outside Python's lock). out: where
-    the result goes, C-contiguous, which may be `pixels` itself; new memory costs more than the LUT.
-    Raises ImageError on fewer than three channels.
-    """
-    if pixels.ndim != 3 or pixels.shape[2] < 3:
-        raise ImageError(f"a LUT needs red, green and blue; this image has {pixels.shape[-1]} channel(s)")
-    source = np.ascontiguousarray(pixels, dtype=np.float32)
-    result = np.empty_like(source) if out is None else out
-    with _threads(workers or cpu_count() or 1) as threads:
-        _grade(processor, source, result, premultiplied, threads)
-    return result
-
-
 def apply_image(
     grade: Grade,
     source: str | Path,
@@ -128,55 +93,87 @@ def apply_image(
     mask: Path | None = None,
     region_samples: int = REGION_SAMPLES,
     progress: Callable[[int, float], None] | None = None,
+    quality: int | None = None,
+    canvases: Canvases | None = None,
 ) -> Applied:
     """Grade an image file, with metadata, bit depth and extra channels kept.
 
     workers: threads, by default one per core. mask: where the confidence of the grade is written, 8 bit, from 0 to 1.
-    progress: called with the pixels that were graded since its last call, and their share of the image.
+    progress: called with the pixels that were graded since its last call, and their share of the image. quality: of a
+    JPEG, 1 … 100, by default its source's. canvases: memory that the images of a batch share.
     Raises ImageError.
     """
     source, target = Path(source), Path(target)
     if target.exists() and source.exists() and target.samefile(source):
         raise ImageError(f"{source}: the output would replace the input; choose another folder or name")
-    if grade.unchanged and mask is None and target.suffix.lower() == source.suffix.lower():
+    if grade.unchanged and mask is None and quality is None and target.suffix.lower() == source.suffix.lower():
         return _copied(source, target, grade.notes)
     count = workers or cpu_count() or 1
     with ExitStack() as stack:
         image = stack.enter_context(_open(source, target, grade.raw))
         spec = image.spec
         check_colours(source, spec)
-        attributes = _attributes(source, image, grade)
-        writer = stack.enter_context(image_writer(target, spec, image.format, grade.history, attributes))
+        jpeg = jpeg_source(source, target, image.format)
+        attributes = _attributes(source, image, grade, jpeg)
+        output = describe_output(target, spec, image.format, grade.history, attributes, quality)
         masking = None
         if mask is not None and grade.confidence is not None:
-            masking = stack.enter_context(image_writer(mask, _mask_spec(writer.spec), ""))
-        threads = stack.enter_context(_threads(count))
-        premultiplied = is_premultiplied(spec)
-        doubtful = np.zeros(3, dtype=np.int64)
+            masking = stack.enter_context(image_writer(mask, _mask_spec(output)))
+        threads = stack.enter_context(threads_of(count))
+        total = spec.width * spec.height
 
-        def work(pixels: Pixels) -> Pixels | None:
-            confidence = None
-            if grade.confidence is not None:
-                confidence = np.empty_like(pixels)
-                _grade(grade.confidence, pixels, confidence, premultiplied, threads)
-            doubtful[:] += count_doubtful(pixels, confidence)
-            if confidence is not None:
-                confidence = np.ascontiguousarray(confidence[..., :1]) if masking is not None else None
-            _grade(grade.processor, pixels, pixels, premultiplied, threads)
-            return confidence
-
-        def write(region: Region, pixels: Pixels, confidence: Pixels | None) -> None:
-            writer.write(region, pixels)
-            if masking is not None and confidence is not None:
-                masking.write(region, confidence)
+        def done(pixels: int) -> None:
             if progress is not None:
-                progress(region.pixels, region.pixels / (spec.width * spec.height))
+                progress(pixels, pixels / total)
 
-        regions = image.regions(max(1, region_samples // spec.nchannels), not writer.tiled)
-        _overlapped(regions, image.read, work, write, overlap=count > 1)
-        parts = image.count_parts()
-        notes = tuple(_notes(grade, spec, writer.spec, attributes, doubtful, parts))
+        if jpeg is not None and jpeg.is_graded_whole and grade.codes is not None:
+            whole = canvases or Canvases(1)
+            doubtful = grade_whole(jpeg, grade, target, quality, threads, whole, masking, done)
+        else:
+            start = None if jpeg is None else jpeg.metadata(grade)
+            writer = stack.enter_context(image_writer(target, output, start))
+            doubtful = _grade_regions(grade, image, writer, masking, threads, region_samples, count > 1, done)
+        notes = (
+            *_notes(grade, spec, output, attributes, doubtful, image.count_parts()),
+            *(() if jpeg is None else jpeg.notes),
+        )
     return Applied(source, target, spec.width, spec.height, notes, mask if masking is not None else None)
+
+
+def _grade_regions(
+    grade: Grade,
+    image: ImageReader | _InMemory,
+    writer: ImageWriter,
+    masking: ImageWriter | None,
+    threads: Executor | None,
+    region_samples: int,
+    overlap: bool,
+    done: Callable[[int], None],
+) -> Index:
+    """Read, grade and write an image region by region; (3,) how many pixels are doubtful, as `count_doubtful`."""
+    premultiplied = is_premultiplied(image.spec)
+    doubtful = np.zeros(3, dtype=np.int64)
+
+    def work(pixels: Pixels) -> Pixels | None:
+        confidence = None
+        if grade.confidence is not None:
+            confidence = np.empty_like(pixels)
+            grade_floats(grade.confidence, pixels, confidence, premultiplied, threads)
+        doubtful[:] += count_doubtful(pixels, confidence)
+        if confidence is not None:
+            confidence = np.ascontiguousarray(confidence[..., :1]) if masking is not None else None
+        grade_floats(grade.processor, pixels, pixels, premultiplied, threads)
+        return confidence
+
+    def write(region: Region, pixels: Pixels, confidence: Pixels | None) -> None:
+        writer.write(region, pixels)
+        if masking is not None and confidence is not None:
+            masking.write(region, confidence)
+        done(region.pixels)
+
+    regions = image.regions(max(1, region_samples // image.spec.nchannels), not writer.tiled)
+    _overlapped(regions, image.read, work, write, overlap)
+    return doubtful
 
 
 def _notes(
@@ -206,9 +203,14 @@ def _copied(source: Path, target: Path, notes: tuple[str, ...]) -> Applied:
     return Applied(source, target, width, height, notes)
 
 
-def _attributes(source: Path, image: ImageReader | _InMemory, grade: Grade) -> dict[str, object]:
+def _attributes(
+    source: Path, image: ImageReader | _InMemory, grade: Grade, jpeg: JpegSource | None
+) -> dict[str, object]:
     """The metadata that a graded image gets, by OpenImageIO's names."""
-    attributes = {**colour_space(source, image.spec, image.format), **grade.attributes}
+    attributes = {
+        **colour_space(source, image.spec, image.format, None if jpeg is None else jpeg.header),
+        **grade.attributes,
+    }
     if not image.spec.get_string_attribute("DateTime"):
         # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
         changed = time.gmtime(source.stat().st_mtime)
@@ -242,46 +244,6 @@ def _overlapped(
             behind = writing.submit(write, region, pixels, confidence)
         if behind is not None:
             behind.result()
-
-
-def _threads(count: int) -> AbstractContextManager[Executor | None]:
-    return nullcontext() if count == 1 else ThreadPoolExecutor(count)
-
-
-def _grade(
-    processor: OCIO.CPUProcessor, source: Pixels, result: Pixels, premultiplied: bool, threads: Executor | None
-) -> None:
-    """Grade `source` into `result`, which may be the same array; both C-contiguous, (h, w, c ≥ 3)."""
-    _keep_freed_memory()
-    channels = source.shape[2]
-    before, after = source.reshape(-1, channels), result.reshape(-1, channels)
-
-    def grade(start: int) -> None:
-        for at in range(start, min(start + 2 * BLOCK, len(before)), BLOCK):
-            block = after[at : at + BLOCK]
-            if result is not source:
-                block[:] = before[at : at + BLOCK]
-            _grade_block(processor, block, premultiplied)
-
-    starts = range(0, len(before), 2 * BLOCK)
-    for _ in map(grade, starts) if threads is None or len(starts) == 1 else threads.map(grade, starts):
-        pass
-
-
-def _grade_block(processor: OCIO.CPUProcessor, block: Pixels, premultiplied: bool) -> None:
-    if block.shape[1] == 3:
-        processor.applyRGB(block)
-        return
-    colours = np.ascontiguousarray(block[:, :3])
-    if premultiplied:
-        alpha = block[:, 3:4]
-        covered = np.where(alpha > 0, alpha, np.float32(1))
-        colours /= covered
-        processor.applyRGB(colours)
-        block[:, :3] = np.where(alpha > 0, colours * covered, block[:, :3])
-        return
-    processor.applyRGB(colours)
-    block[:, :3] = colours
 
 
 @contextmanager

@@ -7,20 +7,26 @@ from pathlib import Path
 from lutforge.apply.grade import Recipe
 from lutforge.apply.image import REGION_SAMPLES, Applied, apply_image
 from lutforge.apply.journal import Record, identify_output, identify_source
+from lutforge.apply.jpeg import Canvases
 from lutforge.errors import ImageError, LutForgeError
 
 
 @dataclass(frozen=True)
 class Job:
-    """An image to grade, and where it and its mask go."""
+    """An image to grade, and where it and its mask go. quality: of a JPEG, by default its source's."""
 
     source: Path
     target: Path
     mask: Path | None = None
+    quality: int | None = None
 
     @property
     def outputs(self) -> tuple[Path, ...]:
         return (self.target,) if self.mask is None else (self.target, self.mask)
+
+    def key(self, recipe: Recipe) -> str:
+        """A fingerprint of all that decides the result."""
+        return recipe.key if self.quality is None else f"{recipe.key} in quality {self.quality}"
 
 
 @dataclass(frozen=True)
@@ -39,17 +45,20 @@ def run_job(
     threads: int = 1,
     region_samples: int = REGION_SAMPLES,
     progress: Callable[[int, float], None] | None = None,
+    canvases: Canvases | None = None,
 ) -> Outcome:
-    """Grade an image. threads, region_samples, progress: as for `apply_image`."""
+    """Grade an image. threads, region_samples, progress, canvases: as for `apply_image`."""
     source = job.source
     try:
         before = identify_source(source)
         grade = recipe.grade(source)
-        applied = apply_image(grade, source, job.target, threads, job.mask, region_samples, progress)
+        applied = apply_image(
+            grade, source, job.target, threads, job.mask, region_samples, progress, job.quality, canvases
+        )
         if identify_source(source) != before:
             raise ImageError(f"{source}: it was changed while it was graded; grade it again")
         outputs = job.outputs if applied.mask is not None else (job.target,)
-        record = Record(recipe.key, before, tuple(identify_output(path) for path in outputs))
+        record = Record(job.key(recipe), before, tuple(identify_output(path) for path in outputs))
     except LutForgeError as error:
         return Outcome(job, reason=str(error))
     except MemoryError:

@@ -94,6 +94,7 @@ class ProfileRecipe(Rebuilt):
             confidence=self._gradings.confidence(camera, given.style),
             notes=(*settings.notes, *notes, *doubts),
             lut=chain,
+            codes=self._gradings.codes(chain),
         )
 
     @property

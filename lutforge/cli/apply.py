@@ -46,6 +46,7 @@ def apply(
         Path | None, typer.Option(help="Grade nothing: a sheet of the image under presumed white balances.")
     ] = None,
     suffix: Annotated[str | None, typer.Option(help="Another format for the output, such as .png or .exr.")] = None,
+    quality: Annotated[int | None, typer.Option(help="Of JPEG files, 1 to 100, if not as their sources.")] = None,
     interpolation: Annotated[str, typer.Option(help="For LUTs that name none.")] = "tetrahedral",
     workers: Annotated[int | None, typer.Option(help="Threads; one per core by default.")] = None,
     frames: Annotated[str | None, typer.Option(help="Frames of sequences: 1001-1100, 1-9x2, 1,5,9.")] = None,
@@ -66,7 +67,7 @@ def apply(
 
     grading = Grading(
         (grade, *images), output, source, target, ev, look, tuple(transfer or ()), interpolation, suffix, workers,
-        frames, recursive, mask, resume, scheduler,
+        frames, recursive, mask, resume, scheduler, quality,
     )  # fmt: skip
     if candidates is not None:
         for name in grading.candidates(candidates):

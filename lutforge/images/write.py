@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
+from lutforge.images.jpeg import metadata_end
 from lutforge.images.read import Image, ImageReader, Region
 
 SOFTWARE = "LutForge"
@@ -61,7 +62,7 @@ def write_image(path: str | Path, pixels: ArrayLike, spec_like: Image, note: str
         array = upright(array, orientation)
         spec = with_shape(spec, array.shape)
         spec.attribute("Orientation", 1)
-    with image_writer(path, spec, spec_like.format, note) as writer:
+    with image_writer(path, describe_output(path, spec, spec_like.format, note)) as writer:
         writer.write(Region(0, 0, array.shape[1], array.shape[0]), array)
 
 
@@ -94,20 +95,13 @@ class ImageWriter:
 
 
 @contextmanager
-def image_writer(
-    path: Path,
-    spec: oiio.ImageSpec,
-    format: str,
-    note: str | None = None,
-    attributes: Mapping[str, object] | None = None,
-) -> Iterator[ImageWriter]:
+def image_writer(path: Path, described: oiio.ImageSpec, start: bytes | None = None) -> Iterator[ImageWriter]:
     """Open an output under a temporary name; the file appears, whole, when the block ends without an error.
 
-    spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name; note, and
-    what is kept, as for `write_image`. attributes: metadata to set, by OpenImageIO's names; None erases one.
+    described: what is written, as `describe_output` gives it. start: SOI and the metadata segments of a JPEG, in place
+    of those that OpenImageIO makes.
     """
-    described = describe_output(path, spec, format, note, attributes)
-    with atomic_path(path) as temporary, _safe_place(path, temporary, described) as place:
+    with atomic_path(path) as temporary, _safe_place(path, temporary, described, start) as place:
         target = _writer_of(path)
         if not target.open(str(place), described):
             raise ImageError(f"{path}: {_one_line(target.geterror())}")
@@ -121,16 +115,19 @@ def image_writer(
 
 
 @contextmanager
-def _safe_place(path: Path, temporary: Path, spec: oiio.ImageSpec) -> Iterator[Path]:
+def _safe_place(path: Path, temporary: Path, spec: oiio.ImageSpec, start: bytes | None) -> Iterator[Path]:
     """Where OpenImageIO may write a file that becomes `temporary`, so that a full disk is noticed, and ends nothing.
 
     Of OpenImageIO 3.2's writers, those of TIFF, OpenEXR, DPX, Radiance, PNM and JPEG XL tell of a failed write; libjpeg
     ends the program, libwebp tries for ever: those encode into memory; the others lose data in silence, so that their
     files are checked.
     """
-    name = _writer_of(path).format_name()
+    name = format_of(path)
     if name not in _NOT_SAFE_ON_DISK or not hasattr(os, "memfd_create"):
         yield temporary
+        if start is not None:
+            data = temporary.read_bytes()
+            temporary.write_bytes(start + data[metadata_end(data) :])
         if name not in _TELL_OF_FAILURES and not _is_whole(temporary, name):
             raise ImageError(f"{path}: it was not written as a whole; is the disk full?")
         return
@@ -145,6 +142,9 @@ def _safe_place(path: Path, temporary: Path, spec: oiio.ImageSpec) -> Iterator[P
         yield Path(f"/proc/self/fd/{handle}")
         with temporary.open("wb") as file, os.fdopen(os.dup(handle), "rb") as encoded:
             encoded.seek(0)
+            if start is not None:
+                file.write(start)
+                encoded.seek(metadata_end(encoded.read(1 << 24)))
             shutil.copyfileobj(encoded, file, 1 << 20)
     finally:
         os.close(handle)
@@ -172,8 +172,14 @@ def describe_output(
     format: str,
     note: str | None = None,
     attributes: Mapping[str, object] | None = None,
+    quality: int | None = None,
 ) -> oiio.ImageSpec:
-    """What `image_writer` will write. Raises ImageError where the format cannot hold it."""
+    """Describe the file that is written. Raises ImageError where the format cannot hold it.
+
+    spec: the source's description with the size of the output; format: the source's, by OpenImageIO's name; note, and
+    what is kept, as for `write_image`. attributes: metadata to set, by OpenImageIO's names; None erases one. quality:
+    of a JPEG, where it should not be its source's.
+    """
     result = _output_spec(path, _writer_of(path), spec, format)
     if note is not None:
         result.attribute("Software", SOFTWARE)
@@ -190,6 +196,8 @@ def describe_output(
     for name in ("DateTime", "Exif:DateTimeOriginal", "Exif:DateTimeDigitized"):
         if date := result.get_string_attribute(name):
             result.attribute(name, exif_date(date))
+    if quality is not None and format_of(path) == "jpeg":
+        result.attribute("compression", f"jpeg:{quality}")
     if result.get_int_attribute("Exif:ColorSpace", IN_SRGB) != IN_SRGB:
         result.erase_attribute("oiio:ColorSpace")  # OpenImageIO else writes that it is in sRGB
     return result
@@ -212,9 +220,14 @@ def _writer_of(path: Path) -> oiio.ImageOutput:
     return probe
 
 
+def format_of(path: Path) -> str:
+    """OpenImageIO's name of the format that a suffix stands for. Raises ImageError where it cannot be written."""
+    return str(_writer_of(path).format_name())
+
+
 def keeps_orientation(path: Path) -> bool:
     """True where the format has an orientation tag. Raises ImageError for a format that cannot be written."""
-    return _writer_of(path).format_name() in _KEEPS_ORIENTATION
+    return format_of(path) in _KEEPS_ORIENTATION
 
 
 def with_shape(spec: oiio.ImageSpec, shape: tuple[int, ...]) -> oiio.ImageSpec:

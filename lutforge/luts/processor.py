@@ -54,11 +54,21 @@ def group_of(ops: Sequence[Op]) -> OCIO.GroupTransform:
     return group
 
 
-def processor_of(ops: Sequence[Op]) -> OCIO.CPUProcessor:
-    """The operations as OpenColorIO evaluates them, float32 in and out. Raises LutError where it has none such."""
+def of_codes(
+    processor: OCIO.Processor, optimization: OCIO.OptimizationFlags = OCIO.OPTIMIZATION_LOSSLESS
+) -> OCIO.CPUProcessor:
+    """The processor of 8-bit codes in and out: what that of floats gives, rounded."""
+    return processor.getOptimizedCPUProcessor(OCIO.BIT_DEPTH_UINT8, OCIO.BIT_DEPTH_UINT8, optimization)
+
+
+def processor_of(ops: Sequence[Op], codes: bool = False) -> OCIO.CPUProcessor:
+    """The operations as OpenColorIO evaluates them, float32 in and out. Raises LutError where it has none such.
+
+    codes: 8-bit codes in and out instead.
+    """
     try:
         processor = OCIO.Config.CreateRaw().getProcessor(group_of(ops))
-        return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+        return of_codes(processor) if codes else processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
     except OCIO_ERRORS as error:
         raise LutError(f"LUT: OpenColorIO cannot evaluate it: {one_line(str(error))}") from error
 

@@ -100,9 +100,12 @@ class Lut:
         """How the first cube is interpolated."""
         return "tetrahedral" if self.cube is None else self.cube.interpolation
 
-    def processor(self) -> OCIO.CPUProcessor:
-        """The sequence as OpenColorIO evaluates it, float32 in and out. Raises LutError on curves at free knots."""
-        return processor_of(self.ops)
+    def processor(self, codes: bool = False) -> OCIO.CPUProcessor:
+        """The sequence as OpenColorIO evaluates it, float32 in and out. Raises LutError on curves at free knots.
+
+        codes: 8-bit codes in and out instead.
+        """
+        return processor_of(self.ops, codes)
 
     def shaper_and_cube(self) -> tuple[Curve | None, Cube] | None:
         """The whole sequence as a shaper, or none, and a cube; None where it is more than that.

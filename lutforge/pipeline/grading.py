@@ -31,7 +31,7 @@ class Grading:
     camera whose look is wanted; transfers: RAW → RAW from other cameras to that one. interpolation: for LUTs that name
     none. suffix: of another format. workers: threads, by default one per core. frames: of sequences; recursive: folders
     with their subfolders. masks: a folder for the confidence of each grade. resume: skip what an earlier run did.
-    scheduler: the address of a Dask cluster.
+    scheduler: the address of a Dask cluster. quality: of JPEG files, 1 … 100, by default that of a JPEG's source.
     """
 
     words: tuple[Path, ...]
@@ -49,12 +49,15 @@ class Grading:
     masks: Path | None = None
     resume: bool = False
     scheduler: str | None = None
+    quality: int | None = None
 
     def __post_init__(self) -> None:
         if not self.images:
             raise SettingsError("no image named: give the images after the profiles")
         if self.workers is not None and self.workers < 1:
             raise SettingsError(f"--workers {self.workers}: at least one thread is needed")
+        if self.quality is not None and not 1 <= self.quality <= 100:
+            raise SettingsError(f"--quality {self.quality}: JPEG has 1 to 100")
 
     @property
     def grades(self) -> tuple[Path, ...]:
@@ -129,7 +132,7 @@ class Grading:
         recipe = self.recipe
         result = apply_batch(
             recipe, self.inputs.images, self.folder, self.suffix, workers=self.workers, progress=progress,
-            masks=self.masks, resume=self.resume, scheduler=self.scheduler,
+            masks=self.masks, resume=self.resume, scheduler=self.scheduler, quality=self.quality,
         )  # fmt: skip
         return replace(result, failed=(*result.failed, *self.missing), notes=(*self.inputs.notes, *result.notes))
 

@@ -29,6 +29,7 @@ from exifread.tags.fields import FIELD_DEFINITIONS
 
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
+from lutforge.images.jpeg import SOI, read_header
 from lutforge.shots.ciff import Buffer, is_ciff, read_ciff
 
 Value = str | tuple[int, ...]
@@ -70,6 +71,11 @@ def tags_of(data: Buffer) -> Tags:
             return _ciff_tags(data)
         for block, group in _blocks(data):
             _Structure(block, found).read(group)
+        if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
+            # A JPEG that LutForge graded has its source's EXIF, and tells in a comment what it is now.
+            for comment in header.comments:
+                if comment.startswith("LutForge"):
+                    found[SOFTWARE] = comment.partition("\n")[0]
     return found
 
 

@@ -8,8 +8,8 @@ from io import BytesIO
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.gradings import Gradings
-from lutforge.apply.image import apply_to_pixels
 from lutforge.arrays import Array, Pixels
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile

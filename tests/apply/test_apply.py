@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from lutforge.apply import journal
 from lutforge.apply.batch import Progress, apply_batch, plan_jobs
+from lutforge.apply.blocks import BLOCK, apply_to_pixels
 from lutforge.apply.grade import LutRecipe
-from lutforge.apply.image import BLOCK, apply_image, apply_to_pixels
+from lutforge.apply.image import apply_image
 from lutforge.apply.inputs import Input
 from lutforge.errors import ImageError, LutError
 from lutforge.images.read import Image, read_image

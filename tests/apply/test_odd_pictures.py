@@ -11,8 +11,8 @@ from PIL import Image as Picture
 from PIL import ImageCms
 
 from lutforge.apply.batch import BatchResult, apply_batch
+from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.grade import ConfigRecipe, LutRecipe
-from lutforge.apply.image import apply_to_pixels
 from lutforge.apply.inputs import find_inputs
 from lutforge.colour.adobe_rgb import NAME, adobe_rgb_profile
 from lutforge.images.read import Image, read_image
@@ -21,6 +21,7 @@ from lutforge.luts.ends import ends_of, read_ends
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
+from lutforge.shots.tags import tags
 from tests.apply.graded_images import Pixels, write_cube, write_picture
 
 
@@ -204,8 +205,11 @@ def told_space(path: Path) -> tuple[int, str]:
 def test_pictures_in_adobe_rgb_stay_so(tmp_path: Path, cube: LutRecipe) -> None:
     source = in_adobe_rgb(tmp_path / "a.jpg")
     (done,) = apply_batch(cube, [source], tmp_path / "out").done
-    assert told_space(done.target) == (0xFFFF, NAME)
-    (again,) = apply_batch(cube, [done.target], tmp_path / "again").done
+    assert told_space(done.target) == (0xFFFF, "")
+    assert tags(done.target)["Iop", 1] == "R03"
+    (other,) = apply_batch(cube, [source], tmp_path / "other", suffix=".tif").done
+    assert told_space(other.target) == (0xFFFF, NAME)
+    (again,) = apply_batch(cube, [other.target], tmp_path / "again").done
     assert told_space(again.target) == (0xFFFF, NAME)
     write_picture(tmp_path / "plain.jpg", Exif_ColorSpace=1)
     (plain,) = apply_batch(cube, [tmp_path / "plain.jpg"], tmp_path / "out").done

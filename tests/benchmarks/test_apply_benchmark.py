@@ -25,8 +25,8 @@ import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.grade import LutRecipe
-from lutforge.apply.image import apply_to_pixels
 from lutforge.images.read import read_image
 
 THREADS = os.cpu_count() or 1

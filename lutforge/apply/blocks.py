@@ -1,0 +1,113 @@
+"""Pixels through a processor: in blocks that stay in a core's cache, on several threads."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from functools import cache
+from os import cpu_count
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+from lutforge.arrays import Codes, Pixels
+from lutforge.errors import ImageError
+
+BLOCK = 64 * 1024
+"""Pixels per call of OpenColorIO, which packs them into 1 MB of RGBA floats: what a core's cache holds."""
+
+
+def apply_to_pixels(
+    processor: OCIO.CPUProcessor,
+    pixels: Pixels,
+    premultiplied: bool = False,
+    workers: int | None = None,
+    out: Pixels | None = None,
+) -> Pixels:
+    """Grade pixels (h, w, c ≥ 3), float32: the first three channels; the others are passed through.
+
+    premultiplied: the colours are multiplied by the fourth channel; they are divided by it for the LUT and
+    multiplied again. workers: threads, by default one per core (OpenColorIO works outside Python's lock). out: where
+    the result goes, C-contiguous, which may be `pixels` itself; new memory costs more than the LUT.
+    Raises ImageError on fewer than three channels.
+    """
+    if pixels.ndim != 3 or pixels.shape[2] < 3:
+        raise ImageError(f"a LUT needs red, green and blue; this image has {pixels.shape[-1]} channel(s)")
+    source = np.ascontiguousarray(pixels, dtype=np.float32)
+    result = np.empty_like(source) if out is None else out
+    with threads_of(workers or cpu_count() or 1) as threads:
+        grade_floats(processor, source, result, premultiplied, threads)
+    return result
+
+
+def threads_of(count: int) -> AbstractContextManager[Executor | None]:
+    """A pool of so many threads; none for one, which needs no pool."""
+    return nullcontext() if count == 1 else ThreadPoolExecutor(count)
+
+
+def grade_floats(
+    processor: OCIO.CPUProcessor, source: Pixels, result: Pixels, premultiplied: bool, threads: Executor | None
+) -> None:
+    """Grade `source` into `result`, which may be the same array; both C-contiguous, (h, w, c ≥ 3)."""
+    _keep_freed_memory()
+    channels = source.shape[2]
+    before, after = source.reshape(-1, channels), result.reshape(-1, channels)
+
+    def grade(start: int) -> None:
+        for at in range(start, min(start + 2 * BLOCK, len(before)), BLOCK):
+            block = after[at : at + BLOCK]
+            if result is not source:
+                block[:] = before[at : at + BLOCK]
+            _grade_block(processor, block, premultiplied)
+
+    starts = range(0, len(before), 2 * BLOCK)
+    for _ in map(grade, starts) if threads is None or len(starts) == 1 else threads.map(grade, starts):
+        pass
+
+
+def _grade_block(processor: OCIO.CPUProcessor, block: Pixels, premultiplied: bool) -> None:
+    if block.shape[1] == 3:
+        processor.applyRGB(block)
+        return
+    colours = np.ascontiguousarray(block[:, :3])
+    if premultiplied:
+        alpha = block[:, 3:4]
+        covered = np.where(alpha > 0, alpha, np.float32(1))
+        colours /= covered
+        processor.applyRGB(colours)
+        block[:, :3] = np.where(alpha > 0, colours * covered, block[:, :3])
+        return
+    processor.applyRGB(colours)
+    block[:, :3] = colours
+
+
+def grade_codes(
+    processor: OCIO.CPUProcessor, canvas: Codes, threads: Executor | None, done: Callable[[int], None] | None = None
+) -> None:
+    """Grade 8-bit codes (h, w, 4), C-contiguous, in place: red, green and blue; the fourth means nothing.
+
+    processor: of 8-bit codes in and out. done: called with the number of pixels after each piece.
+    """
+    _keep_freed_memory()
+    flat = canvas.reshape(-1, 4)
+    # As codes, a quarter of a block fills the same cache together with its floats.
+    block, piece = BLOCK // 4, 8 * BLOCK
+
+    def grade(start: int) -> None:
+        for at in range(start, min(start + piece, len(flat)), block):
+            processor.applyRGBA(flat[at : at + block])
+        if done is not None:
+            done(min(piece, len(flat) - start))
+
+    starts = range(0, len(flat), piece)
+    for _ in map(grade, starts) if threads is None or len(starts) == 1 else threads.map(grade, starts):
+        pass
+
+
+@cache
+def _keep_freed_memory() -> None:
+    """Have the C library keep what it frees.
+
+    OpenColorIO allocates a megabyte in each call. The C library fetches it from the system and gives it back, which
+    takes longer than the LUT, until a larger piece was freed once: from then on it keeps pieces of up to that size.
+    """
+    np.empty(30_000_000, np.uint8)

@@ -1,0 +1,135 @@
+"""A JPEG to a JPEG: decoded, graded and encoded as 8-bit codes, with the source's quality and all of its metadata."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import FileIO
+from pathlib import Path
+from queue import LifoQueue
+
+import numpy as np
+
+from lutforge.apply.blocks import grade_codes, grade_floats
+from lutforge.apply.colours import count_doubtful
+from lutforge.apply.grade import Grade
+from lutforge.arrays import Codes, Index
+from lutforge.atomic_write import atomic_path
+from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours, with_thumbnail
+from lutforge.images.read import Region
+from lutforge.images.write import IN_ANOTHER_SPACE, SOFTWARE, ImageWriter, format_of
+
+MOST_PIXELS = 64_000_000
+"""Larger pictures are graded region by region: whole, as codes, they would take more than 256 MB each."""
+
+
+class Canvases:
+    """Memory for so many pictures at a time, used again and again: new memory costs as much as a tenth of the codec."""
+
+    def __init__(self, count: int) -> None:
+        self._free: LifoQueue[Codes] = LifoQueue()
+        for _ in range(count):
+            self._free.put(np.empty(0, np.uint8))
+
+    @contextmanager
+    def borrow(self, height: int, width: int) -> Iterator[Codes]:
+        """A picture (h, w, 4) whose values mean nothing yet; waits for one to be free."""
+        memory = self._free.get()
+        try:
+            size = height * width * 4
+            if memory.size < size:
+                memory = np.empty(0, np.uint8)  # frees the smaller one first
+                memory = np.empty(size, np.uint8)
+            yield memory[:size].reshape(height, width, 4)
+        finally:
+            self._free.put(memory)
+
+
+@dataclass(frozen=True, eq=False)
+class JpegSource:
+    """A JPEG file in memory, as it is stored."""
+
+    path: Path
+    data: bytes
+    header: JpegHeader
+
+    @property
+    def is_graded_whole(self) -> bool:
+        """True where the picture is graded as codes and whole; the others are graded region by region."""
+        return self.header.plain and self.header.width * self.header.height <= MOST_PIXELS
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What of the file is not in the graded one."""
+        told = "the previews behind the picture show the old colours, and were left out"
+        return (told,) if self.header.has_previews else ()
+
+    def metadata(self, grade: Grade) -> bytes:
+        """What stands in front of the graded pixels: the source's segments, with a comment on what was done.
+
+        The thumbnail is graded in its place; where the colours get another space, ICC profile and ColorSpace change.
+        """
+        segments, attributes, codes = self.header.segments, grade.attributes, grade.codes
+        if "ICCProfile" in attributes:
+            profile = attributes["ICCProfile"]
+            adobe_rgb = attributes.get("Exif:ColorSpace") == IN_ANOTHER_SPACE
+            segments = with_colours(segments, profile if isinstance(profile, bytes) else None, adobe_rgb)
+        if codes is not None:
+            segments = with_thumbnail(segments, lambda canvas: grade_codes(codes, canvas, None))
+        comment = f"{attributes.get('Software', SOFTWARE)}\n{' '.join(grade.history.split())}"
+        return stored_metadata(segments, self.header.plain, comment)
+
+
+def jpeg_source(source: Path, target: Path, format: str) -> JpegSource | None:
+    """The source, where both are JPEG files and it can be copied from. format: its own, by OpenImageIO's name."""
+    if format != "jpeg" or format_of(target) != "jpeg":
+        return None
+    data = source.read_bytes()
+    header = read_header(data)
+    return None if header is None else JpegSource(source, data, header)
+
+
+def grade_whole(
+    jpeg: JpegSource,
+    grade: Grade,
+    target: Path,
+    quality: int | None,
+    threads: Executor | None,
+    canvases: Canvases,
+    masking: ImageWriter | None,
+    done: Callable[[int], None],
+) -> Index:
+    """Grade a picture, and return (3,) how many pixels are doubtful, as `count_doubtful` does.
+
+    done: called with the number of pixels after each piece. Raises ImageError or OSError.
+    """
+    assert grade.codes is not None
+    header = jpeg.header
+    start = jpeg.metadata(grade)
+    with canvases.borrow(header.height, header.width) as canvas:
+        decode(jpeg.path, jpeg.data, canvas)
+        doubtful = _doubtful(grade, canvas, threads, masking)
+        grade_codes(grade.codes, canvas, threads, done)
+        with atomic_path(target) as temporary, FileIO(temporary, "r+") as file:
+            encode(file, canvas, start, header, quality)
+    return doubtful
+
+
+def _doubtful(grade: Grade, canvas: Codes, threads: Executor | None, masking: ImageWriter | None) -> Index:
+    """Count doubtful pixels, in every eighth row where no mask wants all, and write the mask."""
+    counts = np.zeros(3, dtype=np.int64)
+    if grade.confidence is None:
+        return counts
+    height, width = canvas.shape[:2]
+    step = 8 if masking is None else 1
+    seen = 0
+    for top in range(0, height, 256 * step):
+        rows = canvas[top : min(top + 256 * step, height) : step, :, :3]
+        pixels = np.divide(rows, 255, dtype=np.float32)
+        confidence = np.empty_like(pixels)
+        grade_floats(grade.confidence, pixels, confidence, premultiplied=False, threads=threads)
+        counts += count_doubtful(pixels, confidence)
+        seen += len(pixels)
+        if masking is not None:
+            masking.write(Region(0, top, width, top + len(pixels)), np.ascontiguousarray(confidence[..., :1]))
+    return np.array(counts * height // seen, dtype=np.int64)
