@@ -15,6 +15,7 @@ from lutforge.interpolation import Interpolation
 from lutforge.luts.ends import read_ends
 from lutforge.luts.processor import OCIO_ERRORS, file_group, of_codes
 from lutforge.luts.sequence import Lut
+from lutforge.model.falloff import Falloff
 from lutforge.ocio.check import load_config
 
 
@@ -25,7 +26,8 @@ class Grade:
     processor: colours in the image's own encoding → graded colours; history: one line for the output's metadata.
     attributes: further metadata to set in the output, by OpenImageIO's names; with None those that match the name, a
     regular expression, are erased. confidence: colours → (confidence, unclipped, covered), each in [0, 1]: the first
-    for masks, the others to count pixels below 0.5. raw: the source is a RAW file, and its linear camera RGB is graded.
+    for masks, the others to count pixels below 0.5. raw: the source is a RAW file, and its linear camera RGB is graded,
+    brightened by the one of falloffs that is of its lens setting.
     notes: what the user should know about this image. takes_linear, gives_linear: what goes in, or comes out, is
     scene-linear light and not an encoded picture, where that is known. oiiotool: the words with which oiiotool does the
     same, where it can; lut: what `processor` evaluates, where that is in no file. unchanged: the pixels stay so.
@@ -37,6 +39,7 @@ class Grade:
     attributes: Mapping[str, object] = field(default_factory=dict)
     confidence: OCIO.CPUProcessor | None = None
     raw: bool = False
+    falloffs: tuple[Falloff, ...] = ()
     notes: tuple[str, ...] = ()
     takes_linear: bool = False
     gives_linear: bool = False

@@ -34,8 +34,9 @@ from lutforge.errors import ImageError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import ImageReader, Region, is_premultiplied
 from lutforge.images.write import ImageWriter, describe_output, image_writer, keeps_orientation, upright, with_shape
+from lutforge.model.falloff import falloff_of
 from lutforge.shots.discover import RAW_SUFFIXES
-from lutforge.shots.metadata import raw_attributes
+from lutforge.shots.metadata import lens_of, raw_attributes
 
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
@@ -110,7 +111,7 @@ def apply_image(
         return _copied(source, target, grade.notes)
     count = workers or cpu_count() or 1
     with ExitStack() as stack:
-        image = stack.enter_context(_open(source, target, grade.raw))
+        image = stack.enter_context(_open(source, target, grade))
         spec = image.spec
         check_colours(source, spec)
         jpeg = jpeg_source(source, target, image.format)
@@ -247,10 +248,13 @@ def _overlapped(
 
 
 @contextmanager
-def _open(source: Path, target: Path, raw: bool) -> Iterator[ImageReader | _InMemory]:
-    if raw:
+def _open(source: Path, target: Path, grade: Grade) -> Iterator[ImageReader | _InMemory]:
+    if grade.raw:
         with _in_memory():
             image = read_raw(source)
+            falloff = falloff_of(grade.falloffs, lens_of(source, image), image.focal_mm, image.aperture)
+            if falloff is not None:
+                image.pixels[:] *= falloff.gain(*image.pixels.shape[:2])[..., None]
             pixels = upright(image.pixels, _ORIENTATION_OF_FLIP.get(image.flip, 1))
             spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
             for name, value in raw_attributes(source, image).items():

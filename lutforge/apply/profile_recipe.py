@@ -127,6 +127,7 @@ class ProfileRecipe(Rebuilt):
             _history(camera.camera, "RAW", look.camera, str(wanted), self.ev),
             attributes=_attributes(look, wanted),
             raw=True,
+            falloffs=camera.falloffs,
             notes=notes,
         )
 

@@ -11,10 +11,12 @@ from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_ma
 from lutforge.calibration.physical.reference_camera import calibrate_by_reference
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances, with_fitted_gains
 from lutforge.calibration.shots.consistency import check_agreement, thin_colours, thin_settings
+from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.calibration.style_fit import StyleFit, fit_style, render_with_plain
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import PictureStyle
 from lutforge.samples.sample_set import SampleSet
 
@@ -59,6 +61,9 @@ def calibrate(
     multipliers, notes = complete_multipliers(samples)
     enough, left_out = styles_with_enough(samples, multipliers)
     samples, multipliers, notes = samples.select(enough), multipliers[enough], (*notes, *left_out)
+    falloffs = _falloffs(samples, multipliers, options)
+    samples = at_the_centre(samples, falloffs)
+    notes = (*notes, *(falloff.note for falloff in falloffs))
     multipliers = with_fitted_gains(samples, multipliers, unclipped(samples, multipliers))
     matrix: Array | None = None
     physical: dict[str, GamutMaps] = {}
@@ -96,8 +101,16 @@ def calibrate(
         shots=tuple(name for name, _ in samples.by_shot()),
         options=options.as_json(),
         notes=notes,
+        falloffs=falloffs,
     )
     return Calibration(profile, fitted)
+
+
+def _falloffs(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -> tuple[Falloff, ...]:
+    """The lens falloffs that the camera corrects in its JPEGs; the thesis knows of none."""
+    if options.preset == "thesis":
+        return ()
+    return fit_falloffs(samples, multipliers, unclipped(samples, multipliers))
 
 
 def _fit_physical(
@@ -161,4 +174,5 @@ def data_by_style(samples: SampleSet) -> dict[str, StyleData]:
             f"{samples.camera[0]} was sampled with another camera's RAW: its model has no lattice to choose a size of"
         )
     multipliers, _ = complete_multipliers(samples)
+    samples = at_the_centre(samples, _falloffs(samples, multipliers, CalibrationOptions()))
     return style_data(samples, with_fitted_gains(samples, multipliers, unclipped(samples, multipliers)))[0]

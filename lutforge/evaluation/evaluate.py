@@ -11,6 +11,7 @@ from lutforge.arrays import Mask
 from lutforge.calibration.lattice.monochrome import monochrome_note
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_gains
+from lutforge.calibration.shots.falloff import at_the_centre
 from lutforge.calibration.style_data import style_data, styles_with_enough
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
@@ -39,6 +40,7 @@ def evaluate(
     tables: every method of the thesis's tables, with its times, whatever the profile holds; sizes: nodes per axis of
     the lattices in these. Raises CalibrationError where the samples hold none of the profile's styles.
     """
+    samples = at_the_centre(samples, profile.falloffs)
     multipliers, notes = complete_multipliers(samples)
     multipliers = with_gains(samples, multipliers, profile.white_balances)
     known, strange = _known_styles(profile, samples)

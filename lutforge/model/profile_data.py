@@ -7,6 +7,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.errors import ProfileError
+from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
@@ -55,7 +56,8 @@ class ProfileData:
 
     shots: the names that it was calibrated from; options: how, as plain JSON values. raw_camera: the reference camera
     whose RAW stood in for a camera without RAW (4.9), else "": each white balance then has a physical model of its own,
-    whose matrix takes that camera's RAW to linear sRGB.
+    whose matrix takes that camera's RAW to linear sRGB. falloffs: what JPEGs are brighter towards the corners than the
+    middle, for which the styles stand, by lens setting.
     Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
     singular.
     """
@@ -68,6 +70,7 @@ class ProfileData:
     options: Mapping[str, object] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     raw_camera: str = ""
+    falloffs: tuple[Falloff, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.styles or not self.white_balances:

@@ -17,14 +17,16 @@ from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading
 from lutforge.errors import ProfileError
 from lutforge.interpolation import INTERPOLATIONS
+from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PhysicalModel, PictureStyle, ProfileData
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 
-FORMAT_VERSION = 4
-"""2: lattices may have a response. 3: gamut maps may be on an even scale. 4: white balances have a gain."""
+FORMAT_VERSION = 5
+"""2: lattices may have a response. 3: gamut maps may be on an even scale. 4: white balances have a gain. 5:
+there may be falloffs."""
 
 
 def save_profile(profile: ProfileData, path: str | Path) -> None:
@@ -45,6 +47,7 @@ def save_profile(profile: ProfileData, path: str | Path) -> None:
         "shots": list(profile.shots),
         "options": dict(profile.options),
         "notes": list(profile.notes),
+        "falloffs": [_falloff_to_json(falloff) for falloff in profile.falloffs],
     }
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
@@ -122,6 +125,7 @@ def read_profile(path: str | Path) -> ProfileData:
             options=options,
             notes=tuple(str(note) for note in document.get("notes", [])),
             raw_camera=str(document.get("raw_camera", "")),
+            falloffs=tuple(_falloff(entry) for entry in document.get("falloffs", [])),
         )
 
 
@@ -161,6 +165,19 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> Array:
 def _balance(entry: Mapping[str, Any]) -> WhiteBalance:
     r, g, b = (float(value) for value in entry["multipliers"])
     return WhiteBalance((r, g, b), entry["kelvin"], float(entry.get("spread", 0.0)), float(entry.get("gain", 1.0)))
+
+
+def _falloff_to_json(falloff: Falloff) -> dict[str, Any]:
+    """JSON has no NaN: what is not known is null."""
+    known = {name: value for name, value in asdict(falloff).items() if value == value}
+    return {"focal_mm": None, "aperture": None, **known}
+
+
+def _falloff(entry: Mapping[str, Any]) -> Falloff:
+    a, b, c = (float(value) for value in entry["coefficients"])
+    x, y = (float(value) for value in entry["centre"])
+    focal_mm, aperture = (math.nan if entry[name] is None else float(entry[name]) for name in ("focal_mm", "aperture"))
+    return Falloff((a, b, c), (x, y), str(entry["lens"]), focal_mm, aperture)
 
 
 def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:

@@ -115,6 +115,8 @@ def _profile(profile: CameraProfile) -> Rows:
         ]
         parts += [f"physical model for {', '.join(model.white_balances)}" for model in style.physical]
         yield "style", f"{name}: {'; '.join(parts)}"
+    for falloff in profile.falloffs:
+        yield "lens falloff", f"{falloff.setting}: {falloff.corner_ev:.2f} EV in the corners"
     yield from (("note", text) for text in profile.notes)
     yield "use", "a camera profile: bake, config, apply, evaluate, report"
 

@@ -1,6 +1,6 @@
 """The errors of a report: tables, boxes, colours that are predicted badly, and maps of real shots."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +9,7 @@ import numpy as np
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE
 from lutforge.evaluation.refinish_errors import RefinishError
+from lutforge.model.falloff import Falloff
 from lutforge.report.error_maps import error_maps, error_maps_figure
 from lutforge.report.error_table_figure import error_boxes
 from lutforge.report.page import Block, Picture, Table, Text
@@ -99,8 +100,10 @@ def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Block]:
         )
 
 
-def error_map_pictures(own: str, evaluation: Evaluation, files: Mapping[str, Path]) -> Iterator[Block]:
-    """Of the best, the middle and the worst shot whose RAW file is at hand."""
+def error_map_pictures(
+    own: str, evaluation: Evaluation, files: Mapping[str, Path], falloffs: Sequence[Falloff]
+) -> Iterator[Block]:
+    """Of the best, the middle and the worst shot whose RAW file is at hand; falloffs: of the profile."""
     rows = [row for row in evaluation.rows if row.direction == "render" and row.method == own and row.shot in files]
     rows.sort(key=lambda row: row.figures.mean)
     chosen = {rows[round(index)].shot: rows[round(index)] for index in np.linspace(0, len(rows) - 1, 3) if rows}
@@ -109,7 +112,7 @@ def error_map_pictures(own: str, evaluation: Evaluation, files: Mapping[str, Pat
     for name, row in chosen.items():
         predictions = evaluation.predictions[row.style]
         methods = [method for method in (own, *BASELINES) if method in predictions.methods]
-        maps = error_maps(replace(read_shot(files[name]), name=name), predictions, methods)
+        maps = error_maps(replace(read_shot(files[name]), name=name), predictions, methods, falloffs)
         held = "not seen by the fits" if maps.held_out else "the fit had seen it"
         caption = f"{name}, {maps.setting}; {held}; mean error of the shot's samples {row.figures.mean:.4f}."
         yield Picture(f"error_map_{setting_name(name)}", error_maps_figure(maps), caption)

@@ -8,8 +8,10 @@ from matplotlib.figure import Figure
 
 from lutforge.arrays import Array
 from lutforge.evaluation.held_out import Predictions
+from lutforge.model.falloff import Falloff, falloff_of
 from lutforge.report.drawing import ERROR_SCALE, MAP
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
+from lutforge.samples.extract import places_in_picture
 from lutforge.samples.tiles import jpeg_cells
 from lutforge.shots.cells import raw_on_jpeg_cells
 from lutforge.shots.read import TURNS
@@ -28,8 +30,13 @@ class ErrorMaps:
     held_out: bool
 
 
-def error_maps(shot: Shot, predictions: Predictions, methods: Sequence[str]) -> ErrorMaps:
-    """Render a shot, of which the predictions hold samples, by the fits that predict these samples."""
+def error_maps(
+    shot: Shot, predictions: Predictions, methods: Sequence[str], falloffs: Sequence[Falloff] = ()
+) -> ErrorMaps:
+    """Render a shot, of which the predictions hold samples, by the fits that predict these samples.
+
+    falloffs: of the profile, which brighten the RAW away from the middle as they did that of the samples.
+    """
     cell = max(2, round(shot.jpeg.shape[0] / 240))  # averages some noise and compression away
     jpeg, raw = jpeg_cells(shot.jpeg, cell), raw_on_jpeg_cells(shot, cell)
     clip = clipping(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation_levels(shot.raw.pixels))
@@ -37,6 +44,10 @@ def error_maps(shot: Shot, predictions: Predictions, methods: Sequence[str]) -> 
     own = np.flatnonzero(predictions.data.shot == shot.name)
     samples = predictions.data.samples
     gain = np.median(predictions.data.balanced[own] / samples.raw[own], axis=0)
+    falloff = falloff_of(falloffs, shot.metadata.lens, shot.metadata.focal_mm, shot.metadata.aperture)
+    if falloff is not None:
+        centres = cell * (np.argwhere(usable)[:, ::-1] + 0.5)
+        gain = gain * 2.0 ** falloff.stops(places_in_picture(shot, centres))[:, None]
     balanced, encoded = raw.mean[usable] * gain, jpeg.mean[usable] / 255.0
     fold = np.repeat(own[:1], len(balanced))
     turns = -TURNS.get(shot.raw.flip, 0)

@@ -17,6 +17,7 @@ from lutforge.report.error_blocks import error_map_pictures, error_pictures, err
 from lutforge.report.page import Points, Report, Section
 from lutforge.report.profile_blocks import setting_tables, style_pictures
 from lutforge.report.sample_blocks import next_shots, sample_blocks
+from lutforge.report.scene_blocks import falloff_blocks
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 
@@ -47,7 +48,9 @@ def build_report(
         progress("error maps", 0.6)
         judged.append(Section("What to shoot next", tuple(next_shots(data))))
         judged.append(Section("Errors", (*error_tables(own, evaluation), *error_pictures(own, evaluation))))
-        judged.append(Section("Errors on real shots", tuple(error_map_pictures(own, evaluation, files or {}))))
+        judged.append(
+            Section("Errors on real shots", tuple(error_map_pictures(own, evaluation, files or {}, profile.falloffs)))
+        )
         shown.append(Section("Samples", tuple(sample_blocks(samples, accounts))))
     progress("models", 0.8)
     models = [
@@ -55,8 +58,9 @@ def build_report(
         for name, style in profile.styles.items()
     ]
     said = Section("Notes", (Points(notes),) if notes else ())
+    lens = Section("Lens and scene", tuple(falloff_blocks(profile.falloffs)))
     settings = Section("White balances and matrix", tuple(setting_tables(profile)))
-    sections = tuple(section for section in (said, *judged, settings, *models, *shown) if section.blocks)
+    sections = tuple(section for section in (said, *judged, lens, settings, *models, *shown) if section.blocks)
     progress("done", 1.0)
     return Report(f"{profile.camera}: calibration report", _subtitle(profile), lead, sections)
 

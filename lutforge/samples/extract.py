@@ -86,7 +86,9 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
             notes.append("few flat tiles: limits relaxed")
             is_flat = flat.level < len(LEVELS)
     rows, columns = np.nonzero(is_flat & agrees)
-    kept = balance(jpeg.mean[rows, columns], flat.level[rows, columns], flat.roughness[rows, columns])
+    centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
+    places = places_in_picture(shot, centres)
+    kept = balance(jpeg.mean[rows, columns], places, flat.level[rows, columns], flat.roughness[rows, columns])
     rejected = {
         "outside the RAW": int(np.count_nonzero(~inside)),
         "not flat": int(np.count_nonzero(usable & ~is_flat)),
@@ -95,8 +97,7 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     }
     rows, columns = rows[kept], columns[kept]
     names = [f"tile_{x * cell:04d}_{y * cell:04d}" for y, x in zip(rows, columns, strict=True)]
-    centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
-    samples = _sample_set(shot, names, raw.mean[rows, columns], jpeg.mean[rows, columns], centres)
+    samples = _sample_set(shot, names, raw.mean[rows, columns], jpeg.mean[rows, columns], places[kept])
     return ShotSamples(shot.name, samples, len(samples), 0, clip.counts(inside), rejected, tuple(notes))
 
 
@@ -111,12 +112,12 @@ def _patches(shot: Shot, saturation: Array) -> ShotSamples:
     kept = np.flatnonzero(np.isfinite(sampled.raw).all(axis=-1) & ~sampled.clipping.any)
     names = [f"chart_{index + 1:02d}" for index in kept]
     centres: Array = chart.patches().mean(axis=1)[kept]
-    samples = _sample_set(shot, names, sampled.raw[kept], sampled.codes[kept], centres)
+    samples = _sample_set(shot, names, sampled.raw[kept], sampled.codes[kept], places_in_picture(shot, centres))
     return ShotSamples(shot.name, samples, 0, len(kept), sampled.clipping.counts(), {}, ())
 
 
-def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres: Array) -> SampleSet:
-    """The samples of a shot from RAW (n, 3), JPEG codes (n, 3) and their places in the JPEG (n, 2)."""
+def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, places: Array) -> SampleSet:
+    """The samples of a shot from RAW (n, 3), JPEG codes (n, 3) and their places in the RAW's visible area (n, 2)."""
     metadata, count = shot.metadata, len(names)
     multipliers = metadata.multipliers if metadata.multipliers is not None else np.full(3, math.nan)
     return SampleSet(
@@ -130,7 +131,7 @@ def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres:
         srgb=codes / 255,
         wb=np.tile(np.asarray(multipliers, dtype=np.float64), (count, 1)),
         raw_camera=np.full(count, metadata.camera),
-        position=_positions(shot, centres),
+        position=places,
         lens=np.full(count, metadata.lens),
         raw_space=np.full(count, "" if shot.development is None else shot.development.space),
         developer=np.full(count, "" if shot.development is None else shot.development.developer),
@@ -139,7 +140,7 @@ def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres:
     )
 
 
-def _positions(shot: Shot, centres: Array) -> Array:
+def places_in_picture(shot: Shot, centres: Array) -> Array:
     """Places in the JPEG (n, 2) as places in the RAW's visible area, from its centre, half its diagonal = 1."""
     registration = shot.registration
     size = np.array(shot.raw.pixels.shape[1::-1]) * shot.raw.pixel_size

@@ -8,7 +8,7 @@ from pathlib import Path
 from lutforge.arrays import Array
 from lutforge.images.raw import RawImage
 from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
-from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Value, tags, tags_of
+from lutforge.shots.tags import MAKE, MODEL, SOFTWARE, Tags, Value, tags, tags_of
 
 UNKNOWN = "unknown"
 
@@ -78,7 +78,7 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
         exposure_s=raw.exposure_s if math.isfinite(raw.exposure_s) else _ratio(found.get(("Photo", 0x829A))),
         iso=raw.iso if math.isfinite(raw.iso) else _number(found.get(("Photo", 0x8827))),
         notes=tuple(notes),
-        lens=raw.lens or str(found.get(("Photo", 0xA434), "")).strip(),
+        lens=raw.lens or _lens(found),
         focal_mm=raw.focal_mm,
         aperture=raw.aperture,
     )
@@ -99,6 +99,15 @@ def raw_attributes(path: Path, raw: RawImage) -> dict[str, object]:
         "Exif:PhotographicSensitivity": min(round(raw.iso), 65535) if math.isfinite(raw.iso) else "",
     }
     return {name: value for name, value in attributes.items() if value and value == value}  # NaN is not equal to itself
+
+
+def lens_of(path: Path, raw: RawImage) -> str:
+    """The name of the lens of a RAW file, as its samples have it."""
+    return raw.lens or _lens(tags(path))
+
+
+def _lens(found: Tags) -> str:
+    return str(found.get(("Photo", 0xA434), "")).strip()
 
 
 def tidy_camera(make: str, model: str) -> str:

@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
+from lutforge.model.falloff import Falloff
 from lutforge.simulate.camera import SimulatedCamera
 from lutforge.simulate.dng import LIGHT_SOURCES, write_dng
 from lutforge.simulate.jpeg import ExposureTags, Subsampling, encode_jpeg
@@ -27,7 +28,8 @@ class CameraSettings:
 
     preview_scale: size of the embedded JPEG relative to the full one. sharpening: strength of an unsharp
     mask, 0 is off. push_ev: brightening in the development, in stops. orientation: how the camera was held
-    (TIFF 1, 3, 6 or 8); pixels stay as the sensor has them.
+    (TIFF 1, 3, 6 or 8); pixels stay as the sensor has them. falloff: what the lens loses, which the development brings
+    back.
     """
 
     style: str = "standard"
@@ -41,6 +43,7 @@ class CameraSettings:
     sharpening: float = 0.0
     push_ev: float = 0.0
     orientation: int = 1
+    falloff: Falloff | None = None
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,8 @@ def photograph(
     the camera has not.
     """
     irradiance = scene.irradiance(camera, light or settings.white_balance, settings.exposure_s)
+    if settings.falloff is not None:
+        irradiance /= settings.falloff.gain(*irradiance.shape[:2])[..., None].astype(np.float32)
     rng = np.random.default_rng([seed, crc32(name.encode())])
     mosaic = capture(camera, irradiance, rng, settings.iso)
     picture = develop(camera, mosaic, settings)
@@ -122,7 +127,10 @@ def _write_jpeg(path: Path, picture: NDArray[np.uint8], settings: CameraSettings
 
 def develop(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: CameraSettings) -> NDArray[np.uint8]:
     """What the camera does to its mosaic (h, w): demosaic, crop the border, render, sharpen, round."""
-    raw = demosaic(normalized(camera, mosaic), camera.cfa)[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
+    raw = demosaic(normalized(camera, mosaic), camera.cfa)
+    if settings.falloff is not None:
+        raw *= settings.falloff.gain(*mosaic.shape)[..., None].astype(np.float32)
+    raw = raw[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
     encoded = camera.render(raw, settings.style, settings.white_balance, settings.push_ev)
     if settings.sharpening:
         blurred = ndimage.gaussian_filter(encoded, (1.0, 1.0, 0.0), mode="nearest")

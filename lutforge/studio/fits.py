@@ -15,6 +15,7 @@ from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_res
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
+from lutforge.calibration.shots.falloff import at_the_centre
 from lutforge.calibration.style_data import style_data, unclipped
 from lutforge.calibration.style_fit import fit_direction
 from lutforge.colour.srgb import srgb_decode
@@ -134,7 +135,7 @@ def _conventional(response: Response, matrix: Array, balances: dict[str, WhiteBa
 
 def evaluate_on(profile: CameraProfile, kind: str, samples: SampleSet) -> FittedModel:
     """What a profile makes of samples; NaN where it does not know their style or white balance."""
-    samples = with_setting_names(samples)
+    samples = at_the_centre(with_setting_names(samples), profile.falloffs)
     scene, transformed, predicted, linearized = (np.full_like(samples.raw, np.nan) for _ in range(4))
     multipliers = _multipliers(profile, samples)
     setting = np.char.add(np.char.add(samples.style, "/"), samples.white_balance)

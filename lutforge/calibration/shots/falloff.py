@@ -1,0 +1,176 @@
+"""The lens's falloff that a camera corrects in its JPEGs only, fitted to samples that know their places.
+
+The JPEG of a corner is brighter than the RAW says: y = λ(I) − falloff(place) in the terms of `partial_model`. The
+falloff of each lens setting is monotone in the squared distance from a centre that is free within some per cent; it is
+fitted together with λ by damped Gauss–Newton steps and robust weights.
+
+It is kept where it is significant. In each quarter of each shot its strength is estimated by itself, with the shape r²;
+the mean of these is compared with 0 by Student's t, which holds for few groups whose errors differ and are correlated
+within a group (Ibragimov & Müller 2010, https://doi.org/10.1198/jbes.2009.08046). A falloff shows in all four quarters
+of a picture; light or colours that change across it do not.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import ttest_1samp
+
+from lutforge.arrays import Array, Mask
+from lutforge.calibration.shots.partial_model import NOISE, PartialModel, partial_model
+from lutforge.model.falloff import DEGREE, Falloff, falloff_basis, falloff_of
+from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.gauss_newton import gauss_newton
+
+SIGNIFICANCE = 0.005
+"""Odds at which a lens without falloff is taken to have one (one-sided) …"""
+LEAST_EV = 0.03
+"""… if the corners also differ by more than this, which moves a bright colour by a code."""
+FARTHEST_CENTRE, CENTRE_SPREAD = 0.15, 0.04
+"""Bounds of the centre in each direction, and the standard deviation of its prior around the middle of the picture."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Setting:
+    """One lens setting; member: (n,) the samples of the model that are of it."""
+
+    lens: str
+    focal_mm: float
+    aperture: float
+    member: Mask
+
+
+def fit_falloffs(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[Falloff, ...]:
+    """The falloffs of the lens settings where they are significant.
+
+    multipliers: (n, 3), what makes RAW white-balanced; usable: (n,) unclipped samples. Samples without a place say
+    nothing.
+    """
+    usable = usable & np.all(np.isfinite(samples.position), axis=1)
+    model = partial_model(samples, multipliers, usable) if usable.any() else None
+    if model is None:
+        return ()
+    settings = list(_settings(samples.select(model.rows)))
+    places, shot = samples.position[model.rows], samples.shot[model.rows]
+    while settings:
+        falloffs = _fit(model, places, settings)
+        stops = np.zeros(len(places))
+        for setting, falloff in zip(settings, falloffs, strict=True):
+            stops[setting.member] = falloff.stops(places[setting.member])
+        kept = []
+        for setting, falloff in zip(settings, falloffs, strict=True):
+            without = model.y + np.where(setting.member, 0.0, stops)
+            if falloff.corner_ev > LEAST_EV and _is_significant(model, without, places, shot, setting.member):
+                kept.append(setting)
+        if len(kept) == len(settings):
+            return tuple(falloffs)
+        settings = kept  # what is not significant may not pull at the others
+    return ()
+
+
+def at_the_centre(samples: SampleSet, falloffs: Sequence[Falloff]) -> SampleSet:
+    """The samples with RAW as bright as where lenses lose no light, so that one rendering serves all places."""
+    raw = samples.raw.copy()
+    for setting in _settings(samples) if falloffs else ():
+        falloff = falloff_of(falloffs, setting.lens, setting.focal_mm, setting.aperture)
+        if falloff is not None:
+            raw[setting.member] *= 2.0 ** falloff.stops(samples.position[setting.member])[:, None]
+    return replace(samples, raw=raw)
+
+
+def _settings(samples: SampleSet) -> Iterable[_Setting]:
+    """The lens settings of samples; focal lengths within 3 % are one, as zooms report them in steps."""
+    focal = np.round(np.log(samples.focal_mm) / 0.03)
+    keys = np.rec.fromarrays([samples.lens, np.nan_to_num(focal, nan=-1e9), np.nan_to_num(samples.aperture, nan=-1.0)])
+    for key in np.unique(keys):
+        member = keys == key
+        first = int(np.argmax(member))
+        focal_mm, aperture = float(samples.focal_mm[first]), float(samples.aperture[first])
+        yield _Setting(str(samples.lens[first]), focal_mm, aperture, member)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """The falloffs of all settings together, as least squares.
+
+    Unknowns are, of each setting, the coefficients and the two coordinates of the centre. The prior of a coefficient is
+    a stop around 0, which a handful of samples outweighs.
+    """
+
+    model: PartialModel
+    places: Array
+    settings: Sequence[_Setting]
+    weight: Array
+
+    @property
+    def prior(self) -> Array:
+        """(unknowns,): the weight of each in the residual."""
+        return NOISE / np.tile([1.0] * DEGREE + [CENTRE_SPREAD] * 2, len(self.settings))
+
+    def terms(self, unknowns: Array) -> tuple[Array, Array]:
+        """The falloff at each sample (n,), and its slopes (n, unknowns)."""
+        stops, slopes = np.zeros(len(self.places)), np.zeros((len(self.places), len(unknowns)))
+        each, step = DEGREE + 2, 1e-4
+        for place, setting in enumerate(self.settings):
+            mine = slice(each * place, each * (place + 1))
+            coefficients, centre = unknowns[mine][:DEGREE], unknowns[mine][DEGREE:]
+            offset = self.places[setting.member] - centre
+            basis, right, down = (
+                falloff_basis(np.sum((offset - d) ** 2, axis=1)) for d in ((0, 0), (step, 0), (0, step))
+            )
+            stops[setting.member] = basis @ coefficients
+            moved = np.stack([(right - basis) @ coefficients, (down - basis) @ coefficients], axis=1) / step
+            slopes[setting.member, mine] = np.hstack([basis, moved])
+        return stops, slopes
+
+    def linearize(self, unknowns: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Residuals (1, m) and slopes (1, m, unknowns) for `gauss_newton`."""
+        stops, slopes = self.terms(unknowns[0])
+        left = self.model.residual(np.column_stack([self.model.y + stops, slopes]), self.weight)
+        left *= np.sqrt(self.weight)[:, None]
+        residual = np.concatenate([left[:, 0], self.prior * unknowns[0]])
+        return residual[None], np.vstack([left[:, 1:], np.diag(self.prior)])[None]
+
+    def reweighted(self, unknowns: Array) -> "_Problem":
+        """The problem of the next round."""
+        left = self.model.residual((self.model.y + self.terms(unknowns)[0])[:, None], self.weight)
+        return replace(self, weight=self.model.reweighted(left[:, 0]))
+
+
+def _fit(model: PartialModel, places: Array, settings: Sequence[_Setting]) -> list[Falloff]:
+    """The falloffs of all settings."""
+    lower = np.tile([0.0] * DEGREE + [-FARTHEST_CENTRE] * 2, len(settings))
+    upper = np.tile([4.0] * DEGREE + [FARTHEST_CENTRE] * 2, len(settings))
+    value = np.tile([0.1] * DEGREE + [0.0] * 2, len(settings))
+    problem = _Problem(model, places, settings, model.precision)
+    for _ in range(6):
+        value = gauss_newton(problem.linearize, value[None], lower=lower, upper=upper, most=20).value[0]
+        problem = problem.reweighted(value)
+    falloffs = []
+    for setting, (a, b, c, x, y) in zip(settings, value.reshape(-1, DEGREE + 2).tolist(), strict=True):
+        falloffs.append(Falloff((a, b, c), (x, y), setting.lens, setting.focal_mm, setting.aperture))
+    return falloffs
+
+
+def _is_significant(model: PartialModel, y: Array, places: Array, shot: NDArray[np.str_], member: Mask) -> bool:
+    """Whether the strength of a falloff r², estimated in each quarter of each shot, is above 0 in the mean.
+
+    y: (n,), without the falloffs of the other settings; member: (n,) the samples of this one. Weights are those of a
+    fit without its falloff, which do not favour samples that agree with it.
+    """
+    weight = model.precision
+    for _ in range(3):
+        weight = model.reweighted(model.residual(y[:, None], weight)[:, 0])
+    left = model.residual(np.column_stack([np.where(member, np.sum(places**2, axis=1), 0.0), -y]), weight)
+    quarter = 2 * (places[:, 0] > 0) + (places[:, 1] > 0)
+    strengths, told = [], []
+    for name in np.unique(shot[member]):
+        for place in range(4):
+            block = member & (shot == name) & (quarter == place)
+            told.append(float(weight[block] @ left[block, 0] ** 2))
+            strengths.append(float(weight[block] @ (left[block, 0] * left[block, 1])) / max(told[-1], 1e-300))
+    enough = np.array(told) > 0.05 * np.median(told)  # quarters that hardly tell
+    if np.count_nonzero(enough) < 3:
+        return False
+    return bool(ttest_1samp(np.array(strengths)[enough], 0.0, alternative="greater").pvalue < SIGNIFICANCE)

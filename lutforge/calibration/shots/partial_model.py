@@ -1,0 +1,88 @@
+"""The part of a JPEG's brightness that its colour does not tell: a partially linear model, and its residuals.
+
+A fixed rendering takes each scene colour to one JPEG colour I, so that log₂ Σ Tw E is a smooth function λ of I. What a
+camera adds by place, shot or setting comes beside it, linear in few numbers β: y = λ(I) + z·β + ε (Robinson 1988,
+https://doi.org/10.2307/1912705). λ is a sum of radial basis functions by style. It is projected out of y and of every
+column of z, and β is fitted to what remains, which gives the β of the joint fit (Frisch & Waugh 1933,
+https://doi.org/10.2307/1907330). So a gamut map need not be known, nor be left alone by any colour.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from lutforge.arrays import Array, Mask
+from lutforge.calibration.physical.radial_basis import SMOOTHNESS, RadialBasisProblem, spread
+from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.robust_weights import RobustWeights, cauchy
+
+NOISE = 0.03
+"""Scatter of y, in stops, of bright samples; darker ones scatter more, as codes are rounded."""
+OUTLIERS = RobustWeights(cauchy, multiple=2.5, least=0.02)
+
+
+@dataclass(frozen=True, eq=False)
+class PartialModel:
+    """The samples of a partially linear model.
+
+    rows: (n,) their places in the sample set; y: log₂ of the scene's light, (n,); precision: (n,) by their noise;
+    style: (n,) place of their style; designs: by style the functions of λ at its samples; bending: their penalty.
+    """
+
+    rows: NDArray[np.intp]
+    y: Array
+    precision: Array
+    style: NDArray[np.intp]
+    designs: tuple[Array, ...]
+    bending: tuple[Array, ...]
+
+    def residual(self, columns: Array, weight: Array) -> Array:
+        """Columns (n, k) less what a function of colour makes of them, in a fit of weights (n,)."""
+        left = np.empty_like(columns)
+        for place, (design, bending) in enumerate(zip(self.designs, self.bending, strict=True)):
+            mine = self.style == place
+            weighted = design * weight[mine, None]
+            normal = weighted.T @ design + bending
+            left[mine] = columns[mine] - design @ cho_solve(cho_factor(normal), weighted.T @ columns[mine])
+        return left
+
+    def reweighted(self, residual: Array) -> Array:
+        """Weights (n,) of the next round of a robust fit, from the residuals (n,) of this one."""
+        return np.asarray(self.precision * OUTLIERS(np.abs(residual)))
+
+
+def partial_model(samples: SampleSet, multipliers: Array, usable: Mask, most: int = 4000) -> PartialModel | None:
+    """State the model of the usable samples (n,), at most so many of a style; None where colours cannot tell λ.
+
+    multipliers: (n, 3), what makes RAW white-balanced. Each shot has an offset of its own with a prior of a tenth of a
+    stop around 0, so that no exposure that is off is taken for something else.
+    """
+    rng = np.random.default_rng(0)
+    parts, designs, bending = [], [], []
+    for name in np.unique(samples.style[usable]):
+        mine = np.flatnonzero(usable & (samples.style == name))
+        mine = np.sort(rng.permutation(mine)[:most])
+        encoded = np.ascontiguousarray(samples.srgb[mine])
+        shots, member = np.unique(samples.shot[mine], return_inverse=True)
+        try:
+            problem = RadialBasisProblem(encoded, encoded[spread(encoded, min(150, len(mine) // 8))])
+            stiff = SMOOTHNESS * problem.bending + 1e-9 * len(mine) * np.eye(len(problem.bending))
+        except (LinAlgError, ValueError):
+            continue
+        own = len(problem.bending)
+        penalty = np.zeros((own + len(shots), own + len(shots)))
+        penalty[:own, :own] = stiff
+        np.fill_diagonal(penalty[own:, own:], (NOISE / 0.1) ** 2)
+        parts.append(mine)
+        designs.append(np.hstack([problem.design, np.eye(len(shots))[member]]))
+        bending.append(penalty)
+    if not parts:
+        return None
+    rows = np.concatenate(parts)
+    y = np.log2((samples.raw[rows] * multipliers[rows]).sum(axis=1))
+    rounding = 2.2 / np.log(2.0) * (0.5 / 255) / np.maximum(samples.srgb[rows].mean(axis=1), 0.02)  # of a power of 2.2
+    precision = NOISE**2 / (NOISE**2 + rounding**2)
+    style = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    return PartialModel(rows, y, precision, style, tuple(designs), tuple(bending))

@@ -1,0 +1,97 @@
+"""What a camera's JPEG adds to the light that its lens loses towards the corners, by lens setting."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lutforge.arrays import Array
+from lutforge.errors import ProfileError
+
+DEGREE = 3
+
+
+def falloff_basis(q: Array) -> Array:
+    """Rising polynomials of squared distances q (n,) ≥ 0, (n, DEGREE), that are 0 at 0 and 1 at 1, straight beyond.
+
+    They are integrals of Bernstein's polynomials (Farouki 2012, https://doi.org/10.1016/j.cagd.2012.03.001), so a sum
+    with coefficients that are not negative never falls, and all sums of that degree that rise are nearly spanned.
+    """
+    inside, beyond = np.minimum(q, 1.0), np.maximum(q - 1.0, 0.0)
+    rest = 1.0 - inside
+    cubic = inside**3
+    second = cubic + 3.0 * inside**2 * rest
+    return np.stack([second + 3.0 * inside * rest**2, second, cubic + DEGREE * beyond], axis=-1)
+
+
+@dataclass(frozen=True)
+class Falloff:
+    """The brightening of a JPEG beyond its centre, in stops, at one lens setting.
+
+    coefficients: of `falloff_basis`, ≥ 0, their sum is the brightening at the corners; centre: where there is none.
+    Both take places as samples have them: x to the right and y down from the middle of the visible area, half its
+    diagonal = 1. lens: its name, "" where unknown; focal_mm, aperture (f-number): NaN where unknown.
+    Raises ProfileError on numbers that no lens has.
+    """
+
+    coefficients: tuple[float, float, float]
+    centre: tuple[float, float] = (0.0, 0.0)
+    lens: str = ""
+    focal_mm: float = float("nan")
+    aperture: float = float("nan")
+
+    def __post_init__(self) -> None:
+        if not (
+            len(self.coefficients) == DEGREE
+            and all(0.0 <= value <= 20.0 for value in self.coefficients)
+            and all(-1.0 <= value <= 1.0 for value in self.centre)
+        ):
+            raise ProfileError(f"the falloff of {self.setting} has numbers that no lens has")
+
+    @property
+    def corner_ev(self) -> float:
+        """The brightening in stops at half a diagonal from its centre."""
+        return sum(self.coefficients)
+
+    @property
+    def setting(self) -> str:
+        """The lens setting in words."""
+        focal = f"{self.focal_mm:g} mm" if np.isfinite(self.focal_mm) else ""
+        aperture = f"f/{self.aperture:g}" if np.isfinite(self.aperture) else ""
+        return " ".join(word for word in (self.lens, focal, aperture) if word) or "an unknown lens"
+
+    @property
+    def note(self) -> str:
+        """What a user should know, in one sentence."""
+        return (
+            f"{self.setting}: the JPEG's corners are {self.corner_ev:.2f} EV brighter than the RAW's (lens falloff, "
+            "corrected by the camera); the profile renders the middle, and minds the place where it knows it"
+        )
+
+    def stops(self, places: ArrayLike) -> Array:
+        """The brightening in stops at places (…, 2), (…); 0 where a place is NaN."""
+        offset = np.asarray(places, dtype=np.float64) - self.centre
+        return np.asarray(falloff_basis(np.nan_to_num(np.sum(offset**2, axis=-1))) @ np.array(self.coefficients))
+
+    def gain(self, height: int, width: int) -> Array:
+        """The same as a factor for each pixel of the whole visible area, (height, width)."""
+        half = 0.5 * np.hypot(height, width)
+        y, x = ((np.arange(size) + 0.5 - 0.5 * size) / half for size in (height, width))
+        return np.asarray(2.0 ** self.stops(np.stack(np.meshgrid(x, y), axis=-1)))
+
+    def distance(self, lens: str, focal_mm: float, aperture: float) -> float:
+        """How far another lens setting is: stops of its focal length and of its aperture together; inf: another lens.
+
+        What is unknown of both is alike.
+        """
+        steps = np.abs(np.log2([focal_mm / self.focal_mm, aperture / self.aperture]))
+        alike = np.isnan([self.focal_mm, self.aperture]) & np.isnan([focal_mm, aperture])
+        far = float(np.where(alike, 0.0, np.nan_to_num(steps, nan=np.inf)).sum())
+        return far if lens == self.lens else np.inf
+
+
+def falloff_of(falloffs: Iterable[Falloff], lens: str, focal_mm: float, aperture: float) -> Falloff | None:
+    """The falloff of the nearest lens setting, of the same lens and within half a stop; None where there is none."""
+    near = min(falloffs, key=lambda each: each.distance(lens, focal_mm, aperture), default=None)
+    return near if near is not None and near.distance(lens, focal_mm, aperture) <= 0.5 else None

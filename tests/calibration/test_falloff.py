@@ -1,0 +1,112 @@
+"""The lens falloff that a camera corrects in its JPEGs only: found where it is there, and never invented."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
+from lutforge.calibration.style_data import unclipped
+from lutforge.evaluation.evaluate import evaluate
+from lutforge.model.camera_profile import load_profile
+from lutforge.model.falloff import Falloff
+from lutforge.pipeline.calibration import calibrate
+from lutforge.samples.sample_set import SampleSet
+from lutforge.simulate.camera import nikon_d5100
+from tests.calibration.samples_of_today import lost_stops, spread_over_picture, with_dark_corners
+from tests.calibration.samples_simulated import photograph_patches, surfaces
+
+BALANCES = ("tungsten", "daylight", "shade")
+
+
+def _photographed(count: int = 80, seed: int = 0, stops: tuple[int, ...] = (-2, -1, 0)) -> SampleSet:
+    samples = photograph_patches(nikon_d5100(), surfaces(count, seed), balances=BALANCES, stops=stops, seed=seed)
+    return spread_over_picture(samples, seed)
+
+
+def _fitted(samples: SampleSet) -> tuple[Falloff, ...]:
+    return fit_falloffs(samples, samples.wb, unclipped(samples, samples.wb))
+
+
+@pytest.mark.parametrize("power", [1.0, 1.5])
+@pytest.mark.parametrize(("ev", "centre"), [(0.3, (0.0, 0.0)), (1.0, (0.05, -0.06)), (2.0, (0.0, 0.0))])
+def test_falloff_is_recovered(ev: float, centre: tuple[float, float], power: float) -> None:
+    samples = _photographed()
+    stops = lost_stops(samples, ev, centre, power)
+    (falloff,) = _fitted(with_dark_corners(samples, stops))
+    np.testing.assert_allclose(falloff.stops(samples.position), stops, atol=0.05)
+
+
+def test_the_fourth_power_of_a_cosine_is_recovered() -> None:
+    samples = _photographed()
+    stops = 2.0 * np.log2(1.0 + 0.7 * np.sum(samples.position**2, axis=1))
+    (falloff,) = _fitted(with_dark_corners(samples, stops))
+    np.testing.assert_allclose(falloff.stops(samples.position), stops, atol=0.02)
+
+
+def test_lens_settings_have_falloffs_of_their_own() -> None:
+    samples = _photographed(60)
+    one = np.char.endswith(samples.shot, "-1")
+    stops = np.where(one, lost_stops(samples, 0.8), 0.0)
+    aperture, focal_mm = np.where(one, 2.8, 8.0), np.full(len(samples), 35.0)
+    spoilt = replace(with_dark_corners(samples, stops), aperture=aperture, focal_mm=focal_mm)
+    (falloff,) = _fitted(spoilt)
+    assert (falloff.focal_mm, falloff.aperture) == (35.0, 2.8)
+    assert falloff.setting == "35 mm f/2.8"
+    centred = at_the_centre(spoilt, (falloff,)).raw
+    assert np.array_equal(centred[~one], spoilt.raw[~one])  # f/8 loses nothing
+    np.testing.assert_allclose(np.log2(centred / samples.raw), 0.0, atol=0.05)
+
+
+def test_settings_of_no_sample_take_the_nearest_of_their_lens() -> None:
+    falloff = Falloff((0.1, 0.2, 0.3), lens="Nikkor", focal_mm=35.0, aperture=4.0)
+    assert falloff.distance("Nikkor", 35.0, 4.0) == 0.0
+    assert falloff.distance("Nikkor", 35.0, 4.5) == pytest.approx(np.log2(4.5 / 4.0))
+    assert falloff.distance("Zeiss", 35.0, 4.0) == np.inf
+    assert falloff.distance("Nikkor", np.nan, 4.0) == np.inf
+    assert replace(falloff, focal_mm=np.nan).distance("Nikkor", np.nan, 4.0) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_falloff_is_invented(seed: int) -> None:
+    samples = _photographed(30, seed)
+    fixed = replace(samples, position=samples.position[samples.patch.astype(int)])  # one chart, never moved
+    assert _fitted(samples) == _fitted(fixed) == ()
+
+
+def test_samples_without_places_tell_nothing() -> None:
+    samples = _photographed(30)
+    dark = with_dark_corners(samples, lost_stops(samples, 1.0))
+    assert _fitted(replace(dark, position=np.full_like(dark.position, np.nan))) == ()
+
+
+def test_what_changes_from_side_to_side_is_no_falloff() -> None:
+    samples = _photographed(80)
+    assert _fitted(with_dark_corners(samples, 0.5 * samples.position[:, 0])) == ()
+
+
+def test_unseen_shots_are_predicted_as_without(tmp_path: Path) -> None:
+    options = CalibrationOptions(size=9)
+    errors, noted = [], []
+    for ev in (0.0, 1.0):
+        seen, unseen = _photographed(60, 1), _photographed(60, 2, stops=(-1, 0))
+        unseen = replace(unseen, shot=np.char.add(unseen.shot, " unseen"))
+        profile = calibrate(with_dark_corners(seen, lost_stops(seen, ev)), options)
+        profile.save(tmp_path / "camera.npz")
+        profile = load_profile(tmp_path / "camera.npz")
+        table = evaluate(profile, with_dark_corners(unseen, lost_stops(unseen, ev))).rows
+        errors.append(next(row.figures.mean for row in table if (row.shot, row.method) == ("all", "lattice")))
+        noted.append(any("falloff" in note for note in profile.notes))
+    assert errors[1] < 1.1 * errors[0]
+    assert noted == [False, True]
+
+
+def test_gain_is_that_of_the_places_of_pixels() -> None:
+    falloff = Falloff((0.3, 0.4, 0.3), (0.05, -0.02))
+    gain = falloff.gain(20, 30)
+    assert gain.shape == (20, 30)
+    place = np.array([29.5 - 15.0, 0.5 - 10.0]) / np.hypot(15, 10)
+    assert gain[0, 29] == pytest.approx(2.0 ** float(falloff.stops(place)))
+    assert falloff.stops([np.nan, np.nan]) == 0.0
