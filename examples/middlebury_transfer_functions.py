@@ -25,8 +25,9 @@ from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 NOTES = """Made by `examples/middlebury_transfer_functions.py` from the photographs named in middlebury_table.md: pairs
 of one chart at two exposures, both lights. A colour is an outlier where it leaves the camera's common function by more
 than three codes in any channel; R, G, B are the channels in which it does. The shift is the median departure of
-unsaturated colours in the worst pair of shots; a shutter 5 % off shifts middle grey by three codes. RAW departs from
-one ratio a pair of shots by the share given (median of the worst pair), noise and 8 bits included.
+unsaturated colours in the pairs of the worst shot, in the middle one of its channels; a shutter 5 % off shifts middle
+grey by three codes. RAW departs from one ratio a pair of shots by the share given (median of the worst pair), noise
+and 8 bits included.
 """
 
 

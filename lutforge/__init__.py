@@ -19,7 +19,6 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from lutforge.calibration.options import CalibrationOptions
-    from lutforge.calibration.physical.bracket import response_from_bracket
     from lutforge.errors import LutForgeError
     from lutforge.evaluation.evaluation import Evaluation
     from lutforge.images.raw import read_raw
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from lutforge.pipeline.evaluation import evaluate
     from lutforge.pipeline.grading import apply
     from lutforge.pipeline.reports import report
+    from lutforge.pipeline.response import response_from_bracket
     from lutforge.pipeline.sampling import sample
     from lutforge.pipeline.transforms import transform
     from lutforge.samples.sample_set import SampleSet
@@ -93,7 +93,7 @@ _HOMES = {
     "read_raw": "images.raw",
     "read_samples": "samples.table",
     "report": "pipeline.reports",
-    "response_from_bracket": "calibration.physical.bracket",
+    "response_from_bracket": "pipeline.response",
     "sample": "pipeline.sampling",
     "save_profile": "model.profile_file",
     "smallest_size": "pipeline.calibration",

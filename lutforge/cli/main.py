@@ -19,6 +19,7 @@ from lutforge.cli.import_nus import import_nus
 from lutforge.cli.inspect import inspect
 from lutforge.cli.kit import kit
 from lutforge.cli.report import report
+from lutforge.cli.response import response
 from lutforge.cli.sample import sample
 from lutforge.cli.studio import studio
 from lutforge.cli.transfer import transfer
@@ -32,7 +33,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for command in (demo, inspect, sample, calibrate, evaluate, bake, kit, config, apply, transfer, check, report, studio):
+for command in (
+    demo, inspect, sample, calibrate, response, evaluate, bake, kit, config, apply, transfer, check, report, studio,
+):  # fmt: skip
     app.command()(command)
 app.command("import-nus")(import_nus)
 

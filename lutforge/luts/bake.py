@@ -19,8 +19,8 @@ from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.fit import Evaluated, evaluate, fit_ops
-from lutforge.luts.ops import Cube, Matrix, Op, Range
-from lutforge.luts.parts import Parts, parts_of
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
+from lutforge.luts.parts import Parts, curve_alone, parts_of
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import FORMS, MAX_SIZE, Form, Lut
 from lutforge.luts.shaper import lattice_ops, levels_behind_gain, node_levels, shaper
@@ -169,6 +169,9 @@ def _as_it_stands(transform: ColourFunction, target: Target) -> tuple[Op, ...] |
     if isinstance(transform, Transform) and transform.is_identity:
         even = grid(uniform_levels(target.size or target.default))
         return (Range(),) if target.form == "full" else (Cube(even, target.interpolation or "tetrahedral"),)
+    curve = curve_alone(transform)
+    if curve is not None:
+        return joined(curve) if target.form == "full" else _with_curve(joined(curve), target)
     parts = parts_of(transform)
     if parts.lattice is None:
         return None
@@ -183,6 +186,17 @@ def _as_it_stands(transform: ColourFunction, target: Target) -> tuple[Op, ...] |
         return joined((ahead, Range(), *ops, Matrix(parts.matrix)))
     folded = None if _takes_scenes(transform) else _folded(ops, parts)
     return folded if folded is not None and Lut(folded).has_form(target.form) else None
+
+
+def _with_curve(ops: tuple[Op, ...], target: Target) -> tuple[Op, ...] | None:
+    """A curve alone, where the file may hold one, or with a cube of what matrices there are; None for other forms."""
+    match [op for op in ops if not isinstance(op, Range)]:
+        case [Curve() as curve]:
+            if target.curve or target.form == "shaper" or (target.form == "shared" and curve.is_shared):
+                return (curve,)
+        case [Curve() as curve, Matrix() as matrix] if target.form == "shaper":
+            return curve, Cube(matrix(grid(uniform_levels(2))), target.interpolation or "tetrahedral")
+    return None
 
 
 def _folded(ops: tuple[Op, ...], behind: Parts) -> tuple[Op, ...] | None:

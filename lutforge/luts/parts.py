@@ -12,7 +12,9 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import through
+from lutforge.luts.ops import Curve, Matrix, Op, Range
 from lutforge.luts.shaper import SHAPER_SIZE
+from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 from lutforge.model.transform import (
@@ -80,6 +82,31 @@ def parts_of(transform: ColourFunction) -> Parts:
             curve = np.repeat([[0.0], [1.0]], 3, axis=1)  # a gamut map is smooth in linear light
     lattice = last if isinstance(last, Lattice) and len(body) == 1 else None
     return Parts(_checked(inner), gain, matrix, before, curve, response, lattice)
+
+
+def curve_alone(transform: ColourFunction) -> tuple[Op, ...] | None:
+    """The operations of a transform that holds one response at most, beside gains and matrices; None of any other."""
+    ops: list[Op] = []
+    for stage in transform.stages if isinstance(transform, Transform) else ():
+        match stage:
+            case Gain():
+                ops.append(Matrix(np.diag(stage.factors)))
+            case Linear():
+                ops.append(Matrix(stage.matrix))
+            case Clip():
+                ops.append(Range())
+            case Decode():
+                # Three entries between two of its own: a reader that lays a spline through them makes the same of it.
+                even = np.linspace(0.0, 1.0, 4 * len(stage.response.inverse) - 3)[:, None].repeat(3, axis=1)
+                ops.append(Curve(stage.response.linearize(even)))
+            case Encode():
+                low, span = stage.response.inverse[0], stage.response.inverse[-1] - stage.response.inverse[0]
+                ops += [Matrix(np.diag(1 / span), -low / span), Curve(_output_curve(stage.response)[1])]
+            case GamutMap() if stage.is_identity:
+                pass
+            case _:
+                return None
+    return tuple(ops) if sum(isinstance(op, Curve) for op in ops) == 1 else None
 
 
 def as_one(transform: ColourFunction, highest: float) -> Parts:

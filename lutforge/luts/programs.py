@@ -75,7 +75,7 @@ class Target:
     """What is to be baked.
 
     size: nodes per axis, or none for a lattice's own, else `default`; interpolation: that of the reader, or none for a
-    lattice's own, else tetrahedral; sizes: those that a tolerance is tried at.
+    lattice's own, else tetrahedral; sizes: those that a tolerance is tried at. curve: the file may hold a curve alone.
     """
 
     form: Form = "full"
@@ -83,6 +83,7 @@ class Target:
     interpolation: Interpolation | None = None
     default: int = 33
     sizes: tuple[int, ...] = TRIED
+    curve: bool = False
 
 
 def program_named(name: str) -> Program:
@@ -120,7 +121,8 @@ def target_of(
         sizes = ", ".join(map(str, file_format.sizes))
         raise LutError(f"{path}: {size} nodes per axis; {file_format.name} has {sizes}: choose one of these, or none")
     chosen = interpolation or (None if known is None else known.interpolation)
-    return Target(form, size, chosen, default, tuple(n for n in file_format.sizes or TRIED if n <= most))
+    curve = suffix == ".cube" and known is None and size is None
+    return Target(form, size, chosen, default, tuple(n for n in file_format.sizes or TRIED if n <= most), curve)
 
 
 def files_for(program: str, title: str) -> dict[Path, str | None]:

@@ -15,6 +15,7 @@ from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.processor import processor_of
+from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.transform import checked_colours
 
 Form = Literal["full", "shaper", "shared", "plain"]
@@ -111,6 +112,7 @@ class Lut:
         """The whole sequence as a shaper, or none, and a cube; None where it is more than that.
 
         What changes nothing is left out: identity matrices, and a clamp to the domain of the curve or cube behind it.
+        A curve alone has a straight cube of two nodes behind it.
         """
         ops = [op for op in self.ops if not (isinstance(op, Matrix) and op.is_identity)]
         if len(ops) > 1 and isinstance(ops[0], Range) and (ops[0].low, ops[0].high) == (0.0, 1.0):
@@ -122,6 +124,8 @@ class Lut:
                 return None, cube
             case [Curve() as curve, Cube() as cube]:
                 return curve, cube
+            case [Curve() as curve]:
+                return curve, Cube(grid(uniform_levels(2)))
         return None
 
     def has_form(self, form: Form) -> bool:

@@ -119,6 +119,11 @@ class GamutMap:
         if not 0.0 <= self.offset <= 1.0:
             raise ProfileError(f"gamut map: the offset of its scale, {self.offset}, is not within 0 … 1")
 
+    @property
+    def is_identity(self) -> bool:
+        """True where it changes nothing."""
+        return not self.coefficients.any() and np.array_equal(self.polynomial, identity_gamut_map().polynomial)
+
     def __call__(self, x: ArrayLike) -> Array:
         """h at x (…, 3). Time O(points · centres), multi-threaded, no matrix of distances is formed."""
         points = np.asarray(x, dtype=np.float64)
@@ -143,3 +148,8 @@ class GamutMap:
         near = np.ascontiguousarray((centres - middles[:, None]).transpose(0, 2, 1), dtype=np.float32)
         factors = np.ascontiguousarray(coefficients.transpose(0, 2, 1), dtype=np.float32)
         return middles, factors.sum(axis=2, dtype=np.float64), near, factors
+
+
+def identity_gamut_map() -> GamutMap:
+    """h(p) = p: the conventional model, f and T without h."""
+    return GamutMap(np.zeros((1, 3)), np.zeros((1, 3)), np.vstack([np.zeros((1, 3)), np.eye(3)]))

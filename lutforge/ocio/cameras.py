@@ -10,9 +10,10 @@ from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.response_profile import is_response_alone
 from lutforge.ocio.names import UniqueNames, file_stem, part_name, space_name
 
-RAW = "RAW"
+RAW, LINEAR = "RAW", "linear"
 DEFAULT = "default"
 """Stands for the reference white balance in names that context variables make."""
 AS_SHOT = "(as shot)"
@@ -45,8 +46,9 @@ class Camera:
         return "daylight" if "daylight" in balances else min(balances, key=distance)
 
     def raw(self, balance: str | None = None) -> str:
-        """The colour space of its RAW, before white balance or after one."""
-        return space_name(self.name, RAW, self.balances[balance] if balance is not None else "")
+        """The colour space of its RAW, or of its JPEGs' light, before white balance or after one."""
+        light = LINEAR if is_response_alone(self.profile) else RAW
+        return space_name(self.name, light, self.balances[balance] if balance is not None else "")
 
     def jpeg(self, style: str, balance: str) -> str:
         """The colour space of its JPEGs in a style and white balance."""
@@ -104,7 +106,7 @@ def name_cameras(profiles: Sequence[CameraProfile], taken: Iterable[str] = ()) -
 
 
 def _named(profile: CameraProfile, used: set[str]) -> Camera:
-    styles, balances = UniqueNames((RAW,)), UniqueNames((DEFAULT, AS_SHOT))
+    styles, balances = UniqueNames((RAW, LINEAR)), UniqueNames((DEFAULT, AS_SHOT))
     first = Camera(
         profile,
         part_name(profile.camera, "camera"),

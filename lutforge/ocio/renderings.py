@@ -94,12 +94,14 @@ def baked(rendering: Rendering, options: InverseOptions | None = None) -> BakedR
     luts: dict[str, Lut] = {}
     said = []
     if rendering.render is not None:
-        render = compact(bake(rendering.render, title=f"{title} render"))
+        render = bake(rendering.render, title=f"{title} render")
+        render = render if render.cube is None else compact(render)
         said.append(f"render LUT against the model: {_error(render, rendering.render)}")
         luts[rendering.render_file] = replace(render, comments=tuple(said))
     if rendering.linearize is not None:
-        if rendering.render is None:
-            linearize, trip = compact(bake(rendering.linearize, title=f"{title} linearize")), ""
+        if rendering.render is None or render.cube is None:  # a response alone is its own exact inverse
+            linearize, trip = bake(rendering.linearize, title=f"{title} linearize"), ""
+            linearize = linearize if linearize.cube is None else compact(linearize)
         else:
             linearize = compact(
                 inverse_of(BakedRender.of(render), rendering.linearize, options).as_lut(f"{title} linearize")

@@ -10,6 +10,7 @@ from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import MODELS, CameraProfile, match
 from lutforge.model.raw_transfer import chained, load_transfer
+from lutforge.model.response_profile import is_response_alone
 from lutforge.model.scene_render import through_camera
 from lutforge.model.transform import Transform
 from lutforge.pipeline.evaluation import as_profile
@@ -88,6 +89,8 @@ def transform(
 def choose_transform(camera: CameraProfile, wanted: Wanted) -> Chosen:
     """Return the transform that the words ask for. Raises SettingsError where a setting is missing or unknown."""
     kind, space = one_of("transform", wanted.kind, KINDS), _space_named(wanted.space)
+    if space == "raw" and kind == "linearize" and is_response_alone(camera):
+        space = "linear-srgb"
     model = None if wanted.model is None else one_of("model", wanted.model, MODELS)
     exposure = f", {wanted.ev:+g} EV" if wanted.ev else ""
     end = camera if wanted.look is None else as_profile(wanted.look)

@@ -10,7 +10,6 @@ from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
-from lutforge.calibration.physical.gamut_map import identity_gamut_map
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
@@ -21,6 +20,7 @@ from lutforge.calibration.style_fit import fit_direction
 from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, ModelName
+from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance

@@ -1,21 +1,20 @@
 """The response from a JPEG bracket alone, without RAW (thesis 4.2.1), beside plain curves with their residuals."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.physical.curve_basis import log_spline_basis
-from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_bracket
+from lutforge.calibration.physical.brightness_transfer import ResponseVerdict, judge
+from lutforge.calibration.physical.curve_basis import log_emor_basis, log_spline_basis
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.plain_curves import gamma_response, srgb_response
-from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.physical.response_from_exposures import ExposureResponseFit, fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.errors import CalibrationError
-from lutforge.images.read import read_image
 from lutforge.model.response import Response
+from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out
 
 ENTRIES = 1024
 
@@ -37,7 +36,9 @@ class CurveFit:
 class BracketFit:
     """curves: EMoR's first, then the plain ones. exposure_error: by shot, true over stated exposure. pairs: points.
 
-    black, white: (3,) JPEG values below and above which a channel does not follow the exposure.
+    black, white: (3,) JPEG values below and above which a channel does not follow the exposure. basis_curves: of EMoR,
+    as held-out pairs chose; held_out: EMoR's median on these, with exposure errors taken out, NaN for too few pairs.
+    verdict: whether the response is a fixed property, with the exposure errors taken out.
     """
 
     curves: tuple[CurveFit, ...]
@@ -45,6 +46,9 @@ class BracketFit:
     pairs: int
     black: Array
     white: Array
+    basis_curves: int
+    held_out: float
+    verdict: ResponseVerdict
 
     @property
     def response(self) -> Response:
@@ -52,45 +56,14 @@ class BracketFit:
         return self.curves[0].response
 
 
-def response_from_bracket(
-    paths: Sequence[str | Path], exposure_s: Sequence[float] | None = None, beta: float = BETA
-) -> BracketFit:
-    """Fit f to photographs of one still scene, from a tripod, that differ in the exposure only.
-
-    exposure_s: relative exposures; None reads time, aperture and ISO from the files. beta: HSV saturation below which
-    colours count (1: all, for a scene with nothing near neutral, whose curve then carries what the gamut map did).
-    Raises CalibrationError, with what to shoot, where the bracket does not determine a response; ImageError.
-    """
-    images = [read_image(path) for path in paths]
-    names = [Path(path).name for path in paths]
-    for name, image in zip(names, images, strict=True):
-        if image.pixels.shape[2] < 3:
-            raise CalibrationError(f"{name}: a grey image; the response is fitted to red, green and blue")
-    if exposure_s is None:
-        exposure_s = [_stated_exposure(name, image.spec) for name, image in zip(names, images, strict=True)]
-    return fit_bracket(
-        pairs_of_bracket(names, [image.pixels[..., :3].astype(np.float64) for image in images], exposure_s), beta
-    )
-
-
-def _stated_exposure(name: str, spec: object) -> float:
-    def number(*tags: str) -> float:
-        found = (spec.getattribute(tag) for tag in tags)  # type: ignore[attr-defined]  # OpenImageIO has no types
-        return float(next((value for value in found if value), 0.0))
-
-    time = number("ExposureTime", "Exif:ExposureTime")
-    aperture, iso = number("FNumber", "Exif:FNumber"), number("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")
-    if time <= 0:
-        raise CalibrationError(f"{name}: the file states no exposure time; give the exposures of the bracket")
-    return time * (iso or 100.0) / 100.0 / (aperture or 1.0) ** 2
-
-
 def fit_bracket(pairs: ExposurePairs, beta: float = BETA) -> BracketFit:
-    """EMoR (the robust fit), a monotone spline, the best gamma and sRGB, on the exposure pairs of a bracket."""
-    fit = fit_response_to_exposures(pairs, beta=beta)
+    """Fit EMoR (robust, its curves chosen on held-out pairs), a monotone spline, the best gamma and sRGB to a bracket.
+
+    Raises CalibrationError where the pairs do not determine a response.
+    """
     plain = np.maximum(saturation(pairs.first), saturation(pairs.second)) < beta
-    if not plain.any():
-        plain = fit.weight > 0.5
+    count, held_out = _choose_curves(pairs, plain, beta)
+    fit = fit_response_to_exposures(pairs, beta=beta, basis=log_emor_basis(count))
     gamma = minimize_scalar(
         lambda value: _residual(pairs, gamma_response(value), plain)[1], bounds=(0.5, 5.0), method="bounded"
     ).x
@@ -103,15 +76,54 @@ def fit_bracket(pairs: ExposurePairs, beta: float = BETA) -> BracketFit:
     found = tuple(
         CurveFit(name, _over_codes(curve, pairs), *_residual(pairs, curve, plain)) for name, curve in curves.items()
     )
-    errors = {name: float(np.exp(value)) for name, value in fit.shot_error.items()}
-    return BracketFit(found, errors, len(pairs), pairs.black, pairs.white)
+    return BracketFit(
+        found,
+        {name: float(np.exp(value)) for name, value in fit.shot_error.items()},
+        len(pairs),
+        pairs.black,
+        pairs.white,
+        count,
+        held_out,
+        judge(_corrected(pairs, fit), fit.response),
+    )
+
+
+def _choose_curves(pairs: ExposurePairs, plain: Mask, beta: float) -> tuple[int, float]:
+    """The fewest curves of EMoR within 2 % of the least error on held-out pairs of shots, and that error in codes."""
+    shots = np.char.add(pairs.first_shot.astype(np.str_), np.char.add("-", pairs.second_shot.astype(np.str_)))
+    folds = leave_groups_out(shots, 3) if len(np.unique(shots)) >= 3 else leave_samples_out(len(pairs), 3)
+    errors: dict[int, float] = {}
+    every = 15  # as many as there are
+    for count in (3, 6, 10, every):
+        parts = []
+        for held in folds:
+            try:
+                fit = fit_response_to_exposures(pairs.select(~held), beta=beta, basis=log_emor_basis(count))
+            except CalibrationError:  # the others span too few tones
+                return every, float("nan")
+            if np.any(held & plain):
+                parts.append(_departure(_corrected(pairs, fit), fit.response, held & plain))
+        errors[count] = float(np.median(np.abs(np.concatenate(parts)))) if parts else float("nan")
+    good = [count for count, error in errors.items() if error <= 1.02 * min(errors.values())]
+    return (good[0], errors[good[0]]) if good else (every, float("nan"))
+
+
+def _corrected(pairs: ExposurePairs, fit: ExposureResponseFit) -> ExposurePairs:
+    """The pairs with the exposure errors that a fit found taken out."""
+    logs = np.array([fit.shot_error[name] for name in pairs.shots])
+    return replace(pairs, log_ratio=pairs.log_ratio + logs[pairs.second_shot] - logs[pairs.first_shot])
 
 
 def _residual(pairs: ExposurePairs, response: Response, rows: Mask) -> tuple[float, float]:
     """Median and root mean square of I' − f(k' f⁻¹(I)) in codes."""
-    expected = response.encode(np.exp(pairs.log_ratio[rows])[:, None] * response.linearize(pairs.first[rows]))
-    codes = 255.0 * (pairs.white - pairs.black) * (pairs.second[rows] - expected)
+    codes = _departure(pairs, response, rows)
     return float(np.median(np.abs(codes))), float(np.sqrt(np.mean(codes**2)))
+
+
+def _departure(pairs: ExposurePairs, response: Response, rows: Mask) -> Array:
+    """I' − f(k' f⁻¹(I)) (n, 3) in codes."""
+    expected = response.encode(np.exp(pairs.log_ratio[rows])[:, None] * response.linearize(pairs.first[rows]))
+    return np.asarray(255.0 * (pairs.white - pairs.black) * (pairs.second[rows] - expected))
 
 
 def _over_codes(response: Response, pairs: ExposurePairs) -> Response:

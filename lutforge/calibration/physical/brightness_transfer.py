@@ -43,9 +43,9 @@ class ResponseVerdict:
     """Whether the response is a fixed property of the camera, in figures.
 
     outliers: share of the colours that leave the common function, by channel and of whole colours; inlier_saturation,
-    outlier_saturation: their median HSV saturation; shift: the median departure of unsaturated colours from
-    the common function, worst pair, 1 = full scale; raw_spread: the same of the logarithm of RAW ratios within a pair;
-    fixed: whether all shifts are small.
+    outlier_saturation: their median HSV saturation; shift: the median departure of unsaturated colours from the common
+    function, in the middle one of the channels, of the worst shot (median over its pairs), 1 = full scale; raw_spread:
+    of the logarithm of RAW ratios within a pair, of the worst pair; fixed: whether all shifts are small.
     """
 
     outliers: float
@@ -84,33 +84,42 @@ def transfer_functions(pairs: ExposurePairs) -> tuple[TransferFunction, ...]:
     return tuple(result)
 
 
-def judge(pairs: ExposurePairs) -> ResponseVerdict:
-    """Outliers and shifts over all pairs. Raises CalibrationError where the pairs do not determine a response."""
-    response = fit_response_to_exposures(pairs).response
+def judge(pairs: ExposurePairs, response: Response | None = None) -> ResponseVerdict:
+    """Outliers and shifts over all pairs, from the function that a response implies; none: the one of the pairs.
+
+    Raises CalibrationError where the pairs do not determine a response.
+    """
+    response = response or fit_response_to_exposures(pairs).response
     departure = _departure(pairs, response, np.ones(len(pairs), dtype=np.bool_))
     by_channel = np.abs(departure) > OUTLIER
     outlier = by_channel.any(axis=1)
     chroma = np.maximum(saturation(pairs.first), saturation(pairs.second))
     shots = pairs.first_shot * len(pairs.shots) + pairs.second_shot
-    shifts, spreads = [0.0], [0.0]
+    shifts: dict[int, list[float]] = {}
+    spreads = [0.0]
     for pair in np.unique(shots):
         rows = shots == pair
         plain = rows & (chroma < BETA)
         if plain.sum() >= 3:
-            shifts.append(float(np.abs(np.median(departure[plain], axis=0)).max()))
+            # The middle one of the channels: the gamut map may move one alone; an exposure, a white balance or
+            # another response moves two.
+            shift = float(np.median(np.abs(np.median(departure[plain], axis=0))))
+            for shot in divmod(int(pair), len(pairs.shots)):
+                shifts.setdefault(shot, []).append(shift)
         bright = rows & np.all(pairs.raw_first > 0.02, axis=1)
         if bright.sum() >= 3:
             logs = np.log(pairs.raw_second[bright] / pairs.raw_first[bright])
             spreads.append(float(np.median(np.abs(logs - np.median(logs)))))
+    worst = max((float(np.median(each)) for each in shifts.values()), default=0.0)
     r, g, b = (float(value) for value in by_channel.mean(axis=0))
     return ResponseVerdict(
         outliers=float(outlier.mean()),
         outliers_by_channel=(r, g, b),
         inlier_saturation=float(np.median(chroma[~outlier])) if (~outlier).any() else float("nan"),
         outlier_saturation=float(np.median(chroma[outlier])) if outlier.any() else float("nan"),
-        shift=max(shifts),
+        shift=worst,
         raw_spread=max(spreads),
-        fixed=max(shifts) < FIXED,
+        fixed=worst < FIXED,
     )
 
 

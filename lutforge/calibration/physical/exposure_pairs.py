@@ -1,6 +1,6 @@
 """Exposure pairs: the same surface under the same light in two shots of different exposure (thesis 3.2, 4.2.1)."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -22,7 +22,7 @@ SAME_SCENE = 0.12
 END_GUARD = 4.0 / 255.0
 """Cells of a bracket this near its black or white are clipped, too: compression and noise move them."""
 LEAST_INSENSITIVE = 1e-3
-"""Share of the pixels that must not follow the exposure for their value to be the black or white."""
+"""Share of the cells that must not follow the exposure for their value to be the black or white."""
 TONES = 16
 RAW_SPREAD = 0.003
 TIME_SPREAD = 0.03
@@ -55,6 +55,14 @@ class ExposurePairs:
 
     def __len__(self) -> int:
         return len(self.log_ratio)
+
+    def select(self, rows: Mask) -> "ExposurePairs":
+        """The pairs of a mask (n,), of the same shots."""
+        by_pair = (
+            "first", "second", "raw_first", "raw_second", "first_row", "second_row", "log_ratio", "first_shot",
+            "second_shot",
+        )  # fmt: skip
+        return replace(self, **{name: getattr(self, name)[rows] for name in by_pair})
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,31 +101,39 @@ def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
 
 
 def pairs_of_bracket(
-    names: Sequence[str], encoded: Sequence[Array], exposure_s: Sequence[float], cell: int = 8, most: int = 400
+    names: Sequence[str], encoded: Iterable[Array], exposure_s: Sequence[float], cell: int = 8, most: int = 400
 ) -> ExposurePairs:
     """Exposure pairs of registered JPEGs of one scene: flat cells of `cell` × `cell` pixels.
 
-    encoded: images (h, w, 3) in [0, 1], all of one size; exposure_s: relative times, other settings the same;
-    most: cells kept of each pair of shots, evenly over the tones. Black and white are found from the outermost shots.
+    encoded: images (h, w, 3) in [0, 1], all of one size, taken one at a time; exposure_s: relative times, with all
+    other settings the same; most: cells kept of each pair of shots, evenly over the tones. Black and white are found
+    from the outermost shots.
     Raises CalibrationError below two exposures, on sizes that differ, or where nothing is flat and unclipped.
     """
     if len(set(exposure_s)) < 2:
         raise CalibrationError(
             "one exposure only: the response needs a bracket; shoot the same scene at several shutter speeds"
         )
-    if len({image.shape for image in encoded}) != 1 or len(names) != len(encoded) or len(names) != len(exposure_s):
+    shapes, measured = set(), []
+    for image in encoded:  # one at a time: large photographs do not all fit into memory
+        shapes.add(image.shape)
+        measured.append(_cells(np.asarray(image, dtype=np.float64), cell))
+    if len(shapes) != 1 or len(names) != len(measured) or len(names) != len(exposure_s):
         raise CalibrationError("the shots of a bracket must have one size, and each its name and exposure time")
     order = np.argsort(exposure_s)
-    black, low = _insensitive(encoded[order[0]], encoded[order[1]], dark=True)
-    white, high = _insensitive(encoded[order[-1]], encoded[order[-2]], dark=False)
+    cells = [measured[place] for place in order]
+    stops = np.log2(np.asarray(exposure_s)[order])
+    within = np.flatnonzero(stops - stops[0] <= MOST_STOPS)[-1]  # nearer, dark tones would pass for black, too
+    black, low = _insensitive(cells[0][0], cells[within][0], dark=True)
+    white, high = _insensitive(cells[-1][0], cells[-2][0], dark=False)
     shots = []
-    for place in order:
-        mean, spread = _cells(np.asarray(encoded[place], dtype=np.float64), cell)
+    for place, (mean, spread) in zip(order, cells, strict=True):
         flat = spread.max(axis=1) < 0.01 + 0.03 * mean.max(axis=1)
         usable = flat & np.all((mean > low + END_GUARD) & (mean < high - END_GUARD), axis=1)
-        cells, log_time = np.arange(len(mean)), float(np.log(exposure_s[place]))
+        log_time = float(np.log(exposure_s[place]))
         inside = (mean - black) / (white - black)
-        shots.append(_Exposure(names[place], log_time, inside, np.full_like(mean, np.nan), usable, cells))
+        nothing = np.full_like(mean, np.nan)
+        shots.append(_Exposure(names[place], log_time, inside, nothing, usable, np.arange(len(mean))))
     parts = []
     for one, other in combinations(shots, 2):
         both = one.usable & other.usable
@@ -130,12 +146,12 @@ def pairs_of_bracket(
 
 
 def _insensitive(outer: Array, inner: Array, *, dark: bool) -> tuple[Array, Array]:
-    """(3,) the JPEG value where a channel no longer follows the exposure, and (3,) where the noise around it ends: the
-    black of the darkest two shots of a bracket, or the white of its brightest two."""
+    """Of the cells (n, 3) of two shots: (3,) the JPEG value where a channel no longer follows the exposure, and (3,)
+    where the noise around it ends: the black of two dark shots of a bracket, or the white of its brightest two."""
     ends = np.zeros(3) if dark else np.ones(3)
     noise = ends.copy()
     for channel in range(3):
-        one, other = np.ravel(outer[..., channel]), np.ravel(inner[..., channel])
+        one, other = outer[:, channel], inner[:, channel]
         side = other < 0.25 if dark else other > 0.75
         same = one[side & (np.abs(one - other) <= CLIPPED)]
         if len(same) >= LEAST_INSENSITIVE * one.size:

@@ -183,11 +183,6 @@ def _worst_apart(source: Array, residual: Array, candidates: Mask, wanted: int) 
     return best
 
 
-def identity_gamut_map() -> GamutMap:
-    """h(p) = p: the conventional model, f and T without h."""
-    return GamutMap(np.zeros((1, 3)), np.zeros((1, 3)), np.vstack([np.zeros((1, 3)), np.eye(3)]))
-
-
 def _choose_nugget(source: Array, target: Array, slope: Array, names: NDArray[np.str_]) -> float:
     """The smoothest candidate of least error on shots left out, a fifth at a time, on a subset of the pairs."""
     rng = np.random.default_rng(0)

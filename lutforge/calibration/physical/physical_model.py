@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import Preset
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
-from lutforge.calibration.physical.gamut_map import GamutMapFit, GamutMapOptions, fit_gamut_map, identity_gamut_map
+from lutforge.calibration.physical.gamut_map import GamutMapFit, GamutMapOptions, fit_gamut_map
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, fit_matrix, hue_spread
 from lutforge.calibration.physical.matrix_and_response import encoding_slope, fit_matrix_and_response
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturation, starting_beta, untouched
 from lutforge.errors import CalibrationError
-from lutforge.model.gamut_map import even_slope
+from lutforge.model.gamut_map import even_slope, identity_gamut_map
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet

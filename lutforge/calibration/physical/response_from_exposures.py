@@ -13,6 +13,7 @@ from lutforge.calibration.options import Preset
 from lutforge.calibration.physical.curve_basis import CurveBasis, log_emor_basis, solve_rising
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturation, starting_beta
+from lutforge.model.emor import log_inverse_emor
 from lutforge.model.response import Response
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
 from lutforge.solvers.solution import Status
@@ -70,6 +71,7 @@ def _fit(pairs: ExposurePairs, low: Mask, preset: Preset, basis: CurveBasis) -> 
             if float(np.mean(np.abs(weight - before))) < 2e-3:
                 status = Status.CONVERGED
                 break
+    logs = _held_at_white(logs, pairs, weight)
     table = np.exp(logs - logs[:, -1:]).T
     table[0] = 0.0
     response = Response(np.maximum.accumulate(table, axis=0))
@@ -121,6 +123,20 @@ def _solve(pairs: ExposurePairs, basis: CurveBasis, weight: Array, noise: Array,
     solution = solve_rising(normal, right, rising, np.tile(basis.least, 3))
     logs = basis.offset + solution[: 3 * count].reshape(3, count) @ basis.design.T
     return logs, solution[3 * count :]
+
+
+def _held_at_white(logs: Array, pairs: ExposurePairs, weight: Array) -> Array:
+    """log f⁻¹ (3, k) that goes on above the brightest trusted sample as a power of EMoR's mean, with the slope that it
+    has below: what the least squares make of codes that no pair reaches depends on the noise alone."""
+    codes, shape = np.linspace(0.0, 1.0, logs.shape[1]), log_inverse_emor().mean
+    held = logs.copy()
+    for channel in range(3):
+        top = float(pairs.second[weight > 0.5, channel].max(initial=0.0))
+        low = max(top - 16 / 255, 0.0)  # the span of a slope: a few times the noise of a code
+        (lower, upper), (under, over) = (np.interp([low, top], codes, curve) for curve in (logs[channel], shape))
+        beyond = codes > top
+        held[channel, beyond] = upper + (upper - lower) / (over - under) * (shape[beyond] - over)
+    return held
 
 
 def _pair_residual(pairs: ExposurePairs, logs: Array, errors: Array) -> Array:

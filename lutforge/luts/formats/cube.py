@@ -20,11 +20,22 @@ RANGES = ("LUT_1D_INPUT_RANGE", "LUT_3D_INPUT_RANGE")
 
 
 def write(lut: Lut, path: Path) -> None:
-    """Write a cube as the plain 3D form, one with a shaper as Resolve's; red varies fastest. Raises LutError."""
+    """Write a cube as the plain 3D form, one with a shaper as Resolve's, a curve as the 1D form; red varies fastest.
+
+    Raises LutError.
+    """
     parts = lut.shaper_and_cube()
     assert parts is not None
     curve, cube = parts
-    if curve is None:
+    table = rows(red_first(cube.values))
+    if lut.cube is None and curve is not None:
+        table = ""
+        header = [
+            *comment_lines(lut.title, lut.comments),
+            f"LUT_1D_SIZE {len(curve.outputs)}",
+            f"LUT_1D_INPUT_RANGE {curve.low!r} {curve.high!r}",
+        ]
+    elif curve is None:
         header = [
             f'TITLE "{plain(lut.title) or "LutForge"}"',
             *comment_lines("", lut.comments),
@@ -41,7 +52,7 @@ def write(lut: Lut, path: Path) -> None:
             "LUT_3D_INPUT_RANGE 0.0 1.0",
         ]
     shaper = "" if curve is None else rows(curve.outputs)
-    write_text(path, "\n".join(header) + "\n" + shaper + rows(red_first(cube.values)))
+    write_text(path, "\n".join(header) + "\n" + shaper + table)
 
 
 def read(path: Path, data: bytes) -> Lut:

@@ -1,0 +1,161 @@
+"""Use case: a bracket of a camera without RAW, photographs or a film of it → its response, and a profile with it."""
+
+from __future__ import annotations  # so that help() shows the names of types
+
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+
+from lutforge.arrays import Array
+from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
+from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket
+from lutforge.calibration.physical.unsaturated import BETA
+from lutforge.developers.developer import run_command
+from lutforge.errors import CalibrationError, ShotError
+from lutforge.images.read import ImageReader, read_image
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.response_profile import profile_of_response
+from lutforge.pipeline.inspection import PICTURE_SUFFIXES
+from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+from lutforge.progress import Progress, silent
+from lutforge.shots.metadata import UNKNOWN
+from lutforge.shots.picture_settings import read_picture_settings
+
+VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".avi", ".mxf", ".mts", ".m2ts", ".webm"})
+
+
+@dataclass(frozen=True, eq=False)
+class FittedResponse:
+    """profile: as it was written; fit: what the bracket tells; exposure_s: relative, as stated, by shot."""
+
+    profile: CameraProfile
+    fit: BracketFit
+    exposure_s: dict[str, float]
+
+
+def response_from_bracket(
+    paths: Sequence[str | Path], exposure_s: Sequence[float] | None = None, beta: float = BETA
+) -> BracketFit:
+    """Fit f to photographs of one still scene, from a tripod, that differ in the exposure only.
+
+    exposure_s: relative exposures; None reads time, aperture and ISO from the files. beta: HSV saturation below which
+    colours count (1: all, for a scene with nothing near neutral, whose curve then carries what the gamut map did).
+    Raises CalibrationError, with what to shoot, where the bracket does not determine a response; ImageError.
+    """
+    files = [Path(path) for path in paths]
+    return _fit(files, stated_exposures(files) if exposure_s is None else exposure_s, beta, silent)
+
+
+def write_response(
+    bracket: Sequence[Path],
+    output: Path,
+    exposure_s: Sequence[float] | None = None,
+    *,
+    camera: str = "",
+    all_colours: bool = False,
+    progress: Progress = silent,
+) -> FittedResponse:
+    """Fit the response to a bracket, and write a profile that holds it.
+
+    bracket: pictures, a folder of them, or one film, of which each exposure takes the same share; exposure_s: in the
+    order of the files, else from their EXIF. camera: its name, else from EXIF. all_colours: count saturated ones,
+    too. Raises CalibrationError, ImageError, ShotError, and LutForgeError where nothing can be written.
+    """
+    check_output(output, PROFILE_SUFFIXES, bracket)
+    with tempfile.TemporaryDirectory(prefix="lutforge-") as folder:
+        if len(bracket) == 1 and bracket[0].suffix.lower() in VIDEO_SUFFIXES:
+            files = _frames(bracket[0], len(exposure_s or ()), Path(folder))
+        else:
+            files = [file for path in bracket for file in _pictures(path)]
+        times = stated_exposures(files) if exposure_s is None else exposure_s
+        fit = _fit(files, times, 1.0 if all_colours else BETA, progress)
+        settings = read_picture_settings(files[0])
+    profile = profile_of_response(
+        fit.response,
+        camera or settings.camera or "camera",
+        "standard" if settings.style == UNKNOWN else settings.style,
+        "auto" if settings.white_balance == UNKNOWN else settings.white_balance,
+        tuple(file.name for file in files),
+    )
+    profile.save(output)
+    return FittedResponse(profile, fit, dict(zip((file.name for file in files), times, strict=True)))
+
+
+def _fit(files: Sequence[Path], times: Sequence[float], beta: float, progress: Progress) -> BracketFit:
+    if len(times) != len(files):
+        raise CalibrationError(f"{len(times)} exposure times for {len(files)} pictures; give one for each, in order")
+    if not all(0 < time < np.inf for time in times):
+        raise CalibrationError("an exposure time is not above 0; give seconds, such as 1/60 or 0.5")
+
+    def pixels() -> Iterator[Array]:
+        for index, file in enumerate(files):
+            progress(file.name, 0.8 * index / len(files))
+            image = read_image(file).pixels
+            if image.shape[2] < 3:
+                raise CalibrationError(f"{file.name}: a grey image; the response is fitted to red, green and blue")
+            yield image[..., :3].astype(np.float64)
+        progress("fitting", 0.8)
+
+    return fit_bracket(pairs_of_bracket([file.name for file in files], pixels(), times), beta)
+
+
+def stated_exposures(files: Sequence[Path]) -> list[float]:
+    """Relative exposures of pictures by their EXIF: time · ISO / f-number². Raises CalibrationError on one without."""
+    return [_stated_exposure(file) for file in files]
+
+
+def _stated_exposure(file: Path) -> float:
+    with ImageReader(file) as image:
+        spec: oiio.ImageSpec = image.spec
+
+    def number(*tags: str) -> float:
+        return float(next((value for value in map(spec.getattribute, tags) if value), 0.0))
+
+    time = number("ExposureTime", "Exif:ExposureTime")
+    aperture, iso = number("FNumber", "Exif:FNumber"), number("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")
+    if time <= 0:
+        raise CalibrationError(f"{file.name}: the file states no exposure time; give those of the bracket (--times)")
+    return time * (iso or 100.0) / 100.0 / (aperture or 1.0) ** 2
+
+
+def parse_times(text: str) -> list[float]:
+    """Exposure times of a text such as "1/60, 1/30, 0.5". Raises CalibrationError on a word that is none."""
+    try:
+        return [float(Fraction(word.strip())) for word in text.split(",")]
+    except (ValueError, ZeroDivisionError):
+        raise CalibrationError(f'exposure times "{text[:60]}": give seconds, such as 1/60,1/30,0.5') from None
+
+
+def _pictures(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    found = sorted(file for file in path.iterdir() if file.suffix.lower() in PICTURE_SUFFIXES and file.is_file())
+    if not found:
+        raise CalibrationError(f"{path}: no pictures in this folder")
+    return found
+
+
+def _frames(film: Path, count: int, folder: Path) -> list[Path]:
+    """The middle frame of each of `count` equal parts of a film, by ffmpeg, as PNG."""
+    if count < 2:
+        raise CalibrationError(f"{film}: a film states no exposures; give those of its equal parts, in order (--times)")
+    probe = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0", str(film)]
+    try:
+        told = subprocess.run(probe, capture_output=True, text=True, timeout=60, check=False)
+        seconds = float(told.stdout)
+    except (OSError, subprocess.TimeoutExpired):
+        raise ShotError("ffprobe, which comes with ffmpeg, cannot be run: install ffmpeg, or give frames") from None
+    except ValueError:
+        raise ShotError(f"{film}: ffmpeg cannot read it ({' '.join(told.stderr.split())[-120:]})") from None
+    frames = [folder / f"{film.stem}_{part + 1:03d}.png" for part in range(count)]
+    for part, frame in enumerate(frames):
+        at = f"{seconds * (part + 0.5) / count:.3f}"
+        take = ["-ss", at, "-i", str(film), "-frames:v", "1", "-y", str(frame)]
+        run_command(["ffmpeg", "-v", "error", "-nostdin", *take], "ffmpeg", film, frame)
+    return frames

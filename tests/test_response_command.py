@@ -1,0 +1,82 @@
+"""`lutforge response`: a bracket of pictures, or a film of an exposure ramp, on disk → a profile, LUTs, a config."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import pytest
+
+import lutforge as lf
+from lutforge.errors import LutForgeError
+from lutforge.pipeline.response import parse_times, write_response
+from tests.calibration.brackets_simulated import bracket
+from tests.conftest import CommandLine
+
+GAMMA = 1.8
+TIMES, _, IMAGES = bracket(lambda light: light ** (1 / GAMMA))
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("frames")
+    for index, image in enumerate(IMAGES):
+        assert oiio.ImageBuf(np.rint(255 * image).astype(np.uint8)).write(str(folder / f"{index}.png"))
+    return folder
+
+
+def _power(profile: lf.CameraProfile) -> float:
+    (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
+    codes = np.linspace(0.2, 0.8, 20)
+    light = profile.linearize(selector)(np.stack([codes] * 3, axis=1))[:, 1]
+    return float(np.polyfit(np.log(codes), np.log(light), 1)[0])
+
+
+def test_pictures_become_a_profile_luts_and_a_config(frames: Path, tmp_path: Path, lutforge: CommandLine) -> None:
+    camera, curve = tmp_path / "camera.npz", tmp_path / "linear.cube"
+    times = ",".join(f"{time:g}" for time in TIMES)
+    said = lutforge("response", str(frames), "--times", times, "--camera", "Drone 7", "-o", str(camera)).stdout
+    assert "Drone 7" in said and "is a fixed property of this camera" in said and "true / stated" in said
+    assert _power(lf.load_profile(camera)) == pytest.approx(GAMMA, rel=0.02)
+    lutforge("bake", str(camera), "linearize", "--from", "standard/auto", "-o", str(curve))
+    text = curve.read_text()
+    assert "LUT_1D_SIZE" in text and "LUT_3D_SIZE" not in text and "scene-linear linear-srgb" in text
+    codes = np.full((1, 3), 0.5)
+    np.testing.assert_allclose(
+        lf.read_lut(curve)(codes), lf.load_profile(camera).linearize("standard/auto")(codes), atol=1e-6
+    )
+    lutforge("config", str(camera), "-o", str(tmp_path / "config"))
+    import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+    config = OCIO.Config.CreateFromFile(str(tmp_path / "config" / "config.ocio"))
+    there = config.getProcessor("Drone 7 standard auto", "Drone 7 linear auto").getDefaultCPUProcessor()
+    back = config.getProcessor("Drone 7 linear auto", "Drone 7 standard auto").getDefaultCPUProcessor()
+    grey = np.full(3, 0.5, dtype=np.float32)
+    light = np.array(there.applyRGB(grey.tolist()))
+    np.testing.assert_allclose(light, lf.load_profile(camera).linearize("standard/auto")(codes)[0], rtol=1e-4)
+    np.testing.assert_allclose(back.applyRGB(light.tolist()), grey, atol=1e-4)
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
+def test_a_film_of_an_exposure_ramp_is_a_bracket(frames: Path, tmp_path: Path) -> None:
+    film = tmp_path / "ramp.mkv"
+    lossless = ["-vf", "fps=10", "-c:v", "ffv1", "-pix_fmt", "bgr0"]
+    subprocess.run(
+        ["ffmpeg", "-v", "error", "-framerate", "1", "-i", str(frames / "%d.png"), *lossless, str(film)], check=True
+    )
+    fitted = write_response([film], tmp_path / "camera.npz", TIMES)
+    assert _power(fitted.profile) == pytest.approx(GAMMA, rel=0.02)
+    with pytest.raises(LutForgeError, match="a film states no exposures"):
+        write_response([film], tmp_path / "camera.npz")
+
+
+def test_what_is_wrong_is_said_in_a_line(frames: Path, tmp_path: Path) -> None:
+    with pytest.raises(LutForgeError, match="2 exposure times for 7 pictures"):
+        write_response([frames], tmp_path / "camera.npz", [1, 2])
+    with pytest.raises(LutForgeError, match="states no exposure time"):
+        write_response([frames], tmp_path / "camera.npz")
+    with pytest.raises(LutForgeError, match="no pictures in this folder"):
+        write_response([tmp_path], tmp_path / "camera.npz", [1, 2])
+    with pytest.raises(LutForgeError, match="give seconds"):
+        parse_times("1/0,two")
