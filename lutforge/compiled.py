@@ -12,21 +12,19 @@ another file has. Each release therefore has a folder of its own.
 
 import tempfile
 from collections.abc import Callable
-from functools import cache
+from functools import cache, update_wrapper
 from pathlib import Path
+from threading import RLock
 from typing import Any, TypeVar, cast
 
-import numba
-import platformdirs
-
 import lutforge
-
-settings: Any = numba.config
 
 REASSOCIATED = {"contract", "reassoc"}
 """`fastmath` for sums: their terms in any order, but the same one every time; else each waits for the one before it."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+_making = RLock()
 
 
 @cache
@@ -35,6 +33,10 @@ def cache_folder() -> Path | None:
 
     Files in it are Python pickles, so it is never a folder that other users can write, such as /tmp.
     """
+    import numba
+    import platformdirs
+
+    settings: Any = numba.config
     named = settings.CACHE_DIR
     folder = Path(named or platformdirs.user_cache_dir("lutforge", appauthor=False)) / f"kernels-{lutforge.__version__}"
     if not (named or folder.is_absolute()):  # a user without a home directory
@@ -47,6 +49,42 @@ def cache_folder() -> Path | None:
     return folder
 
 
+class _Kernel:
+    """A function that numba compiles when it is first called, and not before: numba itself takes long to load."""
+
+    def __init__(self, function: Callable[..., Any], fastmath: bool | set[str]) -> None:
+        self._function, self._fastmath, self._made = function, fastmath, None
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return (self._made or self.made())(*arguments)
+
+    def made(self) -> Any:
+        """numba's function; the kernels that it calls are put in place of their names, which numba looks up."""
+        with _making:
+            if self._made is None:
+                names = self._function.__globals__
+                for name in self._function.__code__.co_names:
+                    if isinstance(names.get(name), _Kernel):
+                        names[name] = names[name].made()
+                self._made = _jitted(self._function, self._fastmath)
+        return self._made
+
+
+def _jitted(function: Callable[..., Any], fastmath: bool | set[str]) -> Any:
+    import numba
+
+    settings: Any = numba.config
+    folder = cache_folder()
+    before = settings.CACHE_DIR
+    # numba reads its setting once, when it is given the function; other packages' kernels keep their own folder.
+    settings.CACHE_DIR = str(folder or before)
+    try:
+        return numba.njit(function, cache=folder is not None, nogil=True, fastmath=fastmath)
+    finally:
+        settings.CACHE_DIR = before
+
+
 def compiled(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:
     """Return a decorator that compiles a function with numba when it is first called; it runs without the GIL.
 
@@ -54,13 +92,6 @@ def compiled(*, fastmath: bool | set[str] = False) -> Callable[[Function], Funct
     """
 
     def decorate(function: Function) -> Function:
-        folder = cache_folder()
-        before = settings.CACHE_DIR
-        # numba reads its setting once, when the function is decorated; other packages' kernels keep their own folder.
-        settings.CACHE_DIR = str(folder or before)
-        try:
-            return cast(Function, numba.njit(function, cache=folder is not None, nogil=True, fastmath=fastmath))
-        finally:
-            settings.CACHE_DIR = before
+        return cast(Function, _Kernel(function, fastmath))
 
     return decorate

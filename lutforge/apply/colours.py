@@ -13,8 +13,6 @@ from lutforge.errors import ImageError
 from lutforge.images.jpeg import JpegHeader
 from lutforge.images.read import is_premultiplied
 from lutforge.images.write import IN_ANOTHER_SPACE
-from lutforge.shots.maker_settings import in_adobe_rgb
-from lutforge.shots.tags import tags
 
 _RGB = (("r", "g", "b"), ("red", "green", "blue"))
 
@@ -55,8 +53,12 @@ def colour_space(source: Path, spec: oiio.ImageSpec, format: str, jpeg: JpegHead
     """
     if jpeg is not None:
         return TELL_ADOBE_RGB if jpeg.says_adobe_rgb and spec.getattribute("ICCProfile") is None else {}
-    known = format != "jpeg" or spec.getattribute("ICCProfile") is not None
-    return {} if known or not in_adobe_rgb(tags(source)) else TELL_ADOBE_RGB
+    if format != "jpeg" or spec.getattribute("ICCProfile") is not None:
+        return {}
+    from lutforge.shots.maker_settings import in_adobe_rgb  # loads what reads metadata
+    from lutforge.shots.tags import tags
+
+    return TELL_ADOBE_RGB if in_adobe_rgb(tags(source)) else {}
 
 
 def wrong_light(grade: Grade, source: oiio.ImageSpec, output: oiio.ImageSpec) -> Iterator[str]:

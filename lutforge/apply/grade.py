@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
@@ -14,9 +14,10 @@ from lutforge.errors import ConfigError, LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ends import read_ends
 from lutforge.luts.processor import OCIO_ERRORS, file_group, of_codes
-from lutforge.luts.sequence import Lut
-from lutforge.model.falloff import Falloff
-from lutforge.ocio.check import load_config
+
+if TYPE_CHECKING:
+    from lutforge.luts.sequence import Lut
+    from lutforge.model.falloff import Falloff
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +40,12 @@ class Grade:
     attributes: Mapping[str, object] = field(default_factory=dict)
     confidence: OCIO.CPUProcessor | None = None
     raw: bool = False
-    falloffs: tuple[Falloff, ...] = ()
+    falloffs: "tuple[Falloff, ...]" = ()
     notes: tuple[str, ...] = ()
     takes_linear: bool = False
     gives_linear: bool = False
     oiiotool: tuple[str, ...] = ()
-    lut: Lut | None = None
+    lut: "Lut | None" = None
     unchanged: bool = False
     codes: OCIO.CPUProcessor | None = None
 
@@ -153,6 +154,8 @@ class ConfigRecipe(_OneForAll):
 
     @cached_property
     def _grade(self) -> Grade:
+        from lutforge.ocio.check import load_config  # a LUT does without what is known of configs
+
         config = load_config(self.path)
         known = ", ".join(config.getColorSpaceNames())
         if self.source is None or self.target is None:

@@ -31,12 +31,9 @@ from lutforge.apply.jpeg import Canvases, JpegSource, grade_whole, jpeg_source
 from lutforge.arrays import Index, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
-from lutforge.images.raw import read_raw
 from lutforge.images.read import ImageReader, Region, is_premultiplied
 from lutforge.images.write import ImageWriter, describe_output, image_writer, keeps_orientation, upright, with_shape
-from lutforge.model.falloff import falloff_of
 from lutforge.shots.discover import RAW_SUFFIXES
-from lutforge.shots.metadata import lens_of, raw_attributes
 
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
@@ -250,6 +247,10 @@ def _overlapped(
 @contextmanager
 def _open(source: Path, target: Path, grade: Grade) -> Iterator[ImageReader | _InMemory]:
     if grade.raw:
+        from lutforge.images.raw import read_raw  # LibRaw, and what reads metadata, for RAW files alone
+        from lutforge.model.falloff import falloff_of
+        from lutforge.shots.metadata import lens_of, raw_attributes
+
         with _in_memory():
             image = read_raw(source)
             falloff = falloff_of(grade.falloffs, lens_of(source, image), image.focal_mm, image.aperture)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.cli.console import err, note, progress_bar, quiet_codecs, say
+from lutforge.cli.console import complain, note, progress_bar, quiet_codecs, say
 
 if TYPE_CHECKING:
     from lutforge.apply.batch import BatchResult
@@ -88,7 +88,7 @@ def _run(grading: "Grading", as_json: bool) -> None:
     for text in (*result.notes, *_notes(result.done)):
         note(text)
     for failure in result.failed:
-        err.print(f"lutforge: {failure.reason}", markup=False)
+        complain(failure.reason)
     if as_json:
         _print_json(result, seconds)
     else:
@@ -124,7 +124,7 @@ def _print_commands(grading: "Grading") -> None:
             print(command)
         else:
             failed = True
-            err.print(f"lutforge: {command.reason}", markup=False)
+            complain(command.reason)
     if failed:
         raise typer.Exit(1)
 

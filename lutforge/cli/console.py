@@ -1,4 +1,7 @@
-"""What all commands share: progress bars on stderr, tables and notes."""
+"""What all commands share: progress bars on stderr, tables and notes.
+
+Rich draws bars and tables, and is loaded where one is drawn.
+"""
 
 import os
 import sys
@@ -7,22 +10,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import typer
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
 from lutforge.errors import LutForgeError
-
-out = Console(highlight=False, soft_wrap=True)
-_TABLES = Console(highlight=False, width=max(out.width, 140) if out.is_terminal else 240, soft_wrap=True)
-"""Tables are as wide as they need: a narrow terminal wraps whole lines, not letters."""
-err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
     """A bar on stderr while the block runs, where stderr is a terminal; yields report(what, share)."""
+    if not sys.stderr.isatty():
+        yield lambda what, share: None
+        return
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
     columns = (
         TextColumn("[bold]{task.description}"),
         BarColumn(),
@@ -31,7 +32,7 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[what]}"),
     )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bars:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
         task = bars.add_task(title, total=1.0, what="")
 
         def report(what: str, share: float) -> None:
@@ -57,12 +58,18 @@ def quiet_codecs() -> Iterator[None]:
 
 def say(text: str) -> None:
     """One line on stdout, as it is."""
-    out.print(escape(text))
+    print(text)
 
 
 def note(text: str) -> None:
     """One line on stderr that is not an error."""
-    err.print(f"[dim]note:[/dim] {escape(text)}")
+    dim, plain = ("\x1b[2m", "\x1b[0m") if sys.stderr.isatty() and os.name == "posix" else ("", "")
+    print(f"{dim}note:{plain} {text}", file=sys.stderr)
+
+
+def complain(text: str) -> None:
+    """One line on stderr about what failed, where other things go on."""
+    print(f"lutforge: {text}", file=sys.stderr)
 
 
 def for_each(files: Sequence[Path], show: Callable[[Path], None]) -> None:
@@ -75,13 +82,19 @@ def for_each(files: Sequence[Path], show: Callable[[Path], None]) -> None:
             if len(files) == 1:
                 raise
             failed = True
-            err.print(f"lutforge: {error}", markup=False)
+            complain(str(error))
     if failed:
         raise typer.Exit(2)
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table on stdout; columns after the first are set right where they hold numbers."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    # Tables are as wide as they need: a narrow terminal wraps whole lines, not letters.
+    width = max(Console().width, 140) if sys.stdout.isatty() else 240
     table = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False)
     for index, name in enumerate(header):
         cells = [row[index] for row in rows]
@@ -89,4 +102,4 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
         table.add_column(name, justify="right" if numeric else "left", overflow="fold", no_wrap=numeric)
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    _TABLES.print(table)
+    Console(highlight=False, width=width, soft_wrap=True).print(table)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from itertools import permutations, product
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from lutforge.arrays import Array
 from lutforge.interpolation import Levels
@@ -46,7 +46,7 @@ def _within(levels: Levels, ends: tuple[float | None, ...], rng: np.random.Gener
 
 def raw_colours(count: int, seed: int) -> Array:
     """RAW colours (5 count, 3): over the whole range, its faces and edges, the darks of each, and near neutrals."""
-    even, number = qmc.Sobol(3, rng=seed).random(count), np.arange(count)
+    even, number = scipy.stats.qmc.Sobol(3, rng=seed).random(count), np.arange(count)
     face = even.copy()
     face[number, number % 3] = number // 3 % 2
     edge = face.copy()

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from lutforge.arrays import Array
 from lutforge.interpolation import Levels, interpolate, through
@@ -139,7 +139,7 @@ def _pairs(render: BakedRender, known: Linearization, jpeg: Array, layer: float,
     raw, residual = preimages(render, just, known(just))
     lost = np.flatnonzero(residual > 1e-3)  # the search begins again at the scene of a colour beside
     scenes = raw_colours(4096, seed=5)
-    beside = scenes[cKDTree(render(scenes)).query(just[lost], workers=-1)[1]]
+    beside = scenes[scipy.spatial.cKDTree(render(scenes)).query(just[lost], workers=-1)[1]]
     raw[lost], residual[lost] = preimages(render, just[lost], beside)
     clipped = np.flatnonzero(np.any(just != jpeg, axis=1))
     raw[clipped], residual[clipped] = preimages(render, jpeg[clipped], raw[clipped], margin)

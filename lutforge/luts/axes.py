@@ -13,9 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.ndimage import gaussian_filter1d
-from scipy.stats import qmc
+import scipy
 
 from lutforge.arrays import Array
 from lutforge.interpolation import Levels, through
@@ -65,7 +63,7 @@ def measure_lines(function: Function, gain: Array, stops: float = 0.0) -> Lines:
     to be even before it. stops: of light that the axes span beyond 1; the more, the finer the darks are looked at.
     """
     t = np.linspace(0.0, 1.0, STEPS + 1) ** (1.5 + 0.25 * stops)  # finer in the darks, where responses are steep
-    places = qmc.Sobol(2, scramble=False).random(LINES)
+    places = scipy.stats.qmc.Sobol(2, scramble=False).random(LINES)
     places[: LINES // 2] **= 2
     density = 0.5 + 0.125 / np.sqrt(np.maximum(places.prod(axis=1), 1e-4))
     r, g, b = (_lines(function, t, axis, places, gain) for axis in range(3))
@@ -118,12 +116,12 @@ def _slope(y: Array, t: Array, share: Array) -> Array:
 
 def _curve(slope: Array, t: Array) -> Array:
     """The running sum of a slope, from 0 to 1, at SHAPER_SIZE even steps."""
-    density = gaussian_filter1d(slope, 4.0, mode="nearest")
+    density = scipy.ndimage.gaussian_filter1d(slope, 4.0, mode="nearest")
     total = float(np.sum(density * np.diff(t)))
     # Half of a straight line beside the slope, so that the curve rises where the function is flat.
     density = density + 0.5 * total if total > 1e-12 else np.ones_like(density)
     u = np.concatenate([[0.0], np.cumsum(density * np.diff(t))])
-    curve = PchipInterpolator(t, u / u[-1])(np.linspace(0.0, 1.0, SHAPER_SIZE))
+    curve = scipy.interpolate.PchipInterpolator(t, u / u[-1])(np.linspace(0.0, 1.0, SHAPER_SIZE))
     curve[0], curve[-1] = 0.0, 1.0
     return np.asarray(curve)
 
@@ -140,7 +138,7 @@ def _mass(y: Array, t: Array, u: Array, share: Array, weight: Function | None) -
         square *= weight(y[:, 1:-1].reshape(-1, 3)).reshape(square.shape)
         # The cubic mean of curvatures lies between the root mean square and the largest.
         density = _mean(square**1.5, share, 0.5) ** (1 / 6)
-    density = gaussian_filter1d(np.pad(density, 1, mode="edge"), 1.0, mode="nearest")
+    density = scipy.ndimage.gaussian_filter1d(np.pad(density, 1, mode="edge"), 1.0, mode="nearest")
     mass = 0.5 * (density[1:] + density[:-1]) * wide
     total = mass.sum()
     mass = 0.8 * mass / total + 0.2 * step if total > 1e-12 else step  # a fifth of the nodes stays evenly spread

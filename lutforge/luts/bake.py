@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.errors import LutError
@@ -142,7 +142,7 @@ def joined(ops: Sequence[Op]) -> tuple[Op, ...]:
 
 def bake_error(lut: Lut, transform: ColourFunction, display_referred: bool = True, highest: float = 1.0) -> BakeError:
     """Measure a LUT against its transform on a scrambled Sobol set of its input cube, from 0 to `highest`."""
-    x = qmc.Sobol(3, rng=7).random(1 << 15) * highest
+    x = scipy.stats.qmc.Sobol(3, rng=7).random(1 << 15) * highest
     got, wanted = lut(x), transform(x)
     norm = np.linalg.norm(got - wanted, axis=1)
     p99 = None

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import LutError
@@ -146,7 +146,7 @@ def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, Mask, Arra
     cells = (size - 1) ** 3
     # Four points a cell; above half a million one for each is enough beside its node.
     count = max(1 << 16, min(4 * cells, max(1 << 19, cells)))
-    u = qmc.Sobol(3, scramble=False).random(1 << int(np.ceil(np.log2(count))))[:count]
+    u = scipy.stats.qmc.Sobol(3, scramble=False).random(1 << int(np.ceil(np.log2(count))))[:count]
     even = np.linspace(0.0, 1.0, size)
     counted = np.ones(count)
     on_face = np.empty(u.shape, dtype=np.bool_)

@@ -1,7 +1,7 @@
 """Where a LUT is compared with its model: the same points every time, and more of them where it bends."""
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from lutforge.arrays import Array
 from lutforge.luts.ops import Matrix
@@ -20,7 +20,7 @@ def sample_points(lut: Lut, count: int = 32768) -> Array:
     matrix = first if isinstance(first, Matrix) else Matrix(np.eye(3))
     low, high = (0.0, 1.0) if lut.shaper is None else (lut.shaper.low, lut.shaper.high)
     axes = (np.linspace(low, high, 33),) * 3 if lut.cube is None else node_levels(lut.shaper, lut.cube)
-    sequence = qmc.Sobol(3, scramble=False).random(count)
+    sequence = scipy.stats.qmc.Sobol(3, scramble=False).random(count)
     spread = np.stack([np.interp(sequence[:, c], np.linspace(0, 1, len(axes[c])), axes[c]) for c in range(3)], axis=1)
     nodes = np.stack([axes[c][(sequence[: count // 4, c] * len(axes[c])).astype(np.intp)] for c in range(3)], axis=1)
     step = (high - low) / 65535

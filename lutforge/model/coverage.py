@@ -1,8 +1,8 @@
 """Which colours a calibrated camera really knows: neither clipped nor far from every sample."""
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array, Mask
 from lutforge.model.highlights import CLIPPED, clipped
@@ -22,7 +22,7 @@ def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHES
     points = _sampled(style)
     if len(points) == 0:
         return np.ones(values.shape[:-1], dtype=np.bool_)
-    distance, _ = cKDTree(points).query(values.reshape(-1, 3), distance_upper_bound=farthest, workers=-1)
+    distance, _ = scipy.spatial.cKDTree(points).query(values.reshape(-1, 3), distance_upper_bound=farthest, workers=-1)
     mask: Mask = ~np.isfinite(distance).reshape(values.shape[:-1])
     return mask
 
@@ -41,7 +41,9 @@ def confidence(style: PictureStyle, size: int = 33) -> Lattice:
     points = _sampled(style)
     trust = np.zeros(nodes.shape[:3])
     if len(points):
-        reach = cKDTree(points).query(nodes.reshape(-1, 3), distance_upper_bound=1.5 * FARTHEST, workers=-1)[0]
+        reach = scipy.spatial.cKDTree(points).query(
+            nodes.reshape(-1, 3), distance_upper_bound=1.5 * FARTHEST, workers=-1
+        )[0]
         trust = np.clip(1.5 - reach / FARTHEST, 0.0, 1.0).reshape(trust.shape)
     unclipped = np.where(clipped(nodes), 0.0, 1.0)
     return Lattice(levels, np.stack([np.minimum(trust, unclipped), unclipped, trust], axis=-1))

@@ -1,7 +1,7 @@
 """Node levels of a lattice's axes: from a density, of another number, and on the grid of a shaper."""
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from lutforge.arrays import Array
 from lutforge.errors import LutError
@@ -26,7 +26,7 @@ def resized_levels(levels: Levels, size: int) -> Levels:
         if len(axis) == size:
             resized.append(axis)
             continue
-        curve = PchipInterpolator(np.linspace(0.0, 1.0, len(axis)), axis)
+        curve = scipy.interpolate.PchipInterpolator(np.linspace(0.0, 1.0, len(axis)), axis)
         resized.append(np.asarray(curve(np.linspace(0.0, 1.0, size)), dtype=np.float64))
         resized[-1][0], resized[-1][-1] = axis[0], axis[-1]
     r, g, b = resized

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-from scipy.stats import qmc
+import scipy
 
 from lutforge.arrays import Pixels
 from lutforge.errors import ConfigError
@@ -115,7 +115,7 @@ def round_trips(config: OCIO.Config) -> Iterator[SpaceRoundTrip]:
 
     These start from [0, 1], from its faces and from the darks of both.
     """
-    values = qmc.Sobol(3, rng=3).random(1 << 12)
+    values = scipy.stats.qmc.Sobol(3, rng=3).random(1 << 12)
     face = values.copy()
     face[np.arange(len(face)), np.arange(len(face)) % 3] = np.arange(len(face)) // 3 % 2
     start = np.concatenate([values, values**2, face, face**2]).astype(np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
+# What only some grades need is imported where it is needed: a command should not wait for it.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,16 +10,12 @@ from pathlib import Path
 
 from lutforge.apply.batch import BatchResult, Failure, apply_batch, plan_jobs
 from lutforge.apply.batch import Progress as BatchProgress
-from lutforge.apply.candidates import candidate_sheet
 from lutforge.apply.grade import ConfigRecipe, LutRecipe, Recipe
 from lutforge.apply.inputs import Inputs, find_inputs
-from lutforge.apply.oiiotool_commands import oiiotool_commands
-from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.errors import ImageError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
-from lutforge.pipeline.options import one_of
+from lutforge.pipeline.options import Paths, one_of, several
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
-from lutforge.pipeline.sampling import Paths, several
 
 
 @dataclass(frozen=True)
@@ -80,6 +77,8 @@ class Grading:
         interpolation = one_of("interpolation", self.interpolation, INTERPOLATIONS)
         path, *others = self.grades
         if _is_profile(path):
+            from lutforge.apply.profile_recipe import ProfileRecipe
+
             return ProfileRecipe(self.grades, self.source, self.target, self.ev, self.look, self.transfers)
         if self.look is not None or self.transfers or others:
             raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
@@ -112,6 +111,9 @@ class Grading:
 
     def candidates(self, sheet: Path) -> tuple[str, ...]:
         """Write a sheet of the one image under presumed white balances, and return these. Raises SettingsError."""
+        from lutforge.apply.candidates import candidate_sheet
+        from lutforge.apply.profile_recipe import ProfileRecipe
+
         if not isinstance(self.recipe, ProfileRecipe) or len(self.images) != 1:
             raise SettingsError("--candidates goes with a profile and one image")
         check_output(sheet, inputs=self.images)
@@ -119,6 +121,8 @@ class Grading:
 
     def commands(self) -> Iterator[str | Failure]:
         """The oiiotool lines that grade as `run` would, for a POSIX shell, or why there is none."""
+        from lutforge.apply.oiiotool_commands import oiiotool_commands
+
         yield from oiiotool_commands(
             self.recipe, plan_jobs(self.inputs.images, self.folder, self.suffix), self.folder / "luts"
         )

@@ -3,16 +3,17 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lutforge.errors import ImageError
-from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
-from lutforge.samples.table import read_samples
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
-from lutforge.shots.picture_settings import read_picture_settings
-from lutforge.shots.read import read_shot
+
+# What reads one kind of file is imported where it reads it: inspecting should not wait for the others.
+if TYPE_CHECKING:
+    from lutforge.model.camera_profile import CameraProfile
 
 PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", ".heic", ".hif"})
 Rows = Iterator[tuple[str, str]]
@@ -24,7 +25,7 @@ class Inspected:
 
     path: Path
     rows: tuple[tuple[str, str], ...]
-    profile: CameraProfile | None = None
+    profile: "CameraProfile | None" = None
 
 
 def files_to_inspect(path: str | Path) -> list[Path]:
@@ -47,6 +48,8 @@ def inspect(path: str | Path) -> Inspected:
     """Read a RAW file, picture, profile, sample table or LUT, and say what is in it. Raises LutForgeError."""
     path, suffix = Path(path), Path(path).suffix.lower()
     if suffix in PROFILE_SUFFIXES:
+        from lutforge.model.camera_profile import load_profile
+
         profile = load_profile(path)
         return Inspected(path, tuple(_profile(profile)), profile)
     if suffix in TABLE_SUFFIXES:
@@ -61,6 +64,8 @@ def inspect(path: str | Path) -> Inspected:
 
 
 def _shot(path: Path) -> Rows:
+    from lutforge.shots.read import read_shot
+
     shot = read_shot(path)
     data, place = shot.metadata, shot.registration
     yield "camera", data.camera
@@ -79,6 +84,8 @@ def _shot(path: Path) -> Rows:
 
 
 def _picture(path: Path) -> Rows:
+    from lutforge.shots.picture_settings import read_picture_settings
+
     settings = read_picture_settings(path)
     yield "camera", settings.camera or "the file does not name it"
     yield "picture style", settings.style
@@ -88,6 +95,8 @@ def _picture(path: Path) -> Rows:
 
 
 def _table(path: Path) -> Rows:
+    from lutforge.samples.table import read_samples
+
     samples = read_samples(path)
     for name, values in (
         ("camera", samples.camera),
@@ -100,7 +109,7 @@ def _table(path: Path) -> Rows:
     yield "use", "a sample table: calibrate, evaluate, report, studio"
 
 
-def _profile(profile: CameraProfile) -> Rows:
+def _profile(profile: "CameraProfile") -> Rows:
     yield "camera", profile.camera
     yield "shots", str(len(profile.shots))
     for name, balance in profile.white_balances.items():

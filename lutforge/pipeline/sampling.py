@@ -2,12 +2,13 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lutforge.errors import LutForgeError, SampleError, ShotError
 from lutforge.images.development import Development
+from lutforge.pipeline.options import Paths, several
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import ShotSamples, extract
@@ -15,8 +16,6 @@ from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples
 from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
-
-Paths = str | Path | Sequence[str | Path]
 
 LeftSide = Callable[[Path], Development]
 """What stands in the place of a RAW file: a picture that a program developed of it."""
@@ -104,8 +103,3 @@ def gather_samples(
 def as_samples(samples: SampleSet | Paths) -> SampleSet:
     """Return samples as they are, or those of tables and shots."""
     return samples if isinstance(samples, SampleSet) else sample(samples)
-
-
-def several(paths: Paths) -> Sequence[str | Path]:
-    """Return one path as a list of one, several as they are."""
-    return [paths] if isinstance(paths, str | Path) else paths

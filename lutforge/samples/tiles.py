@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from lutforge.arrays import Array, Mask
 from lutforge.samples.clipping import Extremes
@@ -122,7 +122,7 @@ def flatness(jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, us
     # are twice what they were if pixels were independent.
     unsure = 4 * math.sqrt(2) * 2 * np.sqrt(_SPREAD * jpeg_noise.max(axis=-1) / jpeg.count)
     step = np.sqrt(np.maximum(0, np.maximum(_step(jpeg.mean), _step(encoded)) ** 2 - unsure**2))
-    around = ndimage.maximum_filter(jpeg_structure, 3)
+    around = scipy.ndimage.maximum_filter(jpeg_structure, 3)
     for index in reversed(range(len(LEVELS))):
         limits = LEVELS[index]
         flat = (jpeg_structure <= limits.jpeg) & (raw_structure <= limits.raw) & (step <= limits.step)
@@ -182,8 +182,8 @@ def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
 
 def _step(mean: Array) -> Array:
     """(hc, wc): the largest difference of a cell's mean to the eight around, over the channels."""
-    high = ndimage.maximum_filter(mean, (3, 3, 1)) - mean
-    low = mean - ndimage.minimum_filter(mean, (3, 3, 1))
+    high = scipy.ndimage.maximum_filter(mean, (3, 3, 1)) - mean
+    low = mean - scipy.ndimage.minimum_filter(mean, (3, 3, 1))
     result: Array = np.maximum(high, low).max(axis=-1)
     return result
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft, ndimage
 
 from lutforge.arrays import Array
 from lutforge.errors import ShotError
@@ -234,9 +234,9 @@ def _structure(luma: Array, weight: Array) -> Array:
     Structure much coarser than 6 pixels is shading and tone. Structure below the noise of rounding to 8 bits is none.
     """
     sigma = 6.0
-    share = np.maximum(ndimage.gaussian_filter(weight, sigma), 1e-6)
-    detail = luma - ndimage.gaussian_filter(luma * weight, sigma) / share
-    energy = ndimage.gaussian_filter(detail * detail * weight, sigma) / share
+    share = np.maximum(scipy.ndimage.gaussian_filter(weight, sigma), 1e-6)
+    detail = luma - scipy.ndimage.gaussian_filter(luma * weight, sigma) / share
+    energy = scipy.ndimage.gaussian_filter(detail * detail * weight, sigma) / share
     floor = 0.5 * float(np.average(energy, weights=weight + 1e-12))
     return np.asarray(detail / np.sqrt(energy + floor + (0.3 / 255) ** 2) * weight)
 
@@ -265,8 +265,10 @@ def _search(raw_luma: Array, pixel_size: float, jpeg: _ReducedJpeg, scale: float
     if not scales.size:
         return []
     sides = [math.ceil(size * pixel_size / scales.min()) for size in raw_luma.shape]
-    shape = [fft.next_fast_len(size + own, real=True) for size, own in zip(sides, template.shape, strict=True)]
-    pattern = _Pattern(template, mask, np.conj(fft.rfft2(template, shape)), np.conj(fft.rfft2(mask, shape)), shape)
+    shape = [scipy.fft.next_fast_len(size + own, real=True) for size, own in zip(sides, template.shape, strict=True)]
+    pattern = _Pattern(
+        template, mask, np.conj(scipy.fft.rfft2(template, shape)), np.conj(scipy.fft.rfft2(mask, shape)), shape
+    )
     found = [_match(raw_luma, pixel_size, pattern, float(scale)) for scale in scales]
     best = max(found, key=lambda places: places[0].correlation)
     return [_unreduced(place, whole) for place in best]
@@ -308,9 +310,9 @@ def _match(raw_luma: Array, pixel_size: float, pattern: _Pattern, scale: float) 
     origin = Registration(scale, 0.0, 0.0, 0.0)
     plane, cover = _sample(raw_luma, pixel_size, origin, (rows, columns))
     field = _structure(plane, cover)
-    matched = fft.irfft2(fft.rfft2(field, shape) * pattern.matched, shape)
-    energy = fft.irfft2(fft.rfft2(field * field, shape) * pattern.covering, shape)
-    overlap = fft.irfft2(fft.rfft2(cover, shape) * pattern.covering, shape)
+    matched = scipy.fft.irfft2(scipy.fft.rfft2(field, shape) * pattern.matched, shape)
+    energy = scipy.fft.irfft2(scipy.fft.rfft2(field * field, shape) * pattern.covering, shape)
+    overlap = scipy.fft.irfft2(scipy.fft.rfft2(cover, shape) * pattern.covering, shape)
     total = float((pattern.template**2).sum())
     score = matched / np.sqrt(np.maximum(energy, 0.2 * total) * total + 1e-12)
     score[overlap < 0.8 * pattern.mask.sum()] = -1.0
@@ -360,7 +362,7 @@ def _gauss_newton(raw_luma: Array, pixel_size: float, jpeg: Array, weight: Array
         # gradient of the mean of both pictures: an unbiased, faster converging step (Benhimane & Malis 2004)
         mean = (moving + gain * target) / 2
         gradient_y, gradient_x = np.gradient(mean)
-        inner = ndimage.minimum_filter(mask, 3)
+        inner = scipy.ndimage.minimum_filter(mask, 3)
         columns = np.stack([(gradient_x * x + gradient_y * y), gradient_x, gradient_y]) * inner
         residual = ((gain * target - moving) * inner).ravel()
         flat = columns.reshape(3, -1)

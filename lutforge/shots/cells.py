@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from lutforge.arrays import Array
 from lutforge.images.raw import RawImage
@@ -140,7 +140,7 @@ def cell_edges(scale: float, offset: float, count: int, cell: int, pixel_size: f
     return np.asarray((scale * (np.arange(count + 1) * float(cell)) + offset) / pixel_size, dtype=np.float64)
 
 
-def area_weights(edges: Array, size: int) -> sparse.csr_array:
+def area_weights(edges: Array, size: int) -> "scipy.sparse.csr_array":
     """(cells, size) share of each array pixel in the mean over each cell; rows of cells outside are cut off
     or empty."""
     low, high = np.clip(edges[:-1], 0, size), np.clip(edges[1:], 0, size)
@@ -151,7 +151,7 @@ def area_weights(edges: Array, size: int) -> sparse.csr_array:
     pixel = np.arange(starts[-1]) - starts[cell] + first[cell]
     overlap = np.minimum(pixel + 1, high[cell]) - np.maximum(pixel, low[cell])
     share = overlap / (high - low)[cell]
-    return sparse.csr_array((share, pixel, starts), shape=(len(low), size))
+    return scipy.sparse.csr_array((share, pixel, starts), shape=(len(low), size))
 
 
 def _touched(reduce: np.ufunc, plane: Array, rows: Array, columns: Array) -> Array:
