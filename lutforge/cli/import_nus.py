@@ -1,4 +1,4 @@
-"""`lutforge import-nus`: a camera model published by the thesis's authors → a profile."""
+"""`lutforge import-nus`, `export-nus`: a camera model as the thesis's authors publish it → a profile, and back."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from lutforge.cli.console import say
+from lutforge.cli.words import Profile
 from lutforge.errors import ProfileError
 
 
@@ -28,6 +29,23 @@ def import_nus(
     centres = sum(len(model.gamut_map.centres) for model in profile.styles[style.lower()].physical)
     say(f"{output}: {profile.camera}, style {style.lower()}, {centres} control points")
     say(f"white balances: {', '.join(profile.white_balances)}")
+
+
+def export_nus(
+    profile: Profile,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder to write.", show_default=False)],
+    style: Annotated[str | None, typer.Option(help="The picture style, where there are several.")] = None,
+) -> None:
+    """Write a profile's physical models as the thesis authors' text files, a folder each, which import-nus reads."""
+    from lutforge.model.published_model import export_published
+    from lutforge.pipeline.evaluation import as_profile
+
+    camera = as_profile(profile)
+    chosen = (style or (next(iter(camera.styles)) if len(camera.styles) == 1 else "")).lower()
+    if chosen not in camera.styles:
+        raise ProfileError(f"{camera.camera} has the styles {', '.join(camera.styles)}; name one with --style")
+    for folder in export_published(camera, chosen, output):
+        say(f"{folder}")
 
 
 def _camera_name(folder: Path) -> str:

@@ -12,10 +12,11 @@ from lutforge.cli.apply import apply
 from lutforge.cli.bake import bake
 from lutforge.cli.calibrate import calibrate
 from lutforge.cli.check import check
+from lutforge.cli.compare import compare
 from lutforge.cli.config import config
 from lutforge.cli.demo import demo
 from lutforge.cli.evaluate import evaluate
-from lutforge.cli.import_nus import import_nus
+from lutforge.cli.import_nus import export_nus, import_nus
 from lutforge.cli.inspect import inspect
 from lutforge.cli.kit import kit
 from lutforge.cli.report import report
@@ -34,10 +35,12 @@ app = typer.Typer(
 )
 
 for command in (
-    demo, inspect, sample, calibrate, response, evaluate, bake, kit, config, apply, transfer, check, report, studio,
+    demo, inspect, sample, calibrate, response, evaluate, bake, kit, config, apply, transfer, check, report, compare,
+    studio,
 ):  # fmt: skip
     app.command()(command)
 app.command("import-nus")(import_nus)
+app.command("export-nus")(export_nus)
 
 UsageErrors: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 """The root of typer's errors of usage, which typer itself does not name."""

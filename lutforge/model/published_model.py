@@ -5,13 +5,15 @@ and images of the gamut map, its coefficients, and the response f⁻¹ at 256 JP
 of the EXIF LightSource tag.
 """
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.atomic_write import atomic_path
 from lutforge.errors import ProfileError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
@@ -87,6 +89,63 @@ def import_published(folders: Iterable[str | Path], camera: str, style: str = "s
         styles={style: PictureStyle(physical=tuple(model.model for model in models))},
         options={"source": "published model of the thesis's authors"},
     )
+
+
+def export_published(profile: CameraProfile, style: str, folder: str | Path) -> list[Path]:
+    """Write the physical models of a style as the authors' text files, a folder each; return the folders.
+
+    Centres, coefficients, matrix and white balances with their gains are written to nine digits, f⁻¹ at the 256 JPEG
+    values. White balances that EXIF has no code for become 255, "other". Raises ProfileError where the files cannot
+    hold the style, or two of its white balances are "other".
+    """
+    models = profile.styles[style].physical
+    if not models or profile.raw_camera:
+        raise ProfileError(
+            f"{profile.camera}, {style}: no physical model of its own RAW to write; calibrate with --model rbf"
+        )
+    if any(part.offset for model in models for part in (model.gamut_map, model.inverse_gamut_map)):
+        raise ProfileError(
+            f"{profile.camera}, {style}: its gamut map works on an even scale, which the authors' files cannot hold; "
+            "calibrate with --model rbf --preset thesis"
+        )
+    folders = [Path(folder) / (style if len(models) == 1 else f"{style}_{n}") for n in range(1, len(models) + 1)]
+    for model, place in zip(models, folders, strict=True):
+        known = {name: profile.white_balances[name] for name in model.white_balances}
+        codes = np.linspace(0.0, 1.0, 256)[:, None].repeat(3, axis=1)
+        response = _text([[256, 0, 0, 0], *model.response.linearize(codes)])
+        sides = {"raw2jpg": model.gamut_map, "jpg2raw": model.inverse_gamut_map}
+        for direction, side in sides.items():
+            other = next(part for name, part in sides.items() if name != direction)
+            images = other.centres if other.centres.shape == side.centres.shape else side(side.centres)
+            rows = [*side.coefficients, *side.polynomial]
+            for name, text in {
+                "transform": _transform_text(model.matrix, known),
+                "ctrlPoints": _text([[len(side.centres)], *side.centres]),
+                "destPoints": _text([[len(images)], *images]),
+                "coefs": _text([[len(rows)], *rows]),
+                "respFcns": response,
+                "validRange": "1 254\n",
+            }.items():
+                with atomic_path(place / f"{direction}_{name}.txt") as temporary:
+                    temporary.write_text(text, encoding="ascii")
+    return folders
+
+
+def _transform_text(matrix: Array, balances: Mapping[str, WhiteBalance]) -> str:
+    codes = {name: code for code, name in LIGHT_SOURCES.items()}
+    numbered = {name: re.fullmatch(r"light source (\d{1,5})", name) for name in balances}
+    found = {name: codes.get(name, int(number[1]) if number else 255) for name, number in numbered.items()}
+    others = [name for name, code in found.items() if list(found.values()).count(code) > 1]
+    if others:
+        raise ProfileError(f"white balances {', '.join(others)}: EXIF has one code for them all; export fewer")
+    rows: list[Sequence[float] | Array] = [[len(balances)], *matrix]
+    for name, balance in balances.items():
+        rows += [[found[name]], *(matrix * balance.factors), balance.factors]
+    return _text(rows)
+
+
+def _text(rows: Iterable[Sequence[float] | Array]) -> str:
+    return "".join(" ".join(f"{value:.9g}" for value in row) + "\n" for row in rows)
 
 
 def _read_transform(path: Path) -> tuple[Array, dict[str, WhiteBalance]]:

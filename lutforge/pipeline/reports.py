@@ -11,6 +11,7 @@ from lutforge.pipeline.options import Paths
 from lutforge.pipeline.outputs import check_output
 from lutforge.pipeline.sampling import Sampled, gather_samples
 from lutforge.progress import Progress, silent, telling_of_compilation
+from lutforge.report.compare import build_comparison
 from lutforge.report.page import Report, write_figures, write_page
 from lutforge.report.report import build_report
 from lutforge.samples.sample_set import SampleSet, with_setting_names
@@ -46,6 +47,30 @@ def report(
     if figures is not None:
         write_figures(page, figures)
     return page
+
+
+def compare(
+    first: CameraProfile | str | Path,
+    second: CameraProfile | str | Path,
+    output: str | Path,
+    one: str | None = None,
+    other: str | None = None,
+) -> Report:
+    """Write a page that shows two cameras, or two styles of one, side by side: a chart, a picture, ΔE00.
+
+    one, other: STYLE/WB of each; without, the first style under daylight, or what there is. Raises ProfileError,
+    SettingsError, and LutForgeError where nothing can be written.
+    """
+    check_report_output(output, None, [each for each in (first, second) if not isinstance(each, CameraProfile)])
+    a, b = as_profile(first), as_profile(second)
+    page = build_comparison(a, one or _first_setting(a), b, other or _first_setting(b))
+    write_page(page, output)
+    return page
+
+
+def _first_setting(profile: CameraProfile) -> str:
+    balances = profile.white_balances
+    return f"{next(iter(profile.styles))}/{'daylight' if 'daylight' in balances else next(iter(balances))}"
 
 
 def check_report_output(

@@ -1,5 +1,6 @@
 """The camera model that the thesis's authors published (Nikon D40, normal style): gold values and a refit."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,13 @@ from lutforge.calibration.physical.matrix_and_response import encoding_slope
 from lutforge.calibration.physical.physical_model import OFFSET
 from lutforge.errors import ProfileError
 from lutforge.model.gamut_map import even_slope
-from lutforge.model.published_model import PublishedModel, import_published, read_published_model
+from lutforge.model.profile_data import PictureStyle
+from lutforge.model.published_model import (
+    PublishedModel,
+    export_published,
+    import_published,
+    read_published_model,
+)
 from lutforge.model.transform import Encode
 
 FOLDERS = ("fluorescent", "other_white_balances")
@@ -35,6 +42,36 @@ def test_the_files_are_read_as_they_stand(shared_data: Path) -> None:
 def test_it_renders_its_own_centres(published: PublishedModel) -> None:
     rendered = published.model.response.encode(published.model.gamut_map(published.linear))
     assert np.linalg.norm(rendered - published.encoded, axis=1).mean() * 255 < 0.6
+
+
+def test_what_is_exported_is_imported_as_the_same_model(shared_data: Path, tmp_path: Path) -> None:
+    profile = import_published([shared_data / "nus_nikon_d40" / name for name in FOLDERS], "Nikon D40")
+    folders = export_published(profile, "standard", tmp_path / "nus_nikon_d40")
+    again = import_published(folders, "Nikon D40")
+    rng = np.random.default_rng(0)
+    for name, balance in profile.white_balances.items():
+        np.testing.assert_allclose(again.white_balances[name].factors, balance.factors, rtol=1e-8)
+        raw = rng.random((500, 3)) / balance.factors
+        selector = f"standard/{name}"
+        np.testing.assert_allclose(again.render(selector)(raw), profile.render(selector)(raw), atol=1e-6)
+        codes = rng.random((500, 3))
+        np.testing.assert_allclose(again.linearize(selector)(codes), profile.linearize(selector)(codes), atol=1e-6)
+    for first, second in zip(
+        (read_published_model(shared_data / "nus_nikon_d40" / name) for name in FOLDERS),
+        map(read_published_model, folders),
+        strict=True,
+    ):
+        np.testing.assert_allclose(second.encoded, first.encoded, atol=1e-6)
+
+
+def test_what_the_files_cannot_hold_is_refused(shared_data: Path, tmp_path: Path) -> None:
+    profile = import_published([shared_data / "nus_nikon_d40" / "fluorescent"], "Nikon D40")
+    (model,) = profile.styles["standard"].physical
+    even = replace(model, gamut_map=replace(model.gamut_map, offset=0.1))
+    with pytest.raises(ProfileError, match="--preset thesis"):
+        export_published(replace(profile, styles={"standard": PictureStyle(physical=(even,))}), "standard", tmp_path)
+    with pytest.raises(ProfileError, match="no physical model"):
+        export_published(replace(profile, styles={"standard": PictureStyle()}), "standard", tmp_path)
 
 
 def test_it_linearizes_what_it_renders(published: PublishedModel) -> None:

@@ -1,0 +1,25 @@
+"""`lutforge compare`: two cameras, or two styles of one, side by side on a page."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lutforge.cli.console import say
+from lutforge.cli.words import Profile
+
+
+def compare(
+    first: Profile,
+    second: Profile,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The page to write (.html).")] = Path("compare.html"),
+    one: Annotated[str | None, typer.Option("--from", help="STYLE/WB of the first, else its first.")] = None,
+    other: Annotated[str | None, typer.Option("--to", help="STYLE/WB of the second, else its first.")] = None,
+) -> None:
+    """Show what two cameras, or two styles of one, make of the same light: a chart, a picture, ΔE00."""
+    from lutforge.pipeline.reports import compare as write_comparison
+
+    page = write_comparison(first, second, output, one, other)
+    say(f"{output}: {page.title}")
+    for line in page.lead:
+        say(line)

@@ -1,0 +1,45 @@
+"""Two settings of a camera on one page."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.errors import SettingsError
+from lutforge.model.published_model import import_published
+from lutforge.pipeline.evaluation import as_profile
+from lutforge.pipeline.reports import compare
+from lutforge.report.compare import build_comparison
+from lutforge.report.page import Table
+
+
+@pytest.fixture(scope="module")
+def profile_path(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("compare") / "d40.npz"
+    import_published([shared_data / "nus_nikon_d40" / "other_white_balances"], "Nikon D40").save(path)
+    return path
+
+
+def test_a_page_shows_chart_picture_and_differences(profile_path: Path, tmp_path: Path) -> None:
+    page = compare(profile_path, profile_path, tmp_path / "compare.html", "standard/daylight", "standard/shade")
+    text = (tmp_path / "compare.html").read_text()
+    assert "Nikon D40 standard/shade" in text and text.count("<svg") == 2
+    (table,) = (block for section in page.sections for block in section.blocks if isinstance(block, Table))
+    assert len(table.rows) == 24
+    with pytest.raises(SettingsError, match="vivid"):
+        compare(profile_path, profile_path, tmp_path / "compare.html", "vivid/daylight")
+
+
+def test_the_same_setting_differs_by_nothing_and_an_exposure_is_levelled(profile_path: Path) -> None:
+    profile = as_profile(profile_path)
+    (model,) = profile.styles["standard"].physical
+    darker = replace(model, matrix=model.matrix * 0.7)  # the same camera, half a stop less sensitive
+    style = replace(profile.styles["standard"], physical=(darker,))
+    page = build_comparison(profile, "standard/daylight", profile, "standard/daylight")
+    assert "ΔE00 0.0 in the mean" in page.lead[0]
+    other = replace(profile, styles={"standard": style})
+    page = build_comparison(profile, "standard/daylight", other, "standard/daylight")
+    stops = float(page.subtitle.split(" EV")[0].split()[-1])
+    assert stops == pytest.approx(-np.log2(0.7), abs=0.05)
+    assert float(page.lead[0].split("ΔE00 ")[1].split()[0]) < 0.2
