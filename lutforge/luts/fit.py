@@ -15,8 +15,9 @@ from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.parts import Parts, as_one, parts_of, slope_weight
 from lutforge.luts.sequence import Form
 from lutforge.luts.shaper import SHAPER_SIZE, is_even, levels_behind_gain, shaper
+from lutforge.model.highlights import CLIPPED
 from lutforge.model.lattice import uniform_levels
-from lutforge.model.transform import ColourFunction
+from lutforge.model.transform import ColourFunction, KeepNeutral, Transform
 from lutforge.progress import Progress, silent
 
 
@@ -45,19 +46,21 @@ def evaluate(
     progress(f"{size}³ nodes: where they lie", 0.0)
     shared, plain = "shared" in forms, "plain" in forms
     parts = parts_of(transform) if highest == 1 and not (shared or plain) else as_one(transform, highest)
+    edge = 1.0 - CLIPPED if highest == 1 and _keeps_white(transform) else None
     designs: dict[Form, Axes] = {}
     if plain:
         designs["plain"] = Axes(None, uniform_levels(size))
     else:
-        lines = measure_lines(parts.inner, parts.gain, parts.stops)
+        smooth = parts.inner if edge is None else lambda x: parts.inner(np.minimum(x, edge))
+        lines = measure_lines(smooth, parts.gain, parts.stops)
         rendered = lines if parts.response is None else lines.through(parts.response)
         for form in forms:
             if form == "full":
                 weight = None if parts.response is None else slope_weight(parts.response)
-                designs[form] = fit_axes(lines, size, weight, parts.curve)
+                designs[form] = fit_axes(lines, size, weight, parts.curve, edge=edge)
             else:
                 curve = parts.curve if parts.response is None else None
-                axes = fit_axes(rendered, size, None, curve, shared)
+                axes = fit_axes(rendered, size, None, curve, shared, edge)
                 folded = levels_behind_gain(axes.levels, parts.gain)
                 r, g, b = (axis * gain for axis, gain in zip(folded, parts.gain, strict=True))
                 designs[form] = Axes(axes.curve, (r, g, b))
@@ -68,6 +71,11 @@ def evaluate(
         lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share),
     )
     return Evaluated(parts, designs, samples, highest)
+
+
+def _keeps_white(transform: ColourFunction) -> bool:
+    """True for a transform that treats white apart from the colours beside it."""
+    return isinstance(transform, Transform) and any(isinstance(stage, KeepNeutral) for stage in transform.stages)
 
 
 def fit_ops(evaluated: Evaluated, form: Form, method: Interpolation) -> tuple[Op, ...]:

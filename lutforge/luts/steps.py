@@ -11,13 +11,13 @@ import numpy as np
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.bake import bake, joined
-from lutforge.luts.ops import Cube, Curve, Op, Range
+from lutforge.luts.ops import Cube, Curve, Range
 from lutforge.luts.sequence import MAX_SIZE, Lut
 from lutforge.luts.shaper import SHAPER_SIZE, node_levels
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.highlights import RAMP
+from lutforge.model.highlights import CLIPPED
 from lutforge.model.lattice import Lattice, grid
-from lutforge.model.transform import Clip, ColourFunction, KeepNeutral, Stage, Transform, through_stages
+from lutforge.model.transform import Clip, ColourFunction, KeepNeutral, Transform, through_stages
 
 
 def bake_steps(
@@ -30,31 +30,30 @@ def bake_steps(
 ) -> Lut:
     """Bake a transform with a cube for each of its steps, from one clip to the next.
 
-    The steps are those of the bare model: between them nothing tells what clipped, so white is not kept neutral.
     size: nodes per axis of each (33; lattices of a profile keep their own, and lose nothing).
     """
+
+    def baked(step: ColourFunction) -> Lut:
+        return bake(step, size=size, interpolation=interpolation)
+
+    if isinstance(transform, Transform) and any(isinstance(stage, KeepNeutral) for stage in transform.stages):
+        return Lut(joined(grading_lut(transform, baked).ops), title, comments)
     steps = _steps(transform) if isinstance(transform, Transform) else [transform]
-    ops: list[Op] = []
-    for step in steps:
-        ops += bake(step, size=size, interpolation=interpolation).ops
-    return Lut(joined(ops), title, comments)
+    return Lut(joined([op for step in steps for op in baked(step).ops]), title, comments)
 
 
 def _steps(transform: Transform) -> list[ColourFunction]:
     """The transform cut in front of each clip but the first, and of the matrices and gains in front of that."""
-    stages: list[Stage] = []
-    for stage in transform.stages:
-        stages += stage.stages if isinstance(stage, KeepNeutral) else (stage,)
-    cuts = [at for at, stage in enumerate(stages) if isinstance(stage, Clip)][1:]
-    return [Transform(tuple(stages[i:j])) for i, j in zip([0, *cuts], [*cuts, len(stages)], strict=True)]
+    cuts = [at for at, stage in enumerate(transform.stages) if isinstance(stage, Clip)][1:]
+    return [Transform(transform.stages[i:j]) for i, j in zip([0, *cuts], [*cuts, len(transform.stages)], strict=True)]
 
 
 def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
-    """A refinish for photographs, from the baked steps of its two styles: what clipped stays neutral.
+    """A refinish for photographs, from the baked steps of its two styles: white stays neutral.
 
     baked: gives the LUT of a step that is the same under all white balances; the model of JPEG → linear, and of
     white-balanced RAW → JPEG. Only the cube of the first is computed anew, so that a picture with a white balance of
-    its own costs milliseconds. It gets one node more per axis, where a channel begins to count as clipped: below it
+    its own costs milliseconds. It gets one node more per axis, where white begins: below it
     colours are the model's. Raises LutError on a transform that keeps no neutrals.
     """
     if transform.is_identity:
@@ -63,7 +62,7 @@ def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
     if not isinstance(first, KeepNeutral):
         raise LutError("LUT: photographs are graded by a refinish that keeps clipped neutrals")
     cut = 1 + next(at for at, stage in enumerate(first.stages) if isinstance(stage, Lattice | GamutMap))
-    front, cube = _with_node(baked(Transform(first.stages[:cut])), 1.0 - RAMP)
+    front, cube = _with_node(baked(Transform(first.stages[:cut])), 1.0 - CLIPPED)
     encoded = grid(node_levels(front, cube))
     balanced = first.kept(encoded, through_stages(first.stages[cut:], cube.values))
     return Lut((front, Cube(balanced, cube.interpolation), *baked(Transform(transform.stages[1:])).ops))

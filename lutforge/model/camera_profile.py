@@ -114,7 +114,7 @@ class CameraProfile(ProfileData):
     ) -> Transform:
         """A finished JPEG → the JPEG that the camera would have made with other settings (6.1); ev in stops.
 
-        neutral_highlights: what clipped stays neutral; the bare model turns burnt-out white into a colour.
+        neutral_highlights: white stays neutral; the bare model turns burnt-out white into a colour.
         """
         return match(self, source, self, target, ev, model=model, neutral_highlights=neutral_highlights)
 
@@ -186,7 +186,7 @@ def match(
     if not neutral_highlights:
         return Transform((*balanced, *render.stages))
     to_linear = None if target_camera.raw_camera else target_camera.matrix
-    return Transform((KeepNeutral(balanced, to_linear), *render.stages))
+    return Transform((KeepNeutral(balanced, 2.0**ev, to_linear), *render.stages))
 
 
 def _same_setting(camera: CameraProfile, one: Selector, other: Selector) -> bool:

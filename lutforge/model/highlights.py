@@ -1,4 +1,9 @@
-"""What clipped in the source cannot be recovered; it is kept neutral, not turned into a colour by new multipliers."""
+"""White in a finished picture says only "at least": it stays white, and neutral, under every other setting.
+
+A code below the last is a measurement and is rendered anew as such. White is not: a sensor saturates, a camera clips
+behind its white balance, and so do RAW developers before they change the exposure. Taken for the least light that
+clips, it would turn into the colour of the ratio of two white balances.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,9 +13,6 @@ from lutforge.arrays import Array, Mask
 CLIPPED = 0.5 / 255.0
 """An encoded channel this near to 0 or 1 is clipped: half a code of an 8-bit file."""
 
-RAMP = 8.0 / 255.0
-"""Encoded values this near to 1 begin to count as clipped: a cell of a cube of 33³."""
-
 
 def clipped(encoded: ArrayLike) -> Mask:
     """(…,) of encoded (…, 3): a channel at 0 or 255, whose RAW value cannot be told."""
@@ -19,24 +21,21 @@ def clipped(encoded: ArrayLike) -> Mask:
     return mask
 
 
-def neutral_where_clipped(encoded: Array, balanced: Array, to_linear: Array | None = None) -> Array:
-    """Balanced linear colours (…, 3) to render anew, with what clipped in the source `encoded` (…, 3) kept neutral.
+def neutral_where_clipped(encoded: Array, balanced: Array, white: float = 1.0, to_linear: Array | None = None) -> Array:
+    """Balanced linear colours (…, 3) to render anew, with what is white or black in the source `encoded` neutral.
 
-    The true value of a channel at 255 is at least what it reads: it is raised to the smallest of the unclipped ones,
-    which makes burnt-out neutrals neutral and leaves saturated colours alone. Where all are at 255 they are raised to
-    the largest, where all are at 0 lowered to the smallest. It sets in over the last RAMP below 1, as a lookup table
-    cannot jump; other colours are untouched.
+    Where all channels are at 255 they are raised to one level, over the last half code, as a lookup table cannot jump:
+    to `white`, what saturates the sensor, or to the brightest of them where that is more. Where all are at 0 they are
+    lowered to the smallest. All other colours are untouched.
 
-    to_linear: (3, 3), rows sum to 1, to the linear light of the output: as much white is added as keeps each of its
-    channels from becoming darker, where a tinted grey becomes a neutral white.
+    to_linear: (3, 3), rows sum to 1, to the linear light of the output: the level is then no less than any of its
+    channels either, so that none becomes darker where a tinted grey becomes a neutral white.
     """
-    burnt = np.clip((encoded - (1.0 - RAMP)) / RAMP, 0.0, 1.0)
-    if not burnt.any() and np.all(encoded > CLIPPED):
-        return balanced
-    highest = balanced.max(axis=-1, keepdims=True)
-    floor = (balanced + burnt * (highest - balanced)).min(axis=-1, keepdims=True)
-    raised = balanced + burnt * np.maximum(floor - balanced, 0.0)
-    if to_linear is not None:
-        raised += np.maximum(((balanced - raised) @ to_linear.T).max(axis=-1, keepdims=True), 0.0)
+    burnt = np.clip((encoded.min(axis=-1, keepdims=True) - (1.0 - CLIPPED)) / CLIPPED, 0.0, 1.0)
     black = np.all(encoded <= CLIPPED, axis=-1, keepdims=True)
+    if not burnt.any() and not black.any():
+        return balanced
+    lights = balanced if to_linear is None else np.concatenate([balanced, balanced @ to_linear.T], axis=-1)
+    level = np.maximum(lights.max(axis=-1, keepdims=True), white)
+    raised = balanced + burnt * (level - balanced)
     return np.asarray(np.where(black, balanced.min(axis=-1, keepdims=True), raised))

@@ -125,12 +125,13 @@ class Carry:
 
 @dataclass(frozen=True, eq=False)
 class KeepNeutral:
-    """Encoded colours through `stages`, with what clipped in the source kept neutral.
+    """Encoded colours through `stages`, with what is white or black in the source kept neutral.
 
-    to_linear: (3, 3), as of `neutral_where_clipped`, or none.
+    white, to_linear: as of `neutral_where_clipped`.
     """
 
     stages: "tuple[Stage, ...]"
+    white: float = 1.0
     to_linear: Array | None = None
 
     def __call__(self, x: Array) -> Array:
@@ -139,7 +140,7 @@ class KeepNeutral:
 
     def kept(self, encoded: Array, balanced: Array) -> Array:
         """The same, of encoded colours (…, 3) that are through the stages already."""
-        return neutral_where_clipped(encoded, balanced, self.to_linear)
+        return neutral_where_clipped(encoded, balanced, self.white, self.to_linear)
 
 
 Stage = Gain | Linear | Clip | Encode | Decode | EncodeRgb | DecodeRgb | Lattice | GamutMap | Carry | KeepNeutral

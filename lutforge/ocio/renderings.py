@@ -16,7 +16,7 @@ from lutforge.inverse.linearization import InverseOptions, inverse_of
 from lutforge.inverse.round_trip import measure, rounded_up
 from lutforge.luts.bake import bake
 from lutforge.luts.sequence import Lut
-from lutforge.model.transform import Gain, Transform
+from lutforge.model.transform import Gain, KeepNeutral, Transform
 from lutforge.ocio.cameras import Camera
 from lutforge.ocio.lut_files import compact
 from lutforge.ocio.names import UniqueNames, file_stem
@@ -99,16 +99,19 @@ def baked(rendering: Rendering, options: InverseOptions | None = None) -> BakedR
         said.append(f"render LUT against the model: {_error(render, rendering.render)}")
         luts[rendering.render_file] = replace(render, comments=tuple(said))
     if rendering.linearize is not None:
+        model, trip = rendering.linearize, ""
         if rendering.render is None or render.cube is None:  # a response alone is its own exact inverse
-            linearize, trip = bake(rendering.linearize, title=f"{title} linearize"), ""
+            linearize = bake(model, title=f"{title} linearize")
             linearize = linearize if linearize.cube is None else compact(linearize)
         else:
-            linearize = compact(
-                inverse_of(BakedRender.of(render), rendering.linearize, options).as_lut(f"{title} linearize")
-            )
+            inverse = inverse_of(BakedRender.of(render), model, options)
+            # White lies two stops above saturation: no two white balances of a camera part a channel by more, so that
+            # behind any of them it still is white.
+            inverse.values[-1, -1, -1] = 4.0
+            model = Transform((KeepNeutral(model.stages, 4.0),))
+            linearize = compact(inverse.as_lut(f"{title} linearize"))
             trip = str(measure(render, linearize))
-        model = _error(linearize, rendering.linearize, rendering.render)
-        told = [f"linearize LUT against the model: {model}", *([trip] if trip else [])]
+        told = [f"linearize LUT against the model: {_error(linearize, model, rendering.render)}", *filter(None, [trip])]
         luts[rendering.linearize_file] = replace(linearize, comments=tuple(told))
         said += told
     return BakedRendering(luts, "; ".join(said))

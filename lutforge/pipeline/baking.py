@@ -1,8 +1,10 @@
 """Use case: a profile and settings → LUT files, each read back and measured."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from lutforge import __version__
 from lutforge.errors import LutError, SettingsError
@@ -58,7 +60,8 @@ def bake_files(
 
     outputs: their suffixes pick the formats; program: the one that will read them, which names them where there are
     none. size: nodes per axis; tolerance: instead, the ΔE00 that 99 % of colours keep within. interpolation: how the
-    reader interpolates. stages: each step a cube of its own (.clf, .ctf).
+    reader interpolates. stages: each step a cube of its own (.clf, .ctf), which is how a refinish or match is
+    written where nothing else is asked for.
     Raises SettingsError, LutError, ProfileError, and LutForgeError where nothing can be written: all before the work.
     """
     method = None if interpolation is None else one_of("interpolation", interpolation, INTERPOLATIONS)
@@ -68,7 +71,7 @@ def bake_files(
         raise SettingsError("--stages goes with --size: steps that are exact alone need no tolerance")
     inputs = [path for path in (profile, wanted.look, *wanted.transfers) if isinstance(path, str | Path)]
     paths = [check_output(path, inputs=inputs) for path in outputs]
-    chosen = choose_transform(as_profile(profile), replace(wanted, neutral_highlights=not stages))
+    chosen = choose_transform(as_profile(profile), wanted)
     if program is not None and chosen.kind == "render" and program_named(program).develops:
         raise SettingsError(
             f"{program} feeds a LUT with what it developed, never with camera RAW: make a kit for it, "
@@ -80,14 +83,17 @@ def bake_files(
     targets = [target_of(path, reader, size, method, scenes) for path, reader in named.items()]
     comments = (f"LutForge {__version__}", *ends.comments, *chosen.comments)
     with telling_of_compilation(progress) as telling:
-        if stages:
+        whole = stages or (kind in ("refinish", "match") and not any((program, size, tolerance, method)))
+        stepwise = [whole and path.suffix.lower() in PROCESS_LISTS for path in named]
+        luts = bake_forms(
+            chosen.transform, [target for target, steps in zip(targets, stepwise, strict=True) if not steps],
+            tolerance=tolerance, display_referred=kind != "linearize", title=chosen.title, comments=comments,
+            progress=telling,
+        )  # fmt: skip
+        if any(stepwise):
             steps = bake_steps(chosen.transform, size, interpolation=method, title=chosen.title, comments=comments)
-            luts = [steps] * len(targets)
-        else:
-            luts = bake_forms(
-                chosen.transform, targets, tolerance=tolerance, display_referred=kind != "linearize",
-                title=chosen.title, comments=comments, progress=telling,
-            )  # fmt: skip
+            for at in np.flatnonzero(stepwise):
+                luts.insert(int(at), steps)
     files = []
     for path, lut in zip(named, luts, strict=True):
         error = verify(lut.write(path), chosen.transform, lut, display_referred=kind != "linearize")

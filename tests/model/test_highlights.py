@@ -1,27 +1,28 @@
-"""What clipped in the source stays neutral under other settings, without a step, and alone."""
+"""White in the source stays neutral under other settings; every other colour is what the model says."""
 
 import numpy as np
 import pytest
 
 import lutforge as lf
-from lutforge.model.highlights import RAMP, clipped, neutral_where_clipped
+from lutforge.model.highlights import CLIPPED, clipped, neutral_where_clipped
 from tests.model.profiles_synthetic import small_profile
 
 
-def test_white_is_raised_to_neutral_and_a_clipped_channel_to_the_others() -> None:
-    balanced = np.array([[1.6, 1.0, 0.4], [1.6, 1.0, 0.4], [0.2, 0.9, 0.1]])
-    encoded = np.array([[1.0, 1.0, 1.0], [0.9, 0.8, 1.0], [0.4, 1.0, 0.3]])
-    wanted = [[1.6, 1.6, 1.6], [1.6, 1.0, 1.0], [0.2, 0.9, 0.1]]
+def test_white_is_raised_to_one_level_and_a_measured_colour_left_alone() -> None:
+    balanced = np.array([[1.6, 1.0, 0.4], [0.7, 0.6, 0.4], [1.6, 1.0, 0.4], [0.2, 0.9, 0.1]])
+    encoded = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 254 / 255, 245 / 255], [0.4, 1.0, 0.3]])
+    wanted = [[1.6, 1.6, 1.6], [1.0, 1.0, 1.0], [1.6, 1.0, 0.4], [0.2, 0.9, 0.1]]
     np.testing.assert_allclose(neutral_where_clipped(encoded, balanced), wanted)
     assert clipped(encoded).all()
+    np.testing.assert_allclose(neutral_where_clipped(encoded[:1], balanced[:1], white=4.0), 4.0)
 
 
-def test_it_sets_in_without_a_step_and_leaves_all_else() -> None:
+def test_it_sets_in_within_half_a_code_and_leaves_all_else() -> None:
     encoded = np.linspace(0.9, 1.0, 2001)[:, None] * np.ones(3)
     balanced = encoded * [1.6, 1.0, 0.4]
     raised = neutral_where_clipped(encoded, balanced)
-    assert np.abs(np.diff(raised, axis=0)).max() < 0.005
-    below = encoded[:, 0] <= 1 - RAMP
+    assert np.all(np.diff(raised, axis=0) >= 0)
+    below = encoded[:, 0] <= 1 - CLIPPED
     np.testing.assert_array_equal(raised[below], balanced[below])
     dark = neutral_where_clipped(np.zeros((1, 3)), np.array([[0.02, 0.01, 0.0]]))
     np.testing.assert_array_equal(dark, 0.0)
@@ -43,10 +44,10 @@ def test_no_channel_of_the_output_becomes_darker_where_a_tinted_grey_becomes_whi
     """In the output's linear light, from grey to burnt-out white, under white balances that tint either way."""
     to_linear = np.array([[1.7, -0.5, -0.2], [-0.3, 1.6, -0.3], [0.0, -0.6, 1.6]])
     grey = np.linspace(0.5, 1.0, 2001)[:, None].repeat(3, axis=1)
-    below = grey[:, 0] < 1 - RAMP
+    below = grey[:, 0] < 1 - CLIPPED
     for tint in ([2.0, 1.0, 0.5], [0.5, 1.0, 2.0], [1.0, 0.5, 1.0]):
         balanced = grey**2.2 * tint
-        raised = neutral_where_clipped(grey, balanced, to_linear)
+        raised = neutral_where_clipped(grey, balanced, to_linear=to_linear)
         assert np.all((raised - balanced) @ to_linear.T >= -1e-12)
         assert np.any((neutral_where_clipped(grey, balanced) - balanced) @ to_linear.T < -0.01)
         assert np.ptp(raised[-1]) < 1e-12

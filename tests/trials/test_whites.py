@@ -1,0 +1,120 @@
+"""Grey ramps and near-clipped tints to white: they rise, end neutral, and are alike by every way to the same picture.
+
+As a script it prints, for each combination of white balances, styles and exposure, the largest fall of a channel, the
+tint at the top, and the largest difference of each way from `apply`, in codes:
+
+    python -m tests.trials.test_whites camera.npz [combinations]
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+import pytest
+from numpy.typing import NDArray
+
+import lutforge as lf
+from lutforge.apply.gradings import Gradings
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.inverse.linearization import InverseOptions
+from lutforge.luts.programs import target_of
+from lutforge.luts.steps import bake_steps
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.ocio.cameras import name_cameras
+from lutforge.ocio.config import write_config
+from lutforge.pipeline.calibration import calibrate
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from tests.apply.test_profile_recipe import samples_of
+from tests.model.profiles_synthetic import small_profile
+
+Array = NDArray[np.float64]
+
+TINTS = ((254, 254, 254), (254, 250, 245), (245, 250, 254), (250, 254, 250), (254, 248, 254))
+STOPS = (0.0, -1.0, 0.0, 1.0, -2.0, 2.0)
+
+
+def ramps() -> list[Array]:
+    """Per tint (m, 3) colours of 8-bit codes in [0, 1] that rise until all channels are at 255."""
+    light = np.arange(0.0, 275.0)[:, None]
+    return [np.rint(np.minimum(light * np.array(tint) / 254, 255)) / 255 for tint in TINTS]
+
+
+@dataclass(frozen=True)
+class Ways:
+    """One combination. fall: the largest, over ways; tint: at the top; apart: per way, from `apply`; in codes."""
+
+    name: str
+    fall: float
+    tint: float
+    apart: dict[str, float]
+
+    def __str__(self) -> str:
+        apart = ", ".join(f"{way} {value:.1f}" for way, value in self.apart.items())
+        return f"{self.name:<52} fall {self.fall:.1f}, tint {self.tint:.1f}; from apply: {apart}"
+
+
+def measured(profile: CameraProfile, folder: Path, count: int, inverse: InverseOptions | None = None) -> Iterator[Ways]:
+    """The first `count` combinations of a profile's settings, in a fixed order; a config of it is made in `folder`."""
+    config = OCIO.Config.CreateFromFile(str(write_config([profile], folder / "config", inverse=inverse)))
+    camera, gradings = name_cameras([profile])[0], Gradings()
+    named = [(style, balance) for style in profile.styles for balance in profile.white_balances]
+    pairs = [(source, target) for source in named for target in named if source != target]
+    np.random.default_rng(0).shuffle(pairs)
+    colours, ends = np.concatenate(ramps()), np.cumsum([len(ramp) for ramp in ramps()])
+    for number, (source, target) in enumerate(pairs[:count]):
+        ev = STOPS[number % len(STOPS)]
+        given, wanted = profile.selector("/".join(source)), profile.selector("/".join(target))
+        transform = profile.refinish(given, wanted, ev)
+        made = {"apply": _codes(gradings.refinish(profile, given, profile, wanted, ev)[1], colours)}
+        made["clf"] = _codes(bake_steps(transform).processor(), colours)
+        shaped = lf.bake(transform, form="shaper", size=target_of(Path("x.resolve.cube")).default)
+        made["cube"] = _codes(shaped.processor(), colours)
+        if ev == 0:
+            names = camera.jpeg(*source), camera.jpeg(*target)
+            look = OCIO.ColorSpaceTransform(src=names[0], dst=names[1])
+            made["look"] = _codes(config.getProcessor(look).getDefaultCPUProcessor(), colours)
+            if target[1] == camera.own:
+                view = next(view for view in config.getViewTransformNames() if view.endswith(camera.styles[target[0]]))
+                shown = OCIO.DisplayViewTransform(src=names[0], display="sRGB - Display", view=view)
+                made["view"] = _codes(config.getProcessor(shown).getDefaultCPUProcessor(), colours)
+        falls = [np.diff(ramp, axis=0).min() for way in made.values() for ramp in np.split(way, ends[:-1])]
+        yield Ways(
+            f"{'/'.join(source)} to {'/'.join(target)}, {ev:+g} EV",
+            -float(min(falls)),
+            max(float(np.ptp(way[ends[0] - 1])) for way in made.values()),
+            {way: float(np.abs(values - made["apply"]).max()) for way, values in made.items() if way != "apply"},
+        )
+
+
+def _codes(processor: OCIO.CPUProcessor, colours: Array) -> Array:
+    pixels = np.ascontiguousarray(colours, dtype=np.float32)
+    processor.applyRGB(pixels)
+    return np.asarray(np.clip(pixels, 0.0, 1.0) * 255, dtype=np.float64)
+
+
+def test_white_is_white_by_every_way(tmp_path: Path) -> None:
+    found = list(measured(small_profile(), tmp_path, 12, InverseOptions(size=17, rounds=1)))
+    assert any("view" in ways.apart for ways in found)
+    for ways in found:
+        assert ways.tint <= 2.0, ways
+        assert ways.apart["clf"] <= 0.01, ways
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("camera", [nikon_d5100(), sigma_sd_merrill()], ids=lambda camera: camera.name)
+def test_ramps_of_a_calibrated_camera_rise_to_a_neutral_white(camera: SimulatedCamera, tmp_path: Path) -> None:
+    profile = calibrate(samples_of(camera, 1), CalibrationOptions(size=17))
+    for ways in measured(profile, tmp_path, 30):
+        assert ways.fall <= 5.0, ways
+        assert ways.tint <= 2.5, ways
+        assert ways.apart["clf"] <= 0.01, ways
+
+
+if __name__ == "__main__":
+    with TemporaryDirectory() as scratch:
+        for ways in measured(lf.load_profile(sys.argv[1]), Path(scratch), int((*sys.argv[2:], "30")[0])):
+            print(ways, flush=True)
