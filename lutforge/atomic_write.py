@@ -9,7 +9,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from lutforge.errors import LutForgeError
@@ -51,6 +51,20 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         raise LutForgeError(f"{path}: cannot write ({error.strerror or error})") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def removed_if_empty(folder: str | Path) -> Iterator[None]:
+    """Remove a folder, and those above it, that the block made and in which it left no file."""
+    folder = Path(folder)
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        yield
+    finally:
+        within = [Path(place) for place, _, _ in os.walk(folder, topdown=False)] if made else []
+        for place in dict.fromkeys((*within, *made)):
+            with suppress(OSError):
+                place.rmdir()
 
 
 def remove_temporaries(paths: Iterable[Path]) -> int:

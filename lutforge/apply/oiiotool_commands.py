@@ -28,13 +28,14 @@ def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iter
             grade = recipe.grade(job.source)
             if grade.unchanged:
                 raise ImageError(f"{job.source}: {grade.notes[0]}; copy it")
-            words = grade.oiiotool
-            if grade.lut is not None:
-                if id(grade.lut) not in files:
-                    path = folder / f"{recipe.key[:12]}-{len(files) + 1}.clf"
-                    files[id(grade.lut)] = grade.lut, grade.lut.write(path)
-                words = ("--ociofiletransform", str(files[id(grade.lut)][1]))
-            yield shlex.join(_command(grade, words, job))
+            words, lut = grade.oiiotool, grade.lut
+            if lut is not None:
+                path = folder / f"{recipe.key[:12]}-{len(files) + 1}.clf"
+                words = ("--ociofiletransform", str(files.get(id(lut), (lut, path))[1]))
+            command = _command(grade, words, job)
+            if lut is not None and id(lut) not in files:
+                files[id(lut)] = lut, lut.write(path)
+            yield shlex.join(command)
         except LutForgeError as error:
             yield Failure(job.source, str(error))
 

@@ -118,15 +118,16 @@ def _notes(graded: "Sequence[Applied]") -> Iterator[str]:
 
 
 def _print_commands(grading: "Grading") -> None:
-    failed = False
+    asked, failed = 0, False
     for command in grading.commands():
+        asked += 1
         if isinstance(command, str):
             print(command)
         else:
             failed = True
             complain(command.reason)
     if failed:
-        raise typer.Exit(1)
+        raise typer.Exit(1 if asked > 1 else 2)
 
 
 def _rate(images: int, pixels: int, seconds: float) -> str:

@@ -65,6 +65,8 @@ def main() -> None:
     """Run the command line and exit: 0 done, 1 some images of a batch failed, 2 bad input or usage, 130 stopped."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without "→" and "Δ" shows "?"
+    if "" in sys.argv[1:]:  # a path would take it for this folder
+        _stop("an empty word: is a variable of the shell not set?", 2)
     try:
         status = app(standalone_mode=False)
     except LutForgeError as error:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from lutforge.boundary import require_file
 from lutforge.cli.console import say
 from lutforge.errors import LutForgeError
 
@@ -33,7 +34,7 @@ def studio(
 
     given = tuple(path.resolve() for path in sources or [])
     for path in given:
-        if not path.exists():
-            raise LutForgeError(f"{path}: no such file or folder")
+        if not path.is_dir():
+            require_file(path, "a sample table, shot, profile or workspace")
     named = folder or [Path.cwd(), *(path if path.is_dir() else path.parent for path in given)]
     serve(Folders.of(named), given, address, port, show, lambda url: say(f"LutForge studio: {url}"))

@@ -188,8 +188,8 @@ def _reason(message: str, link: str, path: Path) -> str:
     if head.startswith(BOM_UTF8):
         return "begins with a byte order mark, which OpenColorIO does not read; save it as UTF-8 without one"
     if path.suffix.lower() == ".cube":
-        text = head.decode("utf-8", "replace").upper()
-        if "LUT_1D_SIZE" in text and "LUT_3D_SIZE" in text and ("TITLE" in text or "DOMAIN_M" in text):
+        words = {line.split()[0] for line in head.decode("utf-8", "replace").splitlines() if line.strip()}
+        if words >= {"LUT_1D_SIZE", "LUT_3D_SIZE"} and words & {"TITLE", "DOMAIN_MIN", "DOMAIN_MAX"}:
             return (
                 "a .cube with a shaper (LUT_1D_SIZE and LUT_3D_SIZE) must hold neither TITLE nor DOMAIN "
                 "lines for OpenColorIO; delete those lines"

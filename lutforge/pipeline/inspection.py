@@ -29,7 +29,7 @@ class Inspected:
 
 
 def files_to_inspect(path: str | Path) -> list[Path]:
-    """Return a file itself, or a folder's RAW files, pictures, tables and profiles. Raises ImageError: there are none.
+    """Return a file itself, or a folder's RAW files, pictures, tables and profiles; the folder where it has none.
 
     A picture beside the RAW file that it was made from is told of with that.
     """
@@ -39,14 +39,14 @@ def files_to_inspect(path: str | Path) -> list[Path]:
     known = RAW_SUFFIXES | PICTURE_SUFFIXES | {*PROFILE_SUFFIXES, *TABLE_SUFFIXES}
     files = sorted(entry for entry in path.iterdir() if entry.suffix.lower() in known and entry.is_file())
     found = [file for file in files if file.suffix.lower() not in PICTURE_SUFFIXES or raw_beside(file) is None]
-    if not found:
-        raise ImageError(f"{path}: no RAW file, picture, sample table or profile in this folder")
-    return found
+    return found or [path]
 
 
 def inspect(path: str | Path) -> Inspected:
     """Read a RAW file, picture, profile, sample table or LUT, and say what is in it. Raises LutForgeError."""
     path, suffix = Path(path), Path(path).suffix.lower()
+    if path.is_dir():
+        raise ImageError(f"{path}: no RAW file, picture, sample table or profile in this folder")
     if suffix in PROFILE_SUFFIXES:
         from lutforge.model.camera_profile import load_profile
 
@@ -84,9 +84,14 @@ def _shot(path: Path) -> Rows:
 
 
 def _picture(path: Path) -> Rows:
+    from lutforge.images.read import ImageReader
     from lutforge.shots.picture_settings import read_picture_settings
 
     settings = read_picture_settings(path)
+    with ImageReader(path) as image:
+        for region in image.regions(1 << 22, rows_only=True):
+            image.read(region)  # a file that is cut short is of no use
+        yield "picture", f"{image.spec.width} × {image.spec.height}, {image.format}"
     yield "camera", settings.camera or "the file does not name it"
     yield "picture style", settings.style
     yield "white balance", f"{settings.white_balance}, multipliers {_numbers(settings.multipliers)}"

@@ -38,7 +38,6 @@ class Wanted:
     model: str | None = None
     look: CameraProfile | Path | None = None
     transfers: Sequence[Path] = ()
-    neutral_highlights: bool = True
 
     def __post_init__(self) -> None:
         kind, space = one_of("transform", self.kind, KINDS), _space_named(self.space)
@@ -49,7 +48,8 @@ class Wanted:
         if space != "raw" and kind in ("refinish", "match"):
             raise SettingsError(f"--space goes with linearize and render; a {kind} has JPEGs on both sides")
         if self.ev and (kind == "linearize" or (kind == "render" and space == "raw")):
-            raise SettingsError(f"--ev goes with refinish and match; scale the RAW values to expose a {kind} anew")
+            instead = "scale the scene" if kind == "linearize" else "name a scene with --space, or scale the RAW values"
+            raise SettingsError(f"--ev does not go with a {kind}{' of camera RAW' * (kind == 'render')}: {instead}")
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def choose_transform(camera: CameraProfile, wanted: Wanted) -> Chosen:
         title = f"{camera.camera} {space} to {target}{exposure}"
     else:
         step = chained([load_transfer(path) for path in wanted.transfers]) if wanted.transfers else None
-        made = match(camera, source, end, target, wanted.ev, model, step, wanted.neutral_highlights)
+        made = match(camera, source, end, target, wanted.ev, model, step)
         title = f"{camera.camera} {source} to {'' if end is camera else f'{end.camera} '}{target}{exposure}"
     errors = [
         f"held-out {direction} error: mean {figures[f'{direction}_mean']:.4f}"

@@ -56,9 +56,14 @@ def _is_as_written(path: Path) -> bool:
 
 
 def _digest(path: Path) -> str:
-    content = path.read_bytes()
-    footer = int.from_bytes(content[-8:-4], "little") + 8
-    return hashlib.sha256(content[:-footer]).hexdigest()
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        left = file.seek(-8, 2) - int.from_bytes(file.read(4), "little")
+        file.seek(0)
+        while left > 0 and (part := file.read(min(left, 1 << 20))):
+            digest.update(part)
+            left -= len(part)
+    return digest.hexdigest()
 
 
 def _require_readable(path: Path) -> None:

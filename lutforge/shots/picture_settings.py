@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.boundary import require_file
 from lutforge.errors import ImageError, SettingsError
 from lutforge.images.raw import read_multipliers
 from lutforge.images.read import ImageReader
@@ -46,6 +47,7 @@ def read_picture_settings(path: Path) -> PictureSettings:
     what is no image.
     """
     is_raw = path.suffix.lower() in RAW_SUFFIXES
+    require_file(path, "a RAW file" if is_raw else "an image", ImageError)
     tags = file_tags(path) if is_raw else {**_header_tags(path), **file_tags(path)}
     made = None if is_raw else _made_by_lutforge(tags)
     if made is not None:

@@ -1,12 +1,12 @@
 """Read a shot: RAW, the JPEG that the camera made of it, settings, and the registration of the two."""
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.atomic_write import scratch_folder
 from lutforge.errors import ImageError, ShotError
 from lutforge.images.development import Development
 from lutforge.images.raw import RawImage, read_raw
@@ -83,13 +83,13 @@ def _decode(data: bytes, source: str) -> NDArray[np.uint8]:
     """(h, w, 3) of JPEG bytes, as stored. Raises ImageError: damaged, not RGB, or too large."""
     if not data.startswith(b"\xff\xd8"):
         raise ImageError(f"{source}: not a JPEG file")
-    with tempfile.NamedTemporaryFile(suffix=".jpg") as file:
-        file.write(data)
-        file.flush()
+    with scratch_folder() as folder:
+        file = folder / "preview.jpg"
+        file.write_bytes(data)
         try:
-            pixels = read_image(Path(file.name)).pixels
+            pixels = read_image(file).pixels
         except ImageError as error:
-            raise ImageError(str(error).replace(file.name, source)) from None
+            raise ImageError(str(error).replace(str(file), source)) from None
     if pixels.ndim != 3 or pixels.shape[2] != 3:
         raise ImageError(f"{source}: decodes to {pixels.shape} pixels, not to a colour image")
     return np.rint(pixels * 255).astype(np.uint8)

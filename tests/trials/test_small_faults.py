@@ -1,0 +1,105 @@
+"""What strangers and farms ran into: exit statuses, words, what a failed run leaves behind, what a killed one does."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+import polars as pl
+import pytest
+
+from lutforge.luts.ops import Cube, Curve
+from lutforge.luts.sequence import Lut
+from lutforge.model.lattice import grid, uniform_levels
+from lutforge.samples.read_parquet import _is_as_written, write_parquet
+from tests.conftest import CommandLine
+from tests.model.profiles_synthetic import small_profile
+
+
+@pytest.fixture
+def profile(tmp_path: Path) -> Path:
+    small_profile().save(tmp_path / "camera.npz")
+    return tmp_path / "camera.npz"
+
+
+def picture(path: Path) -> Path:
+    """A JPEG of noise that does not tell its camera."""
+    PIL.Image.fromarray(np.random.default_rng(0).integers(0, 256, (64, 96, 3), dtype=np.uint8)).save(path)
+    return path
+
+
+def failed(run: "subprocess.CompletedProcess[str]", status: int = 2) -> str:
+    """The one line of a failure."""
+    assert run.returncode == status, (run.returncode, run.stdout, run.stderr)
+    lines = run.stderr.strip().splitlines()
+    assert len(lines) == 1, run.stderr
+    return lines[0]
+
+
+def test_commands_for_one_bad_picture(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
+    bad, out = picture(tmp_path / "bad.jpg"), tmp_path / "out"
+    bad.write_bytes(bad.read_bytes()[:400])
+    failed(lutforge("apply", profile, bad, "--from", "standard/daylight", "--to", "vivid/daylight", "-o", out,
+                    "--print-commands"))  # fmt: skip
+    assert not out.exists()
+
+
+def test_a_failed_batch_leaves_no_folder(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
+    out = tmp_path / "new" / "out"
+    failed(lutforge("apply", profile, picture(tmp_path / "a.jpg"), "-o", out))
+    assert not out.parent.exists()
+
+
+def test_an_empty_word_is_no_folder(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
+    picture(tmp_path / "here.jpg")
+    told = failed(lutforge("apply", profile, "", "--from", "standard/daylight", "-o", tmp_path / "out", cwd=tmp_path))
+    assert "empty word" in told
+
+
+def test_an_empty_raw_file_is_called_empty(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
+    (tmp_path / "IMG_1.CR2").write_bytes(b"")
+    assert "the file is empty" in failed(lutforge("apply", profile, tmp_path / "IMG_1.CR2", "-o", tmp_path / "out"))
+
+
+def test_a_picture_that_is_cut_short_is_not_usable(lutforge: CommandLine, tmp_path: Path) -> None:
+    whole, half, empty = picture(tmp_path / "a.jpg"), tmp_path / "b.jpg", tmp_path / "empty"
+    half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    empty.mkdir()
+    assert "damaged or cut short" in failed(lutforge("inspect", half))
+    both = lutforge("inspect", empty, half, whole)
+    assert both.returncode == 2 and "96 × 64" in both.stdout and len(both.stderr.strip().splitlines()) == 2
+
+
+def test_a_damaged_shaper_cube_is_not_blamed_for_a_title(lutforge: CommandLine, tmp_path: Path) -> None:
+    curve = Curve(np.linspace(0, 1, 64)[:, None].repeat(3, 1) ** 0.5)
+    path = Lut((curve, Cube(grid(uniform_levels(5)))), "a title").write(tmp_path / "x.resolve.cube")
+    path.write_text(path.read_text().replace("LUT_3D_SIZE 5", "LUT_3D_SIZE 6"))
+    told = failed(lutforge("apply", path, picture(tmp_path / "a.jpg"), "-o", tmp_path / "out"))
+    assert "TITLE" not in told and "expected 216" in told
+
+
+def test_plots_print_nothing_where_there_is_no_home(tmp_path: Path) -> None:
+    environment = {**os.environ, "HOME": "/proc/nowhere", "MPLCONFIGDIR": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/x"}
+    code = "import lutforge.report.drawing, matplotlib.pyplot"
+    run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert run.stderr == ""
+
+
+def test_the_studio_does_not_start_on_an_empty_table(lutforge: CommandLine, tmp_path: Path) -> None:
+    (tmp_path / "empty.csv").write_bytes(b"")
+    assert "the file is empty" in failed(lutforge("studio", tmp_path / "empty.csv", "--no-browser"))
+
+
+def test_exposure_of_a_render_names_the_way_to_it(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
+    out = tmp_path / "a.clf"
+    told = failed(lutforge("bake", profile, "render", "--to", "standard/daylight", "--ev", 1, "-o", out))
+    assert "--space" in told and "refinish" not in told
+
+
+def test_a_long_parquet_table_is_hashed_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.parquet"
+    monkeypatch.setattr(Path, "read_bytes", lambda self: pytest.fail("read whole"))
+    write_parquet(pl.DataFrame({"a": np.arange(1000.0)}), path)
+    assert _is_as_written(path)
