@@ -10,6 +10,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.reference_camera import calibrate_by_reference
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances, with_fitted_gains
+from lutforge.calibration.plausibility.check import implausible
 from lutforge.calibration.shots.consistency import check_agreement, thin_colours, thin_settings
 from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
@@ -64,6 +65,8 @@ def calibrate(
     falloffs = _falloffs(samples, multipliers, options)
     samples = at_the_centre(samples, falloffs)
     notes = (*notes, *(falloff.note for falloff in falloffs))
+    diagnoses = implausible(samples, multipliers)
+    of_all = any(diagnosis.whole_set for diagnosis in diagnoses)
     multipliers = with_fitted_gains(samples, multipliers, unclipped(samples, multipliers))
     matrix: Array | None = None
     physical: dict[str, GamutMaps] = {}
@@ -78,7 +81,8 @@ def calibrate(
     for index, (name, style) in enumerate(data.items()):
         share = index / len(data)
         notes = (*notes, *thin_colours(style.encoded, name, monochrome=style.monochrome))
-        notes = (*notes, *check_agreement(style.balanced, style.encoded, style.shot, name))
+        if not of_all:  # else shots would be blamed for what is wrong with all
+            notes = (*notes, *check_agreement(style.balanced, style.encoded, style.shot, name))
         progress(f"{name}: fitting", share)
         fit, maps = fit_style(style, options), physical.get(name)
         fitted[name] = CalibratedStyle(style, fit, maps)
@@ -102,6 +106,7 @@ def calibrate(
         options=options.as_json(),
         notes=notes,
         falloffs=falloffs,
+        diagnoses=diagnoses,
     )
     return Calibration(profile, fitted)
 

@@ -10,6 +10,7 @@ from lutforge.cli.console import note, print_table, progress_bar, say
 from lutforge.cli.sample import tell
 from lutforge.cli.words import ProfileOutput
 from lutforge.errors import SettingsError
+from lutforge.model.diagnosis import told
 
 if TYPE_CHECKING:
     from lutforge.evaluation.learning_curve import LearningCurve
@@ -88,7 +89,7 @@ def calibrate(
         say(f"{options.size} nodes per axis are the fewest that reach a mean error of {tolerance:g} on held-out shots")
     with progress_bar("calibrating") as report:
         profile = fit(samples, options, report)
-    for text in profile.notes:
+    for text in (*told(profile.diagnoses), *profile.notes):
         note(text)
     print_held_out(profile)
     profile.save(output)

@@ -11,6 +11,7 @@ import typer
 
 from lutforge.cli.calibrate import print_held_out
 from lutforge.cli.console import note, print_table, progress_bar, say
+from lutforge.model.diagnosis import told
 
 if TYPE_CHECKING:
     from lutforge.evaluation.errors_table import ErrorFigures
@@ -41,7 +42,7 @@ def demo(
     say("3. Calibrate")
     with progress_bar("calibrating") as report:
         profile = calibrate(sampled.samples, CalibrationOptions(size=size), report)
-    for text in profile.notes:
+    for text in (*told(profile.diagnoses), *profile.notes):
         note(text)
     profile.save(output / "camera.npz")
     calibration_sheet(profile, "standard", output / "calibration.png")

@@ -7,6 +7,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.errors import ProfileError
+from lutforge.model.diagnosis import Diagnosis
 from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
@@ -57,7 +58,7 @@ class ProfileData:
     shots: the names that it was calibrated from; options: how, as plain JSON values. raw_camera: the reference camera
     whose RAW stood in for a camera without RAW (4.9), else "": each white balance then has a physical model of its own,
     whose matrix takes that camera's RAW to linear sRGB. falloffs: what JPEGs are brighter towards the corners than the
-    middle, for which the styles stand, by lens setting.
+    middle, for which the styles stand, by lens setting. diagnoses: what in the samples no camera makes.
     Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
     singular.
     """
@@ -71,6 +72,7 @@ class ProfileData:
     notes: tuple[str, ...] = ()
     raw_camera: str = ""
     falloffs: tuple[Falloff, ...] = ()
+    diagnoses: tuple[Diagnosis, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.styles or not self.white_balances:

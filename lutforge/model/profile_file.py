@@ -17,6 +17,7 @@ from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading
 from lutforge.errors import ProfileError
 from lutforge.interpolation import INTERPOLATIONS
+from lutforge.model.diagnosis import Diagnosis
 from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
@@ -48,6 +49,7 @@ def save_profile(profile: ProfileData, path: str | Path) -> None:
         "options": dict(profile.options),
         "notes": list(profile.notes),
         "falloffs": [_falloff_to_json(falloff) for falloff in profile.falloffs],
+        "diagnoses": [asdict(diagnosis) for diagnosis in profile.diagnoses],
     }
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
@@ -126,6 +128,10 @@ def read_profile(path: str | Path) -> ProfileData:
             notes=tuple(str(note) for note in document.get("notes", [])),
             raw_camera=str(document.get("raw_camera", "")),
             falloffs=tuple(_falloff(entry) for entry in document.get("falloffs", [])),
+            diagnoses=tuple(
+                Diagnosis(str(entry["cause"]), str(entry["evidence"]), str(entry["advice"]), bool(entry["whole_set"]))
+                for entry in document.get("diagnoses", [])
+            ),
         )
 
 

@@ -12,6 +12,7 @@ from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.diagnosis import told
 from lutforge.progress import Progress, part, silent
 from lutforge.report.error_blocks import error_map_pictures, error_pictures, error_tables
 from lutforge.report.page import Points, Report, Section
@@ -35,7 +36,7 @@ def build_report(
     accounts: of the shots that the samples are from; files: the RAW file of each shot by name, for error maps.
     Raises CalibrationError where the samples hold none of the profile's styles.
     """
-    lead, notes = _lead_of_profile(profile), profile.notes
+    lead, notes = _lead_of_profile(profile), (*told(profile.diagnoses), *profile.notes)
     judged: list[Section] = []
     shown: list[Section] = []
     data: dict[str, StyleData] = {}

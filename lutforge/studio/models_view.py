@@ -9,6 +9,7 @@ from bokeh.models import ColumnDataSource, Range1d
 
 from lutforge.calibration.options import LARGEST, PRESETS, SMALLEST, CalibrationOptions, Preset
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.model.diagnosis import told
 from lutforge.report.drawing import CHANNELS
 from lutforge.studio.elements import WIDTH, Slider, frame, plot, select, table, text
 from lutforge.studio.fits import ResidualRow, before, fit_model, residuals
@@ -130,7 +131,7 @@ class ModelsView:
             if now.samples is not workspace.samples:
                 raise WorkspaceError("other samples were opened meanwhile: compute again")
             self.session.change(replace(now.with_model(kind, fitted), options=options))
-            notes = "; ".join(fitted.profile.notes)
+            notes = "; ".join((*told(fitted.profile.diagnoses), *fitted.profile.notes))
             self.session.say(f"{MODELS[kind]}: fitted to {int(rows.sum()):,} samples. {notes}")
 
         stages = workspace.models["matrix"].profile if "matrix" in workspace.models else None

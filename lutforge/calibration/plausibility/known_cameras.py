@@ -1,0 +1,93 @@
+"""How likely a chain of colours is to be a camera's: against measured sensors, and against known responses.
+
+data/cameras.json holds mean and covariance of the matrices of 52 measured sensors, with its source and licence. What
+responses are is said in stops: at which share of its saturation RAW reaches five JPEG values. White lies at saturation,
+within a quarter of a stop, and 18 % grey 2½ to 3½ stops below it, as ISO 12232 has it; the darker, the freer is taste.
+"""
+
+import json
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from lutforge.arrays import Array
+from lutforge.calibration.plausibility.colour_chain import CODE, ColourChain
+
+OFF_DIAGONAL = ([0, 0, 1, 1, 2, 2], [1, 2, 0, 2, 0, 1])
+TONES = np.array([32.0, 64.0, 118.0, 180.0, 230.0]) / 255.0
+STOPS = np.array([-5.6, -4.3, -2.95, -1.7, -0.7])
+"""log2 of the RAW at which these JPEG values are reached: between sRGB's curve and a film-like one."""
+STYLE_SPREAD = 0.25
+"""Standard deviation of the matrix's entries by the maker's taste, such as a lively or a calm style."""
+TAILS = 8.0
+"""Degrees of freedom of Student's t, which good cameras of unusual taste lie within."""
+
+
+@cache
+def known_cameras() -> dict[str, dict[str, list[float]]]:
+    """What data/cameras.json says, by quantity."""
+    text = files("lutforge.calibration.plausibility").joinpath("data/cameras.json").read_text(encoding="utf-8")
+    parsed: dict[str, dict[str, list[float]]] = json.loads(text)
+    return parsed
+
+
+def typical_matrix() -> Array:
+    """Ts (3, 3) of the mean of the measured sensors."""
+    matrix = np.zeros((3, 3))
+    matrix[OFF_DIAGONAL] = known_cameras()["matrix"]["mean"]
+    return np.asarray(matrix + np.diag(1.0 - matrix.sum(axis=1)))
+
+
+def log_likelihood(chain: ColourChain, *, known_multipliers: bool, sensor: bool, rms: float | None = None) -> float:
+    """The logarithm, up to a constant, of how likely a camera has this chain, and of how well it fits.
+
+    rms: where other JPEG values than the given ones were fitted, that of the given ones, as codes mean other things.
+
+    known_multipliers: they are the files' own, so neutral RAW should be neutral; sensor: the left side is camera RAW.
+    """
+    total = -chain.independent * np.log((chain.rms if rms is None else rms) + 0.5 * CODE)
+    covariance = _matrix_covariance(chain)
+    if sensor:
+        known = known_cameras()["matrix"]
+        spread = np.array(known["covariance"]) + STYLE_SPREAD**2 * np.eye(6) + covariance
+        total += _student(chain.camera_matrix[OFF_DIAGONAL] - np.array(known["mean"]), spread)
+    if known_multipliers:
+        neutral = np.log(np.maximum(chain.neutral[[0, 2]] / chain.neutral[1], 1e-3))
+        # Gains of a few per cent: warm or cool taste, and lights that the setting does not quite meet.
+        total += _student(neutral, np.eye(2) * 0.025**2 + 0.5 * np.diag(np.diag(covariance)[[0, 5]]))
+    seen = (chain.low <= TONES) & (chain.high >= TONES)
+    if seen.any():
+        total += _student((stops(chain) - STOPS)[seen], _stops_covariance()[np.ix_(seen, seen)])
+    # A quarter per cent of saturation: sensors whose black level drifts or is rounded.
+    total += _student(np.array([chain.offset]), np.array([[0.0008**2 + chain.offset_doubt**2]]))
+    return float(total)
+
+
+def stops(chain: ColourChain) -> Array:
+    """log2 of the RAW (5,) at which the chain reaches TONES."""
+    return np.asarray(np.log2(np.maximum(chain.light(TONES), 1e-4)))
+
+
+def _student(departure: Array, covariance: Array) -> float:
+    """The logarithm of Student's t, relative to its maximum."""
+    distance = float(departure @ np.linalg.solve(covariance, departure))
+    return -0.5 * (TAILS + len(departure)) * float(np.log1p(distance / TAILS))
+
+
+def _stops_covariance() -> Array:
+    """Exposure, common to all tones, and contrast, whose departures add up from white down."""
+    steps = np.array([0.43, 0.33, 0.23, 0.14, 0.08]) ** 2
+    return np.asarray(0.2**2 + np.minimum(steps[:, None], steps[None, :]))
+
+
+def _matrix_covariance(chain: ColourChain) -> Array:
+    """Of the entries of Ts off the diagonal (6, 6), from that of A: Ts = A diag(A⁻¹ 1)."""
+    inverse, neutral = np.linalg.inv(chain.matrix), chain.neutral
+    rows = []
+    for place in range(9):
+        step = np.zeros((3, 3))
+        step.flat[place] = 1.0
+        rows.append((step * neutral - chain.matrix * (inverse @ (step @ neutral)))[OFF_DIAGONAL])
+    slopes = np.array(rows)
+    return np.asarray(slopes.T @ chain.covariance @ slopes)

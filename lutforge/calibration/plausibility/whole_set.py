@@ -1,0 +1,293 @@
+"""Named causes that spoil all samples alike: what the data would be without each, and which explains them best.
+
+Every cause is a hypothesis that says how to undo it. The samples are undone, the chain is fitted again, and its
+likelihood among known cameras is compared with that of the samples as they are. A cause is spoken of only where it is
+better by more than its cost, so that a good camera is hardly ever accused.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.arrays import Array, Mask
+from lutforge.calibration.plausibility.colour_chain import CODE, ColourChain, fit_chain
+from lutforge.calibration.plausibility.known_cameras import STOPS, TONES, log_likelihood, stops, typical_matrix
+from lutforge.colour.srgb import srgb_decode, srgb_encode
+from lutforge.errors import CalibrationError
+from lutforge.model.diagnosis import Diagnosis
+
+LEAST_GAIN = 3.5
+"""By how much (natural logarithm) a cause must be the likelier, so that of good sets one in a hundred is accused."""
+
+
+@dataclass(frozen=True, eq=False)
+class Colours:
+    """raw: E (n, 3); encoded: I (n, 3); multipliers (n, 3); setting (n,): the white balances' names.
+
+    known: the multipliers are the files' own; sensor: the left side is camera RAW.
+    """
+
+    raw: Array
+    encoded: Array
+    multipliers: Array
+    setting: NDArray[np.str_]
+    known: bool
+    sensor: bool
+    inside: Mask | None = None
+
+    def usable(self) -> Mask:
+        """(n,): neither side clipped or below black, now and as it was given."""
+        inside = (self.encoded >= 0.5 * CODE) & (self.encoded <= 1 - 0.5 * CODE) & (self.raw > 0) & (self.raw < 0.999)
+        return np.asarray(inside.all(axis=1) if self.inside is None else inside.all(axis=1) & self.inside)
+
+    def changed(self, raw: Array | None = None, encoded: Array | None = None, by: Array | None = None) -> "Colours":
+        """The same with other values."""
+        return Colours(
+            self.raw if raw is None else raw,
+            self.encoded if encoded is None else encoded,
+            self.multipliers if by is None else by,
+            self.setting, self.known, self.sensor, self.usable(),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """A hypothesis: its name, what speaks for it, what to do, and the samples without it."""
+
+    cause: str
+    evidence: str
+    advice: str
+    undone: Colours
+    log_odds: float = 0.0
+
+
+def whole_set_cause(colours: Colours) -> Diagnosis | None:
+    """The cause that explains the samples clearly better than that they are as they should be; None for good ones.
+
+    A second cause may hide behind the first: only the likeliest is told. None, too, where there are too few samples.
+    """
+    try:
+        given = fitted_chain(colours)
+    except CalibrationError:
+        return None
+    before, best, found = _score(given, colours), LEAST_GAIN, None
+    for cause in _causes(colours, given):
+        try:
+            chain = fitted_chain(cause.undone)
+        except (CalibrationError, np.linalg.LinAlgError):
+            continue
+        recoded = given if cause.undone.encoded is not colours.encoded else None
+        gain = _score(chain, cause.undone, recoded) + cause.log_odds - before
+        if gain > best:
+            best, found = gain, cause
+    if found is None:
+        return None
+    evidence = f"{found.evidence} (likelier by a factor of 10^{best / np.log(10):.0f})"
+    return Diagnosis(found.cause, evidence, found.advice)
+
+
+def fitted_chain(colours: Colours) -> ColourChain:
+    """The chain of the usable samples. Raises CalibrationError where they are too few."""
+    rows = colours.usable()
+    balanced = colours.raw[rows] * colours.multipliers[rows]
+    return fit_chain(balanced, colours.encoded[rows], colours.multipliers[rows])
+
+
+def _score(chain: ColourChain, colours: Colours, given: ColourChain | None = None) -> float:
+    """given: the chain of the samples as they are, where the encoded values are not."""
+    rms = None if given is None else given.rms
+    return log_likelihood(chain, known_multipliers=colours.known, sensor=colours.sensor, rms=rms)
+
+
+def _causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
+    """Every cause that could be, with the samples undone."""
+    yield from _channel_causes(colours)
+    yield from _encoding_causes(colours, given)
+    yield from _level_causes(colours, given)
+    if colours.known:
+        yield from _balance_causes(colours, given)
+
+
+def _channel_causes(colours: Colours) -> Iterator[Cause]:
+    swap = [2, 1, 0]
+    again = "read the file as RGB, not BGR, and sample again"
+    yield Cause(
+        "red and blue of the JPEG are swapped",
+        "the matrix is a camera's only with them exchanged",
+        again,
+        colours.changed(encoded=colours.encoded[:, swap]),
+    )
+    if colours.sensor:
+        yield Cause(
+            "red and blue of the RAW are swapped",
+            "the matrix is a camera's only with them exchanged",
+            "read the filter pattern as RGGB, not BGGR, and sample again",
+            colours.changed(raw=colours.raw[:, swap]),
+        )
+    if colours.known:
+        half = np.array([1.0, 0.5, 1.0])
+        yield Cause(
+            "green of the RAW is counted twice",
+            "neutral colours have twice the green that the multipliers tell",
+            "take the mean of the two green pixels, not their sum, and sample again",
+            colours.changed(raw=colours.raw * half),
+        )
+
+
+def _encoding_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
+    tones, power = TONES[1:][TONES[1:] >= given.low], 9.0
+    if len(tones) > 1:
+        power = float(np.ptp(stops(given)[-len(tones) :]) / np.ptp(np.log2(tones)))
+    if 0.7 < power < 1.55:  # of cameras it is 1.75 to 2.2
+        yield Cause(
+            "the JPEG values are linear",
+            f"light rises as their power of {power:.1f}, of cameras' as about their square",
+            "use the camera's JPEG as it is, encoded",
+            colours.changed(encoded=srgb_encode(colours.encoded)),
+        )
+    linear = colours.encoded ** (563.0 / 256.0) @ ADOBE_RGB_TO_SRGB.T
+    if colours.sensor:
+        yield Cause(
+            "the JPEGs are in Adobe RGB, and nothing says so",
+            "reds are as dull as in that space read as sRGB, and no colour is one that only sRGB can show",
+            "convert them to sRGB, or set the camera to sRGB",
+            colours.changed(encoded=srgb_encode(np.clip(linear, 0.0, 1.0))),
+            log_odds=_adobe_odds(colours, linear),
+        )
+
+
+def _adobe_odds(colours: Colours, linear: Array) -> float:
+    """The logarithm of the odds of Adobe RGB by how saturated colours get. linear: the samples as if they were so.
+
+    Cyans and greens of the world are beyond sRGB, whose red is then next to nothing. Read as Adobe RGB no sample can be
+    outside sRGB that the camera has rendered for it. At most six samples count.
+    """
+    rows = colours.usable()
+    balanced = colours.raw[rows] * colours.multipliers[rows]
+    rendered, values = balanced @ typical_matrix().T, srgb_decode(colours.encoded[rows])
+    beyond = (rendered[:, 0] < 0.15 * rendered[:, 1]) & (rendered[:, 1] > 0.02)
+    count = int(beyond.sum())
+    strong = float((values[beyond, 0] < 0.27 * values[beyond, 1]).mean()) if count else 0.0
+    odds = min(count, 6) * (strong * np.log(0.05 / 0.7) + (1.0 - strong) * np.log(0.95 / 0.3))
+    outside = float((linear[rows].min(axis=1) < -0.01).mean())
+    return float(odds - 200.0 * outside)
+
+
+def _level_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
+    seen = (given.low <= TONES) & (given.high >= TONES)
+    if seen.any():
+        brighter = float(np.mean((STOPS - stops(given))[seen][-2:]))
+        if abs(brighter) > 0.75:
+            yield _exposure_cause(colours, brighter)
+    offset = given.offset
+    if abs(offset) > 0.002 and given.offset_doubt < 0.3 * abs(offset):
+        evidence = f"RAW is {abs(offset):.2%} of its range too {'high' if offset > 0 else 'low'} in the dark"
+        cause = (
+            "the black level is left in the RAW" if offset > 0 else "more than the black level is taken from the RAW"
+        )
+        advice = f"subtract the sensor's own black level, {'' if offset > 0 else 'once, '}before the samples are taken"
+        yield Cause(cause, evidence, advice, colours.changed(raw=colours.raw - offset))
+    lift, odds = _lift(colours, given)
+    if lift > 3.0 and odds > 4.0:
+        yield Cause(
+            f"JPEG values are lifted by about {lift:.0f} codes",
+            f"black is at code {lift:.0f}, not at 0",
+            "use the JPEG as the camera wrote it, full range, not a video's 16-235",
+            colours.changed(encoded=colours.encoded - lift * CODE),
+            log_odds=odds,
+        )
+
+
+def _exposure_cause(colours: Colours, brighter: float) -> Cause:
+    """JPEG and RAW that do not go together in exposure. brighter: the JPEG, in stops, beside known cameras."""
+    evidence = (
+        f"the JPEG is {abs(brighter):.1f} EV {'brighter' if brighter > 0 else 'darker'} than cameras render such RAW"
+    )
+    undone = colours.changed(raw=np.clip(colours.raw * 2.0**brighter, 0.0, None))
+    if brighter > 1.5 and float(np.max(colours.raw)) * 2.0**brighter < 1.6:
+        return Cause(
+            "RAW is divided by too high a white level",
+            evidence,
+            "divide by the level at which this sensor saturates, and sample again",
+            undone,
+        )
+    return Cause(
+        f"the JPEGs are developed {brighter:+.1f} EV",
+        evidence,
+        "use the camera's own JPEG, with exposure compensation and dynamic-range expansion off",
+        undone,
+    )
+
+
+def _balance_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
+    ones = np.ones_like(colours.multipliers)
+    yield Cause(
+        "the RAW is white-balanced already",
+        "with its multipliers neutral colours are not neutral, without they are",
+        "sample RAW before white balance, or leave the columns wb_r, wb_g, wb_b out",
+        colours.changed(by=ones),
+    )
+    names = [str(name) for name in np.unique(colours.setting)]
+    for first, name in enumerate(names):
+        for other in names[first + 1 :]:
+            a, b = (np.median(colours.multipliers[colours.setting == each], axis=0) for each in (name, other))
+            if np.abs(np.log(a / b)).max() > 0.1:
+                yield _exchanged(colours, name, other, len(names) * (len(names) - 1) // 2)
+    neutral = given.neutral / given.neutral[1]
+    if neutral.min() < 0.1:
+        return
+    shift = np.abs(np.log(neutral)).max()
+    if shift > 0.02:
+        yield Cause(
+            "the white balance is shifted in the camera",
+            f"neutral JPEG values have {neutral[0] - 1:+.0%} red and "
+            f"{neutral[2] - 1:+.0%} blue beside the multipliers that the files tell",
+            "set the camera's white-balance shift to 0, or keep it so for every picture",
+            colours.changed(by=colours.multipliers / neutral),
+        )
+
+
+def _exchanged(colours: Colours, name: str, other: str, pairs: int) -> Cause:
+    """The multipliers of two settings exchanged; pairs: as many could be."""
+    a, b = colours.setting == name, colours.setting == other
+    by = colours.multipliers.copy()
+    by[a], by[b] = np.median(colours.multipliers[b], axis=0), np.median(colours.multipliers[a], axis=0)
+    return Cause(
+        f'the white balances "{name}" and "{other}" are exchanged',
+        "each is neutral with the other's multipliers",
+        "exchange their names or their multipliers in the table",
+        colours.changed(by=by),
+        log_odds=-np.log(pairs),
+    )
+
+
+def _lift(colours: Colours, given: ColourChain) -> tuple[float, float]:
+    """The code of no light, and the logarithm of the odds that it is that rather than 0.
+
+    It is z of I = z + C s(k y) in the dark, with sRGB's curve s, which runs from a straight line (small k) to a power
+    of 1/2.4 (large k).
+    """
+    rows = colours.usable()
+    encoded, balanced = colours.encoded[rows], colours.raw[rows] * colours.multipliers[rows]
+    linear = given.predicted(balanced, colours.multipliers[rows])
+    dark = (encoded < 56 * CODE) & (linear > 2e-5)
+    if dark.sum() < 30:
+        return 0.0, 0.0
+    y, codes = linear[dark], 255 * encoded[dark]
+    shapes = srgb_encode(y[None, :] * 2.0 ** np.arange(-5.0, 7.0)[:, None])
+    lifts = np.arange(-3.0, 20.0)
+    errors = np.full(len(lifts), np.inf)
+    for place, lift in enumerate(lifts):
+        ratio = np.median((codes - lift) / shapes, axis=1)
+        errors[place] = np.mean(np.abs(codes - lift - ratio[:, None] * shapes), axis=1).min()
+    best = int(np.argmin(errors))
+    if best == len(lifts) - 1:  # no curve of a camera fits, whatever black is
+        return 0.0, 0.0
+    usual = errors[np.abs(lifts) <= 3.0].min()
+    return float(lifts[best]), 0.1 * min(dark.sum(), 200) * float(np.log((usual + 0.4) / (errors[best] + 0.4)))
+
+
+ADOBE_RGB_TO_SRGB = np.array([[1.39836, -0.39836, 0.0], [0.0, 1.0, 0.0], [0.0, -0.04293, 1.04293]])
+"""Linear, both D65; from the primaries of Adobe RGB (1998) Color Image Encoding, 4.3, and IEC 61966-2-1."""
