@@ -32,20 +32,24 @@ def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
     """Fit JPEG → RAW, E = M p(I): one 6th-order polynomial per channel, then a 3 × 3 matrix (Chakrabarti et al. 2009).
 
     Alternating least squares from the best sum of one-channel terms, each term's 3 × 6 coefficients cut to rank one.
+    All systems are sums over the products of the terms, so that the samples are gone through once.
     """
     powers = np.arange(1, CHANNEL_ORDER + 1)
     terms = encoded[:, :, None] ** powers  # (n, 3, 6)
     design = terms.reshape(len(encoded), -1)
-    normal = design.T @ design + RIDGE * len(encoded) * np.eye(design.shape[1])
-    additive = np.linalg.solve(normal, design.T @ raw).reshape(3, CHANNEL_ORDER, 3)
+    products, right_sides = design.T @ design, (design.T @ raw).reshape(3, CHANNEL_ORDER, 3)
+    ridge = RIDGE * len(encoded) * np.eye(len(products))
+    additive = np.linalg.solve(products + ridge, right_sides.reshape(-1, 3)).reshape(3, CHANNEL_ORDER, 3)
+    blocks = products.reshape(3, CHANNEL_ORDER, 3, CHANNEL_ORDER)
     left, strength, right = np.linalg.svd(additive)
     curves = left[:, :, 0] * strength[:, :1]  # (3, 6)
     matrix = right[:, 0, :].T  # (3, 3): column k takes channel k's curve
     for _ in range(30):
-        joint = np.einsum("nkp,ck->nckp", terms, matrix).reshape(3 * len(encoded), -1)
-        normal = joint.T @ joint + RIDGE * len(encoded) * np.eye(joint.shape[1])
-        curves = np.linalg.solve(normal, joint.T @ raw.reshape(-1)).reshape(3, CHANNEL_ORDER)
-        matrix = np.linalg.lstsq(np.einsum("nkp,kp->nk", terms, curves), raw, rcond=None)[0].T
+        joint = np.einsum("kplq,kl->kplq", blocks, matrix.T @ matrix).reshape(products.shape)
+        right_side = np.einsum("kpc,ck->kp", right_sides, matrix).reshape(-1)
+        curves = np.linalg.solve(joint + ridge, right_side).reshape(3, CHANNEL_ORDER)
+        normal = np.einsum("kp,kplq,lq->kl", curves, blocks, curves)
+        matrix = np.linalg.lstsq(normal, np.einsum("kp,kpc->kc", curves, right_sides), rcond=None)[0].T
     low, high = encoded.min(axis=0), encoded.max(axis=0)
 
     def predict(values: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples
 from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
+from lutforge.threads import cores
 
 LeftSide = Callable[[Path], Development]
 """What stands in the place of a RAW file: a picture that a program developed of it."""
@@ -58,16 +60,28 @@ def sample_shots(paths: Paths, progress: Progress = silent, left: LeftSide | Non
     names = [stem if stems.count(stem) == 1 else str(file) for file, stem in zip(files, stems, strict=True)]
     accounts: list[ShotSamples] = []
     left_out: list[str] = []
-    for index, (file, name) in enumerate(zip(files, names, strict=True)):
-        progress(file.name, index / len(files))
+
+    def sampled(file: Path, name: str) -> ShotSamples | LutForgeError:
         try:
             development = None if left is None else left(file)
-            accounts.append(extract(replace(read_shot(file, development), name=name)))
+            return extract(replace(read_shot(file, development), name=name))
         except LutForgeError as error:
-            if len(files) == 1:
-                raise
-            left_out.append(str(error))
-    progress("done", 1.0)
+            return error
+
+    # Decoding and registration run outside Python's lock; programs that develop use all cores by themselves.
+    progress(files[0].name, 0.0)
+    with ThreadPoolExecutor(cores() if left is None else 1) as pool:
+        try:
+            for index, (file, found) in enumerate(zip(files, pool.map(sampled, files, names), strict=True), 1):
+                if isinstance(found, ShotSamples):
+                    accounts.append(found)
+                elif len(files) == 1:
+                    raise found
+                else:
+                    left_out.append(str(found))
+                progress(file.name, index / len(files))
+        finally:
+            pool.shutdown(cancel_futures=True)
     kept = [account.samples for account in accounts if account.kept]
     if not kept:
         raise ShotError("no usable shot: " + "; ".join([*left_out, *(account.summary for account in accounts)]))

@@ -53,7 +53,7 @@ def register_rotated(
     explains them nearly as well.
     """
     channels = _compressed_channels(raw)
-    luma = channels @ _LUMA
+    luma = np.tensordot(_LUMA, channels, axes=1)
     found: list[_Candidate] = []
     for turn in turns:
         reduced = _reduced(raw, np.rot90(jpeg, turn))
@@ -164,9 +164,10 @@ def _reduced(raw: RawImage, jpeg: NDArray[np.uint8]) -> _ReducedJpeg:
 
 
 def _compressed_channels(raw: RawImage) -> Array:
-    """RAW channels (h, w, 3) brought to equal brightness (a grey-world white balance), then gamma 1/2.2."""
+    """RAW channels (3, h, w) brought to equal brightness (a grey-world white balance), then gamma 1/2.2."""
     means = raw.pixels[::4, ::4].mean(axis=(0, 1), dtype=np.float64)
-    balanced = raw.pixels * (0.25 / np.maximum(means, 1e-6)).astype(np.float32)
+    factors = (0.25 / np.maximum(means, 1e-6)).astype(np.float32)
+    balanced = np.ascontiguousarray(np.moveaxis(raw.pixels, 2, 0)) * factors[:, None, None]
     return np.asarray(np.power(np.maximum(balanced, 0), np.float32(1 / 2.2)), dtype=np.float64)
 
 
@@ -178,9 +179,13 @@ def _predicted_luma(channels: Array, pixel_size: float, jpeg: _ReducedJpeg, foun
     """
     terms, use = _terms_at(channels, pixel_size, jpeg, found)
     weights = _least_squares(terms, jpeg.luma.ravel()[use])
-    luma = np.zeros(channels.shape[:2])
-    for weight, term in zip(weights, _quadratic(*np.moveaxis(channels, 2, 0)), strict=True):
-        luma += weight * term
+    constant, in_r, in_g, in_b, rr, gg, bb, rg, gb, br = weights
+    luma = np.full(channels.shape[1:], constant)
+    for rows in range(0, len(luma), 32):  # so many stay in the cache
+        r, g, b = channels[:, rows : rows + 32]
+        luma[rows : rows + 32] += (
+            r * (in_r + rr * r + rg * g + br * b) + g * (in_g + gg * g + gb * b) + b * (in_b + bb * b)
+        )
     return luma
 
 
@@ -189,7 +194,7 @@ def _terms_at(
 ) -> tuple[Array, NDArray[np.intp]]:
     """The quadratic terms (n, 10) of the RAW under some 20,000 of the JPEG's pixels, and which these are (n,)."""
     shape = (jpeg.luma.shape[0], jpeg.luma.shape[1])
-    sampled = [_sample(channels[..., index], pixel_size, place, shape) for index in range(3)]
+    sampled = [_sample(channel, pixel_size, place, shape) for channel in channels]
     use = np.flatnonzero((jpeg.weight * sampled[0][1]).ravel() > 0.5)
     use = use[:: max(1, len(use) // 20_000)]
     return np.stack([*_quadratic(*(plane.ravel()[use] for plane, _ in sampled))], axis=1), use
@@ -228,15 +233,22 @@ def _block_mean(image: Array, factor: int) -> Array:
     return np.asarray(blocks.mean(axis=(1, 3)))
 
 
-def _structure(luma: Array, weight: Array) -> Array:
+_COARSE = 6.0
+"""Standard deviation, in pixels, of what is taken for shading and tone: structure much coarser does not count."""
+
+
+def _share(weight: Array) -> Array:
+    """How much of the weight around each pixel there is."""
+    return np.asarray(np.maximum(scipy.ndimage.gaussian_filter(weight, _COARSE), 1e-6))
+
+
+def _structure(luma: Array, weight: Array, share: Array) -> Array:
     """Luma without its coarse part, divided by its local contrast: what a tone curve leaves as it is.
 
-    Structure much coarser than 6 pixels is shading and tone. Structure below the noise of rounding to 8 bits is none.
+    share: of the weight. Structure below the noise of rounding to 8 bits is none.
     """
-    sigma = 6.0
-    share = np.maximum(scipy.ndimage.gaussian_filter(weight, sigma), 1e-6)
-    detail = luma - scipy.ndimage.gaussian_filter(luma * weight, sigma) / share
-    energy = scipy.ndimage.gaussian_filter(detail * detail * weight, sigma) / share
+    detail = luma - scipy.ndimage.gaussian_filter(luma * weight, _COARSE) / share
+    energy = scipy.ndimage.gaussian_filter(detail * detail * weight, _COARSE) / share
     floor = 0.5 * float(np.average(energy, weights=weight + 1e-12))
     return np.asarray(detail / np.sqrt(energy + floor + (0.3 / 255) ** 2) * weight)
 
@@ -259,16 +271,15 @@ def _search(raw_luma: Array, pixel_size: float, jpeg: _ReducedJpeg, scale: float
     """
     factor = max(1, round(max(jpeg.luma.shape) / _COARSE_SIDE))
     mask = (_block_mean(jpeg.weight, factor) > 0.5).astype(np.float64)
-    template = _structure(_block_mean(jpeg.luma, factor), mask)
+    template = _structure(_block_mean(jpeg.luma, factor), mask, _share(mask))
     whole = factor * jpeg.factor
     scales = _plausible_scales(raw_luma.shape, pixel_size, mask) if scale is None else np.array([scale * whole])
     if not scales.size:
         return []
     sides = [math.ceil(size * pixel_size / scales.min()) for size in raw_luma.shape]
     shape = [scipy.fft.next_fast_len(size + own, real=True) for size, own in zip(sides, template.shape, strict=True)]
-    pattern = _Pattern(
-        template, mask, np.conj(scipy.fft.rfft2(template, shape)), np.conj(scipy.fft.rfft2(mask, shape)), shape
-    )
+    spectra = [np.conj(scipy.fft.rfft2(plane.astype(np.float32), shape)) for plane in (template, mask)]
+    pattern = _Pattern(template, mask, spectra[0], spectra[1], shape)
     found = [_match(raw_luma, pixel_size, pattern, float(scale)) for scale in scales]
     best = max(found, key=lambda places: places[0].correlation)
     return [_unreduced(place, whole) for place in best]
@@ -276,13 +287,32 @@ def _search(raw_luma: Array, pixel_size: float, jpeg: _ReducedJpeg, scale: float
 
 @dataclass(frozen=True, eq=False)
 class _Pattern:
-    """What is looked for: the small JPEG's structure, its mask, and their transforms' conjugates at a shape."""
+    """What is looked for: the small JPEG's structure, its mask, and their transforms' conjugates at a shape.
+
+    The transforms are of single precision: what they find is refined.
+    """
 
     template: Array
     mask: Array
-    matched: NDArray[np.complex128]
-    covering: NDArray[np.complex128]
+    matched: NDArray[np.complex64]
+    covering: NDArray[np.complex64]
     shape: list[int]
+
+    @cached_property
+    def area(self) -> Array:
+        """(h + 1, w + 1) the mask's sum above and left of each corner."""
+        return np.pad(self.mask.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+
+    def overlap(self, rows: int, columns: int) -> Array:
+        """The mask's sum on a picture of rows × columns, at each shift of the transforms' shape."""
+        ends = []
+        for size, own, most in zip((rows, columns), self.mask.shape, self.shape, strict=True):
+            shift = np.arange(most)
+            shift = np.where(shift < size, shift, shift - most)
+            ends.append((np.clip(-shift, 0, own), np.clip(size - shift, 0, own)))
+        (top, bottom), (left, right) = ends
+        low, high = self.area[top], self.area[bottom]
+        return np.asarray(high[:, right] - high[:, left] - low[:, right] + low[:, left])
 
 
 def _plausible_scales(raw_shape: tuple[int, ...], pixel_size: float, mask: Array) -> Array:
@@ -309,10 +339,12 @@ def _match(raw_luma: Array, pixel_size: float, pattern: _Pattern, scale: float) 
     columns = math.ceil(raw_luma.shape[1] * pixel_size / scale)
     origin = Registration(scale, 0.0, 0.0, 0.0)
     plane, cover = _sample(raw_luma, pixel_size, origin, (rows, columns))
-    field = _structure(plane, cover)
+    # The cover is a rectangle: its filter is that of its sides.
+    sides = [scipy.ndimage.gaussian_filter1d(cover.max(axis=axis), _COARSE) for axis in (1, 0)]
+    field = _structure(plane, cover, np.maximum(np.outer(*sides), 1e-6)).astype(np.float32)
     matched = scipy.fft.irfft2(scipy.fft.rfft2(field, shape) * pattern.matched, shape)
     energy = scipy.fft.irfft2(scipy.fft.rfft2(field * field, shape) * pattern.covering, shape)
-    overlap = scipy.fft.irfft2(scipy.fft.rfft2(cover, shape) * pattern.covering, shape)
+    overlap = pattern.overlap(*(int(side.sum()) for side in (cover.max(axis=1), cover.max(axis=0))))
     total = float((pattern.template**2).sum())
     score = matched / np.sqrt(np.maximum(energy, 0.2 * total) * total + 1e-12)
     score[overlap < 0.8 * pattern.mask.sum()] = -1.0
@@ -349,12 +381,13 @@ def _gauss_newton(raw_luma: Array, pixel_size: float, jpeg: Array, weight: Array
     height, width = jpeg.shape
     y = np.arange(height)[:, None] - (height - 1) / 2
     x = np.arange(width)[None, :] - (width - 1) / 2
-    target = _structure(jpeg, weight)
+    whole = _share(weight)
+    target = _structure(jpeg, weight, whole)
     found = start
     for _ in range(8):
         plane, cover = _sample(raw_luma, pixel_size, found, (height, width))
         mask = weight * cover
-        moving = _structure(plane, mask)
+        moving = _structure(plane, mask, whole if cover.all() else _share(mask))
         norm = math.sqrt(float((moving**2 * mask).sum()) * float((target**2 * mask).sum())) + 1e-12
         product = float((moving * target * mask).sum())
         found = Registration(found.scale, found.offset_x, found.offset_y, product / norm)

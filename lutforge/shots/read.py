@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from lutforge.atomic_write import scratch_folder
 from lutforge.errors import ImageError, ShotError
 from lutforge.images.development import Development
+from lutforge.images.jpeg import decode, read_header
 from lutforge.images.raw import RawImage, read_raw
-from lutforge.images.read import read_image
+from lutforge.images.read import MAX_SAMPLES, read_image
 from lutforge.shots.align import register_rotated
 from lutforge.shots.discover import JPEG_SUFFIXES, jpeg_beside
 from lutforge.shots.editors import edited_notes
@@ -83,6 +84,11 @@ def _decode(data: bytes, source: str) -> NDArray[np.uint8]:
     """(h, w, 3) of JPEG bytes, as stored. Raises ImageError: damaged, not RGB, or too large."""
     if not data.startswith(b"\xff\xd8"):
         raise ImageError(f"{source}: not a JPEG file")
+    header = read_header(data)
+    if header is not None and header.plain and header.width * header.height * 3 <= MAX_SAMPLES:
+        canvas = np.empty((header.height, header.width, 4), np.uint8)
+        decode(Path(source), data, canvas)
+        return np.ascontiguousarray(canvas[..., :3])
     with scratch_folder() as folder:
         file = folder / "preview.jpg"
         file.write_bytes(data)
