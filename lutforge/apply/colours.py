@@ -69,13 +69,24 @@ def wrong_light(grade: Grade, source: oiio.ImageSpec, output: oiio.ImageSpec) ->
         yield "scene-linear light in 8 bits shows bands: keep it in half or float, with --suffix .exr"
 
 
+def check_space(path: Path, grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> None:
+    """Raise ImageError where a picture is in no sRGB, and its grade is for sRGB. attributes: what it will get."""
+    if grade.for_srgb and (name := _other_space(grade, source, attributes)):
+        raise ImageError(f"{path}: the picture is in {name}, and this grade is for sRGB; convert it to sRGB first")
+
+
 def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> Iterator[str]:
     """What to tell of a picture that is in no sRGB, where the grade does not know so. attributes: what it will get."""
+    if name := _other_space(grade, source, attributes):
+        yield f"the picture is in {name}, and was graded as it is: what is made for sRGB wants it converted"
+
+
+def _other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> str:
+    """The name of a picture's space where it is not sRGB and the grade does not know so, else ""."""
     if "ICCProfile" in grade.attributes:
-        return
+        return ""
     name = "Adobe RGB" if "ICCProfile" in attributes else source.get_string_attribute("ICCProfile:profile_description")
-    if name.strip() and "srgb" not in name.lower() and name != "c2":  # c2 is a small profile of sRGB
-        yield f"the picture is in {name.strip()}, and was graded as it is: what is made for sRGB wants it converted"
+    return "" if "srgb" in name.lower() or name == "c2" else name.strip()  # c2 is a small profile of sRGB
 
 
 def layers(spec: oiio.ImageSpec) -> Iterator[str]:

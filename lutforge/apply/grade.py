@@ -12,7 +12,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge import __version__
 from lutforge.errors import ConfigError, LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.ends import read_ends
+from lutforge.luts.ends import ENCODED, read_ends
 from lutforge.luts.processor import OCIO_ERRORS, file_group, of_codes
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ class Grade:
     notes: what the user should know about this image. takes_linear, gives_linear: what goes in, or comes out, is
     scene-linear light and not an encoded picture, where that is known. oiiotool: the words with which oiiotool does the
     same, where it can; lut: what `processor` evaluates, where that is in no file. unchanged: the pixels stay so.
-    codes: what `processor` does, for 8-bit codes in and out; None for RAW files.
+    codes: what `processor` does, for 8-bit codes in and out; None for RAW files. for_srgb: it takes pictures in sRGB,
+    as far as that is known.
     """
 
     processor: OCIO.CPUProcessor
@@ -48,6 +49,7 @@ class Grade:
     lut: "Lut | None" = None
     unchanged: bool = False
     codes: OCIO.CPUProcessor | None = None
+    for_srgb: bool = False
 
 
 def unchanged(history: str) -> Grade:
@@ -136,6 +138,7 @@ class LutRecipe(_OneForAll):
             # oiiotool interpolates its own way: tetrahedral for cubes.
             oiiotool=("--ociofiletransform", str(self.path)) if self.interpolation == "tetrahedral" else (),
             codes=of_codes(processor),
+            for_srgb=ends is not None and ends.input == ENCODED and "adobe rgb" not in ends.title.lower(),
         )
 
 

@@ -19,6 +19,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from lutforge.apply.blocks import grade_floats, threads_of
 from lutforge.apply.colours import (
     check_colours,
+    check_space,
     colour_space,
     count_doubtful,
     doubts,
@@ -113,6 +114,7 @@ def apply_image(
         check_colours(source, spec)
         jpeg = jpeg_source(source, target, image.format)
         attributes = _attributes(source, image, grade, jpeg)
+        check_space(source, grade, spec, attributes)
         output = describe_output(target, spec, image.format, grade.history, attributes, quality)
         masking = None
         if mask is not None and grade.confidence is not None:

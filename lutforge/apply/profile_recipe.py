@@ -95,6 +95,7 @@ class ProfileRecipe(Rebuilt):
             notes=(*settings.notes, *notes, *doubts),
             lut=chain,
             codes=self._gradings.codes(chain),
+            for_srgb=not given.style.endswith(ADOBE_RGB),
         )
 
     @property

@@ -3,7 +3,7 @@ for it. The files that LutForge writes say it in their comments.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import unescape
 from pathlib import Path
 
@@ -15,10 +15,14 @@ RAW = "linear camera RAW, black 0, saturation 1, before white balance"
 
 @dataclass(frozen=True)
 class Ends:
-    """Input and output of a LUT in words: ENCODED, RAW, or scene-linear or scene-referred and the space's name."""
+    """Input and output of a LUT in words: ENCODED, RAW, or scene-linear or scene-referred and the space's name.
+
+    title: what else its file says at its beginning, its title among it.
+    """
 
     input: str
     output: str
+    title: str = field(default="", compare=False)
 
     @property
     def takes_linear(self) -> bool:
@@ -61,4 +65,4 @@ def read_ends(path: Path) -> Ends | None:
     found = [re.search(rf"\b{end}: ([^;\n<]+)", unescape(head)) for end in ("input", "output")]
     if "LutForge" not in head or found[0] is None or found[1] is None:
         return None
-    return Ends(*(match[1].strip() for match in found if match is not None))
+    return Ends(found[0][1].strip(), found[1][1].strip(), head.partition(found[0][0])[0])

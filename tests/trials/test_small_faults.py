@@ -10,6 +10,7 @@ import PIL.Image
 import polars as pl
 import pytest
 
+from lutforge.colour.adobe_rgb import adobe_rgb_profile
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
@@ -103,3 +104,18 @@ def test_a_long_parquet_table_is_hashed_in_parts(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(Path, "read_bytes", lambda self: pytest.fail("read whole"))
     write_parquet(pl.DataFrame({"a": np.arange(1000.0)}), path)
     assert _is_as_written(path)
+
+
+def test_a_picture_in_another_space_is_refused_by_what_is_for_srgb(
+    lutforge: CommandLine, profile: Path, tmp_path: Path
+) -> None:
+    wide = tmp_path / "wide.jpg"
+    PIL.Image.fromarray(np.full((8, 8, 3), 90, np.uint8)).save(wide, icc_profile=adobe_rgb_profile())
+    settings = ("--from", "standard/daylight", "--to", "vivid/tungsten")
+    baked = lutforge("bake", profile, "refinish", *settings, "-o", tmp_path / "a.cube", "-o", tmp_path / "a.clf")
+    assert baked.returncode == 0, baked.stderr
+    for grade in ((tmp_path / "a.cube",), (tmp_path / "a.clf",)):
+        assert "convert it to sRGB" in failed(lutforge("apply", *grade, wide, "-o", tmp_path / "out"))
+    run = lutforge("apply", profile, wide, *settings, "-o", tmp_path / "out")
+    assert run.returncode == 2 and "convert it to sRGB" in run.stderr.splitlines()[-1]
+    assert not (tmp_path / "out").exists()
