@@ -23,8 +23,11 @@ def require_writable(path: str | Path) -> None:
     folder = next(parent for parent in path.absolute().parents if parent.exists())
     if not folder.is_dir():
         raise LutForgeError(f"{path}: {folder.name} is a file, not a folder; choose another output folder")
-    if not os.access(folder, os.W_OK):
-        raise LutForgeError(f"{path}: the folder cannot be written to; choose another output folder")
+    try:
+        with tempfile.TemporaryFile(dir=folder):  # rights alone do not tell: of /sys, root has them
+            pass
+    except OSError:
+        raise LutForgeError(f"{path}: the folder cannot be written to; choose another output folder") from None
 
 
 @contextmanager

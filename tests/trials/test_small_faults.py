@@ -119,3 +119,9 @@ def test_a_picture_in_another_space_is_refused_by_what_is_for_srgb(
     run = lutforge("apply", profile, wide, *settings, "-o", tmp_path / "out")
     assert run.returncode == 2 and "convert it to sRGB" in run.stderr.splitlines()[-1]
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(not Path("/sys/kernel").is_dir(), reason="no folder in which nobody can make a file")
+@pytest.mark.parametrize("words", [("demo", "-o", "/sys/kernel/out"), ("sample", ".", "-o", "/sys/kernel/a.csv")])
+def test_outputs_are_tried_before_the_work(lutforge: CommandLine, words: tuple[str, ...], tmp_path: Path) -> None:
+    assert "cannot be written to" in failed(lutforge(*words, cwd=tmp_path))
