@@ -23,9 +23,9 @@ from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.parts import Parts, curve_alone, parts_of
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import FORMS, MAX_SIZE, Form, Lut
-from lutforge.luts.shaper import lattice_ops, levels_behind_gain, node_levels, shaper
+from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, shaper
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.model.transform import ColourFunction, Linear, Transform
+from lutforge.model.transform import ColourFunction, DecodeRgb, Linear, Transform
 from lutforge.progress import Progress, silent
 
 
@@ -122,6 +122,9 @@ def bake_forms(
         if tolerance is not None:
             measured = partial(_p99, transform, _highest(transform, highest))
             ops = _smallest(partial(fitted, target), measured, tolerance, target.sizes)
+        elif (footage := _decoded(transform)) is not None and target.form == "full":
+            (lut,) = bake_forms(footage[1], [target], display_referred=display_referred, progress=progress)
+            ops = (footage[0], *lut.ops)
         else:
             ops = _as_it_stands(transform, target) or fitted(target, target.size or target.default)
         luts.append(Lut(ops, title, comments))
@@ -154,6 +157,15 @@ def bake_error(lut: Lut, transform: ColourFunction, display_referred: bool = Tru
 def _takes_scenes(transform: ColourFunction) -> bool:
     """True for a transform of scene-linear light, which a matrix takes to the camera's RAW."""
     return isinstance(transform, Transform) and bool(transform.stages) and isinstance(transform.stages[0], Linear)
+
+
+def _decoded(transform: ColourFunction) -> tuple[Curve, Transform] | None:
+    """The curve of a space that footage is encoded in, and the transform of its linear light; None of other inputs."""
+    first = transform.stages[0] if isinstance(transform, Transform) and transform.stages else None
+    if not isinstance(transform, Transform) or not isinstance(first, DecodeRgb):
+        return None
+    codes = np.repeat(np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None], 3, axis=1)
+    return Curve(first(codes)), Transform(transform.stages[1:])
 
 
 def _highest(transform: ColourFunction, highest: float) -> float:

@@ -92,13 +92,16 @@ class Decode:
 
 @dataclass(frozen=True)
 class EncodeRgb:
-    """The transfer function of an RGB space, such as a camera's log curve: linear → encoded."""
+    """The transfer function of an RGB space, such as a camera's log curve: linear → codes in [0, 1].
+
+    What no code stands for is clipped: light below black, which strong colours have in a channel of a small gamut.
+    """
 
     space: RgbSpace
 
     def __call__(self, x: Array) -> Array:
         """Linear (…, 3) → encoded."""
-        return self.space.encode(x)
+        return np.clip(self.space.encode(x), 0.0, 1.0)
 
 
 @dataclass(frozen=True)

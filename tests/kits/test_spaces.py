@@ -1,5 +1,6 @@
 """Scene light in the spaces of other programs: a LUT holds the linear transform behind the space's own curve."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,17 @@ from lutforge.errors import SettingsError
 from lutforge.luts.bake import bake
 from lutforge.luts.check import check_lut
 from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.read import read_lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.transforms import Wanted, transform
 from lutforge.samples.sample_set import SampleSet
+from lutforge.simulate.camera import nikon_d5100
+from lutforge.simulate.spectra import surface_reflectances
+from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 SETTING = "standard/auto"
+DAYLIGHT = "standard/daylight"
 LOGS = ("vlog", "acescct", "davinci-intermediate")
 
 
@@ -38,7 +44,8 @@ def codes() -> np.ndarray:
 def test_a_log_space_is_the_linear_one_encoded(space: str, profile: CameraProfile, codes: np.ndarray) -> None:
     encoding = rgb_space(space)
     linear = transform(profile, "linearize", SETTING, space=encoding.linear.name)(codes)
-    assert np.abs(transform(profile, "linearize", SETTING, space=space)(codes) - encoding.encode(linear)).max() < 1e-12
+    log = transform(profile, "linearize", SETTING, space=space)(codes)
+    assert np.abs(log - np.clip(encoding.encode(linear), 0.0, 1.0)).max() < 1e-12
     back = transform(profile, "render", target=SETTING, space=space)(encoding.encode(linear))
     assert np.abs(back - transform(profile, "render", target=SETTING, space=encoding.linear.name)(linear)).max() < 1e-9
 
@@ -56,6 +63,86 @@ def test_a_cube_in_a_log_space_is_as_near_as_one_in_linear_light(
         got = evaluate(file_processor(path), codes).astype(np.float64)
         errors[name] = delta_e_2000(shown(got, name), wanted).mean()
     assert errors[space] <= 1.1 * errors["linear-srgb"] + 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Surfaces in daylight, as a simulated camera saw them: light in linear sRGB, the JPEG, and a profile of others."""
+
+    profile: CameraProfile
+    light: np.ndarray
+    jpeg: np.ndarray
+
+
+@pytest.fixture(scope="module")
+def truth() -> Truth:
+    """Calibrated from a chart; the surfaces are others, at four exposures, where no channel is clipped."""
+    camera = nikon_d5100()
+    options = CalibrationOptions(size=17)
+    profile = calibrate(photograph_patches(camera, chart_140(), stops=(-3, -2, -1, 0)), options).profile
+    times = camera.nominal_exposure_s * 2.0 ** np.array([-4.0, -2.5, -1.0, 0.0])
+    raw = np.concatenate([camera.expose(surface_reflectances(), "daylight", time) for time in times])
+    balanced = raw * camera.multipliers("daylight")
+    jpeg = camera.render(raw, "standard", "daylight")
+    inside = ((jpeg > 2 / 255) & (jpeg < 253 / 255)).all(axis=1) & (balanced < 1).all(axis=1)
+    return Truth(profile, balanced[inside] @ camera.matrix.T, jpeg[inside])
+
+
+@pytest.mark.parametrize("space", LOGS)
+@pytest.mark.parametrize("suffix", [".clf", ".resolve.cube", ".cube"])
+def test_a_jpeg_in_a_log_space_is_as_near_to_the_truth_as_in_linear_light(
+    suffix: str, space: str, truth: Truth, tmp_path: Path
+) -> None:
+    errors = {}
+    for name in (rgb_space(space).linear.name, space):
+        path = tmp_path / f"{name}{suffix}"
+        bake(transform(truth.profile, "linearize", DAYLIGHT, space=name), path, size=33, display_referred=False)
+        light = evaluate(file_processor(path), np.rint(255 * truth.jpeg) / 255).astype(np.float64)
+        errors[name] = delta_e_2000(shown(light, name), shown(truth.light, "linear-srgb")).mean()
+    print(f"standard → {space}, {suffix}: {errors}")
+    assert errors[space] <= 1.1 * errors[rgb_space(space).linear.name]
+
+
+@pytest.mark.parametrize("space", LOGS)
+@pytest.mark.parametrize("suffix", [".clf", ".cube"])
+def test_log_footage_is_rendered_as_near_to_the_truth_as_linear_light(
+    suffix: str, space: str, truth: Truth, tmp_path: Path
+) -> None:
+    errors = {}
+    for name, end in ((rgb_space(space).linear.name, ".clf"), (space, suffix)):  # no .cube takes linear light beyond 1
+        path = tmp_path / f"{name}{end}"
+        bake(transform(truth.profile, "render", target=DAYLIGHT, space=name), path)
+        footage = rgb_space(name).encode(truth.light @ matrix_between("linear-srgb", rgb_space(name).linear.name).T)
+        jpeg = evaluate(file_processor(path), footage).astype(np.float64)
+        errors[name] = delta_e_2000(np.clip(jpeg, 0.0, 1.0), truth.jpeg).mean()
+    print(f"{space} → standard, {suffix}: {errors}")
+    assert errors[space] <= 1.1 * errors[rgb_space(space).linear.name]
+
+
+@pytest.mark.parametrize(
+    ("space", "black", "grey", "highest"),
+    [
+        ("vlog", 128 / 1023, 433 / 1023, 0.5991),  # V-Log/V-Gamut reference manual, 1.0: 0 and 0.18; its formula of 1
+        ("acescct", 0.0729, 0.4135884, 0.5547945),  # S-2016-001: 0, 0.18 and 1
+        ("davinci-intermediate", 0.0, 0.336043, 0.513837),  # Blackmagic Design, 2021: 0, 0.18 and 1
+    ],
+)
+def test_codes_are_those_of_the_published_curves(
+    space: str, black: float, grey: float, highest: float, truth: Truth, tmp_path: Path
+) -> None:
+    """A cube takes the JPEG's black and mid grey to those of the curve, and nothing below 0 or beyond what clips."""
+    path = tmp_path / f"{space}.cube"
+    bake(transform(truth.profile, "linearize", DAYLIGHT, space=space), path, size=33, display_referred=False)
+    camera = nikon_d5100()
+    mid = camera.render(np.full(3, 0.18) / camera.multipliers("daylight"), "standard", "daylight")
+    codes = evaluate(file_processor(path), np.stack([np.zeros(3), mid]))
+    assert np.abs(codes[0] - black).max() < 1.5 / 1023
+    assert np.abs(codes[1] - grey).max() < 4 / 1023
+    cube = read_lut(path).cube
+    assert cube is not None
+    print(f"{space}: black {codes[0]}, mid grey {codes[1]}, nodes {cube.values.min():.4f} to {cube.values.max():.4f}")
+    assert cube.values.min() >= 0.0
+    assert cube.values.max() <= highest + 4 / 1023
 
 
 def shown(values: np.ndarray, space: str) -> np.ndarray:
