@@ -1,4 +1,4 @@
-"""`lutforge check`: what is in a LUT file, who can read it, what will go wrong."""
+"""`lutforge check`: what is in a LUT file or camera profile, who can read it, what will go wrong."""
 
 from pathlib import Path
 from typing import Annotated
@@ -16,7 +16,7 @@ def check(
 
 
 def _show(path: Path) -> None:
-    from lutforge.luts.check import check_lut, report_lines
+    from lutforge.pipeline.inspection import check as lines_of
 
-    for line in report_lines(check_lut(path)):
+    for line in lines_of(path):
         say(line)

@@ -35,8 +35,8 @@ def kit(
     if not check:
         return
     with progress_bar("developing") as report:
-        checks, failed = check_kit(folder, check, report)
-    for text in failed:
+        checks, notes = check_kit(folder, check, report)
+    for text in notes:
         note(text)
     rows = [
         (entry.shot, str(entry.tiles), f"{entry.mean:.2f}", f"{entry.p95:.2f}", f"{entry.maximum:.2f}")

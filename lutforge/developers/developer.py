@@ -13,7 +13,7 @@ import numpy as np
 
 from lutforge.arrays import Pixels
 from lutforge.colour.rgb_spaces import rgb_space
-from lutforge.errors import ShotError
+from lutforge.errors import ShotError, one_line
 from lutforge.images.development import Development
 from lutforge.images.read import read_image
 
@@ -44,6 +44,10 @@ class Developer(Protocol):
         """The command that develops `raw` to a 16-bit TIFF, neutrally; `folder` is for its own files."""
         ...
 
+    def objection(self, output: Path) -> str:
+        """Say why a TIFF of `command` is not neutral, as other versions' may be; "" where it is."""
+        ...
+
     def linear(self, pixels: Pixels) -> Pixels:
         """Pixels of the TIFF → linear RGB of `space`."""
         ...
@@ -56,6 +60,9 @@ def develop(developer: Developer, raw: Path) -> Development:
         folder = Path(name)
         output = folder / "developed.tif"
         run_command(developer.command(raw.resolve(), output, folder), developer.name, raw, output)
+        objection = developer.objection(output)
+        if objection:
+            raise ShotError(f"{raw}: {version} did not develop it neutrally: {objection}; use another version of it")
         pixels = read_image(output).pixels
     return Development(developer.linear(_colour(pixels, raw)), developer.space, version)
 
@@ -70,10 +77,10 @@ def read_developed(path: Path, space: str) -> Development:
     return Development(pixels, encoding.linear.name, f"pictures in {encoding.name}")
 
 
-def run_command(command: Sequence[str], name: str, raw: Path, output: Path) -> None:
-    """Run a command that develops `raw`, and require that it made `output`.
+def run_command(command: Sequence[str], name: str, raw: Path, output: Path) -> str:
+    """Run a command that develops `raw`, and require that it made `output`; return what it wrote to standard error.
 
-    name: of the program, for people. Raises ShotError with the program's last words.
+    name: of the program, for people. Raises ShotError with the line in which the program says why.
     """
     # Without a display variable no program waits for a window.
     environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
@@ -86,8 +93,11 @@ def run_command(command: Sequence[str], name: str, raw: Path, output: Path) -> N
     except OSError as error:
         raise ShotError(f"{command[0]} cannot be run ({error.strerror or error})") from None
     if not output.is_file() or output.stat().st_size == 0:
-        said = " ".join((run.stderr or run.stdout).split())[-200:]
-        raise ShotError(f"{raw}: {name} made no picture of it: {said or 'it gave no reason'}")
+        lines = [line for line in (run.stderr or run.stdout).splitlines() if line.strip()]
+        telling = [line for line in lines if re.search("fail|error|cannot|unsupported|mismatch", line, re.IGNORECASE)]
+        said = one_line((telling or lines[-1:] or ["it gave no reason"])[0].removeprefix(f"{raw}: "), 200)
+        raise ShotError(f"{raw}: {name} made no picture of it: {said}")
+    return run.stderr
 
 
 def program_version(developer: Developer) -> str:

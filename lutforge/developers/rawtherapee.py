@@ -66,6 +66,10 @@ class RawTherapee:
         settings.write_text(profile_text(), encoding="utf-8")
         return [self.program, "-o", str(output), "-p", str(settings), "-t", "-b16", "-Y", "-c", str(raw)]
 
+    def objection(self, output: Path) -> str:
+        """Nothing: a processing profile names all that RawTherapee does."""
+        return ""
+
     def linear(self, pixels: Pixels) -> Pixels:
         """Its Rec. 2020 output profile encodes by sRGB's curve."""
         return rgb_space("rec2020-srgb").decode(pixels).astype(np.float32)

@@ -20,10 +20,12 @@ class ArtKit:
     def write(self, look: Look, folder: Path) -> list[str]:
         """Write the camera profile or the CLF."""
         if look.space == "raw":
-            write_dcp(fit_dng_profile(look), folder / f"{look.style}.dcp")
-            return [f"Color Management → Input Profile → Custom: {look.style}.dcp, tone curve and look table ticked."]
-        bake(look.within("aces2065-1"), folder / f"{look.style}.clf", display_referred=False, title=look.title)
+            write_dcp(fit_dng_profile(look), folder / f"{look.file_name}.dcp")
+            return [
+                f"Color Management → Input Profile → Custom: {look.file_name}.dcp, tone curve and look table ticked."
+            ]
+        bake(look.within("aces2065-1"), folder / f"{look.file_name}.clf", display_referred=False, title=look.title)
         return [
-            f"Copy {look.style}.clf into the folder of CLUTs (Preferences → Image Processing), and choose it in Color "
-            "→ Film Simulation. Keep every other tool neutral.",
+            f"Copy {look.file_name}.clf into the folder of CLUTs (Preferences → Image Processing), and choose it in "
+            "Color → Film Simulation. Keep every other tool neutral.",
         ]

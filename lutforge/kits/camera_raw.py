@@ -42,19 +42,19 @@ class CameraRawKit:
     def write(self, look: Look, folder: Path) -> list[str]:
         """Write the DNG profile, or the XMP profile."""
         if look.space == "raw":
-            write_dcp(fit_dng_profile(look), folder / f"{look.style}.dcp")
+            write_dcp(fit_dng_profile(look), folder / f"{look.file_name}.dcp")
             return [
-                f"Lightroom: profile browser → + → Import Profiles: {look.style}.dcp (or copy it into the CameraRaw "
-                "folder CameraProfiles), and start the program again.",
+                f"Lightroom: profile browser → + → Import Profiles: {look.file_name}.dcp (or copy it into the "
+                "CameraRaw folder CameraProfiles), and start the program again.",
                 f'Choose the profile "{look.title}" for RAW photographs of this camera. White balance, exposure and '
                 "highlights stay as free as with Adobe's own profiles.",
             ]
         lut = bake(look.within("rec2020-srgb"), size=DIVISIONS, form="plain", interpolation="trilinear")
         assert lut.cube is not None  # the plain form is a cube
         text = xmp_profile(look.title, lut.cube.values)
-        (folder / f"{look.style}.xmp").write_text(text, encoding="utf-8")
+        (folder / f"{look.file_name}.xmp").write_text(text, encoding="utf-8")
         return [
-            f"Lightroom: profile browser → + → Import Profiles: {look.style}.xmp.",
+            f"Lightroom: profile browser → + → Import Profiles: {look.file_name}.xmp.",
             "Apply it to photographs whose other settings are those of the exported calibration pictures.",
         ]
 

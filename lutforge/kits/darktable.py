@@ -1,7 +1,8 @@
 """darktable: a cube for the module "lut 3D", a style and a sidecar that place it.
 
-The module's parameters, version 3, are those of darktable's `src/iop/lut3d.c`: a path of 512 bytes, colour space,
-interpolation, and fields of compressed LUTs that stay empty.
+The module's parameters are those of version 1 in darktable's `src/iop/lut3d.c`: a path of 512 bytes, colour space and
+interpolation. Later versions of darktable convert them to their own; an earlier version would drop what it does not
+know, and show the photograph without the LUT.
 """
 
 import base64
@@ -11,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
-from lutforge.developers.darktable import NEUTRAL
+from lutforge.developers.darktable import NEUTRAL, TONE_MODULES
 from lutforge.kits.kit import Look, Source
 from lutforge.kits.scripts import write_develop_script
 from lutforge.luts.bake import bake
 
-_MODULE_VERSION, _ADOBE_RGB, _TETRAHEDRAL = 3, 1, 0
+_MODULE_VERSION, _ADOBE_RGB, _TETRAHEDRAL = 1, 1, 0
 
 
 @dataclass(frozen=True)
@@ -26,27 +27,34 @@ class DarktableKit:
     program: str = "darktable"
     title: str = "darktable"
     source: Source = "developed"
-    tried: str = "darktable 4.2.1 (the sidecar, by darktable-cli); the style was not opened in its window"
+    tried: str = "darktable 4.2.1 (the sidecar and the style, by darktable-cli; its window was not opened)"
 
     def write(self, look: Look, folder: Path) -> list[str]:
         """Write the cube, the style, the sidecar and develop.sh."""
         cube = f"{look.file_name}.cube"
         bake(look.within("adobe-rgb"), folder / cube, size=65, interpolation="tetrahedral", title=look.title)
-        (folder / f"{look.style}.dtstyle").write_text(_style(look, cube), encoding="utf-8")
+        (folder / f"{look.file_name}.dtstyle").write_text(_style(look, cube), encoding="utf-8")
         (folder / "lutforge.xmp").write_text(_sidecar(cube), encoding="utf-8")
         settings = {**NEUTRAL, "plugins/darkroom/lut3d/def_path": "$here"}
         words = " ".join(f'--conf "{key}={value}"' for key, value in settings.items())
+        tones = "\\|".join(TONE_MODULES)
         write_develop_script(
             folder / "develop.sh",
             "darktable-cli",
-            'rm -f "$2"\n'
-            'darktable-cli "$1" "$here/lutforge.xmp" "$2" --icc-type SRGB --core --configdir "$work" '
-            f"--library :memory: {words} >/dev/null 2>&1 || true\n"
-            'if [ ! -s "$2" ]; then echo "darktable made no picture of $1" >&2; exit 1; fi\n',
+            look.developer,
+            'darktable-cli "$1" "$here/lutforge.xmp" "$picture" --icc-type SRGB --core --configdir "$work/config" '
+            f'--library :memory: {words} >"$work/log" 2>&1 || true\n'
+            '[ -s "$picture" ] || refuse "darktable made no picture of it" "$work/log"\n'
+            # Of a module whose parameters it does not know, or a LUT that it cannot read, it says so and goes on.
+            'grep lut3d "$work/log" | grep -v "out of range" >"$work/lut" && refuse "darktable did not use the LUT" '
+            '"$work/lut"\n'
+            f"""grep -a -A1 'darktable:operation="\\({tones}\\)"' "$picture" | grep -B1 'enabled="1"' |\n"""
+            """  grep -o 'operation="[a-z]*"' >"$work/tone" &&\n"""
+            '  refuse "darktable changed the tone in front of the LUT, though it was asked not to" "$work/tone"\n',
         )
         return [
             f'Copy "{cube}" into the folder that darktable names in preferences → processing → "3D lut root folder".',
-            f'Import {look.style}.dtstyle in the lighttable: styles → import. Its name is "{look.title}".',
+            f'Import {look.file_name}.dtstyle in the lighttable: styles → import. Its name is "{look.title}".',
             "Apply the style to RAW photographs of this camera whose white balance is as shot.",
             "Switch off filmic rgb, sigmoid, base curve and exposure: they change the tone in front of the LUT. They "
             "stay off with preferences → processing → auto-apply pixel workflow defaults: none.",
@@ -54,7 +62,7 @@ class DarktableKit:
 
 
 def _parameters(cube: str) -> bytes:
-    return struct.pack("<512siii12288s128s", cube.encode(), _ADOBE_RGB, _TETRAHEDRAL, 0, b"", b"")
+    return struct.pack("<512sii", cube.encode(), _ADOBE_RGB, _TETRAHEDRAL)
 
 
 def _packed(data: bytes) -> str:

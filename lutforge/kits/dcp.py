@@ -40,8 +40,8 @@ class DngProfile:
 
     color_matrix: (3, 3), XYZ → camera RGB before white balance, under D65. forward_matrix: (3, 3), camera RGB behind
     white balance → XYZ of D50. tone_curve: (n, 2), linear input and output on [0, 1], increasing. look_table:
-    (value, hue, saturation, 3) of hue shift in degrees, saturation factor and value factor; values are spaced evenly
-    behind sRGB's curve.
+    (value, hue, saturation, 3) of hue shift in degrees, saturation factor and value factor. encoded_values: values
+    are spaced evenly, and multiplied, behind sRGB's curve.
     """
 
     name: str
@@ -50,6 +50,28 @@ class DngProfile:
     forward_matrix: Array
     tone_curve: Array
     look_table: Array
+    encoded_values: bool = True
+
+    def __call__(self, balanced: Array) -> Array:
+        """What a developer makes of white-balanced camera RGB (…, 3): encoded sRGB, clipped to [0, 1]."""
+        rgb = np.clip(balanced @ (np.linalg.inv(XYZ_D50_FROM_PROPHOTO) @ self.forward_matrix).T, 0.0, 1.0)
+        looked = np.clip(self._looked_up(hsv_of_prophoto(rgb)), 0.0, 1.0)
+        toned = _between_ends(looked, lambda x: np.interp(x, *self.tone_curve.T))
+        light = toned @ matrix_between("linear-prophoto", "linear-srgb").T
+        return _SRGB.encode(np.clip(light, 0.0, 1.0))
+
+    def _looked_up(self, hsv: Array) -> Array:
+        from scipy.ndimage import map_coordinates
+
+        hue, saturation, value = np.moveaxis(hsv, -1, 0)
+        place = _SRGB.encode(value) if self.encoded_values else value
+        values, hues, saturations = self.look_table.shape[:3]
+        around = np.concatenate([self.look_table, self.look_table[:, :1]], axis=1)
+        at = [place * (values - 1), hue * hues / 360.0, saturation * (saturations - 1)]
+        shift, more, lighter = (map_coordinates(around[..., i], at, order=1, mode="nearest") for i in range(3))
+        lit = np.clip(place * lighter, 0.0, 1.0)
+        changed = [np.mod(hue + shift, 360.0), np.clip(saturation * more, 0.0, 1.0)]
+        return prophoto_of_hsv(np.stack([*changed, _SRGB.decode(lit) if self.encoded_values else lit], axis=-1))
 
 
 def fit_dng_profile(look: Look) -> DngProfile:

@@ -18,7 +18,7 @@ class GimpKit:
 
     def write(self, look: Look, folder: Path) -> list[str]:
         """Write the table."""
-        name = f"{look.style}.cube"
+        name = f"{look.file_name}.cube"
         bake(look.within("srgb"), folder / name, size=65, title=look.title)
         return [
             f"Filters → G'MIC → Colors → Apply External CLUT: {name}.",

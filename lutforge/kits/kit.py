@@ -48,8 +48,8 @@ class Look:
 
     @property
     def file_name(self) -> str:
-        """The look's name for files that share a folder with those of other looks, without a suffix."""
-        return re.sub(r"[^\w .+-]", "_", self.title)
+        """Camera and setting, for the name of a file that shares a folder with those of other looks; no suffix."""
+        return re.sub(r"[^\w .+-]", "_", f"{self.title} {self.white_balance}")[:120]
 
     def within(self, space: str) -> Callable[[ArrayLike], Array]:
         """Give the look as a function of colours encoded in `space`, to colours encoded in the same space."""

@@ -18,7 +18,7 @@ class NukeKit:
 
     def write(self, look: Look, folder: Path) -> list[str]:
         """Write the CLF and the node."""
-        name = f"{look.style} acescg.clf"
+        name = f"{look.file_name} acescg.clf"
         bake(look.within("acescg"), folder / name, display_referred=False, title=look.title)
         node = (
             "OCIOFileTransform {\n"

@@ -18,7 +18,7 @@ class ObsKit:
 
     def write(self, look: Look, folder: Path) -> list[str]:
         """Write the table."""
-        name = f"{look.style}.cube"
+        name = f"{look.file_name}.cube"
         bake(look.within("srgb"), folder / name, size=33, title=look.title)
         return [
             f"Right-click the source → Filters → + → Apply LUT: {name}.",

@@ -13,9 +13,6 @@ from lutforge.kits.kit import Look, Source
 from lutforge.kits.scripts import write_develop_script
 from lutforge.luts.bake import bake
 
-_PLACE = "@KIT@"
-"""Stands for the kit's folder in the processing profile, which needs whole paths."""
-
 
 @dataclass(frozen=True)
 class RawTherapeeKit:
@@ -29,10 +26,10 @@ class RawTherapeeKit:
     def write(self, look: Look, folder: Path) -> list[str]:
         """Write the camera profile or the CLUT, the processing profile and develop.sh."""
         if look.space == "raw":
-            name = f"{look.style}.dcp"
+            name = f"{look.file_name}.dcp"
             write_dcp(fit_dng_profile(look), folder / name)
             change = {
-                "InputProfile": f"file:{_PLACE}/{name}",
+                "InputProfile": f"file:{name}",  # beside the processing profile
                 "ToneCurve": "true",
                 "ApplyLookTable": "true",
             }
@@ -43,10 +40,11 @@ class RawTherapeeKit:
         else:
             name = f"{look.file_name} Rec2020.png"
             bake(look.within("rec2020-srgb"), folder / name, title=look.title)
-            settings = {"Film Simulation": {"Enabled": "true", "ClutFilename": f"{_PLACE}/{name}", "Strength": "100"}}
+            # Within the folder of CLUTs: the window shows no others.
+            settings = {"Film Simulation": {"Enabled": "true", "ClutFilename": name, "Strength": "100"}}
             step = (
-                f'Copy "{name}" into the folder of CLUTs (Preferences → Image Processing → Directories), and choose it '
-                "in Color tab → Film Simulation. Keep its name: the last word tells RawTherapee the colour space."
+                f'Copy "{name}" into the folder of CLUTs first (Preferences → Image Processing → Directories): the '
+                "profile names it there. Keep its name: the last word tells RawTherapee the colour space."
             )
         output = {"Color Management": {"OutputProfile": "RTv4_sRGB"}}
         text = profile_text(settings, output)
@@ -54,10 +52,12 @@ class RawTherapeeKit:
         write_develop_script(
             folder / "develop.sh",
             "rawtherapee-cli",
+            look.developer,
+            # RawTherapee looks for a CLUT in the user's folder of CLUTs, and for a camera profile beside its .pp3.
             "place=$(printf '%s' \"$here\" | sed 's/[&|\\\\]/\\\\&/g')\n"
-            f'sed "s|{_PLACE}|$place|" "$here/lutforge.pp3" > "$work/lutforge.pp3"\n'
-            'rawtherapee-cli -o "$2" -p "$work/lutforge.pp3" -t -b16 -Y -c "$1" >/dev/null\n'
-            'if [ ! -s "$2" ]; then echo "RawTherapee made no picture of $1" >&2; exit 1; fi\n',
+            'sed "s|^ClutFilename=|&$place/|; s|^InputProfile=file:|&$place/|" "$here/lutforge.pp3" >"$work/kit.pp3"\n'
+            'rawtherapee-cli -o "$picture" -p "$work/kit.pp3" -t -b16 -Y -c "$1" >"$work/log" 2>&1 || true\n'
+            '[ -s "$picture" ] || refuse "RawTherapee made no picture of it" "$work/log"\n',
         )
         return [
             "Open a RAW photograph, and load lutforge.pp3 as its processing profile: it makes everything else neutral.",

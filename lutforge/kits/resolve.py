@@ -19,8 +19,8 @@ class ResolveKit:
 
     def write(self, look: Look, folder: Path) -> list[str]:
         """Write the shaper cube and the plain cube."""
-        stem, look_in_space = f"{look.style} {self.space}", look.within(self.space)
-        shaped = bake(look_in_space, form="shaper", display_referred=False, title=look.title)
+        stem, look_in_space = f"{look.file_name} {self.space}", look.within(self.space)
+        shaped = bake(look_in_space, size=65, form="shaper", display_referred=False, title=look.title)
         for suffix in (".resolve.cube", ".dctl"):
             shaped.write(folder / f"{stem}{suffix}")
         bake(look_in_space, folder / f"{stem}.plain.cube", display_referred=False, title=look.title)

@@ -43,7 +43,7 @@ PROGRAMS: dict[str, Program] = {
     "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
     "photoshop": Program(shaper=False, reads=(".cube", ".3dl", ".csp")),
     "lightroom": Program(
-        shaper=False, reads=(".cube",), size=33, use="in a profile made with Camera Raw", develops=True
+        shaper=False, reads=(".cube", ".dcp"), size=33, use="in a profile made with Camera Raw", develops=True
     ),
     "premiere": Program(shaper=False, reads=(".cube", ".3dl")),
     "aftereffects": Program(shaper=False, reads=(".cube", ".3dl", ".csp"), max_size=64, size=64),
@@ -60,9 +60,9 @@ PROGRAMS: dict[str, Program] = {
         develops=True,
     ),
     "rawtherapee": Program(
-        shaper=False, reads=HALD, use="Film Simulation, its folder in the preferences", develops=True
+        shaper=False, reads=(*HALD, ".dcp"), use="Film Simulation, its folder in the preferences", develops=True
     ),
-    "art": Program(shaper=False, reads=(*HALD, ".clf"), develops=True),
+    "art": Program(shaper=False, reads=(*HALD, ".clf", ".dcp"), develops=True),
     "gmic": Program(shaper=False, reads=(".cube", ".png")),
     "gimp": Program(shaper=False, reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
     "imagemagick": Program(shaper=False, reads=HALD),

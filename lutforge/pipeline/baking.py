@@ -9,31 +9,36 @@ import numpy as np
 from lutforge import __version__
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
+from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, write_dcp
+from lutforge.kits.dcp_read import read_dcp
 from lutforge.luts.bake import bake_forms
 from lutforge.luts.ends import ends_of
 from lutforge.luts.formats.clf import KINDS as PROCESS_LISTS
 from lutforge.luts.programs import files_for, program_named, target_of
-from lutforge.luts.sequence import Lut, format_of
+from lutforge.luts.sequence import format_of
 from lutforge.luts.steps import bake_steps
-from lutforge.luts.verify import FileError, verify
+from lutforge.luts.verify import FileError, compare, verify
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.evaluation import as_profile
+from lutforge.pipeline.kits import look_of
 from lutforge.pipeline.options import one_of
 from lutforge.pipeline.outputs import check_output
-from lutforge.pipeline.transforms import Wanted, choose_transform
+from lutforge.pipeline.transforms import Chosen, Wanted, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
+
+CAMERA_PROFILE = ".dcp"
 
 
 @dataclass(frozen=True)
 class BakedFile:
-    """A file that was written. error: what it makes of colours, read back, against the model."""
+    """A file that was written. summary: what it holds; error: of what it makes of colours, against the model."""
 
     path: Path
-    lut: Lut
+    summary: str
     error: FileError
 
     def __str__(self) -> str:
-        return f"{self.path}: {self.lut.summary}, {self.lut.interpolation}"
+        return f"{self.path}: {self.summary}"
 
 
 @dataclass(frozen=True)
@@ -71,12 +76,13 @@ def bake_files(
         raise SettingsError("--stages goes with --size: steps that are exact alone need no tolerance")
     inputs = [path for path in (profile, wanted.look, *wanted.transfers) if isinstance(path, str | Path)]
     paths = [check_output(path, inputs=inputs) for path in outputs]
-    chosen = choose_transform(as_profile(profile), wanted)
-    if program is not None and chosen.kind == "render" and program_named(program).develops:
-        raise SettingsError(
-            f"{program} feeds a LUT with what it developed, never with camera RAW: make a kit for it, "
-            f"lutforge kit camera.npz --to {wanted.target} --for {program.lower()} -o kit"
-        )
+    camera = as_profile(profile)
+    chosen = choose_transform(camera, wanted)
+    camera_profiles = _camera_profiles(paths, chosen, program)
+    paths = [path for path in paths if path not in camera_profiles]
+    if camera_profiles and not paths:
+        return Baked(tuple(_bake_camera_profile(camera, wanted, path) for path in camera_profiles), ())
+    _require_feeds(program, chosen, wanted.target)
     named, notes = _files(paths, program, chosen.title, stages)
     kind, ends = chosen.kind, ends_of(chosen.kind, chosen.space)
     scenes = kind == "render" and chosen.space != "raw"
@@ -94,10 +100,10 @@ def bake_files(
             steps = bake_steps(chosen.transform, size, interpolation=method, title=chosen.title, comments=comments)
             for at in np.flatnonzero(stepwise):
                 luts.insert(int(at), steps)
-    files = []
+    files = [_bake_camera_profile(camera, wanted, path) for path in camera_profiles]
     for path, lut in zip(named, luts, strict=True):
         error = verify(lut.write(path), chosen.transform, lut, display_referred=kind != "linearize")
-        files.append(BakedFile(path, lut, error))
+        files.append(BakedFile(path, f"{lut.summary}, {lut.interpolation}", error))
         if kind == "linearize" and format_of(path).bits is not None:
             notes.append(f"{path}: whole numbers band the darks of linear light and lose what is beyond 1; use .clf")
     files.sort(key=lambda file: file.error.mean)
@@ -107,6 +113,41 @@ def bake_files(
         use = program_named(program).use
         notes.append(f"load {files[0].path} in {program.lower()}{f': {use}' if use else ''}")
     return Baked(tuple(files), (*chosen.notes, *notes))
+
+
+def _camera_profiles(paths: Sequence[Path], chosen: Chosen, program: str | None) -> list[Path]:
+    """Those of the outputs that are DNG camera profiles, each once.
+
+    Raises LutError where none can hold what is asked for, or the program does not read it.
+    """
+    found = [path for path in dict.fromkeys(paths) if path.suffix.lower() == CAMERA_PROFILE]
+    for path in found[:1]:
+        if (chosen.kind, chosen.space) != ("render", "raw"):
+            raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
+        if program is not None and CAMERA_PROFILE not in program_named(program).reads:
+            raise LutError(f"{path}: {program} does not read {CAMERA_PROFILE} files")
+    return found
+
+
+def _require_feeds(program: str | None, chosen: Chosen, target: str | None) -> None:
+    """Raise SettingsError, with the command that helps, where a program never feeds to a LUT what a render takes."""
+    if program is not None and chosen.kind == "render" and program_named(program).develops:
+        raise SettingsError(
+            f"{program} feeds a LUT with what it developed, never with camera RAW: make a kit for it, "
+            f"lutforge kit camera.npz --to {target} --for {program.lower()} -o kit"
+        )
+
+
+def _bake_camera_profile(camera: CameraProfile, wanted: Wanted, path: Path) -> BakedFile:
+    """Write a DNG camera profile of a look, read it back, and compare it with the model behind white balance."""
+    look = look_of(camera, wanted.target or "")
+    if look.space != "raw":
+        raise LutError(f"{path}: a camera profile renders RAW; this profile is of {look.developer}")
+    write_dcp(fit_dng_profile(look), path)
+    written = read_dcp(path)
+    x = np.random.default_rng(0).random((1 << 14, 3))
+    error = compare(written(x).astype(np.float32), np.clip(look.render(x), 0.0, 1.0), x)
+    return BakedFile(path, f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}", error)
 
 
 def _files(

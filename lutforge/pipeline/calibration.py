@@ -8,6 +8,7 @@ from typing import cast
 from lutforge.calibration.calibrate import calibrate as fit_profile
 from lutforge.calibration.calibrate import data_by_style
 from lutforge.calibration.options import CalibrationOptions, Preset
+from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.held_out_error import with_held_out_errors
 from lutforge.evaluation.learning_curve import LearningCurve, learning_curve
@@ -37,7 +38,10 @@ def calibrate(
     with telling_of_compilation(progress) as telling:
         fitted = fit_profile(samples, options, part(telling, 0.0, 0.5))
         profile = with_held_out_errors(fitted, options, part(telling, 0.5, 1.0))
-    return replace(profile, options={**profile.options, **left})
+    if not left:
+        return profile
+    exact = matrix_between(left["raw_space"], "linear-srgb")  # of what a program developed nothing is to be fitted
+    return replace(profile, matrix=exact, options={**profile.options, **left})
 
 
 def left_side_of(samples: SampleSet) -> dict[str, str]:

@@ -1,5 +1,6 @@
 """Use case: a file of any kind → what it is, and what it can be used for."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -136,20 +137,32 @@ def _profile(profile: "CameraProfile") -> Rows:
     yield "use", "a camera profile: bake, config, apply, evaluate, report"
 
 
-def _lut(path: Path) -> Rows:
+def check(path: str | Path) -> list[str]:
+    """Say what is in a LUT file or a DNG camera profile, who reads it, and what will go wrong. Raises LutError."""
+    if Path(path).suffix.lower() == ".dcp":
+        from lutforge.kits.dcp_read import dcp_lines
+
+        return dcp_lines(path)
     from lutforge.luts.check import check_lut, report_lines
 
-    for line in report_lines(check_lut(path)):
-        name, _, text = line.strip().partition(" ")
-        yield name.rstrip(":"), text.strip()
-    yield "use", "a LUT: apply, check"
+    return report_lines(check_lut(path))
+
+
+def _lut(path: Path) -> Rows:
+    for line in check(path):
+        # Readers stand before a colon; what is in the file after a number, or in columns.
+        name, *text = re.split(r"(?<!^\d)(?:: |\s{2,})|(?<=^\d\.) ", line.strip(), maxsplit=1)
+        yield name, text[0] if text else ""
+    yield "use", "a camera profile: a RAW developer" if path.suffix.lower() == ".dcp" else "a LUT: apply, check"
 
 
 def _lut_suffixes() -> frozenset[str]:
-    """The suffixes of the LUT files that OpenColorIO reads."""
+    """The suffixes of the LUT files that OpenColorIO or LutForge reads, and of camera profiles."""
     import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-    return frozenset(f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats())
+    from lutforge.luts.sequence import suffixes
+
+    return frozenset({".dcp", *suffixes(), *(f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats())})
 
 
 def _numbers(multipliers: "np.ndarray[tuple[int, ...], np.dtype[np.float64]] | tuple[float, ...] | None") -> str:

@@ -101,7 +101,7 @@ def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str 
     look = look_of(profile, to)
     kit = _kit_for(program or _own_program(look))
     require_source(kit, look)
-    target = Path(folder)
+    target = Path(folder).resolve()  # behind a link stays what it leads to
     if target.exists() and not _may_be_replaced(target):
         raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
     check_output(target / "README.md")
@@ -113,7 +113,7 @@ def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str 
         if target.exists():
             shutil.rmtree(target)
         filled.replace(target)
-    return target
+    return Path(folder)
 
 
 def check_kit(
@@ -121,24 +121,27 @@ def check_kit(
 ) -> tuple[list[KitCheck], list[str]]:
     """Develop RAW files with a kit's own program, and compare them with the camera's JPEGs.
 
-    Returns what was measured, and a line for each shot that could not be. Raises LutForgeError where the kit runs no
-    program, ShotError where no shot could be measured.
+    Returns what was measured, and notes: what the kit's script noted, and a line for each shot that could not be
+    measured. Raises LutForgeError where the kit runs no program, ShotError where no shot could be measured.
     """
     script = Path(folder) / SCRIPT
     if not script.is_file():
         raise LutForgeError(f"{folder}: holds no {SCRIPT}: its program cannot be run from the command line")
     files = discover(shots)
-    checks, failed = [], []
+    checks: list[KitCheck] = []
+    notes: list[str] = []
     for index, file in enumerate(files):
         progress(file.name, index / len(files))
         try:
-            checks.append(_checked(script, file))
+            check, said = _checked(script, file)
+            checks.append(check)
+            notes += [text for text in said if text not in notes]
         except LutForgeError as error:
-            failed.append(str(error))
+            notes.append(str(error))
     progress("done", 1.0)
     if not checks:
-        raise ShotError("no shot could be compared: " + "; ".join(failed))
-    return checks, failed
+        raise ShotError("no shot could be compared: " + "; ".join(notes))
+    return checks, notes
 
 
 def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
@@ -171,11 +174,13 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
     )  # fmt: skip
 
 
-def _checked(script: Path, raw: Path) -> KitCheck:
+def _checked(script: Path, raw: Path) -> tuple[KitCheck, list[str]]:
+    """Compare one file; and what the kit's script noted."""
     with tempfile.TemporaryDirectory(prefix="lutforge-") as name:
         output = Path(name) / "developed.tif"
-        run_command([str(script.resolve()), str(raw.resolve()), str(output)], script.name, raw, output)
-        return compare_with_jpeg(raw, output)
+        said = run_command([str(script.resolve()), str(raw.resolve()), str(output)], script.name, raw, output)
+        notes = [line.removeprefix("note: ") for line in said.splitlines() if line.startswith("note: ")]
+        return compare_with_jpeg(raw, output), notes
 
 
 def _own_program(look: Look) -> str:

@@ -54,7 +54,12 @@ def read_shot(path: Path | str, development: Development | None = None) -> Shot:
         notes = (*edited, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
         return Shot(path.stem, path, raw, jpeg, source, metadata, registration, development)
-    raise ShotError(f"{path}: no camera JPEG to pair it with: " + "; ".join(reasons))
+    size = (
+        "" if development is None else "; the picture in the RAW's place, {1} × {0}, must be the whole frame, uncropped"
+    )
+    raise ShotError(
+        f"{path}: no camera JPEG to pair it with: {'; '.join(reasons)}" + size.format(*raw.pixels.shape[:2])
+    )
 
 
 def _candidates(path: Path) -> list[tuple[str, tuple[str, ...]]]:

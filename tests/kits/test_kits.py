@@ -1,5 +1,7 @@
 """What kits hold, by second readers; the programs themselves are run in test_programs.py."""
 
+import os
+import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +14,11 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
+from lutforge.developers.darktable import Darktable
 from lutforge.errors import LutForgeError, SettingsError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
+from lutforge.kits.dcp_read import dcp_lines, read_dcp
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.kits import KITS, check_kit, compare_with_jpeg, look_of, write_kit
@@ -50,7 +54,7 @@ def colours_of_photographs(samples: SampleSet) -> np.ndarray:
 
 def test_a_dng_profile_shows_the_look(raw_profile: CameraProfile, s40_samples: SampleSet, tmp_path: Path) -> None:
     folder = write_kit(raw_profile, SETTING, tmp_path / "kit", "rawtherapee")
-    tags = dcp_tags(folder / "standard.dcp")
+    tags = dcp_tags(folder / "Canon PowerShot S40 standard auto.dcp")
     assert tags[50708] == "Canon PowerShot S40"
     assert np.allclose(np.asarray(tags[50964]).reshape(3, 3).sum(axis=1), [0.9642, 1.0, 0.8251], atol=2e-3)  # D50
     x = colours_of_photographs(s40_samples)
@@ -61,7 +65,7 @@ def test_a_dng_profile_shows_the_look(raw_profile: CameraProfile, s40_samples: S
 
 def test_an_xmp_profile_holds_the_cube(developed_profile: CameraProfile, tmp_path: Path) -> None:
     folder = write_kit(developed_profile, SETTING, tmp_path / "kit", "lightroom")
-    cube, codes = rgb_table_of(folder / "standard.xmp")
+    cube, codes = rgb_table_of(folder / "Canon PowerShot S40 standard auto.xmp")
     assert cube.shape == (32, 32, 32, 3)
     assert codes == (4, 1, 0)  # Rec. 2020, sRGB's curve, clipped
     even = np.linspace(0.0, 1.0, 32)
@@ -101,8 +105,8 @@ def test_a_look_within_a_space_is_the_cameras(
 def test_resolves_files_agree(raw_profile: CameraProfile, tmp_path: Path) -> None:
     folder = write_kit(raw_profile, SETTING, tmp_path / "kit", "resolve")
     x = np.random.default_rng(5).uniform(0.05, 0.5, (2000, 3))
-    shaped = evaluate(file_processor(folder / "standard davinci-intermediate.resolve.cube"), x)
-    plain = evaluate(file_processor(folder / "standard davinci-intermediate.plain.cube"), x)
+    shaped = evaluate(file_processor(folder / "Canon PowerShot S40 standard auto davinci-intermediate.resolve.cube"), x)
+    plain = evaluate(file_processor(folder / "Canon PowerShot S40 standard auto davinci-intermediate.plain.cube"), x)
     assert np.abs(shaped - plain).mean() < 2e-3
 
 
@@ -133,7 +137,7 @@ def test_what_a_profile_cannot_give_is_refused_with_the_way(
 
 def test_a_kit_is_for_the_program_that_developed_the_pictures(developed_profile: CameraProfile, tmp_path: Path) -> None:
     folder = write_kit(developed_profile, SETTING, tmp_path / "kit")
-    assert (folder / "Canon PowerShot S40 standard.cube").is_file()
+    assert (folder / "Canon PowerShot S40 standard auto.cube").is_file()
     with pytest.raises(SettingsError, match="RawTherapee develops otherwise than darktable"):
         write_kit(developed_profile, SETTING, tmp_path / "other", "rawtherapee")
     exported = replace(developed_profile, options={**developed_profile.options, "developer": "pictures in prophoto"})
@@ -187,11 +191,128 @@ def test_scripts_say_what_is_missing(raw_profile: CameraProfile, tmp_path: Path)
     assert missing.stderr == "rawtherapee-cli is not installed\n"
 
 
+def test_a_kit_goes_where_a_link_leads(raw_profile: CameraProfile, tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    assert write_kit(raw_profile, SETTING, tmp_path / "link", "rawtherapee") == tmp_path / "link"
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real" / "develop.sh").is_file()
+    (tmp_path / "dangling").symlink_to("later")
+    write_kit(raw_profile, SETTING, tmp_path / "dangling", "rawtherapee")
+    assert (tmp_path / "later" / "develop.sh").is_file()
+
+
+def stand_in(folder: Path, name: str, version: str, says: str, makes: str) -> dict[str, str]:
+    """An environment in which a program is a script: its version, what it says of a RAW file, and its picture."""
+    folder.mkdir(exist_ok=True)
+    (folder / "made").write_text(makes)
+    script = (
+        f'#!/bin/sh\nif [ "$1" = --version ]; then echo "this is {name} {version}"; exit; fi\necho "{says}" >&2\n'
+        f'for word; do case "$word" in *developed.tif) cp "{folder}/made" "$word";; esac; done\n'
+    )
+    (folder / name).write_text(script)
+    (folder / name).chmod(0o755)
+    return {"PATH": f"{folder}:{os.environ['PATH']}"}
+
+
+@pytest.mark.parametrize(
+    ("version", "says", "makes", "code", "words"),
+    [
+        ("4.2.1", "", "picture", 0, ""),
+        ("9.1", "", "picture", 0, "note: the kit was made with darktable 4.2.1, this is 9.1; calibrate again if"),
+        ("4.2.1", "[lut3d] warning - 7 out of range values [0,1]", "picture", 0, ""),
+        ("4.2.1", "module lut3d version mismatch: history is 1", "picture", 1, "darktable did not use the LUT: module"),
+        ("4.2.1", "[lut3d] invalid cube file", "picture", 1, "darktable did not use the LUT: [lut3d] invalid"),
+        ("4.2.1", "", 'darktable:operation="agx"\n darktable:enabled="1"', 1, "it was asked not to: operation=.agx"),
+        ("4.2.1", "", 'darktable:operation="agx"\n darktable:enabled="0"', 0, ""),
+        ("4.2.1", "x\ncannot read the mosaic\ny", "", 1, "made no picture of it: cannot read the mosaic"),
+    ],
+)
+def test_darktable_is_believed_only_where_it_used_the_lut_alone(
+    version: str, says: str, makes: str, code: int, words: str, developed_profile: CameraProfile, tmp_path: Path
+) -> None:
+    folder = write_kit(developed_profile, SETTING, tmp_path / "kit")
+    (tmp_path / "a.CRW").write_bytes(b"raw")
+    run = subprocess.run(
+        [str(folder / "develop.sh"), "a.CRW", "out.tif"], capture_output=True, text=True, check=False, cwd=tmp_path,
+        env=stand_in(tmp_path / "bin", "darktable-cli", version, says, makes),
+    )  # fmt: skip
+    assert run.returncode == code, run.stderr
+    assert (tmp_path / "out.tif").exists() == (code == 0)
+    assert len(run.stderr.splitlines()) == (1 if words else 0)
+    assert re.search(words.replace("[", r"\["), run.stderr)
+
+
+def test_a_development_that_is_not_neutral_is_seen(tmp_path: Path) -> None:
+    rows = 'darktable:operation="{}"\n      darktable:enabled="{}"\n'
+    (tmp_path / "a.tif").write_text(rows.format("demosaic", 1) + rows.format("sigmoid", 0))
+    assert Darktable().objection(tmp_path / "a.tif") == ""
+    (tmp_path / "a.tif").write_text(rows.format("filmicrgb", 1) + rows.format("exposure", 1))
+    assert "exposure, filmicrgb" in Darktable().objection(tmp_path / "a.tif")
+
+
+def test_a_script_names_a_file_that_is_not_there(raw_profile: CameraProfile, tmp_path: Path) -> None:
+    folder = write_kit(raw_profile, SETTING, tmp_path / "kit", "rawtherapee")
+    env = stand_in(tmp_path / "bin", "rawtherapee-cli", "5.9", "", "picture")
+    command = [str(folder / "develop.sh"), str(tmp_path / "none.CRW"), str(tmp_path / "out.tif")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, env=env)
+    assert (run.returncode, run.stderr) == (2, f"{tmp_path}/none.CRW: cannot be read\n")
+
+
+def test_a_camera_profile_is_a_format_of_bake(
+    raw_profile: CameraProfile, tmp_path: Path, lutforge: CommandLine
+) -> None:
+    raw_profile.save(tmp_path / "camera.npz")
+    words = ("bake", "camera.npz", "render", "--to", SETTING, "-o", "look.dcp")
+    run = lutforge(*words, "-o", "look.cube", "--size", "17", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert re.search(r"look.dcp.*\n.*dE00 mean 0\.[0-3]", run.stdout)
+    assert lutforge(*words, "--for", "rawtherapee", cwd=tmp_path).returncode == 0
+    x = np.random.default_rng(3).random((500, 3))
+    mine, other = read_dcp(tmp_path / "look.dcp")(x), developed_by_dcp(dcp_tags(tmp_path / "look.dcp"), x)
+    assert np.abs(mine - other).max() < 2e-3  # another implementation of the specification
+    for command in ("check", "inspect"):
+        shown = lutforge(command, "look.dcp", cwd=tmp_path)
+        assert shown.returncode == 0, shown.stderr
+        assert "Canon PowerShot S40 standard" in shown.stdout
+        assert "look table 90 × 30 × 30" in shown.stdout
+    for more, why in (
+        (("--for", "darktable"), "darktable does not read .dcp"),
+        (("--space", "acescg"), "a camera profile renders RAW"),
+    ):
+        run = lutforge(*words, *more, cwd=tmp_path)
+        assert run.returncode == 2
+        assert why in run.stderr
+    assert lutforge("bake", "camera.npz", "linearize", "--from", SETTING, "-o", "a.dcp", cwd=tmp_path).returncode == 2
+
+
+def test_camera_profiles_of_strangers_are_one_line(raw_profile: CameraProfile, tmp_path: Path) -> None:
+    folder = write_kit(raw_profile, SETTING, tmp_path / "kit", "art")
+    (good,) = (path.read_bytes() for path in folder.glob("*.dcp"))
+    path = tmp_path / "a.dcp"
+    rng = np.random.default_rng(6)
+    for data in [b"", b"II", b"MMCR", good[:100], good[:5000], *(damaged(good, rng) for _ in range(200))]:
+        path.write_bytes(data)
+        try:
+            assert dcp_lines(path)
+        except LutForgeError as error:
+            assert len(str(error).splitlines()) == 1
+            assert str(path) in str(error)
+
+
+def damaged(data: bytes, rng: np.random.Generator) -> bytes:
+    """The same with a few bytes of its directory changed."""
+    changed = bytearray(data)
+    for at in rng.integers(0, 220, 3):
+        changed[at] = rng.integers(0, 256)
+    return bytes(changed)
+
+
 def test_the_command(raw_profile: CameraProfile, tmp_path: Path, lutforge: CommandLine) -> None:
     raw_profile.save(tmp_path / "camera.npz")
     run = lutforge("kit", tmp_path / "camera.npz", "--to", SETTING, "-o", tmp_path / "kit", "--for", "Lightroom")
     assert run.returncode == 0, run.stderr
-    assert "standard.dcp" in run.stdout
+    assert "Canon PowerShot S40 standard auto.dcp" in run.stdout
     run = lutforge("kit", tmp_path / "camera.npz", "--to", "sepia/auto", "-o", tmp_path / "other")
     assert run.returncode == 2
     assert "unknown style" in run.stderr

@@ -4,12 +4,14 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.developers.darktable import Darktable
 from lutforge.errors import LutForgeError, ShotError
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
@@ -28,6 +30,13 @@ PROGRAMS = {"darktable": "darktable-cli", "rawtherapee": "rawtherapee-cli"}
 def raw_profile(s40_samples: SampleSet) -> CameraProfile:
     """Calibrated from RAW files."""
     return calibrate(s40_samples, CalibrationOptions(size=17))
+
+
+@pytest.fixture(scope="module")
+def developed_profile(raw_profile: CameraProfile) -> CameraProfile:
+    """A look for what darktable develops, whatever its colours."""
+    left = {"raw_space": "linear-rec2020", "developer": "darktable 4.2.1"}
+    return replace(raw_profile, options={**raw_profile.options, **left})
 
 
 def need(program: str) -> None:
@@ -59,14 +68,89 @@ def test_a_dng_profile_in_rawtherapee(shared_data: Path, tmp_path: Path) -> None
     assert all(check.mean < 1.0 for check in checks)  # the shots were seen: how near the format comes
 
 
-def test_what_a_program_cannot_read_is_one_line(tmp_path: Path) -> None:
-    need("darktable-cli")
+@pytest.mark.parametrize("program", sorted(PROGRAMS))
+def test_what_a_program_cannot_read_is_one_line(
+    program: str, raw_profile: CameraProfile, developed_profile: CameraProfile, tmp_path: Path
+) -> None:
+    need(PROGRAMS[program])
     broken = tmp_path / "broken.CRW"
     broken.write_bytes(b"no camera wrote this" * 100)
-    with pytest.raises(LutForgeError) as raised:
-        gather_samples([broken], left=left_side("darktable"))
-    assert len(str(raised.value).splitlines()) == 1
-    assert "broken.CRW" in str(raised.value)
+    kit = write_kit(developed_profile if program == "darktable" else raw_profile, "standard/auto", tmp_path / "kit")
+    for attempt in (lambda: gather_samples([broken], left=left_side(program)), lambda: check_kit(kit, [broken])):
+        with pytest.raises(LutForgeError) as raised:
+            attempt()
+        assert len(str(raised.value).splitlines()) == 1
+        assert "broken.CRW" in str(raised.value)
+        assert program in str(raised.value).lower()
+
+
+def test_darktable_of_another_version_than_the_kits_is_one_line(
+    developed_profile: CameraProfile, shared_data: Path, tmp_path: Path
+) -> None:
+    """A kit for parameters that this darktable does not know: it would show the photograph without the LUT."""
+    need("darktable-cli")
+    kit = write_kit(developed_profile, "standard/auto", tmp_path / "kit")
+    sidecar = kit / "lutforge.xmp"
+    later = sidecar.read_text(encoding="utf-8").replace('modversion="1"', 'modversion="99"')
+    sidecar.write_text(later, encoding="utf-8")
+    raw = str(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
+    command = [str(kit / "develop.sh"), raw, str(tmp_path / "out.tif")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    assert "did not use the LUT" in run.stderr
+    assert not (tmp_path / "out.tif").exists()
+
+
+def test_the_style_is_the_sidecar(developed_profile: CameraProfile, shared_data: Path, tmp_path: Path) -> None:
+    """Imported by darktable itself, as its window does, and applied to a photograph."""
+    need("darktable-cli")
+    kit = write_kit(developed_profile, "standard/auto", tmp_path / "kit")
+    raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
+    (style,) = kit.glob("*.dtstyle")
+    neutral = Darktable().command(raw, tmp_path / "style.tif", tmp_path)
+    command = [
+        *("SRGB" if word == "LIN_REC2020" else word for word in neutral[:5]),
+        *("--style", "Canon PowerShot S40 standard", *neutral[5:]),
+        *("--conf", f"plugins/darkroom/lut3d/def_path={kit}"),
+        *("--luacmd", f'require("darktable").styles.import("{style}")'),
+    ]
+    subprocess.run(command, check=True, capture_output=True)
+    subprocess.run([str(kit / "develop.sh"), str(raw), str(tmp_path / "sidecar.tif")], check=True, capture_output=True)
+    by_style, by_sidecar = (read_image(tmp_path / name).pixels for name in ("style.tif", "sidecar.tif"))
+    assert np.abs(by_style - by_sidecar).max() < 2e-4
+
+
+def test_darktables_own_workflow_is_not_taken_for_neutral(shared_data: Path, tmp_path: Path) -> None:
+    """As of a version that knows the settings of a neutral development no longer."""
+    need("darktable-cli")
+    raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
+    command = Darktable().command(raw, tmp_path / "out.tif", tmp_path)
+    subprocess.run(command[: command.index("--conf")], capture_output=True, check=False)
+    assert "exposure, filmicrgb" in Darktable().objection(tmp_path / "out.tif")
+
+
+@pytest.mark.parametrize("kind", ["raw", "developed"])
+def test_a_processing_profile_works_by_hand(
+    kind: str, raw_profile: CameraProfile, developed_profile: CameraProfile, shared_data: Path, tmp_path: Path
+) -> None:
+    """Loaded from the kit's folder, the CLUT copied into the user's folder of CLUTs, as its page says."""
+    need("rawtherapee-cli")
+    options = {**developed_profile.options, "developer": "rawtherapee 5.9"}
+    profile = raw_profile if kind == "raw" else replace(developed_profile, options=options)
+    kit = write_kit(profile, "standard/auto", tmp_path / "kit", "rawtherapee")
+    raw = str(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
+    settings, cluts = tmp_path / "settings", tmp_path / "cluts"
+    settings.mkdir()
+    cluts.mkdir()
+    (settings / "options").write_text(f"[Color Management]\nClutsDirectory={cluts}\n")
+    for clut in kit.glob("*.png"):
+        shutil.copy(clut, cluts)
+    environment = {**os.environ, "RT_SETTINGS": str(settings)}
+    by_hand = ["rawtherapee-cli", "-o", str(tmp_path / "hand.tif"), "-p", str(kit / "lutforge.pp3"), "-t", "-b16", "-Y"]
+    subprocess.run([*by_hand, "-c", raw], check=True, capture_output=True, env=environment)
+    subprocess.run([str(kit / "develop.sh"), raw, str(tmp_path / "script.tif")], check=True, capture_output=True)
+    hand, script = (read_image(tmp_path / name).pixels for name in ("hand.tif", "script.tif"))
+    assert np.abs(hand - script).max() < 2e-4
 
 
 def test_a_missing_program_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
