@@ -56,6 +56,9 @@ def test_the_lines_of_a_page_run(page: str, camera: Path, shared_data: Path, tmp
             ["/bin/sh", "-ec", line], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
         )
         assert run.returncode == 0, f"{line}\n{run.stdout[-500:]}{run.stderr[-1500:]}"
+        for tiles, mean in re.findall(r"^IMG_0117\.CRW +(\d+) +(\d+\.\d+)", run.stdout, flags=re.MULTILINE):
+            assert int(tiles) > 100
+            assert float(mean) < 3.0  # a photograph that was not seen; RawTherapee's own curve has 3.3
     for made in re.findall(r"\S+\.(?:tif|mov)\b|OUT\.png", "\n".join(line for line in lines if "IN." in line)):
         assert (tmp_path / made).stat().st_size > 0
 

@@ -1,8 +1,11 @@
 """What kits hold, by second readers; the programs themselves are run in test_programs.py."""
 
+import json
 import os
 import re
+import shutil
 import subprocess
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,7 +27,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.kits import KITS, check_kit, compare_with_jpeg, look_of, write_kit
 from lutforge.samples.sample_set import SampleSet
 from tests.conftest import CommandLine
-from tests.kits.kit_readers import dcp_tags, developed_by_dcp, rgb_table_of
+from tests.kits.kit_readers import CRS, dcp_tags, developed_by_dcp, rgb_table_of
 
 SETTING = "standard/auto"
 
@@ -72,6 +75,37 @@ def test_an_xmp_profile_holds_the_cube(developed_profile: CameraProfile, tmp_pat
     nodes = np.stack(np.meshgrid(even, even, even, indexing="ij"), axis=-1)
     wanted = look_of(developed_profile, SETTING).within("rec2020-srgb")(nodes.reshape(-1, 3)).reshape(nodes.shape)
     assert np.abs(cube - wanted).mean() < 0.01  # fitted between the nodes, not sampled at them
+
+
+def test_exiftool_reads_the_same(raw_profile: CameraProfile, developed_profile: CameraProfile, tmp_path: Path) -> None:
+    if shutil.which("exiftool") is None:
+        pytest.skip("exiftool is not installed")
+    (dcp,) = write_kit(raw_profile, SETTING, tmp_path / "a", "lightroom").glob("*.dcp")
+    (xmp,) = write_kit(developed_profile, SETTING, tmp_path / "b", "lightroom").glob("*.xmp")
+    tags = dcp_tags(dcp)
+    numbers = {
+        "ColorMatrix1": 50721, "ForwardMatrix1": 50964, "ProfileToneCurve": 50940, "ProfileLookTableDims": 50981,
+        "ProfileLookTableData": 50982,
+    }  # fmt: skip
+    profile = exiftool(dcp, "-FileType", "-UniqueCameraModel", "-ProfileName", *(f"-{name}" for name in numbers))
+    assert profile["FileType"] == "DCP"
+    assert profile["UniqueCameraModel"] == "Canon PowerShot S40"
+    assert profile["ProfileName"] == "Canon PowerShot S40 standard"
+    for name, tag in numbers.items():
+        assert np.allclose([float(word) for word in profile[name].split()], np.ravel(tags[tag]), rtol=1e-6), name
+    look = exiftool(xmp, "-validate", "-XMP-crs:all")
+    assert look["Validate"].startswith("0")  # no error, no warning
+    assert look["Name"] == "Canon PowerShot S40 standard"
+    assert look["PresetType"] == "Look"
+    ours = ET.parse(xmp).getroot()[0][0].attrib[f"{CRS}Table_{look['RGBTable']}"]
+    assert look[f"Table_{look['RGBTable']}"] == ours
+
+
+def exiftool(path: Path, *words: str) -> dict[str, str]:
+    """What exiftool reads of a file."""
+    command = ["exiftool", "-json", "-n", "-m", "-b", *words, str(path)]
+    run = subprocess.run(command, capture_output=True, text=True, check=True)
+    return dict(json.loads(run.stdout)[0])
 
 
 @pytest.mark.parametrize("program", sorted(KITS))
