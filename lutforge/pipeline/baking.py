@@ -107,12 +107,16 @@ def bake_files(
         if kind == "linearize" and format_of(path).bits is not None:
             notes.append(f"{path}: whole numbers band the darks of linear light and lose what is beyond 1; use .clf")
     files.sort(key=lambda file: file.error.mean)
-    if kind in ("render", "linearize"):
-        notes.append("; ".join(ends.comments))
-    if program is not None:
-        use = program_named(program).use
-        notes.append(f"load {files[0].path} in {program.lower()}{f': {use}' if use else ''}")
-    return Baked(tuple(files), (*chosen.notes, *notes))
+    told = ("; ".join(ends.comments),) if kind in ("render", "linearize") else ()
+    return Baked(tuple(files), (*chosen.notes, *notes, *told, *_how_to_load(files[0].path, program)))
+
+
+def _how_to_load(path: Path, program: str | None) -> tuple[str, ...]:
+    """A note on the file that is best for a program, where one is named."""
+    if program is None:
+        return ()
+    use = program_named(program).use
+    return (f"load {path} in {program.lower()}{f': {use}' if use else ''}",)
 
 
 def _camera_profiles(paths: Sequence[Path], chosen: Chosen, program: str | None) -> list[Path]:
