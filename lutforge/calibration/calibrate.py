@@ -11,14 +11,17 @@ from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_ma
 from lutforge.calibration.physical.reference_camera import calibrate_by_reference
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances, with_fitted_gains
 from lutforge.calibration.plausibility.check import implausible
-from lutforge.calibration.shots.consistency import check_agreement, thin_colours, thin_settings
 from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
+from lutforge.calibration.shots.thin_samples import thin_colours, thin_settings
+from lutforge.calibration.shots.tone import shot_tones, tone_notes, without_departures
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.calibration.style_fit import StyleFit, fit_style, render_with_plain
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.diagnosis import Diagnosis
 from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import PictureStyle
+from lutforge.model.shot_tone import ShotTone
 from lutforge.samples.sample_set import SampleSet
 
 Progress = Callable[[str, float], None]
@@ -62,12 +65,8 @@ def calibrate(
     multipliers, notes = complete_multipliers(samples)
     enough, left_out = styles_with_enough(samples, multipliers)
     samples, multipliers, notes = samples.select(enough), multipliers[enough], (*notes, *left_out)
-    falloffs = _falloffs(samples, multipliers, options)
-    samples = at_the_centre(samples, falloffs)
-    notes = (*notes, *(falloff.note for falloff in falloffs))
-    diagnoses = implausible(samples, multipliers)
-    of_all = any(diagnosis.whole_set for diagnosis in diagnoses)
-    multipliers = with_fitted_gains(samples, multipliers, unclipped(samples, multipliers))
+    even = _even(samples, multipliers, options)
+    samples, multipliers, notes = even.samples, even.multipliers, (*notes, *even.notes)
     matrix: Array | None = None
     physical: dict[str, GamutMaps] = {}
     if options.model == "rbf":
@@ -81,8 +80,6 @@ def calibrate(
     for index, (name, style) in enumerate(data.items()):
         share = index / len(data)
         notes = (*notes, *thin_colours(style.encoded, name, monochrome=style.monochrome))
-        if not of_all:  # else shots would be blamed for what is wrong with all
-            notes = (*notes, *check_agreement(style.balanced, style.encoded, style.shot, name))
         progress(f"{name}: fitting", share)
         fit, maps = fit_style(style, options), physical.get(name)
         fitted[name] = CalibratedStyle(style, fit, maps)
@@ -105,17 +102,45 @@ def calibrate(
         shots=tuple(name for name, _ in samples.by_shot()),
         options=options.as_json(),
         notes=notes,
-        falloffs=falloffs,
-        diagnoses=diagnoses,
+        falloffs=even.falloffs,
+        diagnoses=even.diagnoses,
+        tones=even.tones,
     )
     return Calibration(profile, fitted)
 
 
-def _falloffs(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -> tuple[Falloff, ...]:
-    """The lens falloffs that the camera corrects in its JPEGs; the thesis knows of none."""
-    if options.preset == "thesis":
-        return ()
-    return fit_falloffs(samples, multipliers, unclipped(samples, multipliers))
+@dataclass(frozen=True, eq=False)
+class _Even:
+    """Samples that one rendering serves, and what was taken out of them. multipliers: (n, 3), with settings' gains."""
+
+    samples: SampleSet
+    multipliers: Array
+    falloffs: tuple[Falloff, ...]
+    diagnoses: tuple[Diagnosis, ...]
+    tones: tuple[ShotTone, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know of it."""
+        return (*(falloff.note for falloff in self.falloffs), *tone_notes(self.tones))
+
+
+def _even(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -> _Even:
+    """Take out what lens, setting and scene add to the brightness of JPEGs. The thesis knows settings' gains only.
+
+    Where something is wrong with the whole set, no shot is blamed for it.
+    """
+    thesis = options.preset == "thesis"
+    falloffs = () if thesis else fit_falloffs(samples, multipliers, unclipped(samples, multipliers))
+    samples = at_the_centre(samples, falloffs)
+    diagnoses = implausible(samples, multipliers)
+    multipliers = with_fitted_gains(samples, multipliers, unclipped(samples, multipliers))
+    blameless = thesis or any(diagnosis.whole_set for diagnosis in diagnoses)
+    tones = () if blameless else shot_tones(samples, multipliers, unclipped(samples, multipliers))
+    samples, multipliers = without_departures(samples, multipliers, tones)
+    if tones:  # of what they explain nothing is left to diagnose
+        diagnoses = implausible(samples, multipliers)
+    return _Even(samples, multipliers, falloffs, diagnoses, tones)
 
 
 def _fit_physical(
@@ -178,6 +203,5 @@ def data_by_style(samples: SampleSet) -> dict[str, StyleData]:
         raise CalibrationError(
             f"{samples.camera[0]} was sampled with another camera's RAW: its model has no lattice to choose a size of"
         )
-    multipliers, _ = complete_multipliers(samples)
-    samples = at_the_centre(samples, _falloffs(samples, multipliers, CalibrationOptions()))
-    return style_data(samples, with_fitted_gains(samples, multipliers, unclipped(samples, multipliers)))[0]
+    even = _even(samples, complete_multipliers(samples)[0], CalibrationOptions())
+    return style_data(even.samples, even.multipliers)[0]

@@ -56,6 +56,7 @@ def evaluate(
     _print_raw(evaluation)
     _print_linearisation(evaluation)
     _print_refinish(evaluation)
+    _print_shares(evaluation)
 
 
 def _print_errors(evaluation: "Evaluation") -> None:
@@ -100,6 +101,18 @@ def _print_refinish(evaluation: "Evaluation") -> None:
     if cells:
         header = ("from", "to", "method", "held out", "pairs", *FIGURES)
         print_table("Refinish between settings of one scene: error (1 = full scale)", header, cells)
+
+
+def _print_shares(evaluation: "Evaluation") -> None:
+    cells = [
+        (row.style, row.method, *(f"{v:.4f}" for v in (row.total, row.rendering, row.falloff, row.scene, row.noise)))
+        for row in evaluation.shares
+    ]
+    if cells:
+        header = ("style", "method", "all", "fixed rendering", "lens falloff", "scene", "noise")
+        print_table(
+            "Where the error of rendered colours comes from: RMS (1 = full scale); squares add up", header, cells
+        )
 
 
 def _figures(f: "ErrorFigures") -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from lutforge.cli.calibrate import print_held_out
-from lutforge.cli.console import for_each, print_table
+from lutforge.cli.console import for_each, note, print_table, progress_bar
 
 
 def inspect(
@@ -16,10 +16,28 @@ def inspect(
             help="RAW files, pictures, sample tables, profiles, LUTs, and folders of them.", show_default=False
         ),
     ],
+    scene: Annotated[
+        Path | None,
+        typer.Option(
+            "--scene",
+            metavar="PROFILE",
+            help="Compare shots with a profile's rendering: what the camera did beyond it, in stops.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Show what files are: a shot's or picture's camera and settings, what a profile, table or LUT holds."""
     from lutforge.pipeline.inspection import files_to_inspect
 
+    if scene is not None:
+        from lutforge.pipeline.scene import inspect_scene
+
+        with progress_bar("sampling") as report:
+            found = inspect_scene(scene, files, report)
+        print_table(f"Beyond the rendering of {scene}", found.columns, found.rows)
+        for text in found.notes:
+            note(text)
+        return
     for_each([file for path in files for file in files_to_inspect(path)], _show)
 
 

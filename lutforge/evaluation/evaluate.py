@@ -7,20 +7,23 @@ from functools import partial
 
 import numpy as np
 
-from lutforge.arrays import Mask
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.monochrome import monochrome_note
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_gains
 from lutforge.calibration.shots.falloff import at_the_centre
-from lutforge.calibration.style_data import style_data, styles_with_enough
+from lutforge.calibration.shots.tone import tones_beside
+from lutforge.calibration.style_data import style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
+from lutforge.evaluation.error_shares import error_shares
 from lutforge.evaluation.errors_table import error_figures
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
 from lutforge.evaluation.held_out import Predictions, predict
 from lutforge.evaluation.linearisation import linearisation_errors
-from lutforge.evaluation.methods import RBF
+from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import refinish_errors
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.shot_tone import ShotTone, without_tones
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.sample_set import SampleSet
 from lutforge.settings import Selector
@@ -45,6 +48,7 @@ def evaluate(
     multipliers = with_gains(samples, multipliers, profile.white_balances)
     known, strange = _known_styles(profile, samples)
     samples, multipliers = samples.select(known), multipliers[known]
+    samples = without_tones(samples, profile.tones)
     if profile.raw_camera:
         return _evaluate_by_reference(profile, samples)
     data, clipped = style_data(samples, multipliers)
@@ -67,7 +71,24 @@ def evaluate(
         predictions[name] = found
         notes = (*notes, *found.notes, *([monochrome_note(name)] if style.monochrome else []))
     progress("done", 1.0)
-    return _evaluation(profile, predictions, notes, tables=tables)
+    tones = (*profile.tones, *unseen_tones(profile, samples, multipliers))
+    notes = (*notes, *(f"{tone.shot} departs from the fixed rendering: {tone.words}" for tone in tones))
+    return _evaluation(profile, predictions, notes, tones, tables=tables)
+
+
+def unseen_tones(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> tuple[ShotTone, ...]:
+    """The departures of shots that the profile does not know, from its rendering."""
+    new = unclipped(samples, multipliers) & ~np.isin(samples.shot, profile.shots)
+    new &= ~np.isin(samples.shot, [tone.shot for tone in profile.tones])
+    linearize = {name: style.linearize for name, style in profile.styles.items() if style.linearize is not None}
+    return tones_beside(linearize, samples, multipliers, new) if new.any() else ()
+
+
+def scene_tones(profile: CameraProfile, samples: SampleSet) -> tuple[ShotTone, ...]:
+    """What the camera did to the tone of shots, of styles that the profile has, beyond its fixed rendering."""
+    samples = at_the_centre(samples, profile.falloffs)
+    multipliers = with_gains(samples, complete_multipliers(samples)[0], profile.white_balances)
+    return (*profile.tones, *unseen_tones(profile, samples, multipliers))
 
 
 def _known_styles(profile: CameraProfile, samples: SampleSet) -> tuple[Mask, tuple[str, ...]]:
@@ -101,7 +122,12 @@ def _missing_shots(profile: CameraProfile, samples: SampleSet, *, tables: bool) 
 
 
 def _evaluation(
-    profile: CameraProfile, predictions: dict[str, Predictions], notes: tuple[str, ...], *, tables: bool
+    profile: CameraProfile,
+    predictions: dict[str, Predictions],
+    notes: tuple[str, ...],
+    tones: tuple[ShotTone, ...],
+    *,
+    tables: bool,
 ) -> Evaluation:
     """The tables that predictions of styles make."""
     rows = (row for name, found in predictions.items() for row in error_rows(name, found))
@@ -114,6 +140,13 @@ def _evaluation(
             row for name, found in predictions.items() for row in linearisation_errors(name, found, profile.matrix)
         ),
         refinish=refinish_errors(predictions),
+        shares=tuple(
+            error_shares(name, method, found, profile.falloffs, profile.tones, tones)
+            for name, found in predictions.items()
+            for method in (RBF, LATTICE)
+            if method in found.methods and not found.data.monochrome
+        ),
+        tones=tones,
         tables=tables,
         predictions=predictions,
     )

@@ -9,6 +9,10 @@
     raw           Fig. 4.5: JPEG → RAW before white balance: style, method, held_out, count, rmse, rmse_rgb
     linearisation  equation (4.11): style, method, held_out, pairs, delta (r, g, b)
     refinish      Fig. 6.2: source, target (STYLE/WB), method, held_out, shots, and figures as in rows
+    shares        root mean squares of what the error of rendered colours consists of: style, method, total, rendering,
+                  falloff, scene, noise; squares add up
+    tones         what the camera did to single shots: shot, style, coefficients, exposure, shadows, highlights, local,
+                  maps, significance
     notes         sentences
 
 Directions are "render" (RAW → JPEG) and "linearize" (JPEG → white-balanced RAW). Methods are "rbf" (the full model of
@@ -21,11 +25,13 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
+from lutforge.evaluation.error_shares import ErrorShares
 from lutforge.evaluation.errors_table import ErrorFigures, error_figures
 from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.linearisation import LinearisationError
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import RefinishError
+from lutforge.model.shot_tone import ShotTone
 
 
 @dataclass(frozen=True)
@@ -72,7 +78,7 @@ class RawError:
 @dataclass(frozen=True)
 class Evaluation:
     """rows: the error table; raw, linearisation, refinish: the thesis's other tables; notes: what was left out, why;
-    predictions: by style, what the rows are made of."""
+    predictions: by style, what the rows are made of; shares: what the error consists of; tones: departures of shots."""
 
     camera: str
     rows: tuple[EvaluationRow, ...]
@@ -82,6 +88,8 @@ class Evaluation:
     refinish: tuple[RefinishError, ...] = ()
     tables: bool = False
     predictions: Mapping[str, Predictions] = field(default_factory=dict)
+    shares: tuple[ErrorShares, ...] = ()
+    tones: tuple[ShotTone, ...] = ()
 
     def as_json(self) -> dict[str, object]:
         """The document that the head of this module describes."""
@@ -93,6 +101,8 @@ class Evaluation:
             "rows": [row.as_json() for row in self.rows],
             "raw": [row.as_json() for row in self.raw],
             "linearisation": [row.as_json() for row in self.linearisation],
+            "shares": [row.as_json() for row in self.shares],
+            "tones": [asdict(tone) for tone in self.tones],
             "refinish": [row.as_json() for row in self.refinish],
             "notes": list(self.notes),
         }

@@ -12,6 +12,7 @@ from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
+from lutforge.model.shot_tone import ShotTone
 from lutforge.model.white_balance import WhiteBalance
 
 
@@ -58,7 +59,8 @@ class ProfileData:
     shots: the names that it was calibrated from; options: how, as plain JSON values. raw_camera: the reference camera
     whose RAW stood in for a camera without RAW (4.9), else "": each white balance then has a physical model of its own,
     whose matrix takes that camera's RAW to linear sRGB. falloffs: what JPEGs are brighter towards the corners than the
-    middle, for which the styles stand, by lens setting. diagnoses: what in the samples no camera makes.
+    middle, for which the styles stand, by lens setting. diagnoses: what in the samples no camera makes. tones: what the
+    camera did to single shots beyond its fixed rendering; those that depart locally take no part in it.
     Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
     singular.
     """
@@ -73,6 +75,7 @@ class ProfileData:
     raw_camera: str = ""
     falloffs: tuple[Falloff, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
+    tones: tuple[ShotTone, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.styles or not self.white_balances:

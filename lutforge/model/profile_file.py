@@ -23,11 +23,12 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PhysicalModel, PictureStyle, ProfileData
 from lutforge.model.response import Response
+from lutforge.model.shot_tone import ShotTone
 from lutforge.model.white_balance import WhiteBalance
 
 FORMAT_VERSION = 5
 """2: lattices may have a response. 3: gamut maps may be on an even scale. 4: white balances have a gain. 5:
-there may be falloffs."""
+there may be falloffs, and tones of shots."""
 
 
 def save_profile(profile: ProfileData, path: str | Path) -> None:
@@ -48,6 +49,7 @@ def save_profile(profile: ProfileData, path: str | Path) -> None:
         "shots": list(profile.shots),
         "options": dict(profile.options),
         "notes": list(profile.notes),
+        "tones": [asdict(tone) for tone in profile.tones],
         "falloffs": [_falloff_to_json(falloff) for falloff in profile.falloffs],
         "diagnoses": [asdict(diagnosis) for diagnosis in profile.diagnoses],
     }
@@ -127,6 +129,7 @@ def read_profile(path: str | Path) -> ProfileData:
             options=options,
             notes=tuple(str(note) for note in document.get("notes", [])),
             raw_camera=str(document.get("raw_camera", "")),
+            tones=tuple(_tone(entry) for entry in document.get("tones", [])),
             falloffs=tuple(_falloff(entry) for entry in document.get("falloffs", [])),
             diagnoses=tuple(
                 Diagnosis(str(entry["cause"]), str(entry["evidence"]), str(entry["advice"]), bool(entry["whole_set"]))
@@ -184,6 +187,17 @@ def _falloff(entry: Mapping[str, Any]) -> Falloff:
     x, y = (float(value) for value in entry["centre"])
     focal_mm, aperture = (math.nan if entry[name] is None else float(entry[name]) for name in ("focal_mm", "aperture"))
     return Falloff((a, b, c), (x, y), str(entry["lens"]), focal_mm, aperture)
+
+
+def _tone(entry: Mapping[str, Any]) -> ShotTone:
+    a, b, c = (float(value) for value in entry["coefficients"])
+    exposure, shadows, highlights, size = (
+        float(entry[name]) for name in ("exposure", "shadows", "highlights", "local")
+    )
+    dark, bright = (tuple(float(value) for value in part) for part in entry["maps"])
+    common, local = (float(value) for value in entry["significance"])
+    shot, style = str(entry["shot"]), str(entry["style"])
+    return ShotTone(shot, style, (a, b, c), exposure, shadows, highlights, size, (dark, bright), (common, local))
 
 
 def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:

@@ -7,6 +7,7 @@ import matplotlib
 
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.style_data import StyleData
+from lutforge.evaluation.error_shares import ErrorShares
 from lutforge.evaluation.errors_table import visibility
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
@@ -18,7 +19,7 @@ from lutforge.report.error_blocks import error_map_pictures, error_pictures, err
 from lutforge.report.page import Points, Report, Section
 from lutforge.report.profile_blocks import setting_tables, style_pictures
 from lutforge.report.sample_blocks import next_shots, sample_blocks
-from lutforge.report.scene_blocks import falloff_blocks
+from lutforge.report.scene_blocks import falloff_blocks, tone_blocks
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 
@@ -40,9 +41,12 @@ def build_report(
     judged: list[Section] = []
     shown: list[Section] = []
     data: dict[str, StyleData] = {}
+    tones = profile.tones
+    shares: tuple[ErrorShares, ...] = ()
     if samples is not None:
         evaluation = evaluate(profile, samples, part(progress, 0.0, 0.6))
         own = _own(profile, evaluation)
+        tones, shares = evaluation.tones, evaluation.shares
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         lead = tuple(_lead(own, evaluation)) or lead
         notes = tuple(dict.fromkeys((*notes, *evaluation.notes)))
@@ -59,7 +63,7 @@ def build_report(
         for name, style in profile.styles.items()
     ]
     said = Section("Notes", (Points(notes),) if notes else ())
-    lens = Section("Lens and scene", tuple(falloff_blocks(profile.falloffs)))
+    lens = Section("Lens and scene", (*falloff_blocks(profile.falloffs), *tone_blocks(tones, shares)))
     settings = Section("White balances and matrix", tuple(setting_tables(profile)))
     sections = tuple(section for section in (said, *judged, lens, settings, *models, *shown) if section.blocks)
     progress("done", 1.0)

@@ -20,10 +20,25 @@ import numpy as np
 import lutforge as lf
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.model.shot_tone import ShotTone
 from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.samples_of_today import lost_stops, spread_over_picture, with_bright_jpegs, with_dark_corners
+from tests.benchmarks.accuracy import samples_of
+from tests.benchmarks.unseen_cameras import photographed as photographed_camera
+from tests.benchmarks.unseen_cameras import unseen_camera
+from tests.calibration.samples_of_today import (
+    local_stops,
+    lost_stops,
+    shadow_stops,
+    spread_over_picture,
+    with_bright_jpegs,
+    with_dark_corners,
+    with_gamma,
+    with_scene_tone,
+)
 from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
+from tests.real_data import CHARTS, read_published_pairs
 
 OPTIONS = CalibrationOptions(size=17)
 BEFORE: dict[str, float] = {}
@@ -139,12 +154,84 @@ def _has_falloff(samples: SampleSet) -> bool:
     return bool(fit_falloffs(samples, samples.wb, unclipped(samples, samples.wb)))
 
 
+def toned(samples: SampleSet, shots: list[str]) -> tuple[float, float, float]:
+    """How many of the shots are found, how many others are accused, and the largest size found, in stops."""
+    found = {tone.shot: tone for tone in _tones(samples)}
+    sizes = [max(abs(found[shot].stops), found[shot].local) for shot in shots if shot in found]
+    return float(len(sizes)), float(len(found) - len(sizes)), float(np.median(sizes)) if sizes else 0.0
+
+
+def _tones(samples: SampleSet) -> "tuple[ShotTone, ...]":
+    from lutforge.calibration.physical.white_balance import complete_multipliers
+    from lutforge.calibration.shots.tone import shot_tones
+    from lutforge.calibration.style_data import unclipped
+
+    multipliers = complete_multipliers(samples)[0]
+    return shot_tones(samples, multipliers, unclipped(samples, multipliers))
+
+
+def simulated_tone() -> Rows:
+    """Tone of some of 15 shots by the simulated camera: a power of the codes, lifted shadows, a local tone mapper."""
+    seen, unseen = photographed(chart_140(), 1), photographed(surfaces(200, 99), 2)
+    seen = seen.select(~np.char.endswith(seen.shot, "-3"))
+    names = [str(name) for name in np.unique(seen.shot)]
+    clean = unseen_error(seen, unseen=unseen)
+    shadows, local = shadow_stops(seen, 0.5), local_stops(seen, 0.4)
+    cases = {
+        "power 0.93 of one": (names[4:5], with_gamma(seen, names[4:5], 0.93)),
+        "shadows +0.5 EV of a third": (names[::3], with_scene_tone(seen, names[::3], shadows, nikon_d5100())),
+        "local ±0.4 EV of a third": (names[::3], with_scene_tone(seen, names[::3], local, nikon_d5100())),
+    }
+    for what, (shots, samples) in cases.items():
+        yield from _tone_rows(f"simulated, {what}", samples, shots)
+        if "local" in what:  # such shots can only be left out
+            clean = unseen_error(seen.select(~np.isin(seen.shot, shots)), unseen=unseen)
+        yield Row(f"simulated, {what}: error ratio", unseen_error(samples, unseen=unseen) / clean, 1.1)
+
+
+def _tone_rows(what: str, samples: SampleSet, shots: list[str]) -> Rows:
+    found, accused, _ = toned(samples, shots)
+    yield Row(f"{what}: not found", len(shots) - found, 0)
+    yield Row(f"{what}: others accused", accused, 0)
+
+
+def s40_tone(folder: Path) -> Rows:
+    """A power of 0.85 of the codes of each of the S40's shots in turn; errors are of the four others."""
+    samples = s40(folder)
+    names = [str(name) for name in np.unique(samples.shot)]
+    for name in names:
+        yield from _tone_rows(f"S40, power 0.85 of {name}", with_gamma(samples, [name], 0.85), [name])
+    for name in names[:2]:
+        spoilt, errors = with_gamma(samples, [name], 0.85), []
+        for each in (samples, spoilt):
+            held = [samples.shot == other for other in names if other != name]
+            found = [_error(each.select(~mask), samples.select(mask)) for mask in held]
+            errors.append(np.average(found, weights=[np.count_nonzero(mask) for mask in held]))
+        yield Row(f"S40, power 0.85 of {name}: error ratio", float(errors[1] / errors[0]), 1.1)
+
+
+def false_tones() -> Rows:
+    """Shots of fixed cameras: how many are accused of the made-up cameras, the D40's pairs, the charts, the S40."""
+    made = [_tones(photographed_camera(unseen_camera(seed), known=True, seed=seed)) for seed in range(24)]
+    yield Row("24 made-up cameras: shots accused", float(sum(map(len, made))), 0)
+    pairs = read_published_pairs()
+    yield Row("D40: shots accused", float(len(_tones(samples_of("D40", pairs.balanced, pairs.encoded)))), 0)
+    charts = read_samples(CHARTS)
+    accused = [len(_tones(charts.select(charts.camera == camera))) for camera in np.unique(charts.camera)]
+    yield Row("10 chart cameras: shots accused", float(sum(accused)), 0)
+
+
 def parts(folder: Path | None) -> dict[str, Callable[[], Rows]]:
     """What is measured, by name."""
-    made: dict[str, Callable[[], Rows]] = {"simulated_falloff": simulated_falloff, "false_falloffs": false_falloffs}
+    made: dict[str, Callable[[], Rows]] = {
+        "simulated_falloff": simulated_falloff,
+        "false_falloffs": false_falloffs,
+        "simulated_tone": simulated_tone,
+        "false_tones": false_tones,
+    }
     if folder is None:
         return made
-    return {"s40_falloff": lambda: s40_falloff(folder), **made}
+    return {"s40_falloff": lambda: s40_falloff(folder), "s40_tone": lambda: s40_tone(folder), **made}
 
 
 def main() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.sample_set import SampleSet
+from lutforge.simulate.camera import SimulatedCamera
 
 
 def spread_over_picture(samples: SampleSet, seed: int = 0) -> SampleSet:
@@ -34,3 +35,30 @@ def with_bright_jpegs(samples: SampleSet, stops: Array, profile: CameraProfile) 
         brighter = 2.0 ** stops[rows, None] * model.linearize(srgb[rows])
         srgb[rows] = model.render(np.clip(brighter, 0.0, 1.0))
     return replace(samples, srgb=np.clip(srgb, 0.0, 1.0))
+
+
+def with_gamma(samples: SampleSet, shots: list[str], gamma: float) -> SampleSet:
+    """The samples with the JPEGs of some shots raised to a power."""
+    chosen = np.isin(samples.shot, shots)
+    return replace(samples, srgb=np.where(chosen[:, None], samples.srgb**gamma, samples.srgb))
+
+
+def shadow_stops(samples: SampleSet, ev: float) -> Array:
+    """What lifts shadows by stops: all of it in the dark, half of it at 10 % of saturation, nothing of bright tones."""
+    return np.asarray(ev / (1.0 + (samples.raw.mean(axis=1) / 0.1) ** 2))
+
+
+def local_stops(samples: SampleSet, ev: float) -> Array:
+    """What a local tone mapper does to a picture that is dark at the right: brightens that side, darkens the other."""
+    return np.asarray(ev * np.tanh(4.0 * samples.position[:, 0]))
+
+
+def with_scene_tone(samples: SampleSet, shots: list[str], stops: Array, camera: SimulatedCamera) -> SampleSet:
+    """The samples of a camera that brightens some shots by stops (n,) before it renders them."""
+    srgb = samples.srgb.copy()
+    for name, shot in samples.by_shot():
+        if name in shots:
+            mine = samples.shot == name
+            light = shot.raw * 2.0 ** stops[mine, None]
+            srgb[mine] = camera.render(light, str(shot.style[0]), str(shot.white_balance[0]))
+    return replace(samples, srgb=srgb)

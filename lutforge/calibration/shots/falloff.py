@@ -71,12 +71,17 @@ def fit_falloffs(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[
 
 def at_the_centre(samples: SampleSet, falloffs: Sequence[Falloff]) -> SampleSet:
     """The samples with RAW as bright as where lenses lose no light, so that one rendering serves all places."""
-    raw = samples.raw.copy()
+    return replace(samples, raw=samples.raw * 2.0 ** falloff_stops(samples, falloffs)[:, None])
+
+
+def falloff_stops(samples: SampleSet, falloffs: Sequence[Falloff]) -> Array:
+    """By how many stops JPEGs are brighter at the places of samples than where lenses lose no light, (n,)."""
+    stops = np.zeros(len(samples))
     for setting in _settings(samples) if falloffs else ():
         falloff = falloff_of(falloffs, setting.lens, setting.focal_mm, setting.aperture)
         if falloff is not None:
-            raw[setting.member] *= 2.0 ** falloff.stops(samples.position[setting.member])[:, None]
-    return replace(samples, raw=raw)
+            stops[setting.member] = falloff.stops(samples.position[setting.member])
+    return stops
 
 
 def _settings(samples: SampleSet) -> Iterable[_Setting]:

@@ -1,63 +1,16 @@
-"""Do the shots of a style agree on one rendering? What is thin in them, and what to shoot instead."""
+"""What is thin in the samples of a camera, and what to shoot instead."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.monochrome import monochrome_note
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation
-from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
 
-DISAGREEMENT = 8.0 / 255.0
-"""A shot whose unsaturated colours lie so far from the common response, in the median, contradicts the others …"""
-RELATIVE = 4.0
-"""… if it is also so many times as far as the better half of the shots …"""
-LARGEST = 16.0 / 255.0
-"""… or so far in any case: then no two agree."""
-LEAST_OF_SHOT = 4
-MOST_SAMPLES = 6000
 LEAST_BRIGHT = 0.85
 """Encoded value that the brightest unclipped sample of a style should reach."""
 LEAST_SPREAD = 0.02
 """Shares of red, green and blue that spread less than this in their second direction are of one hue, or grey."""
-
-
-def check_agreement(balanced: Array, encoded: Array, shot: NDArray[np.str_], style: str) -> tuple[str, ...]:
-    """Notes that name the shots which contradict the others.
-
-    Raises CalibrationError where as many shots contradict as agree, so that none can be called right.
-    """
-    names = np.unique(shot)
-    if len(names) < 2:
-        return ()
-    rows = np.random.default_rng(0).permutation(len(shot))[:MOST_SAMPLES]
-    try:
-        fit = fit_matrix_and_response(balanced[rows], encoded[rows])
-    except CalibrationError:
-        return ()  # too few unsaturated colours to compare shots by; the fit that needs them says so
-    distance = np.max(np.abs(fit.response.encode(balanced @ fit.matrix.T) - encoded), axis=1)
-    plain = saturation(encoded) < BETA
-    medians = {
-        str(name): float(np.median(distance[plain & (shot == name)]))
-        for name in names
-        if (plain & (shot == name)).sum() >= LEAST_OF_SHOT
-    }
-    if len(medians) < 2:
-        return ()
-    ordered = np.sort(list(medians.values()))
-    usual = float(np.median(ordered[: (len(ordered) + 1) // 2]))
-    stray = {
-        name: value for name, value in medians.items() if value > max(DISAGREEMENT, min(RELATIVE * usual, LARGEST))
-    }
-    if not stray:
-        return ()
-    listed = ", ".join(f"{name} ({255 * value:.0f} codes)" for name, value in list(stray.items())[:4])
-    advice = "shoot in manual mode with one picture style, scene-dependent features (D-Lighting, HDR, auto tone) off"
-    if 2 * len(stray) >= len(medians):
-        raise CalibrationError(f'style "{style}": the shots contradict each other, {listed} off the rest: {advice}')
-    return (f"{style}: {listed} off what the other shots agree on: leave out, or {advice}",)
 
 
 def thin_settings(samples: SampleSet) -> tuple[str, ...]:

@@ -1,0 +1,310 @@
+"""What the camera did to the tone of each shot: exposure, a global curve, and a part that differs from place to place.
+
+The scene's light y = log₂ Σ Tw E is a smooth function λ of the JPEG's colour where the rendering is fixed, a Gaussian
+process. Each shot is predicted by the others: leaving groups out has a closed form (Rasmussen & Williams 2006, section
+5.4.2, https://doi.org/10.7551/mitpress/3206.001.0001), which gives the errors of the prediction with their covariance:
+colours that no other shot shows are uncertain, errors of like colours are correlated, and any shot of a fixed camera
+may depart by some per cent at some colours. The shot's departure is fitted by generalized least squares, first by
+columns of tone, then by columns of place and tone, each tested by χ², at a false-alarm rate for all shots of a style
+together (Bonferroni). Covariances are scaled by the median misfit of the shots.
+
+One shot that departs spoils the prediction of the others. So the most significant departure is freed first, and all
+shots are tested anew, until none is significant (forward search; Hadi & Simonoff 1993,
+https://doi.org/10.1080/01621459.1993.10476407): those that agree carry the fit.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.stats import chi2
+
+from lutforge.arrays import Array, Mask
+from lutforge.errors import CalibrationError
+from lutforge.model.shot_tone import ShotTone, place_basis, tone_basis, tone_of, without_tones
+from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.blas import one_blas_thread
+
+FALSE_ALARMS = 0.01
+"""Odds that any shot of a style is accused though the camera is fixed."""
+LEAST_EV = 0.08
+"""Departures of less stay, a quarter of the steps in which cameras expose."""
+MANUAL_MODE = "shoot in manual mode with one picture style, scene-dependent features (D-Lighting, HDR, auto tone) off"
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Means over samples of like colour, of one part of one shot's picture. encoded: (n, 3); y: (n,), log₂ of the light
+    less that of an sRGB JPEG; tone: (n,); place: (n, 2), NaN where unknown; shot: (n,) places in names; scatter: (n,)
+    variance of y by rounding and noise.
+    """
+
+    encoded: Array
+    y: Array
+    tone: Array
+    place: Array
+    shot: NDArray[np.intp]
+    names: tuple[str, ...]
+    scatter: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Departure:
+    """One shot beside the prediction by the others. error: (m,) stops by which its cells' JPEGs are brighter;
+    covariance: (m, m); member: (n,) its cells."""
+
+    error: Array
+    covariance: Array
+    member: Mask
+
+
+def shot_tones(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[ShotTone, ...]:
+    """The departures of shots that are significant, of all styles; nothing of the others.
+
+    multipliers: (n, 3), what makes RAW white-balanced; usable: (n,) unclipped samples.
+    Raises CalibrationError where a style has two shots only and they contradict each other.
+    """
+    found: list[ShotTone] = []
+    for name in np.unique(samples.style[usable]):
+        mine = usable & (samples.style == name)
+        cells = _cells(samples.select(mine), multipliers[mine])
+        if len(cells.names) < 2:
+            continue
+        tones = _search(cells, str(name))
+        if len(cells.names) == 2 and tones:
+            if max(abs(tone.stops) for tone in tones) > 0.3:
+                raise CalibrationError(
+                    f'style "{name}": its two shots contradict each other ({tones[0].shot}: {tones[0].words}): '
+                    f"{MANUAL_MODE}, or add shots"
+                )
+            continue  # either may be the one that departs
+        found.extend(tones)
+    return tuple(found)
+
+
+def tones_beside(
+    linearize: Mapping[str, Callable[[Array], Array]], samples: SampleSet, multipliers: Array, usable: Mask
+) -> tuple[ShotTone, ...]:
+    """The departures of shots from a calibrated rendering that has not seen them; nothing of those that follow it.
+
+    linearize: by style, I → Tw E. What a calibration does not know of a shot's colours counts like a second and a third
+    part of what any shot departs by.
+    """
+    found: list[ShotTone] = []
+    for name in np.unique(samples.style[usable & np.isin(samples.style, list(linearize))]):
+        mine = usable & (samples.style == name)
+        cells = _cells(samples.select(mine), multipliers[mine])
+        light = np.maximum(linearize[str(name)](cells.encoded).sum(axis=1), 1e-5)
+        error = np.log2(light) - np.log2(1e-4 + _light(cells.encoded)) - cells.y
+        covariance = 3.0 * _own_covariance(cells) + np.diag(cells.scatter)
+        fits = []
+        for place in range(len(cells.names)):
+            member = cells.shot == place
+            fits.append(_fit(cells, _Departure(error[member], covariance[np.ix_(member, member)], member)))
+        found.extend(_significant(cells, str(name), fits).values())
+    return tuple(found)
+
+
+def tone_notes(tones: Sequence[ShotTone]) -> tuple[str, ...]:
+    """What a user should know of shots that depart: a sentence a style for those that stay, and for those left out."""
+    notes = []
+    for style in dict.fromkeys(tone.style for tone in tones):
+        for fate, local in (("taken out of them", False), ("left out", True)):
+            mine = [tone for tone in tones if tone.style == style and bool(tone.local) is local]
+            if mine:
+                listed = ", ".join(f"{tone.shot} ({tone.words})" for tone in mine[:4])
+                more = f" and {len(mine) - 4} more" if len(mine) > 4 else ""
+                notes.append(
+                    f"{style}: shots depart from what the others agree on, {listed}{more}: {fate}; {MANUAL_MODE}"
+                )
+    return tuple(notes)
+
+
+def without_departures(samples: SampleSet, multipliers: Array, tones: Sequence[ShotTone]) -> tuple[SampleSet, Array]:
+    """The samples and multipliers (n, 3) without the shots that depart locally, and the global part out of the others.
+
+    A style of which nothing would be left keeps its shots.
+    """
+    kept = ~np.isin(samples.shot, [tone.shot for tone in tones if tone.local])
+    for name in np.unique(samples.style):
+        kept |= (samples.style == name) & ~np.any(kept & (samples.style == name))
+    return without_tones(samples.select(kept), tones), multipliers[kept]
+
+
+def _cells(samples: SampleSet, multipliers: Array, most: int = 1500) -> _Cells:
+    """As fine as they may be while they are not too many."""
+    y = np.log2((samples.raw * multipliers).sum(axis=1)) - np.log2(1e-4 + _light(samples.srgb))
+    names, shot = np.unique(samples.shot, return_inverse=True)
+    part = np.clip(np.nan_to_num(1.5 * (samples.position + 1.0), nan=0.0), 0, 2).astype(np.intp) @ [1, 3]
+    for codes in (16, 24, 32, 48, 64, 96):
+        colour = (255 * samples.srgb // codes).astype(np.intp) @ [1, 16, 256]
+        key = (shot * 9 + part) * 4096 + colour
+        _, cell, count = np.unique(key, return_inverse=True, return_counts=True)
+        if len(count) <= most:
+            break
+
+    def mean(values: Array) -> Array:
+        return np.asarray(np.bincount(cell, values, len(count)) / count)
+
+    encoded = np.stack([mean(column) for column in samples.srgb.T], axis=1)
+    place = np.stack([mean(column) for column in samples.position.T], axis=1)
+    rounding = 2.2 / np.log(2.0) * (0.5 / 255) / np.maximum(encoded.mean(axis=1), 0.02)  # of a power of 2.2
+    owner = np.zeros(len(count), dtype=np.intp)
+    owner[cell] = shot
+    rows = np.sort(np.random.default_rng(0).permutation(len(count))[:most])
+    cells = (encoded[rows], mean(y)[rows], tone_of(encoded[rows]), place[rows], owner[rows])
+    return _Cells(*cells, tuple(map(str, names)), 0.02**2 + rounding[rows] ** 2)
+
+
+def _light(encoded: Array) -> Array:
+    """Linear light (n,) of an sRGB JPEG, the shape that λ departs from."""
+    return np.asarray(0.54 * np.exp2(2.5 * tone_of(encoded)))
+
+
+def _matern(distance: Array) -> Array:
+    """Matérn's covariance of smoothness 5/2, of distances in units of its length."""
+    scaled = np.sqrt(5.0) * distance
+    return np.asarray((1.0 + scaled + scaled**2 / 3.0) * np.exp(-scaled))
+
+
+def _covariance(cells: _Cells) -> Array:
+    """Of y between cells (n, n), of a camera whose rendering is fixed.
+
+    λ departs from a plane by half a stop over 90 codes.
+    """
+    plane = np.column_stack([np.ones(len(cells.y)), cells.encoded, cells.tone])
+    common = 9.0 * plane @ plane.T + 0.25 * _matern(_distance(cells) / 0.35)
+    return np.asarray(common + _own_covariance(cells) + np.diag(cells.scatter))
+
+
+def _own_covariance(cells: _Cells) -> Array:
+    """Of what a shot departs by though the camera is fixed: 3 % (0.04 EV) over 40 codes, as tiles are not quite flat,
+    and 2 % in all of it, as lenses flare.
+    """
+    same = cells.shot[:, None] == cells.shot
+    return np.asarray(same * (0.04**2 * _matern(_distance(cells) / 0.15) + 0.03**2))
+
+
+def _distance(cells: _Cells) -> Array:
+    """Between the JPEG colours of cells, (n, n)."""
+    square = (cells.encoded**2).sum(axis=1)
+    return np.asarray(np.sqrt(np.maximum(square[:, None] + square - 2.0 * cells.encoded @ cells.encoded.T, 0.0)))
+
+
+def _departures(cells: _Cells, covariance: Array, freed: Mapping[int, Array]) -> list[_Departure]:
+    """Each shot beside what the others predict; the freed ones depart by columns (m, k) of their own, up to stops."""
+    total = covariance.copy()
+    for place, columns in freed.items():
+        mine = np.flatnonzero(cells.shot == place)
+        total[np.ix_(mine, mine)] += columns @ columns.T
+    precision = np.linalg.inv(total)
+    weighted = precision @ cells.y
+    result = []
+    for place in range(len(cells.names)):
+        member = cells.shot == place
+        own = np.linalg.inv(precision[np.ix_(member, member)])
+        error = -own @ weighted[member]
+        if place in freed:
+            own = own - freed[place] @ freed[place].T
+        result.append(_Departure(error, own, member))
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """One shot's departure: of its tones, then of its places. tone: (3,); stops: what that makes of its cells, (m,);
+    maps: (18,); local: what these make of its cells, (m,). gains: by how much each lowers the misfit, χ² of 3 and 18
+    degrees of freedom; misfit: what is left per cell.
+    """
+
+    tone: Array
+    stops: Array
+    maps: Array
+    local: Array
+    gains: tuple[float, float]
+    misfit: float
+
+    def odds(self, scale: float) -> tuple[float, float]:
+        """Of gains as large by chance, where misfits are `scale`."""
+        return float(chi2.sf(self.gains[0] / scale, 3)), float(chi2.sf(self.gains[1] / scale, 18))
+
+
+def _fit(cells: _Cells, departure: _Departure) -> _Fit:
+    """Generalized least squares; coefficients have a prior of a stop."""
+    root = np.linalg.cholesky(departure.covariance)
+
+    def whitened(values: Array) -> Array:
+        return np.asarray(solve_triangular(root, values, lower=True))
+
+    def fitted(columns: Array, wanted: Array) -> Array:
+        design = whitened(columns)
+        return np.asarray(np.linalg.solve(design.T @ design + np.eye(columns.shape[1]), design.T @ whitened(wanted)))
+
+    def misfit(error: Array) -> float:
+        return float(np.sum(whitened(error) ** 2))
+
+    error = departure.error
+    tones, places = (
+        tone_basis(cells.tone[departure.member]),
+        place_basis(cells.tone[departure.member], cells.place[departure.member]),
+    )
+    tone = fitted(tones, error)
+    stops = tones @ tone
+    maps = fitted(places, error - stops)
+    local = places @ maps
+    before, between, after = misfit(error), misfit(error - stops), misfit(error - stops - local)
+    return _Fit(tone, stops, maps, local, (before - between, between - after), after / len(error))
+
+
+@one_blas_thread
+def _search(cells: _Cells, style: str) -> list[ShotTone]:
+    """The significant departures of one style's shots, the most significant freed first."""
+    covariance, freed = _covariance(cells), dict[int, Array]()
+    while True:
+        departures = _departures(cells, covariance, freed)
+        fits = [_fit(cells, departure) for departure in departures]
+        tones = _significant(cells, style, fits)
+        strange = sorted((k for k in tones if k not in freed), key=lambda k: -sum(fits[k].gains))
+        room = (len(fits) - 1) // 2 - len(freed)  # most shots must agree
+        if not strange or room <= 0:
+            return list(tones.values())
+        for k in strange[:room]:
+            if sum(fits[k].gains) >= 0.8 * sum(fits[strange[0]].gains):
+                member = departures[k].member
+                basis, places = tone_basis(cells.tone[member]), place_basis(cells.tone[member], cells.place[member])
+                freed[k] = np.hstack([basis, places]) if tones[k].local else basis
+
+
+def _significant(cells: _Cells, style: str, fits: Sequence[_Fit]) -> dict[int, ShotTone]:
+    """The departures that are significant, by the place of their shot."""
+    limit = FALSE_ALARMS / (2 * len(fits))  # two tests a shot
+    scale = max(1.0, float(np.median([fit.misfit for fit in fits])))
+    tones = {k: _tone(cells, style, k, fit, fit.odds(scale), limit) for k, fit in enumerate(fits)}
+    return {k: tone for k, tone in tones.items() if tone is not None}
+
+
+def _tone(cells: _Cells, style: str, shot: int, fit: _Fit, odds: tuple[float, float], limit: float) -> ShotTone | None:
+    """What is significant of a shot's departure; None where nothing is."""
+    dark, middle, bright = (float(value) for value in _at_tones(cells.tone[cells.shot == shot], fit.stops))
+    size = float(np.sqrt(np.mean(fit.local**2)))
+    common = odds[0] < limit and max(abs(dark), abs(middle), abs(bright)) > LEAST_EV
+    differs = odds[1] < limit and size > LEAST_EV
+    if not (common or differs):
+        return None
+    a, b, c = (float(value) for value in fit.tone * common)
+    tone = ShotTone(cells.names[shot], style, (a, b, c), middle * common, dark * common, bright * common)
+    first, second = (tuple(float(value) for value in part) for part in (fit.maps[:9], fit.maps[9:]))
+    return (
+        replace(tone, local=size, maps=(first, second), significance=odds)
+        if differs
+        else replace(tone, significance=odds)
+    )
+
+
+def _at_tones(tone: Array, stops: Array) -> tuple[float, float, float]:
+    """Stops at the twentieth darkest cell, in the mean, and at the twentieth brightest."""
+    order = np.argsort(tone)
+    dark, bright = (order[round(share * (len(order) - 1))] for share in (0.05, 0.95))
+    return float(stops[dark]), float(stops.mean()), float(stops[bright])

@@ -1,0 +1,79 @@
+"""Where the error of a render comes from: the fixed rendering, the lens's falloff, the scene, noise.
+
+Mean squares add up. What brightening by place takes away is the falloff's share, what taking out each shot's departure
+takes away beyond that the scene's. Of the rest the noise is what samples of nearly one colour differ by within a shot,
+a difference-based estimate (Gasser, Sroka & Jennen-Steinmetz 1986, https://doi.org/10.1093/biomet/73.3.625); what is
+left is the fixed rendering's.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lutforge.arrays import Array
+from lutforge.calibration.shots.falloff import falloff_stops
+from lutforge.evaluation.held_out import Predictions
+from lutforge.model.falloff import Falloff
+from lutforge.model.shot_tone import ShotTone, tone_stops
+
+
+@dataclass(frozen=True)
+class ErrorShares:
+    """Root mean squares of RGB errors of rendered colours, 1 = full scale; the squares of the last four add up to that
+    of total. total: of a render that knows neither place nor scene; method: what renders.
+    """
+
+    style: str
+    method: str
+    total: float
+    rendering: float
+    falloff: float
+    scene: float
+    noise: float
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values by name."""
+        return asdict(self)
+
+
+def error_shares(
+    style: str,
+    method: str,
+    predictions: Predictions,
+    falloffs: Sequence[Falloff],
+    taken_out: Sequence[ShotTone],
+    tones: Sequence[ShotTone],
+) -> ErrorShares:
+    """Split the error of one method on the samples of a style.
+
+    falloffs, taken_out: by which the samples' RAW has been brightened; tones: all departures that are known.
+    """
+    data, rows = predictions.data, np.arange(len(predictions.data.shot))
+    placed = data.balanced / 2.0 ** tone_stops(data.samples, taken_out)[:, None]
+    bare = placed / 2.0 ** falloff_stops(data.samples, falloffs)[:, None]
+    even = placed * 2.0 ** tone_stops(data.samples, tones, local=True)[:, None]
+
+    def residual(balanced: Array) -> Array:
+        return np.clip(predictions.render(method, balanced, rows), 0.0, 1.0) - data.encoded
+
+    residuals = [residual(values) for values in (bare, placed, even)]
+    said = np.all(np.isfinite(residuals[-1]), axis=1)
+    squares = [float(np.mean(np.sum(values[said] ** 2, axis=1))) for values in residuals]
+    noise = min(_noise(residuals[-1][said], data.encoded[said], data.shot[said]), squares[-1])
+    shares = (squares[0], squares[-1] - noise, squares[0] - squares[1], squares[1] - squares[2], noise)
+    return ErrorShares(style, method, *(float(np.sqrt(max(share, 0.0))) for share in shares))
+
+
+def _noise(residual: Array, encoded: Array, shot: "np.ndarray[tuple[int], np.dtype[np.str_]]") -> float:
+    """The mean square by which residuals (n, 3) of like colours differ within a shot; 0 where no colours are alike."""
+    squares = []
+    for name in np.unique(shot):
+        mine = np.flatnonzero(shot == name)
+        if len(mine) > 1:
+            distance, near = cKDTree(encoded[mine]).query(encoded[mine], k=2)
+            alike = distance[:, 1] < 0.02  # five codes
+            squares.append(np.sum((residual[mine[alike]] - residual[mine[near[alike, 1]]]) ** 2, axis=1) / 2.0)
+    found = np.concatenate(squares) if squares else np.zeros(0)
+    return float(found.mean()) if len(found) else 0.0

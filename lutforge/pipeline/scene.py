@@ -1,0 +1,62 @@
+"""Use case: shots beside a profile → what the camera did to them beyond its fixed rendering."""
+
+from __future__ import annotations  # so that help() shows the names of types
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lutforge.errors import CalibrationError
+from lutforge.evaluation.evaluate import scene_tones
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.falloff import falloff_of
+from lutforge.model.shot_tone import ShotTone
+from lutforge.pipeline.evaluation import as_profile
+from lutforge.pipeline.options import Paths
+from lutforge.pipeline.sampling import gather_samples
+from lutforge.progress import Progress, silent
+from lutforge.samples.sample_set import with_setting_names
+
+
+@dataclass(frozen=True)
+class SceneInspected:
+    """What the camera did to shots beyond a profile's fixed rendering. rows: one a shot, as its columns are named."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...]
+
+
+def inspect_scene(profile: CameraProfile | str | Path, shots: Paths, progress: Progress = silent) -> SceneInspected:
+    """Compare shots with a profile's rendering: lens falloff, exposure, tone, and what differs from place to place.
+
+    shots: RAW files, folders, or sample tables. Departures that chance explains are not told.
+    Raises CalibrationError where the shots hold none of the profile's styles.
+    """
+    camera = as_profile(profile)
+    gathered = gather_samples(shots, progress)
+    samples = with_setting_names(gathered.samples)
+    known = np.isin(samples.style, list(camera.styles))
+    if not known.any():
+        raise CalibrationError(
+            f"the shots' styles ({', '.join(np.unique(samples.style))}) are not in the profile "
+            f"({', '.join(camera.styles)})"
+        )
+    samples = samples.select(known)
+    tones = {tone.shot: tone for tone in scene_tones(camera, samples)}
+    rows = []
+    for name, shot in samples.by_shot():
+        falloff = falloff_of(camera.falloffs, str(shot.lens[0]), float(shot.focal_mm[0]), float(shot.aperture[0]))
+        corners = "–" if falloff is None else f"{falloff.corner_ev:+.2f} EV"
+        rows.append((name, corners, *_scene_cells(tones.get(name))))
+    columns = ("shot", "corners", "exposure", "shadows", "highlights", "from place to place", "odds by chance")
+    return SceneInspected(columns, tuple(rows), gathered.left_out)
+
+
+def _scene_cells(tone: ShotTone | None) -> tuple[str, ...]:
+    """The columns of one shot behind its falloff."""
+    if tone is None:
+        return ("–",) * 5
+    sizes = (f"{value:+.2f} EV" if tone.stops else "–" for value in (tone.exposure, tone.shadows, tone.highlights))
+    return (*sizes, f"±{tone.local:.2f} EV" if tone.local else "–", f"{min(tone.significance):.1g}")
