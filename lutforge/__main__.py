@@ -1,6 +1,6 @@
-"""`python -m lutforge`: the command line."""
+"""`python -m lutforge` is the `lutforge` command."""
 
-from lutforge.cli.main import main
+from lutforge.cli import start
 
 if __name__ == "__main__":
-    main()
+    start()

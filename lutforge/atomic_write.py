@@ -11,8 +11,14 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Lock
 
 from lutforge.errors import LutForgeError
+
+_unfinished: set[Path] = set()
+"""What this process is writing and has not renamed yet: files, and folders that go when their work is done."""
+
+_beginning = Lock()
 
 
 def require_writable(path: str | Path) -> None:
@@ -38,9 +44,11 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     """
     path = Path(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=_prefix(path), suffix=path.suffix)
-        os.close(handle)
+        with _beginning:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(dir=path.parent, prefix=_prefix(path), suffix=path.suffix)
+            os.close(handle)
+            _unfinished.add(Path(name))
     except OSError as error:
         raise LutForgeError(f"{path}: cannot write here ({error.strerror}); choose another output folder") from error
     temporary = Path(name)
@@ -54,6 +62,17 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         raise LutForgeError(f"{path}: cannot write ({error.strerror or error})") from error
     finally:
         temporary.unlink(missing_ok=True)
+        _unfinished.discard(temporary)
+
+
+def discard_unfinished() -> None:
+    """Delete what this process has begun to write. Nothing can be begun afterwards: the process is about to end."""
+    _beginning.acquire()
+    for path in tuple(_unfinished):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -100,8 +119,14 @@ def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
     for old in parent.glob(f"{glob.escape(mine)}*"):
         if (process := re.fullmatch(r"(\d+)-\w{8}", old.name.removeprefix(mine))) and _is_over(int(process[1]), old):
             shutil.rmtree(old, ignore_errors=True)
-    with tempfile.TemporaryDirectory(dir=parent, prefix=f"{mine}{os.getpid()}-") as folder:
-        yield Path(folder)
+    with tempfile.TemporaryDirectory(dir=parent, prefix=f"{mine}{os.getpid()}-") as name:
+        folder = Path(name)
+        with _beginning:
+            _unfinished.add(folder)
+        try:
+            yield folder
+        finally:
+            _unfinished.discard(folder)
 
 
 def _is_over(process: int, folder: Path) -> bool:

@@ -2,12 +2,15 @@
 
 import io
 import os
+import signal
 import sys
+import threading
 from typing import Any
 
 import typer
 
 from lutforge import __version__
+from lutforge.atomic_write import discard_unfinished
 from lutforge.cli.apply import apply
 from lutforge.cli.bake import bake
 from lutforge.cli.calibrate import calibrate
@@ -68,7 +71,8 @@ def main() -> None:
     if "" in sys.argv[1:]:  # a path would take it for this folder
         _stop("an empty word: is a variable of the shell not set?", 2)
     try:
-        status = app(standalone_mode=False)
+        # The studio's server wants signals for itself.
+        status = app(standalone_mode=False) if sys.argv[1:2] == ["studio"] else _interruptible()
     except LutForgeError as error:
         _stop(str(error), 2)
     except UsageErrors as error:
@@ -85,6 +89,38 @@ def main() -> None:
     except OSError as error:
         _stop(f"{error.filename or 'file system'}: {error.strerror or error}", 2)
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _interruptible() -> object:
+    """Run the command in a thread of its own, so that Ctrl-C ends it at any moment.
+
+    Python sees a signal in its main thread only, and there only between two calls of a library, which may take seconds.
+    """
+    status: list[object] = []
+    raised: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            status.append(app(standalone_mode=False))
+        except BaseException as error:  # raised again where it is told
+            raised.append(error)
+
+    threading.stack_size(16 << 20)  # macOS gives threads half a megabyte
+    command = threading.Thread(target=run, daemon=True)
+    command.start()
+    threading.stack_size(0)
+    try:
+        while command.is_alive():
+            command.join(0.2)  # Windows sees no signal before the time is over
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        discard_unfinished()
+        clear = "\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else ""  # a bar hides the cursor
+        print(f"{clear}lutforge: stopped", file=sys.stderr, flush=True)
+        os._exit(130)
+    if raised:
+        raise raised[0]
+    return status[0]
 
 
 def _stop(message: str, status: int) -> None:
