@@ -120,7 +120,7 @@ def doubts(doubtful: Index, count: int) -> Iterator[str]:
     if clipped > 0.001 * count:
         yield f"{clipped / count:.1%} of the pixels are clipped; what they lost stays neutral"
     if unlike > 0.001 * count:
-        yield f"{unlike / count:.1%} of the pixels are unlike all colours of the calibration"
+        yield f"{unlike / count:.1%} of the pixels are of colours that the calibration hardly knows"
     if broken:
         are = "pixels are not finite numbers" if broken > 1 else "pixel is not a finite number"
         yield f"{broken} {are}; what became of them means nothing"

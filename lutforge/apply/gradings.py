@@ -12,7 +12,7 @@ from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
 from lutforge.luts.steps import grading_lut
 from lutforge.model.camera_profile import CameraProfile, match, raw_to_balanced
-from lutforge.model.coverage import confidence
+from lutforge.model.coverage import Refinish, confidence
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.raw_transfer import RawTransfer
@@ -25,9 +25,9 @@ class Gradings:
 
     def __init__(self) -> None:
         self._luts: dict[object, Lut] = {}
-        self._confidences: dict[object, OCIO.CPUProcessor] = {}
         # Pictures on automatic white balance each have a grade of their own.
         self.refinish = lru_cache(16)(self._refinish)
+        self.confidence = lru_cache(16)(self._confidence)
         self.codes: Callable[[Lut], OCIO.CPUProcessor] = lru_cache(16)(lambda lut: lut.processor(codes=True))
 
     def _refinish(
@@ -66,12 +66,26 @@ class Gradings:
         exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
         return Lut((*exposed, *self._baked(look.render(wanted).without_gain()).ops)).processor()
 
-    def confidence(self, camera: CameraProfile, style: str) -> OCIO.CPUProcessor:
-        """Colours of a style → (confidence, unclipped, covered), as of `Grade.confidence`."""
-        key = (camera, style)
-        if key not in self._confidences:
-            self._confidences[key] = Lut(lattice_ops(confidence(camera.styles[style]))).processor()
-        return self._confidences[key]
+    def _confidence(
+        self,
+        camera: CameraProfile,
+        given: Selector,
+        look: CameraProfile,
+        wanted: Selector,
+        ev: float = 0.0,
+        transfer: RawTransfer | None = None,
+    ) -> OCIO.CPUProcessor:
+        """Colours of a picture → (confidence, unclipped, covered) of their refinish, as of `Grade.confidence`."""
+        refinish = None
+        if not camera.raw_camera and not look.raw_camera:
+            linearize = camera.linearize(given)
+            stages = raw_to_balanced(camera, given, look, wanted, ev, transfer)
+            refinish = Refinish(
+                match(camera, given, look, wanted, ev, transfer=transfer),
+                lambda encoded: through_stages(stages, linearize(encoded)),
+                look.styles[wanted.style],
+            )
+        return Lut(lattice_ops(confidence(camera.styles[given.style], refinish))).processor()
 
     def _baked(self, step: Transform) -> Lut:
         """The LUT of a step that is the same under all white balances."""

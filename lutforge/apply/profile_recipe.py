@@ -91,7 +91,7 @@ class ProfileRecipe(Rebuilt):
             processor,
             _history(camera.camera, str(given), look.camera, str(wanted), self.ev),
             attributes=_attributes(look, wanted, given),
-            confidence=self._gradings.confidence(camera, given.style),
+            confidence=self._gradings.confidence(camera, given, look, wanted, self.ev, self._transfer(camera, look)),
             notes=(*settings.notes, *notes, *doubts),
             lut=chain,
             codes=self._gradings.codes(chain),

@@ -11,6 +11,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_fit import render_with_plain
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
+from lutforge.evaluation.expected_error import expected_errors, held_out_errors
 from lutforge.evaluation.held_out import Predictions, predict, reaches_within_a_shot
 from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, shrinks
 from lutforge.model.camera_profile import CameraProfile
@@ -56,7 +57,12 @@ def _measured(
     if not errors:
         weak.append(f"without one of its shots the rest does not suffice, so the error is not known{_why(found)}")
     weak.extend(_worse_than_baselines(found, errors))
-    return replace(_shrunk(model, style, options, found.reaches), errors=errors), weak
+    model = replace(_shrunk(model, style, options, found.reaches), errors=errors)
+    told = held_out_errors(found, own, style.fit.base)
+    for direction, values in told.items():
+        for name, value in zip(("at_sample", "per_distance", "per_doubt"), values.coefficients(), strict=True):
+            errors[f"{direction}_{name}"] = float(value)
+    return replace(model, expected=expected_errors(model, told, style.fit.base, data.balanced, data.encoded)), weak
 
 
 def _why(found: Predictions) -> str:

@@ -1,5 +1,9 @@
-"""What to photograph next: the real colours that no sample of a style comes near."""
+"""What to photograph next: the real colours that a style knows least, by the error to expect of them.
 
+Where no error is known they are those that no sample comes near.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +13,8 @@ from lutforge.arrays import Array
 from lutforge.colour.colour_difference import srgb_to_lab
 
 GREY_CHROMA = 12.0
+VISIBLE = 6.0 / 255.0
+"""An error, the norm of encoded RGB, that is to be seen side by side."""
 TONES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))
 """Names by upper bound of L*."""
 HUES = (
@@ -28,19 +34,26 @@ GREYS = "a grey card, concrete, white paper and black cloth"
 
 @dataclass(frozen=True)
 class Gap:
-    """A region of real colours that is not known: its name, where to find it, and the share of it that is unknown."""
+    """A region of real colours that is not known: its name, where to find it, and the share of it that is unknown.
+
+    error: the mean error to expect there, of encoded RGB; NaN where that is not known.
+    """
 
     colour: str
     subjects: str
     unknown: float
+    error: float = np.nan
 
     def __str__(self) -> str:
-        return f"{self.colour} ({self.unknown:.0%} of them unseen): {self.subjects}"
+        told = "" if np.isnan(self.error) else f", {255 * self.error:.0f} codes of error to expect"
+        return f"{self.colour} ({self.unknown:.0%} of them unseen{told}): {self.subjects}"
 
 
-def colour_gaps(encoded: Array) -> tuple[Gap, ...]:
+def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None) -> tuple[Gap, ...]:
     """The largest gaps among samples' JPEG colours (n, 3), the largest first; none where all regions are known.
 
+    expected: encoded colours (m, 3) → the error to expect (m,). A region is a gap then where that is visible, and the
+    gap with the largest sum of errors comes first; else where no sample is near, and the most colours come first.
     Counted are the colours of sRGB within Pointer's gamut, the colours that real surfaces have (M. R. Pointer, "The
     gamut of real surface colors", Color Research & Application 5(3), 1980).
     """
@@ -50,14 +63,19 @@ def colour_gaps(encoded: Array) -> tuple[Gap, ...]:
         unknown = ~np.isfinite(distance)
     else:
         unknown = np.ones(len(cells), dtype=np.bool_)
+    error = np.full(len(cells), np.nan) if expected is None else expected(cells)
     names = [_name(colour) for colour in lab]
     gaps = []
     for name in dict.fromkeys(names):
         inside = np.array([other == name for other in names])
         share = float(unknown[inside].mean())
         count = int(unknown[inside].sum())
-        if share >= 0.5 and count >= 4:  # half of a region, and more than a corner of it
-            gaps.append((count, Gap(name[0], name[1], share)))
+        size = float(error[inside].mean())
+        if expected is not None:
+            if size > VISIBLE:
+                gaps.append((float(error[inside].sum()), Gap(name[0], name[1], share, size)))
+        elif share >= 0.5 and count >= 4:  # half of a region, and more than a corner of it
+            gaps.append((float(count), Gap(name[0], name[1], share)))
     gaps.sort(key=lambda entry: -entry[0])
     return tuple(gap for _, gap in gaps[:6])
 

@@ -32,7 +32,7 @@ class PictureStyle:
     """What is known of one picture style.
 
     render: Tw E → I; linearize: I → Tw E; errors: held-out figures by name; coverage: per direction the summed weight
-    of the samples at each node of its lattice, (N_r, N_g, N_b).
+    of the samples at each node of its lattice, (N_r, N_g, N_b); expected: the error to expect there, in encoded RGB.
     """
 
     render: Lattice | None = None
@@ -40,16 +40,18 @@ class PictureStyle:
     physical: tuple[PhysicalModel, ...] = ()
     errors: Mapping[str, float] = field(default_factory=dict)
     coverage: Mapping[str, Array] = field(default_factory=dict)
+    expected: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raise ProfileError where a coverage is not that of its lattice."""
-        for direction, weights in self.coverage.items():
+        """Raise ProfileError where a coverage or an expected error is not that of its lattice."""
+        told = [("coverage", *each) for each in self.coverage.items()]
+        for what, direction, values in (*told, *(("expected error", *each) for each in self.expected.items())):
             lattice: Lattice | None = {"render": self.render, "linearize": self.linearize}.get(direction)
-            if lattice is None or weights.shape != lattice.size:
+            if lattice is None or values.shape != lattice.size:
                 shape = "no lattice" if lattice is None else f"a lattice of {lattice.size} nodes"
-                raise ProfileError(f"coverage of shape {weights.shape} for {shape} ({direction})")
-            if not np.all(np.isfinite(weights)) or weights.min() < 0:
-                raise ProfileError(f"the coverage ({direction}) holds a weight that is negative or not finite")
+                raise ProfileError(f"{what} of shape {values.shape} for {shape} ({direction})")
+            if not np.all(np.isfinite(values)) or values.min() < 0:
+                raise ProfileError(f"the {what} ({direction}) holds a value that is negative or not finite")
 
 
 @dataclass(frozen=True, eq=False)

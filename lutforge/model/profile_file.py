@@ -70,6 +70,9 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
             if direction in style.coverage:
                 result[direction]["coverage"] = f"{prefix}_{direction}_coverage"
                 arrays[f"{prefix}_{direction}_coverage"] = style.coverage[direction]
+            if direction in style.expected:
+                result[direction]["expected"] = f"{prefix}_{direction}_expected"
+                arrays[f"{prefix}_{direction}_expected"] = style.expected[direction].round(5)
     for index, model in enumerate(style.physical):
         base = f"{prefix}_physical{index}"
         maps = {"gamut_map": model.gamut_map, "inverse_gamut_map": model.inverse_gamut_map}
@@ -203,12 +206,15 @@ def _tone(entry: Mapping[str, Any]) -> ShotTone:
 def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:
     lattices: dict[str, Lattice] = {}
     coverage: dict[str, Array] = {}
+    expected: dict[str, Array] = {}
     for direction in ("render", "linearize"):
         if direction in entry:
             stored = entry[direction]
             lattices[direction] = _lattice_from_json(stored, array)
             if "coverage" in stored:
                 coverage[direction] = array(stored["coverage"])
+            if "expected" in stored:
+                expected[direction] = array(stored["expected"])
     physical = []
     for model in entry.get("physical", []):
         base = model["arrays"]
@@ -225,7 +231,7 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
         response = Response(array(f"{base}_response"))
         physical.append(PhysicalModel(tuple(model["white_balances"]), matrix, response, forward, back))
     errors = {str(name): float(value) for name, value in entry.get("errors", {}).items()}
-    return PictureStyle(lattices.get("render"), lattices.get("linearize"), tuple(physical), errors, coverage)
+    return PictureStyle(lattices.get("render"), lattices.get("linearize"), tuple(physical), errors, coverage, expected)
 
 
 def _lattice_from_json(stored: Mapping[str, Any], array: Callable[[str], Array], nested: bool = False) -> Lattice:

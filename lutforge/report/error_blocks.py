@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lutforge.calibration.lattice.base import fit_base
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
+from lutforge.evaluation.expected_error import by_distance, held_out_errors
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE
 from lutforge.evaluation.refinish_errors import RefinishError
 from lutforge.model.falloff import Falloff
@@ -42,6 +44,7 @@ def error_tables(own: str, evaluation: Evaluation) -> Iterator[Block]:
     ]
     if shots:
         yield Table("RAW → JPEG by shot", header, tuple(map(_cells, shots)))
+    yield from _by_distance(own, evaluation)
     if evaluation.refinish:
         yield Table(
             "JPEGs changed to another setting, against the camera's own JPEG of the same scene",
@@ -58,6 +61,18 @@ def error_tables(own: str, evaluation: Evaluation) -> Iterator[Block]:
                 for entry in evaluation.linearisation
             ),
         )
+
+
+def _by_distance(own: str, evaluation: Evaluation) -> Iterator[Block]:
+    """How the error grows away from the samples, in encoded RGB."""
+    rows = []
+    for style, found in evaluation.predictions.items():
+        told = held_out_errors(found, own, fit_base(found.data.balanced, found.data.encoded))
+        for distance, errors in by_distance(told):
+            rows.append((style, f"{distance:.0f}", f"{errors['render']:.4f}", f"{errors['linearize']:.4f}"))
+    if rows:
+        header = ("style", "codes to the nearest sample", "RAW → JPEG", "JPEG → RAW, as rendered")
+        yield Table("Mean error by distance to the nearest sample", header, tuple(rows))
 
 
 def _cells(row: EvaluationRow) -> tuple[str, ...]:

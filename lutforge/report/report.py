@@ -51,7 +51,7 @@ def build_report(
         lead = tuple(_lead(own, evaluation)) or lead
         notes = tuple(dict.fromkeys((*notes, *evaluation.notes)))
         progress("error maps", 0.6)
-        judged.append(Section("What to shoot next", tuple(next_shots(data))))
+        judged.append(Section("What to shoot next", tuple(next_shots(data, profile.styles))))
         judged.append(Section("Errors", (*error_tables(own, evaluation), *error_pictures(own, evaluation))))
         judged.append(
             Section("Errors on real shots", tuple(error_map_pictures(own, evaluation, files or {}, profile.falloffs)))

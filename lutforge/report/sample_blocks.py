@@ -6,6 +6,8 @@ import numpy as np
 
 from lutforge.calibration.style_data import StyleData
 from lutforge.evaluation.next_shots import colour_gaps
+from lutforge.model.coverage import linearizing_error
+from lutforge.model.profile_data import PictureStyle
 from lutforge.report.page import Block, Picture, Points, Table, Text
 from lutforge.report.sample_figures import chromaticity_figure
 from lutforge.samples.extract import ShotSamples
@@ -27,11 +29,11 @@ def sample_blocks(samples: SampleSet, accounts: Sequence[ShotSamples]) -> Iterat
     yield Table("Shots", ("shot", "setting", "exposure", "samples", "areas clipped", "areas rejected"), tuple(rows))
 
 
-def next_shots(data: Mapping[str, StyleData]) -> Iterator[Block]:
+def next_shots(data: Mapping[str, StyleData], styles: Mapping[str, PictureStyle]) -> Iterator[Block]:
     for name, style in data.items():
-        gaps = colour_gaps(style.encoded)
+        gaps = colour_gaps(style.encoded, linearizing_error(styles[name]))
         if gaps:
-            yield Text(f"{name}: of the colours that real surfaces have, these are not among the samples:")
+            yield Text(f"{name}: of the colours that real surfaces have, these are known least:")
             yield Points(tuple(str(gap) for gap in gaps))
         else:
             yield Text(f"{name}: the samples come near most colours that real surfaces have.")

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import lutforge as lf
+from lutforge.apply.gradings import Gradings
 from lutforge.images.read import read_image
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.ocio.check import check_config, load_config
@@ -99,3 +100,22 @@ def test_baked_files_are_the_profile(demo: tuple[Path, str]) -> None:
     x = np.random.default_rng(1).random((50_000, 3)).astype(np.float32)
     got = evaluate(file_processor(demo[0] / "luts" / "render.clf", "trilinear"), x)
     np.testing.assert_allclose(got, profile.render("vivid/daylight")(x), atol=1e-5)
+
+
+def test_the_mask_finds_the_errors_of_the_graded_picture(demo: tuple[Path, str]) -> None:
+    """Its expected error correlates with the true one, and most of what is far off is marked as unsure."""
+    folder = demo[0]
+    profile = lf.load_profile(folder / "camera.npz")
+    given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/daylight")
+    shot = next((folder / "shots").rglob("held-out.JPG"))
+    before, truth = (read_image(path).pixels[..., :3] for path in (shot, shot.with_name("wanted.JPG")))
+    sure = np.array(before, dtype=np.float32, order="C").reshape(-1, 3)
+    Gradings().confidence(profile, given, profile, wanted, 0.7).applyRGB(sure)
+    graded = np.clip(profile.refinish(given, wanted, 0.7)(before.reshape(-1, 3).astype(float)), 0, 1)
+    error = np.linalg.norm(graded - truth.reshape(-1, 3), axis=1)
+    seen = sure[:, 1] > 0.5
+    expected = 0.1 * (1.0 - sure[:, 0])
+    assert np.corrcoef(expected[seen], error[seen])[0, 1] > 0.5
+    assert np.mean(sure[seen & (error > 0.1), 0] < 0.5) > 0.7
+    assert np.mean(sure[seen, 0] < 0.5) < 0.2  # and not by marking everything
+    assert 0.5 < expected[seen].mean() / error[seen].mean() < 2.0

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, load_profile
@@ -138,3 +139,17 @@ def test_one_shot_is_not_praised() -> None:
     lead = build_report(calibrate(samples, CalibrationOptions(size=9)), samples).lead
     assert all("not known" in sentence and "eye" not in sentence for sentence in lead)
     assert lead
+
+
+def test_gaps_are_where_errors_are_expected() -> None:
+    """All colours are sampled, but those of much blue are said to be 20 codes off."""
+    everything = np.random.default_rng(1).random((60_000, 3))
+
+    def expected(encoded: Array) -> Array:
+        return np.where(encoded[:, 2] > encoded[:, :2].max(axis=1) + 0.1, 20 / 255, 1 / 255)
+
+    gaps = colour_gaps(everything, expected)
+    assert gaps
+    assert all("blue" in gap.colour or "purple" in gap.colour for gap in gaps)
+    assert "codes of error to expect" in str(gaps[0])
+    assert colour_gaps(everything, lambda encoded: np.full(len(encoded), 1 / 255)) == ()

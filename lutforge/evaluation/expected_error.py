@@ -1,0 +1,97 @@
+"""The error to expect at any colour, from what samples that a fit has not seen tell of their distance and of doubt.
+
+Doubt is how far the model lies from matrix and response alone: near samples that is the gamut map, which is known; away
+from them it is what the model guesses of it. Held-out samples give e = a + b · distance + c · doubt by non-negative
+least squares, for each direction. All three are norms of encoded RGB; light that is linearized counts as matrix and
+response render it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.spatial import cKDTree
+
+from lutforge.arrays import Array
+from lutforge.calibration.lattice.base import with_matrix_of_all
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.evaluation.held_out import Predictions
+from lutforge.evaluation.methods import MATRIX_AND_RESPONSE
+from lutforge.model.lattice import Lattice, grid
+from lutforge.model.profile_data import PictureStyle
+
+LEAST_SAMPLES = 24
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Of the held-out samples of a direction: distance to the nearest sample of their fit, doubt, error, each (n,)."""
+
+    distance: Array
+    doubt: Array
+    error: Array
+
+    def coefficients(self) -> Array:
+        """(3,): a, b and c."""
+        found, _ = nnls(np.column_stack([np.ones_like(self.distance), self.distance, self.doubt]), self.error)
+        return np.asarray(found)
+
+
+def held_out_errors(found: Predictions, own: str, base: MatrixAndResponse) -> dict[str, HeldOut]:
+    """What held-out samples tell, by direction; none where there are too few. own: the method that the profile has."""
+    data, rows = found.data, found.held_out.copy()
+    for method in (own, MATRIX_AND_RESPONSE):
+        for values in (found.rendered, found.linearized):
+            rows &= np.isfinite(values[method]).all(axis=1) if method in values else False
+    if rows.sum() < LEAST_SAMPLES or data.monochrome:
+        return {}
+    distance = np.zeros(len(rows))
+    for fold in np.unique(found.fold[rows]):
+        inside = rows & (found.fold == fold)
+        distance[inside] = cKDTree(data.encoded[~(found.fold == fold)]).query(data.encoded[inside])[0]
+    rendered = [np.clip(found.rendered[method][rows], 0.0, 1.0) for method in (own, MATRIX_AND_RESPONSE)]
+    linearized = [base.render(found.linearized[method][rows]) for method in (own, MATRIX_AND_RESPONSE)]
+    wanted = {"render": data.encoded[rows], "linearize": base.render(data.balanced[rows])}
+    return {
+        direction: HeldOut(
+            distance[rows], np.linalg.norm(model - plain, axis=1), np.linalg.norm(model - wanted[direction], axis=1)
+        )
+        for direction, (model, plain) in {"render": rendered, "linearize": linearized}.items()
+    }
+
+
+def expected_errors(
+    style: PictureStyle, held_out: Mapping[str, HeldOut], base: MatrixAndResponse, balanced: Array, encoded: Array
+) -> dict[str, Array]:
+    """The expected error at the nodes of a style's lattices, by direction, (N_r, N_g, N_b).
+
+    base: matrix and response of the style's samples, balanced and encoded (n, 3).
+    """
+    plain, known = with_matrix_of_all(base, balanced, encoded), cKDTree(encoded)
+    result = {}
+    for direction, told in held_out.items():
+        lattice: Lattice | None = style.render if direction == "render" else style.linearize
+        if lattice is None:
+            continue
+        nodes = grid(lattice.levels)
+        if direction == "render":
+            places = np.clip(lattice(nodes), 0.0, 1.0)
+            doubt = np.linalg.norm(places - plain.render(nodes), axis=-1)
+        else:
+            places = nodes
+            doubt = np.linalg.norm(plain.render(lattice(nodes)) - nodes, axis=-1)
+        distance = known.query(places.reshape(-1, 3))[0].reshape(doubt.shape)
+        at_sample, by_distance, by_doubt = told.coefficients()
+        result[direction] = at_sample + by_distance * distance + by_doubt * doubt
+    return result
+
+
+def by_distance(held_out: Mapping[str, HeldOut]) -> list[tuple[float, dict[str, float]]]:
+    """The mean error by direction in four groups of like distance, each with its mean distance, in codes of 255."""
+    rows: list[tuple[float, dict[str, float]]] = []
+    for told in list(held_out.values())[:1]:
+        for group in np.array_split(np.argsort(told.distance), 4):
+            errors = {direction: float(values.error[group].mean()) for direction, values in held_out.items()}
+            rows.append((255 * float(told.distance[group].mean()), errors))
+    return rows

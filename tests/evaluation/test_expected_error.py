@@ -1,0 +1,55 @@
+"""The error to expect: from held-out samples, at the nodes of a profile, and in the file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lutforge as lf
+from lutforge.evaluation.expected_error import HeldOut, by_distance
+from lutforge.model.coverage import Refinish, confidence, linearizing_error
+from lutforge.simulate.camera import nikon_d5100
+from tests.benchmarks.plausibility import simulated
+
+
+@pytest.fixture(scope="module")
+def profile() -> lf.CameraProfile:
+    return lf.calibrate(simulated(nikon_d5100(), seed=3, shots=6), lf.CalibrationOptions(size=9))
+
+
+def test_coefficients_are_those_of_the_errors() -> None:
+    rng = np.random.default_rng(0)
+    distance, doubt = rng.random(400) * 0.1, rng.random(400) * 0.05
+    told = HeldOut(distance, doubt, 0.002 + 0.1 * distance + 0.3 * doubt)
+    np.testing.assert_allclose(told.coefficients(), [0.002, 0.1, 0.3], atol=1e-9)
+    rows = by_distance({"render": told})
+    assert [row[0] for row in rows] == sorted(row[0] for row in rows)
+    assert rows[0][1]["render"] < rows[-1][1]["render"]
+
+
+def test_a_profile_expects_more_error_away_from_its_samples(profile: lf.CameraProfile) -> None:
+    style = profile.styles["standard"]
+    assert set(style.expected) == {"render", "linearize"}
+    assert all(style.errors[f"linearize_{name}"] >= 0 for name in ("at_sample", "per_distance", "per_doubt"))
+    error = linearizing_error(style)
+    assert error is not None
+    grey, pure = np.full((1, 3), 0.4), np.array([[0.02, 0.02, 0.98]])
+    assert error(pure)[0] > 3 * error(grey)[0]
+
+
+def test_the_mask_counts_what_the_change_multiplies(profile: lf.CameraProfile) -> None:
+    style = profile.styles["standard"]
+
+    def mask(gain: float) -> float:
+        linearize = profile.linearize("standard/cloudy")
+        refinish = Refinish(lambda encoded: gain * encoded, linearize, style)
+        return float(confidence(style, refinish)(np.array([0.4, 0.4, 0.4]))[0])
+
+    assert 0.5 < mask(4.0) < mask(1.0) < 1.0
+
+
+def test_expected_errors_survive_the_file(profile: lf.CameraProfile, tmp_path: Path) -> None:
+    profile.save(tmp_path / "camera.npz")
+    again = lf.load_profile(tmp_path / "camera.npz").styles["standard"].expected
+    for direction, values in profile.styles["standard"].expected.items():
+        np.testing.assert_allclose(again[direction], values, atol=1e-5)
