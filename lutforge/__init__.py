@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from lutforge.images.raw import read_raw
     from lutforge.luts.bake import bake
     from lutforge.luts.check import check_lut
-    from lutforge.luts.read import read_lut
-    from lutforge.luts.sequence import Lut
+    from lutforge.luts.sequence import Lut, read_lut
     from lutforge.luts.verify import verify
     from lutforge.model.camera_profile import CameraProfile, load_profile, match
     from lutforge.model.profile_file import save_profile
@@ -89,7 +88,7 @@ _HOMES = {
     "learning_curves": "pipeline.calibration",
     "load_profile": "model.camera_profile",
     "match": "model.camera_profile",
-    "read_lut": "luts.read",
+    "read_lut": "luts.sequence",
     "read_raw": "images.raw",
     "read_samples": "samples.table",
     "report": "pipeline.reports",

@@ -13,13 +13,15 @@ LARGEST_TINT = 150.0
 """Tints reach so far to either side: the range of raw converters' sliders."""
 
 LARGEST_MULTIPLIER = 1000.0
-"""With green = 1; no camera sets more, nor less than its reciprocal."""
+"""The largest multiplier with green = 1; no camera sets more, nor less than its reciprocal."""
 
 
 @dataclass(frozen=True)
 class Kelvin:
-    """A white balance named by its correlated colour temperature, and by its tint: 3000 times the distance from the
-    locus in CIE 1960 (u, v), as raw converters count it; a positive tint makes the picture more magenta.
+    """A white balance named by its correlated colour temperature and its tint.
+
+    The tint is 3000 times the distance from the locus in CIE 1960 (u, v), as raw converters count it; a positive one
+    makes the picture more magenta.
     """
 
     kelvin: float

@@ -152,6 +152,7 @@ def plan_jobs(
 
 def _without_repetitions(inputs: Sequence[Input]) -> tuple[list[Input], list[Path]]:
     """The inputs, each once, and the paths of those that were given again: the same file, to become the same output.
+
     Links with names of their own are images of their own.
     """
     first: dict[tuple[Path, Path], Input] = {}

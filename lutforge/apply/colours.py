@@ -8,7 +8,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.apply.grade import Grade
 from lutforge.arrays import Index, Pixels
-from lutforge.colour.adobe_rgb import adobe_rgb_profile
+from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.jpeg import JpegHeader
 from lutforge.images.read import is_premultiplied
@@ -100,8 +100,10 @@ def layers(spec: oiio.ImageSpec) -> Iterator[str]:
 
 
 def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
-    """(3,): how many pixels (h, w, c) are clipped, how many of the others are unlike every colour of the calibration,
-    how many are no finite numbers. confidence: as `Grade.confidence` gives it, where it is known.
+    """Count the pixels (h, w, c) that cannot be trusted, by kind, (3,).
+
+    They are clipped, else unlike every colour of the calibration, or no finite numbers. confidence: as
+    `Grade.confidence` gives it, where it is known.
     """
     clipped, unlike, broken = np.intp(0), np.intp(0), np.intp(0)
     if confidence is not None:

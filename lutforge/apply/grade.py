@@ -74,8 +74,10 @@ class Recipe(Protocol):
 
 
 def fingerprint(*parts: object) -> str:
-    """SHA-256, in hexadecimal, over the contents of the files among `parts`, the other parts as text, and the versions
-    of LutForge and OpenColorIO. Raises LutError where a file cannot be read.
+    """Return the SHA-256, in hexadecimal, of what a grade is made of.
+
+    It is over the contents of the files among `parts`, the other parts as text, and the versions of LutForge and
+    OpenColorIO. Raises LutError where a file cannot be read.
     """
     total = hashlib.sha256(f"{__version__} {OCIO.__version__}".encode())
     for part in parts:
@@ -118,6 +120,7 @@ class LutRecipe(_OneForAll):
 
     @cached_property
     def key(self) -> str:
+        """Identify the LUT by its contents."""
         return fingerprint("LUT", self.path, self.interpolation)
 
     @cached_property
@@ -152,6 +155,7 @@ class ConfigRecipe(_OneForAll):
 
     @cached_property
     def key(self) -> str:
+        """Identify the conversion by its contents."""
         # The processor's identity holds the contents of the LUT files that the config refers to.
         return fingerprint("config", self._grade.processor.getCacheID())
 

@@ -31,8 +31,10 @@ class Input:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What the words of a command name. missing: frames that were asked for by number and are not there; notes: gaps
-    in sequences whose frames were not named, and what was left out of folders.
+    """What the words of a command name.
+
+    missing: frames that were asked for by number and are not there; notes: gaps in sequences whose frames were not
+    named, and what was left out of folders.
     """
 
     images: tuple[Input, ...]
@@ -138,8 +140,9 @@ def _gaps(numbers: Sequence[int]) -> str:
 
 
 def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bool) -> tuple[list[Input], list[str]]:
-    """The images of a folder by name, and notes on what was left out. Links to files are images, those to folders are
-    not followed.
+    """The images of a folder by name, and notes on what was left out.
+
+    Links to files are images, those to folders are not followed.
     """
     suffixes = _suffixes() | (RAW_SUFFIXES if raw else frozenset())
     excluded = {path.resolve() for path in leave_out}

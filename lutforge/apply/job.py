@@ -22,6 +22,7 @@ class Job:
 
     @property
     def outputs(self) -> tuple[Path, ...]:
+        """The files that the job writes."""
         return (self.target,) if self.mask is None else (self.target, self.mask)
 
     def key(self, recipe: Recipe) -> str:

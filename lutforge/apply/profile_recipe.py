@@ -56,6 +56,7 @@ class ProfileRecipe(Rebuilt):
 
     @cached_property
     def key(self) -> str:
+        """Identify the profiles and settings by their contents."""
         files = (*self.profiles, *((self.look,) if self.look else ()), *self.transfers)
         return fingerprint("profile", *files, self.source, self.target, self.ev)
 
@@ -76,6 +77,7 @@ class ProfileRecipe(Rebuilt):
         _ = self._transfers
 
     def grade(self, source: Path) -> Grade:
+        """Return the grade of one picture by its own settings."""
         settings = read_picture_settings(source)
         camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
         look = self.look_for(camera)
@@ -184,8 +186,9 @@ class ProfileRecipe(Rebuilt):
         return None if look is camera else self._transfers.get(camera.camera)
 
     def wanted(self, camera: CameraProfile, given: Selector, look: CameraProfile) -> Selector:
-        """The settings to render with; "as-shot" ones are those of the picture, for another camera those under which
-        the same light is neutral.
+        """Return the settings to render with.
+
+        "as-shot" ones are those of the picture, for another camera those under which the same light is neutral.
         """
         style = given.style if self._target.style == AS_SHOT else self._target.style
         tint = _own_balance(self._target)

@@ -21,8 +21,10 @@ STEADY = 0.02
 def choose_camera(
     path: Path, settings: PictureSettings, cameras: Mapping[str, CameraProfile], asked: bool
 ) -> tuple[CameraProfile, tuple[str, ...]]:
-    """The profile of the camera that took a picture; where `asked` (the user names the settings), a single profile
-    applies to any picture, and the notes say so. cameras: by name in lower case. Raises SettingsError.
+    """Return the profile of the camera that took a picture.
+
+    cameras: by name in lower case; asked: the user names the settings; then a single profile applies to any picture,
+    and the notes say so. Raises SettingsError.
     """
     found = cameras.get(settings.camera.lower())
     if found is not None:
@@ -74,8 +76,9 @@ def source_selector(
 
 
 def _balance_of_file(settings: PictureSettings, camera: CameraProfile) -> str | Kelvin | Multipliers | None:
-    """The white balance that the metadata tell: the named setting, the temperature that was dialled in, or the
-    multipliers.
+    """Return the white balance that the metadata tell.
+
+    It is the named setting, the temperature that was dialled in, or the multipliers.
     """
     name = settings.white_balance
     known = camera.white_balances.get(name)

@@ -1,7 +1,7 @@
 """From samples to a camera profile: the stages of the calibration in order."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,23 +22,21 @@ from lutforge.model.diagnosis import Diagnosis
 from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.shot_tone import ShotTone
+from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
-
-Progress = Callable[[str, float], None]
-"""Called with what is being done and the share that is done, 0 … 1."""
-
-
-def _silent(what: str, share: float) -> None:
-    pass
 
 
 @dataclass(frozen=True, eq=False)
 class CalibratedStyle:
-    """What one style's models were fitted to, and the fits. maps: the physical model, where that was asked for."""
+    """What one style's models were fitted to, the fits, and the style as the profile has it.
+
+    maps: the fit of the physical model, where that was asked for.
+    """
 
     data: StyleData
     fit: StyleFit
     maps: GamutMaps | None
+    picture: PictureStyle
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +48,7 @@ class Calibration:
 
 
 def calibrate(
-    samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = _silent
+    samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = silent
 ) -> Calibration:
     """Fit a profile: white balances, matrix, and per style the model asked for.
 
@@ -64,49 +62,31 @@ def calibrate(
         return Calibration(calibrate_by_reference(samples, options, progress))
     multipliers, notes = complete_multipliers(samples)
     enough, left_out = styles_with_enough(samples, multipliers)
-    samples, multipliers, notes = samples.select(enough), multipliers[enough], (*notes, *left_out)
-    even = _even(samples, multipliers, options)
-    samples, multipliers, notes = even.samples, even.multipliers, (*notes, *even.notes)
-    matrix: Array | None = None
-    physical: dict[str, GamutMaps] = {}
+    even = _even(samples.select(enough), multipliers[enough], options)
+    physical = None
     if options.model == "rbf":
         progress("response, matrix and white balances", 0.0)
-        matrix, multipliers, physical = _fit_physical(samples, multipliers, options)
-    data, clipped = style_data(samples, multipliers)
-    notes = (*notes, *thin_settings(samples))
-    if clipped:
-        notes = (*notes, f"{clipped} of {len(samples)} samples are clipped and take no part in the fit")
-    styles, matrices, fitted = {}, {}, {}
-    for index, (name, style) in enumerate(data.items()):
-        share = index / len(data)
-        notes = (*notes, *thin_colours(style.encoded, name, monochrome=style.monochrome))
-        progress(f"{name}: fitting", share)
-        fit, maps = fit_style(style, options), physical.get(name)
-        fitted[name] = CalibratedStyle(style, fit, maps)
-        styles[name] = PictureStyle(
-            render=render_with_plain(style, fit, options),
-            linearize=fit.linearize.lattice,
-            physical=() if maps is None else (maps.model,),
-            coverage={"render": fit.render.coverage, "linearize": fit.linearize.coverage},
-        )
-        matrices[name] = (not style.monochrome, len(style.shot), fit.base.matrix)
+        physical = _fit_physical(even, options)
+        even = replace(even, multipliers=physical.multipliers)
+    data, clipped = style_data(even.samples, even.multipliers)
+    notes = (*notes, *left_out, *even.notes, *_weaknesses(even.samples, data, clipped))
+    styles = _fit_styles(data, {} if physical is None else physical.maps, options, progress)
     progress("done", 1.0)
-    if matrix is None:
-        matrix = max(matrices.values(), key=lambda entry: entry[:2])[2]
+    matrix = _matrix_of_most(styles) if physical is None else physical.matrix
     matrix = matrix / matrix.sum(axis=1, keepdims=True)
     profile = CameraProfile(
         camera=str(samples.camera[0]),
         matrix=matrix,
-        white_balances=named_white_balances(samples, multipliers, matrix),
-        styles=styles,
-        shots=tuple(name for name, _ in samples.by_shot()),
+        white_balances=named_white_balances(even.samples, even.multipliers, matrix),
+        styles={name: style.picture for name, style in styles.items()},
+        shots=tuple(name for name, _ in even.samples.by_shot()),
         options=options.as_json(),
         notes=notes,
         falloffs=even.falloffs,
         diagnoses=even.diagnoses,
         tones=even.tones,
     )
-    return Calibration(profile, fitted)
+    return Calibration(profile, styles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,10 +123,18 @@ def _even(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -
     return _Even(samples, multipliers, falloffs, diagnoses, tones)
 
 
-def _fit_physical(
-    samples: SampleSet, multipliers: Array, options: CalibrationOptions
-) -> tuple[Array, Array, dict[str, GamutMaps]]:
+@dataclass(frozen=True, eq=False)
+class _Physical:
     """Ts, the multipliers (n, 3) of all samples, and by style the physical model, of all but black-and-white ones."""
+
+    matrix: Array
+    multipliers: Array
+    maps: dict[str, GamutMaps]
+
+
+def _fit_physical(even: _Even, options: CalibrationOptions) -> _Physical:
+    """Response, matrix and white balances together, then a gamut map per style."""
+    samples, multipliers = even.samples, even.multipliers
     without = [name for name, style in style_data(samples, multipliers)[0].items() if style.monochrome]
     usable = unclipped(samples, multipliers) & ~np.isin(samples.style, without)
     if not usable.any():
@@ -164,19 +152,48 @@ def _fit_physical(
         if fitted.any():
             completed[~known & (automatic == setting)] = completed[fitted][0]
     balances = tuple(str(name) for name in np.unique(samples.white_balance))
-    models = {}
+    maps = {}
     for name, style in stages.styles.items():
         rows = usable & (samples.style == name)
-        models[name] = fit_gamut_maps(
-            samples.raw[rows] * completed[rows],
-            samples.srgb[rows],
-            samples.shot[rows],
-            stages.matrix,
-            style.response,
-            balances,
-            preset=options.preset,
+        maps[name] = fit_gamut_maps(
+            samples.raw[rows] * completed[rows], samples.srgb[rows], samples.shot[rows], stages.matrix,
+            style.response, balances, preset=options.preset,
+        )  # fmt: skip
+    return _Physical(stages.matrix, completed, maps)
+
+
+def _weaknesses(samples: SampleSet, data: Mapping[str, StyleData], clipped: int) -> list[str]:
+    """Notes on what is thin in the samples."""
+    notes = [*thin_settings(samples)]
+    if clipped:
+        notes.append(f"{clipped} of {len(samples)} samples are clipped and take no part in the fit")
+    for name, style in data.items():
+        notes += thin_colours(style.encoded, name, monochrome=style.monochrome)
+    return notes
+
+
+def _fit_styles(
+    data: Mapping[str, StyleData], maps: Mapping[str, GamutMaps], options: CalibrationOptions, progress: Progress
+) -> dict[str, CalibratedStyle]:
+    """Fit the lattices of both directions, style by style."""
+    styles = {}
+    for index, (name, style) in enumerate(data.items()):
+        progress(f"{name}: fitting", index / len(data))
+        fit, physical = fit_style(style, options), maps.get(name)
+        picture = PictureStyle(
+            render=render_with_plain(style, fit, options),
+            linearize=fit.linearize.lattice,
+            physical=() if physical is None else (physical.model,),
+            coverage={"render": fit.render.coverage, "linearize": fit.linearize.coverage},
         )
-    return stages.matrix, completed, models
+        styles[name] = CalibratedStyle(style, fit, physical, picture)
+    return styles
+
+
+def _matrix_of_most(styles: Mapping[str, CalibratedStyle]) -> Array:
+    """Ts of the style with most samples; of a black-and-white one only where there is no other."""
+    most = max(styles.values(), key=lambda style: (not style.data.monochrome, len(style.data.shot)))
+    return most.fit.base.matrix
 
 
 def _check_one_camera(samples: SampleSet) -> None:

@@ -4,13 +4,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lutforge.arrays import Array
 from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice.continuation import Continuation, continuation
 from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
+from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.lattice.plain import fit_plain
 from lutforge.calibration.lattice.result import LatticeResult, result
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.style_data import StyleData
@@ -97,6 +99,17 @@ def render_with_plain(data: StyleData, fit: StyleFit, options: CalibrationOption
         return fit.render.lattice
     curved, smoothness = fit.render.lattice, fit.render.smoothness
     return replace(curved, plain=fit_plain(data.balanced, data.encoded, curved, options, smoothness).lattice)
+
+
+def uniform_lattice_errors(
+    data: StyleData, options: CalibrationOptions, *, inverse: bool
+) -> tuple[Array, Array, Array]:
+    """Per axis the histogram, which node levels follow, of the squared error that a uniform lattice makes (5.6)."""
+    uniform = replace(options, nonuniform=False)
+    base = fit_base(data.balanced, data.encoded)
+    lattice = fit_direction(data, uniform, base, inverse=inverse, tolerance=MEASURING_TOLERANCE).lattice
+    x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
+    return error_histogram(x, np.sum((lattice(x) - y) ** 2, axis=1))
 
 
 def refit_physical(

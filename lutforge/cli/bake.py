@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lutforge.cli.console import note, progress_bar, say
-from lutforge.cli.words import Profile
+from lutforge.cli.console import Profile, note, progress_bar, say
 
 PROGRAMS = (
     "resolve, nuke, ocio, oiio, baselight, flame, houdini, blender, photoshop, lightroom, premiere, aftereffects, "

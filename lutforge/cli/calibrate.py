@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.cli.console import note, print_table, progress_bar, say
+from lutforge.cli.console import ProfileOutput, note, print_table, progress_bar, say
 from lutforge.cli.sample import tell
-from lutforge.cli.words import ProfileOutput
 from lutforge.errors import SettingsError
 from lutforge.model.diagnosis import told
 

@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lutforge.cli.console import say
-from lutforge.cli.words import Profile
+from lutforge.cli.console import Profile, say
 
 
 def compare(

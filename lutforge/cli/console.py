@@ -1,4 +1,4 @@
-"""What all commands share: progress bars on stderr, tables and notes.
+"""What all commands share: arguments, progress bars on stderr, tables and notes.
 
 Rich draws bars and tables, and is loaded where one is drawn.
 """
@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -103,3 +104,13 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
     Console(highlight=False, width=width, soft_wrap=True).print(table)
+
+
+Profile = Annotated[Path, typer.Argument(help="The profile (.npz).", show_default=False)]
+Shots = Annotated[list[Path], typer.Argument(help="RAW files, or folders of them.", show_default=False)]
+Sources = Annotated[
+    list[Path],
+    typer.Argument(help="Sample tables (.csv, .parquet), RAW files, folders of RAW files.", show_default=False),
+]
+ProfileOutput = Annotated[Path, typer.Option("-o", "--output", help="The profile to write (.npz).")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print everything as JSON, for programs.")]

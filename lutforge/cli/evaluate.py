@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.cli.console import note, print_table, progress_bar
+from lutforge.cli.console import AsJson, Profile, Sources, note, print_table, progress_bar
 from lutforge.cli.sample import tell
-from lutforge.cli.words import AsJson, Profile, Sources
 
 if TYPE_CHECKING:
     from lutforge.evaluation.errors_table import ErrorFigures

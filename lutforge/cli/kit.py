@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lutforge.cli.console import note, print_table, progress_bar, say
-from lutforge.cli.words import Profile
+from lutforge.cli.console import Profile, note, print_table, progress_bar, say
 
 
 def kit(

@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
-from lutforge.cli.console import progress_bar, say
+from lutforge.cli.console import Profile, progress_bar, say
 from lutforge.cli.sample import tell
-from lutforge.cli.words import Profile
 
 
 def report(

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.cli.console import note, progress_bar, say
-from lutforge.cli.words import Shots
+from lutforge.cli.console import Shots, note, progress_bar, say
 
 if TYPE_CHECKING:
     from lutforge.pipeline.sampling import Sampled

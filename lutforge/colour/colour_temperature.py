@@ -20,8 +20,10 @@ COOLEST, HOTTEST = KELVIN_RANGE
 
 
 def locus(kelvin: float) -> Array:
-    """(u, v), CIE 1960, of natural light: Planck's up to 3500 K, daylight from 4000 K where its locus begins, mixed in
-    between. Closed forms: M. Krystek (1985) and CIE 15:2018, equations 4.6 and 4.7.
+    """Return (u, v), CIE 1960, of natural light.
+
+    It is Planck's up to 3500 K, daylight from 4000 K where its locus begins, mixed in between. Closed forms: M. Krystek
+    (1985) and CIE 15:2018, equations 4.6 and 4.7.
     """
     share = float(np.clip((kelvin - 3500.0) / 500.0, 0.0, 1.0))
     planck = _planck(kelvin) if share < 1 else np.zeros(2)
@@ -52,8 +54,10 @@ def temperature_and_tint(uv: Array) -> tuple[float, float]:
 
 
 def camera_from_xyz(matrix: Array, multipliers: Array, kelvin: float) -> Array:
-    """(3, 3) XYZ of a light → camera RGB. matrix: Ts, white-balanced camera RGB → linear sRGB, calibrated under the
-    light of `kelvin` whose multipliers these are.
+    """(3, 3) XYZ of a light → camera RGB.
+
+    matrix: Ts, white-balanced camera RGB → linear sRGB, calibrated under the light of `kelvin` whose multipliers these
+    are.
     """
     cone = BRADFORD @ _xyz(locus(kelvin)) / (BRADFORD @ D65)
     to_light = np.linalg.inv(BRADFORD) @ np.diag(cone) @ BRADFORD

@@ -26,7 +26,7 @@ class Developer(Protocol):
 
     @property
     def name(self) -> str:
-        """As `--developer` names it."""
+        """The name that `--developer` takes."""
 
     @property
     def program(self) -> str:

@@ -21,8 +21,10 @@ from lutforge.model.shot_tone import ShotTone, tone_stops
 
 @dataclass(frozen=True)
 class ErrorShares:
-    """Root mean squares of RGB errors of rendered colours, 1 = full scale; the squares of the last four add up to that
-    of total. total: of a render that knows neither place nor scene; method: what renders.
+    """Root mean squares of RGB errors of rendered colours, 1 = full scale.
+
+    The squares of the last four add up to that of total. total: of a render that knows neither place nor scene; method:
+    what renders.
     """
 
     style: str

@@ -77,8 +77,11 @@ class RawError:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """rows: the error table; raw, linearisation, refinish: the thesis's other tables; notes: what was left out, why;
-    predictions: by style, what the rows are made of; shares: what the error consists of; tones: departures of shots."""
+    """What an evaluation found.
+
+    rows: the error table; raw, linearisation, refinish: the thesis's other tables; notes: what was left out, why;
+    predictions: by style, what the rows are made of; shares: what the error consists of; tones: departures of shots.
+    """
 
     camera: str
     rows: tuple[EvaluationRow, ...]

@@ -1,6 +1,5 @@
 """What shots that were left out say of a calibration: its errors, and how far its lattices may be trusted."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,11 +15,10 @@ from lutforge.evaluation.held_out import Predictions, predict, reaches_within_a_
 from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, shrinks
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
+from lutforge.progress import Progress
 
 
-def with_held_out_errors(
-    calibration: Calibration, options: CalibrationOptions, progress: Callable[[str, float], None]
-) -> CameraProfile:
+def with_held_out_errors(calibration: Calibration, options: CalibrationOptions, progress: Progress) -> CameraProfile:
     """Return the calibrated profile with the errors of its styles on shots left out, and notes on what makes them weak.
 
     Where the left-out shots ask for it, its lattices are shrunk towards matrix and response away from their samples.

@@ -1,6 +1,6 @@
 """How many shots are enough: the error on shots left out, against the number of shots calibrated from."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import fit_style
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import JUST_VISIBLE, error_figures, visibility
+from lutforge.progress import Progress, silent
 from lutforge.solvers.cross_validation import leave_groups_out
 
 
@@ -41,7 +42,7 @@ class LearningCurve:
 def learning_curve(
     data: StyleData,
     options: CalibrationOptions | None = None,
-    progress: Callable[[str, float], None] = lambda what, share: None,
+    progress: Progress = silent,
 ) -> LearningCurve:
     """Measure the held-out error of one style for 1, 2, 4, … random shots, over three groups of held-out shots.
 

@@ -13,8 +13,10 @@ from lutforge.model.profile_data import PhysicalModel
 
 @dataclass(frozen=True)
 class LinearisationError:
-    """δ per channel (r, g, b) of one style, in linear sRGB, 1 = full scale; pairs: points counted; held_out: whether
-    each point was linearised by a fit that had not seen its shot."""
+    """δ per channel (r, g, b) of one style, in linear sRGB, 1 = full scale.
+
+    pairs: points counted; held_out: whether each point was linearised by a fit that had not seen its shot.
+    """
 
     style: str
     method: str

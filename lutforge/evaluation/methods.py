@@ -9,8 +9,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.base import fit_base, with_matrix_of_all
 from lutforge.calibration.lattice.shrinkage import Shrinkable, shrinkable
-from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import conventional, linearize, render
 from lutforge.calibration.style_data import StyleData

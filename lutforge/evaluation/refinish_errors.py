@@ -22,8 +22,11 @@ UNCHANGED = "unchanged"
 
 @dataclass(frozen=True)
 class RefinishError:
-    """One line of the table. source, target: STYLE/WB; method: what refinished, or "unchanged"; shots: pairs of shots;
-    held_out: whether no fit had seen the shot that it was applied to."""
+    """One line of the table.
+
+    source, target: STYLE/WB; method: what refinished, or "unchanged"; shots: pairs of shots; held_out: whether no fit
+    had seen the shot that it was applied to.
+    """
 
     source: str
     target: str

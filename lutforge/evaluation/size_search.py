@@ -7,8 +7,7 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.base import fit_base
-from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import fit_direction
 from lutforge.errors import CalibrationError

@@ -264,8 +264,10 @@ def _replaced(block: bytes, place: slice | None, new: bytes) -> bytes:
 
 
 def _small(canvas: Codes, like: JpegHeader, length: int) -> bytes | None:
-    """A thumbnail encoded to exactly `length` bytes: as finely as they allow, and filled up with bytes that mean
-    nothing (ITU-T T.81, B.1.1.2); None where not even the coarsest fits."""
+    """A thumbnail encoded to exactly `length` bytes; None where not even the coarsest fits.
+
+    It is as fine as they allow, and filled up with bytes that mean nothing (ITU-T T.81, B.1.1.2).
+    """
     for coarser in (1.0, 1.25, 1.6, 2.5, 4.0, 8.0):
         encoded = BytesIO()
         tables = [[min(255, round(step * coarser)) for step in steps] for steps in like.tables]

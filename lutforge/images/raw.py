@@ -187,8 +187,7 @@ def _scale_to_saturation(raw: rawpy.RawPy) -> float:
 
 
 def _clip_levels(raw: rawpy.RawPy) -> Array:
-    """(3,) level, 1 = LibRaw's nominal maximum, at which each channel of this file saturates; 1 where it is
-    not seen."""
+    """(3,) level, 1 = LibRaw's nominal maximum, at which each channel of a file saturates; 1 where it is not seen."""
     levels = np.ones(3)
     if raw.raw_type is not rawpy.RawType.Flat or raw.raw_image_visible.ndim != 2:
         return levels
@@ -207,8 +206,7 @@ def _clip_levels(raw: rawpy.RawPy) -> Array:
 
 
 def saturation_spike(histogram: NDArray[np.intp], white: int) -> float:
-    """Level in (0, 1], 1 = `white`, where the spike begins that clipping leaves in a histogram; 1 where there
-    is none.
+    """Level in (0, 1], 1 = `white`, where the spike begins that clipping leaves in a histogram; 1 where there is none.
 
     histogram: counts of the values 0, 1, 2 … above black. A saturated channel piles up with a standard
     deviation of at most about 0.2 % of white, with next to nothing above; the photon noise of an evenly lit

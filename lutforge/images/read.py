@@ -54,6 +54,7 @@ class Region:
 
     @property
     def pixels(self) -> int:
+        """How many pixels it holds."""
         return (self.right - self.left) * (self.bottom - self.top)
 
 
@@ -86,6 +87,7 @@ class ImageReader:
 
     @property
     def whole(self) -> Region:
+        """The region of the whole image."""
         return Region(0, 0, self.spec.width, self.spec.height)
 
     def regions(self, pixels: int, rows_only: bool) -> list[Region]:
@@ -142,6 +144,7 @@ class ImageReader:
         return parts
 
     def close(self) -> None:
+        """Close the file."""
         self._source.close()
 
     def __enter__(self) -> "ImageReader":

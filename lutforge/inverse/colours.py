@@ -12,8 +12,9 @@ from lutforge.model.lattice import grid
 
 
 def in_every_cell(levels: Levels, rng: np.random.Generator) -> Array:
-    """Colours (n, 3): the nodes of a lattice, one in each tetrahedron of each cell, and in each such part of its faces
-    and edges.
+    """Return colours (n, 3) in every cell of a lattice.
+
+    They are its nodes, one colour in each tetrahedron of each cell, and one in each such part of its faces and edges.
 
     On faces and edges channels are clipped; the first and last cell of each axis is the layer that parts these from the
     others, and holds none but nodes. A fit to these colours sees all that interpolation between the other nodes can do.

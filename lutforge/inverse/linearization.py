@@ -21,8 +21,7 @@ from lutforge.inverse.preimage import clipped_sides, preimages
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import shaper
-from lutforge.model.lattice import grid
-from lutforge.model.node_levels import snap_levels
+from lutforge.model.lattice import grid, snap_levels
 from lutforge.solvers.lattice_regression import Prior, Regularisation, fit_lattice
 
 
@@ -46,8 +45,11 @@ class InverseOptions:
 
 @dataclass(frozen=True, eq=False)
 class Linearization:
-    """JPEG (…, 3) → RAW. levels: of the JPEG, three axes; curve: (m, 3), in front of the cube, which is linear on it
-    between nodes; values: (N, N, N, 3)."""
+    """A cube that takes JPEG (…, 3) to RAW.
+
+    levels: of the JPEG, three axes; curve: (m, 3), in front of the cube, which is linear on it between nodes; values:
+    (N, N, N, 3).
+    """
 
     levels: Levels
     curve: Array
@@ -58,7 +60,7 @@ class Linearization:
         return interpolate(through(self.curve, jpeg), _on_axes(self.curve, self.levels), self.values, "tetrahedral")
 
     def as_lut(self, title: str = "") -> Lut:
-        """The same as a shaper and a cube."""
+        """Return the linearization as a shaper and a cube."""
         return Lut((shaper(self.levels, len(self.curve), self.curve), Cube(self.values)), title)
 
 
@@ -130,7 +132,7 @@ def _straight(render: BakedRender) -> Callable[[Array], Array]:
 
 
 def _pairs(render: BakedRender, known: Linearization, jpeg: Array, layer: float, margin: float) -> tuple[Array, Array]:
-    """Those of JPEG colours (n, 3) that the render makes, or whose 8-bit code it makes, and their RAW.
+    """Choose the JPEG colours (n, 3) that the render makes, or whose 8-bit code it makes, and their RAW.
 
     Clipped colours are sought from the scenes of those that are just not clipped, so that the inverse runs on smoothly
     where channels clip. White is as bright as its brightest channel then is, and neutral, as is black.

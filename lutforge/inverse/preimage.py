@@ -19,7 +19,7 @@ from lutforge.threads import run, shares
 
 
 def clipped_sides(jpeg: Array) -> Index:
-    """Where channels of JPEG colours (n, 3) are clipped: 1 at white, −1 at black, else 0."""
+    """Tell where channels of JPEG colours (n, 3) are clipped: 1 at white, −1 at black, else 0."""
     return np.where(jpeg >= 1 - 1e-7, 1, np.where(jpeg <= 1e-7, -1, 0)).astype(np.int64)
 
 

@@ -80,7 +80,7 @@ class Kit(Protocol):
 
     @property
     def program(self) -> str:
-        """As `--for` names it."""
+        """The name that `--for` takes."""
 
     @property
     def title(self) -> str:

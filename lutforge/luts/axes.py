@@ -18,7 +18,7 @@ import scipy
 from lutforge.arrays import Array
 from lutforge.interpolation import Levels, through
 from lutforge.luts.shaper import SHAPER_SIZE
-from lutforge.model.node_levels import snap_levels
+from lutforge.model.lattice import snap_levels
 
 Function = Callable[[Array], Array]
 
@@ -29,8 +29,10 @@ STEPS = 256
 
 @dataclass(frozen=True, eq=False)
 class Axes:
-    """The axes of a cube. levels: of the input, on the shaper's grid. curve: (m, 3), increasing from 0 to 1, or none:
-    the cube is linear in its values between two nodes.
+    """The axes of a cube.
+
+    levels: of the input, on the shaper's grid. curve: (m, 3), increasing from 0 to 1, or none: the cube is linear in
+    its values between two nodes.
     """
 
     curve: Array | None
@@ -53,14 +55,16 @@ class Lines:
     share: Array
 
     def through(self, response: Array) -> "Lines":
-        """With a response behind the function."""
+        """Return the lines with a response behind the function."""
         r, g, b = (through(response, y) for y in self.values)
         return replace(self, values=(r, g, b))
 
 
 def measure_lines(function: Function, gain: Array, stops: float = 0.0) -> Lines:
-    """Lines of a function (n, 3) in [0, 1] → (n, 3). gain: (3,) in front of it, where it clamps at 1: inputs are taken
-    to be even before it. stops: of light that the axes span beyond 1; the more, the finer the darks are looked at.
+    """Lines of a function (n, 3) in [0, 1] → (n, 3).
+
+    gain: (3,) in front of it, where it clamps at 1: inputs are taken to be even before it. stops: of light that the
+    axes span beyond 1; the more, the finer the darks are looked at.
     """
     t = np.linspace(0.0, 1.0, STEPS + 1) ** (1.5 + 0.25 * stops)  # finer in the darks, where responses are steep
     places = scipy.stats.qmc.Sobol(2, scramble=False).random(LINES)

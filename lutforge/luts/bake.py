@@ -132,7 +132,7 @@ def bake_forms(
 
 
 def joined(ops: Sequence[Op]) -> tuple[Op, ...]:
-    """The same operations with neighbouring matrices made one."""
+    """Return operations with neighbouring matrices made one, and without those that change nothing."""
     result: list[Op] = []
     for op in ops:
         before = result[-1] if result else None

@@ -12,9 +12,8 @@ from lutforge.errors import LutError, one_line
 from lutforge.luts.ends import RAW
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.processor import evaluate, file_processor
-from lutforge.luts.read import read_lut
 from lutforge.luts.reader_habits import Colour, readers_of
-from lutforge.luts.sequence import Lut
+from lutforge.luts.sequence import Lut, read_lut
 
 FALL = 1e-5
 """A step of an output in the wrong direction that is more than rounding."""
@@ -184,18 +183,13 @@ def _cube_problems(cube: Array, falling: float) -> list[str]:
         )
     if np.ptp(cube) < 1e-6:
         found.append("all colours become one")
-    follows = _followed(cube)
+    # Per output channel, the input channel with which it changes most from end to end, on average.
+    ends = [np.abs(np.take(cube, -1, axis) - np.take(cube, 0, axis)).reshape(-1, 3).mean(axis=0) for axis in range(3)]
+    follows = tuple(np.argmax(np.stack(ends), axis=0).tolist())
     if sorted(follows) == [0, 1, 2] and follows != (0, 1, 2):
         pairs = ", ".join(f"{'RGB'[out]} follows {'RGB'[axis]}" for out, axis in enumerate(follows) if out != axis)
         found.append(f"channels are exchanged: {pairs}; rows in the wrong order, or BGR for RGB")
     return found
-
-
-def _followed(cube: Array) -> tuple[int, int, int]:
-    """Per output channel, the input channel with which it changes most from end to end, on average."""
-    ends = [np.abs(np.take(cube, -1, axis) - np.take(cube, 0, axis)).reshape(-1, 3).mean(axis=0) for axis in range(3)]
-    r, g, b = np.argmax(np.stack(ends), axis=0).tolist()
-    return r, g, b
 
 
 def _curve_problems(name: str, curve: Curve) -> list[str]:

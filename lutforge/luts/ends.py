@@ -1,5 +1,7 @@
-"""What goes into a LUT and what comes out: a LUT on the wrong pixels is the usual mistake, and no format has a word
-for it. The files that LutForge writes say it in their comments.
+"""What goes into a LUT and what comes out.
+
+A LUT on the wrong pixels is the usual mistake, and no format has a word for it. The files that LutForge writes say it
+in their comments.
 """
 
 import re
@@ -26,10 +28,12 @@ class Ends:
 
     @property
     def takes_linear(self) -> bool:
+        """True where the input is linear light."""
         return _is_linear(self.input)
 
     @property
     def gives_linear(self) -> bool:
+        """True where the output is linear light."""
         return _is_linear(self.output)
 
     @property

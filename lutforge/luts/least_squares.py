@@ -24,16 +24,15 @@ from lutforge.solvers.stencil import StencilOperator, from_planar, planar
 
 Function = Callable[[Array], Array]
 
-OVERHANG = 0.03
-"""Share of the points beyond either end of an axis, clamped to its face: where inputs clip, they are many."""
 GREY_POINTS = 1025
 """Points of the grey axis, beside those of the whole cube."""
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """A function at the points of a fit: x, y (n, 3): points even over the cells of each of `designs` in turn, and then
-    GREY_POINTS of the grey axis.
+    """A function at the points of a fit.
+
+    x, y: (n, 3), points even over the cells of each of `designs` in turn, and then GREY_POINTS of the grey axis.
 
     on_face: (points, 3), which coordinates were beyond an end of their axis and clamped to it; counted: (points,), what
     that is worth. nodes: per design (N, N, N, 3), the values at its nodes.
@@ -47,7 +46,7 @@ class Samples:
     nodes: tuple[Array, ...]
 
     def through(self, response: Array) -> "Samples":
-        """With a response behind the function."""
+        """Return the samples with a response behind the function."""
         return replace(self, y=through(response, self.y), nodes=tuple(through(response, y) for y in self.nodes))
 
     def of_design(self, design: int) -> tuple[Array, Array, Array]:
@@ -85,8 +84,9 @@ def sample(
     gain: Array,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Samples:
-    """Evaluate a function (n, 3) in [0, 1] → (n, 3) for fits at each of `designs`, of the same size; gain: in front of
-    it, as `measure_lines` has it. progress: called with the share of the points that is done.
+    """Evaluate a function (n, 3) in [0, 1] → (n, 3) for fits at each of `designs`, of the same size.
+
+    gain: in front of it, as `measure_lines` has it. progress: called with the share of the points that is done.
     """
     spread, on_face, counted = _points(designs, gain)
     grey = np.repeat(np.linspace(0.0, 1.0, GREY_POINTS)[:, None], 3, axis=1)
@@ -142,6 +142,7 @@ def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, Mask, Arra
 
     Where a gain clips its inputs, many of them fall on the upper face.
     """
+    overhang = 0.03  # share of the points beyond either end of an axis, clamped to its face
     size = len(designs[0][0])
     cells = (size - 1) ** 3
     # Four points a cell; above half a million one for each is enough beside its node.
@@ -153,9 +154,9 @@ def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, Mask, Arra
     x = np.empty_like(u)
     for c in range(3):
         beyond = max(1.0 - 1.0 / float(gain[c]), 0.0)
-        above = max(OVERHANG, 0.25 * beyond**0.5)
-        place = u[:, c] * (1 + OVERHANG + above) - OVERHANG
-        upper = max(beyond, OVERHANG) / above / (1.0 - beyond)
+        above = max(overhang, 0.25 * beyond**0.5)
+        place = u[:, c] * (1 + overhang + above) - overhang
+        upper = max(beyond, overhang) / above / (1.0 - beyond)
         counted *= np.where(place > 1, np.sqrt(upper), 1.0)
         on_face[:, c] = (place > 1) | (place < 0)
         for number, design in enumerate(designs):  # in turn: any stretch of a Sobol sequence is even

@@ -46,8 +46,11 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
 
 
 def _ffmpeg_shaper(curve: Curve | None) -> str:
-    """What ffmpeg makes of the curve of a .csp: between two knots it goes as far up as their distance is, and not all
-    the way to the next (5.1.9, by trials; within a code of them)."""
+    """What ffmpeg makes of the curve of a .csp.
+
+    Between two knots it goes as far up as their distance is, and not all the way to the next (5.1.9, by trials; within
+    a code of them).
+    """
     if curve is None:
         return "reads it"
     knots = curve.inputs

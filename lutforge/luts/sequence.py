@@ -11,6 +11,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
+from lutforge.boundary import reading, require_file
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
@@ -223,3 +224,12 @@ def format_of(path: Path) -> FileFormat:
     if known is None:
         raise LutError(f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(_FORMATS)}')
     return known
+
+
+def read_lut(path: str | Path) -> Lut:
+    """Read a LUT file; the suffix says which kind. Raises LutError: file, line, text and cause in one line."""
+    path = Path(path)
+    file_format = format_of(path)
+    require_file(path, "a LUT", LutError, 128 << 20)  # a 129³ cube as text takes about 70 MB
+    with reading(path, f"a {path.suffix.lower()} LUT", LutError):
+        return file_format.read(path, path.read_bytes())

@@ -1,29 +1,116 @@
 """Read a LUT file back and measure how far it is from what it should be.
 
 Through OpenColorIO; formats that it does not read by our own reader and the interpolation that is asked for.
-colour-science reads the same file where it can: two readers that disagree are an error.
+colour-science reads the same file where it can: two readers that disagree are an error. Files are compared at the same
+points every time, of which more lie where the LUT bends.
 """
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import scipy
 
 from lutforge.arrays import Array, Single
 from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.formats import spi
-from lutforge.luts.ops import Cube
+from lutforge.luts.ops import Cube, Matrix
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.programs import OCIO_READS
-from lutforge.luts.read import read_lut
-from lutforge.luts.sample_points import sample_points
-from lutforge.luts.second_reader import disagreement
-from lutforge.luts.sequence import Lut
+from lutforge.luts.sequence import Lut, read_lut
+from lutforge.luts.shaper import node_levels
 from lutforge.model.transform import ColourFunction
+
+SUFFIXES = (".cube", ".csp", ".spi1d", ".spi3d")
+"""What colour-science 0.4 reads; its reader of CLF is a package of its own, which refuses OCIO's namespace."""
+
+
+def second_reading(path: Path, x: Array, method: Interpolation) -> Array | None:
+    """What colour-science makes of colours (n, 3); None where it does not read such files. Raises LutError."""
+    # It reads line by line: a 65³ .cube of 11 MB takes about a second.
+    if path.suffix.lower() not in SUFFIXES or path.stat().st_size > 24 << 20:
+        return None
+    import colour  # imported here: it takes a second
+
+    names = {"trilinear": "table_interpolation_trilinear", "tetrahedral": "table_interpolation_tetrahedral"}
+    interpolator = getattr(colour.algebra, names[method])
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it warns of tables that it converts to its own domain
+            sequence: Any = colour.read_LUT(str(path), method=_method(path))
+            stages = list(sequence) if isinstance(sequence, colour.LUTSequence) else [sequence]
+            y = np.asarray(x, dtype=np.float64)
+            for stage in stages:
+                three = isinstance(stage, colour.LUT3D)
+                y = np.asarray(stage.apply(y, interpolator=interpolator) if three else stage.apply(y))
+    except (ValueError, TypeError, IndexError, KeyError, AttributeError, AssertionError, RuntimeError) as error:
+        raise LutError(f"{path}: colour-science cannot read it: {' '.join(str(error).split())[:200]}") from error
+    return y
+
+
+def disagreement(paths: Sequence[Path], x: Array, first: Array, method: Interpolation) -> float | None:
+    """The largest difference of a channel between the first reader's outputs and colour-science's, on some of `x`.
+
+    paths: a file, or those that are used one after the other. None where colour-science does not read such files.
+    Raises LutError where the two disagree.
+    """
+    some = np.linspace(0, len(x) - 1, min(4096, len(x))).astype(np.int64)
+    second: Array | None = x[some]
+    for path in paths:
+        second = None if second is None else second_reading(path, second, method)
+    if second is None:
+        return None
+    difference = np.abs(second - first[some]).max(axis=1)
+    worst = int(np.argmax(difference))
+    if not difference[worst] <= 1e-3:  # float32 in one of them, and a spline through the knots of a .csp
+        raise LutError(
+            f"{paths[-1]}: OpenColorIO and colour-science read it differently, by {difference[worst]:.2g} at "
+            f"{np.round(x[some][worst], 4).tolist()}: do not trust this file"
+        )
+    return float(difference[worst])
+
+
+def _method(path: Path) -> str | None:
+    """The Resolve reader for a .cube with a shaper; colour-science would guess, by trying one after the other."""
+    if path.suffix.lower() != ".cube":
+        return None
+    with path.open("rb") as file:
+        head = file.read(4096)
+    return "Resolve Cube" if b"LUT_1D_SIZE" in head and b"LUT_3D_SIZE" in head else "Iridas Cube"
+
+
+def sample_points(lut: Lut, count: int = 32768) -> Array:
+    """Points (n, 3) of a LUT's domain, dense where it bends.
+
+    A Sobol sequence, the same squeezed towards the node levels, nodes and both sides of them, the grey axis, and the
+    corners of the cube; behind a matrix of a scene-linear space also what is beyond the domain. `count` (a power of
+    two) is the length of the sequence.
+    """
+    first = lut.ops[0]
+    matrix = first if isinstance(first, Matrix) else Matrix(np.eye(3))
+    low, high = (0.0, 1.0) if lut.shaper is None else (lut.shaper.low, lut.shaper.high)
+    axes = (np.linspace(low, high, 33),) * 3 if lut.cube is None else node_levels(lut.shaper, lut.cube)
+    sequence = scipy.stats.qmc.Sobol(3, scramble=False).random(count)
+    spread = np.stack([np.interp(sequence[:, c], np.linspace(0, 1, len(axes[c])), axes[c]) for c in range(3)], axis=1)
+    nodes = np.stack([axes[c][(sequence[: count // 4, c] * len(axes[c])).astype(np.intp)] for c in range(3)], axis=1)
+    step = (high - low) / 65535
+    bends = np.clip(np.concatenate([spread, nodes, nodes + step, nodes - step]), low, high)
+    grey = np.repeat(np.linspace(0.0, 1.0, 1025)[:, None], 3, axis=1)
+    corners = np.array(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0])).reshape(3, -1).T
+    even = np.concatenate([sequence, grey, corners])
+    back = np.linalg.inv(matrix.matrix)
+    if not matrix.is_diagonal:
+        x = (np.concatenate([low + even * (high - low), bends]) - matrix.offset) @ back.T
+        return np.concatenate([x, 2 * x[::8]])  # and what the camera clips
+    reach = np.maximum((high - matrix.offset) * np.diag(back), 1.0)
+    return np.concatenate([even * reach, (bends - matrix.offset) * np.diag(back)])
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,19 @@ from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.profile_data import PhysicalModel, ProfileData
 from lutforge.model.profile_file import read_profile, save_profile
 from lutforge.model.raw_transfer import RawTransfer
-from lutforge.model.transform import Carry, Clip, Decode, Encode, EncodeRgb, Gain, KeepNeutral, Linear, Stage, Transform
+from lutforge.model.transform import (
+    Carry,
+    Clip,
+    Decode,
+    DecodeRgb,
+    Encode,
+    EncodeRgb,
+    Gain,
+    KeepNeutral,
+    Linear,
+    Stage,
+    Transform,
+)
 from lutforge.model.white_balance import resolve, seen_as, tinted
 from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector
 
@@ -151,8 +163,10 @@ def load_profile(path: str | Path) -> CameraProfile:
 
 
 def _reach(physical: PhysicalModel) -> Array:
-    """(3,) how far another camera's RAW, which stands in for a camera's own, goes for the brightest JPEG values; 1 at
-    least. Its sensor saturates at 1, but this camera may expose brighter."""
+    """Return how far another camera's RAW, which stands in for a camera's own, goes for the brightest codes.
+
+    It is 1 at least: that camera's sensor saturates at 1, but this camera may expose brighter.
+    """
     codes = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, 5)] * 3), axis=-1).reshape(-1, 3)
     brightest = physical.inverse_gamut_map(physical.response.linearize(codes)) @ np.linalg.inv(physical.matrix).T
     return np.asarray(np.maximum(brightest.max(axis=0), 1.0))
@@ -231,8 +245,9 @@ def raw_to_balanced(
 def same_light(
     source_camera: CameraProfile, source: Selector, target_camera: CameraProfile
 ) -> str | Kelvin | Multipliers | None:
-    """The target camera's white balance for the light that the source's setting is for: of the same name, else of the
-    same temperature and tint; None where it knows neither.
+    """Return the target camera's white balance for the light that the source's setting is for.
+
+    It is that of the same name, else of the same temperature and tint; None where the camera knows neither.
     """
     if isinstance(source.white_balance, str) and source.white_balance in target_camera.white_balances:
         return source.white_balance
@@ -245,3 +260,23 @@ def same_light(
     except SettingsError:
         return None
     return light
+
+
+def through_camera(
+    profile: CameraProfile, to: str | Selector, space: str, ev: float = 0.0, model: ModelName | None = None
+) -> Transform:
+    """Take footage in a colour space to the camera's JPEG: y = render(M decode(x)), equation (4.1).
+
+    space: a name of `lutforge.colour.rgb_spaces`, scene-linear (values beyond 1 and below 0 included) or encoded.
+    Linear 1 in all channels saturates the camera at ev 0; ev: exposure in stops. Raises SettingsError on an exposure
+    beyond ±20 stops, an unknown space, or a RAW space, which `CameraProfile.render` takes.
+    """
+    if not -20.0 <= ev <= 20.0:
+        raise SettingsError(f"exposure {ev:g} EV is not within ±20 stops")
+    if space == "raw":
+        raise SettingsError("footage is in a colour space such as acescg or vlog, not raw")
+    encoding = rgb_space(space)
+    decode = () if encoding.is_linear else (DecodeRgb(encoding),)
+    selector = profile.selector(to)
+    from_raw = from_linear_srgb(space) @ profile.raw_to_linear_srgb(selector)
+    return Transform((*decode, Linear(2.0**ev * np.linalg.inv(from_raw)), *profile.render(selector, model).stages))

@@ -1,5 +1,6 @@
-"""EMoR, the empirical model of camera responses: f⁻¹ = g0 + Σ ξ_n h_n (Grossberg & Nayar, "Modeling the space of
-camera response functions", PAMI 26(10), 2004).
+"""EMoR, the empirical model of camera responses: f⁻¹ = g0 + Σ ξ_n h_n.
+
+Grossberg & Nayar, "Modeling the space of camera response functions", PAMI 26(10), 2004.
 
 The numbers are those of `invemor.txt`, published by the authors (Columbia University, CAVE): the mean inverse response
 and the first 15 of its 25 basis curves, at 1024 evenly spaced encoded values, rounded to float32. All basis curves are
@@ -40,6 +41,11 @@ def inverse_emor(count: int = 15) -> ResponseBasis:
     mean[0], mean[-1] = 0.0, 1.0
     curves[:, [0, -1]] = 0.0
     return ResponseBasis(mean, curves[:count])
+
+
+def mean_response(linear: Array) -> Array:
+    """The mean of EMoR's 201 responses at linear values (n,)."""
+    return np.interp(linear, inverse_emor().mean, np.linspace(0.0, 1.0, 1024))
 
 
 @cache

@@ -46,12 +46,29 @@ class PictureStyle:
         """Raise ProfileError where a coverage or an expected error is not that of its lattice."""
         told = [("coverage", *each) for each in self.coverage.items()]
         for what, direction, values in (*told, *(("expected error", *each) for each in self.expected.items())):
-            lattice: Lattice | None = {"render": self.render, "linearize": self.linearize}.get(direction)
+            lattice = self.lattices.get(direction)
             if lattice is None or values.shape != lattice.size:
                 shape = "no lattice" if lattice is None else f"a lattice of {lattice.size} nodes"
                 raise ProfileError(f"{what} of shape {values.shape} for {shape} ({direction})")
             if not np.all(np.isfinite(values)) or values.min() < 0:
                 raise ProfileError(f"the {what} ({direction}) holds a value that is negative or not finite")
+
+    @property
+    def lattices(self) -> dict[str, Lattice]:
+        """The lattices that there are, by direction: "render", "linearize"."""
+        both = {"render": self.render, "linearize": self.linearize}
+        return {direction: lattice for direction, lattice in both.items() if lattice is not None}
+
+    def tones(self, linear: Array) -> Array:
+        """f at linear values (n,), per channel (n, 3).
+
+        A style without a physical model has the grey axis of its lattice, which is f where h leaves grey alone; one
+        without either has NaN.
+        """
+        grey = np.repeat(linear[:, None], 3, axis=1)
+        if self.physical:
+            return self.physical[0].response.encode(grey)
+        return np.full_like(grey, np.nan) if self.render is None else self.render(grey)
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,15 +64,14 @@ def save_profile(profile: ProfileData, path: str | Path) -> None:
 
 def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -> dict[str, Any]:
     result: dict[str, Any] = {"errors": {name: float(value) for name, value in style.errors.items()}, "physical": []}
-    for direction, lattice in (("render", style.render), ("linearize", style.linearize)):
-        if lattice is not None:
-            result[direction] = _lattice_to_json(lattice, f"{prefix}_{direction}", arrays)
-            if direction in style.coverage:
-                result[direction]["coverage"] = f"{prefix}_{direction}_coverage"
-                arrays[f"{prefix}_{direction}_coverage"] = style.coverage[direction]
-            if direction in style.expected:
-                result[direction]["expected"] = f"{prefix}_{direction}_expected"
-                arrays[f"{prefix}_{direction}_expected"] = style.expected[direction].round(5)
+    for direction, lattice in style.lattices.items():
+        result[direction] = _lattice_to_json(lattice, f"{prefix}_{direction}", arrays)
+        if direction in style.coverage:
+            result[direction]["coverage"] = f"{prefix}_{direction}_coverage"
+            arrays[f"{prefix}_{direction}_coverage"] = style.coverage[direction]
+        if direction in style.expected:
+            result[direction]["expected"] = f"{prefix}_{direction}_expected"
+            arrays[f"{prefix}_{direction}_expected"] = style.expected[direction].round(5)
     for index, model in enumerate(style.physical):
         base = f"{prefix}_physical{index}"
         maps = {"gamut_map": model.gamut_map, "inverse_gamut_map": model.inverse_gamut_map}
@@ -114,6 +113,8 @@ def read_profile(path: str | Path) -> ProfileData:
     path = Path(path)
     if not path.is_file():
         raise ProfileError(f"{path}: no such profile; make one with `lutforge calibrate … -o {path.name}`")
+    if not zipfile.is_zipfile(path):
+        raise ProfileError(f"{path}: not a LutForge profile, which is a zip file")
     with reading(path, "a LutForge profile", ProfileError), zipfile.ZipFile(path) as archive:
         document = _read_document(archive)
         options = document.get("options", {})

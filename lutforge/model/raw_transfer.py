@@ -30,9 +30,11 @@ OPPONENT = np.array([[1.0, -0.5, -0.5], [0.0, np.sqrt(0.75), -np.sqrt(0.75)]])
 
 @dataclass(frozen=True, eq=False)
 class HueWedges:
-    """Wedges around the neutral axis. neutral: (3,) source RAW of a white; hues: (K,) angles in radians, increasing
-    within one turn, of the edges between wedges, after white balance by `neutral`; images: (K + 1, 3) the target RAW of
-    the neutral, then of a unit step along each edge.
+    """Wedges around the neutral axis.
+
+    neutral: (3,) source RAW of a white; hues: (K,) angles in radians, increasing within one turn, of the edges between
+    wedges, after white balance by `neutral`; images: (K + 1, 3) the target RAW of the neutral, then of a unit step
+    along each edge.
 
     Raises ProfileError where a wedge is wider than half a turn.
     """
@@ -70,8 +72,9 @@ class HueWedges:
 
 
 def root_terms(balanced: Array) -> Array:
-    """(n, 6) of white-balanced RAW (n, 3): r, g, b, √rg, √gb, √rb; the roots of negative values, which noise makes, are
-    0.
+    """Return r, g, b, √rg, √gb and √rb (n, 6) of white-balanced RAW (n, 3).
+
+    The roots of negative values, which noise makes, are 0.
     """
     r, g, b = np.sqrt(np.maximum(balanced, 0.0)).T
     return np.column_stack([balanced, r * g, g * b, r * b])
@@ -79,8 +82,9 @@ def root_terms(balanced: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RawTransfer:
-    """RAW of `source` → RAW of `target`, both before white balance. matrix: Tc (3, 3); wedges, or roots (6, 3) of
-    `root_terms`: instead, where fitted.
+    """RAW of `source` → RAW of `target`, both before white balance.
+
+    matrix: Tc (3, 3); wedges, or roots (6, 3) of `root_terms`: instead, where fitted.
 
     neutral: (3,) the source's RAW of a white under the light of the fit, where known. error: root mean square of the
     pairs that the fit had not seen, relative to their norm.

@@ -22,8 +22,9 @@ ColourFunction = Callable[[ArrayLike], Array]
 
 
 def checked_colours(x: ArrayLike) -> Array:
-    """Colours (…, 3) as float64. Raises ImageError on another shape, and on integers, whose scale is unknown: but not
-    on lists of 0 and 1.
+    """Colours (…, 3) as float64.
+
+    Raises ImageError on another shape, and on integers, whose scale is unknown: but not on lists of 0 and 1.
     """
     try:
         values = np.asarray(x)
@@ -142,7 +143,7 @@ class KeepNeutral:
         return self.kept(x, through_stages(self.stages, x))
 
     def kept(self, encoded: Array, balanced: Array) -> Array:
-        """The same, of encoded colours (…, 3) that are through the stages already."""
+        """Keep neutrals of encoded colours (…, 3) that are through the stages already."""
         return neutral_where_clipped(encoded, balanced, self.white, self.to_linear)
 
 
@@ -182,7 +183,7 @@ class Transform:
         return first.factors if isinstance(first, Gain) else np.ones(3)
 
     def without_gain(self) -> "Transform":
-        """The same behind its white balance."""
+        """Return the transform behind its white balance."""
         return Transform(self.stages[1:]) if self.stages and isinstance(self.stages[0], Gain) else self
 
     def highest(self) -> float:

@@ -33,9 +33,11 @@ NAMED_KELVIN = {
 
 @dataclass(frozen=True)
 class WhiteBalance:
-    """multipliers: r, g, b with g = 1; kelvin: correlated colour temperature where known; spread: for a setting that
-    the camera changes from shot to shot (auto), the largest relative departure of a shot from these multipliers; gain:
-    what this setting multiplies all channels by, beside the camera's others (the third number of Tw).
+    """The multipliers of one white balance, and what is known of it.
+
+    multipliers: r, g, b with g = 1; kelvin: correlated colour temperature where known; spread: for a setting that the
+    camera changes from shot to shot (auto), the largest relative departure of a shot from these multipliers; gain: what
+    this setting multiplies all channels by, beside the camera's others (the third number of Tw).
 
     Raises ProfileError on multipliers that are not positive numbers with green = 1 or that no camera sets, and on a
     temperature or spread that is none.
@@ -108,8 +110,9 @@ def seen_as(multipliers: Array, known: Mapping[str, WhiteBalance], matrix: Array
 
 
 def temperature_range(known: Mapping[str, WhiteBalance]) -> tuple[float, float]:
-    """The lowest and highest temperature in kelvin that a selector may ask for. Raises SettingsError where there are
-    not two settings to interpolate between.
+    """The lowest and highest temperature in kelvin that a selector may ask for.
+
+    Raises SettingsError where there are not two settings to interpolate between.
     """
     mireds = [1e6 / kelvin for kelvin, _ in _on_the_locus(known)]
     if len(set(mireds)) < 2:
@@ -122,8 +125,9 @@ def temperature_range(known: Mapping[str, WhiteBalance]) -> tuple[float, float]:
 
 
 def _at_temperature(kelvin: float, tint: float, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
-    """What the matrix makes of the light of that temperature, times what the camera's own settings depart from that:
-    the departures' logarithms are interpolated in reciprocal temperature (mired), and kept beyond the outermost.
+    """Return what the matrix makes of that light, times what the camera's own settings depart from that.
+
+    The departures' logarithms are interpolated in reciprocal temperature (mired), and kept beyond the outermost.
     """
     low, high = temperature_range(known)
     if not low - 1e-6 <= kelvin <= high + 1e-6:
@@ -143,8 +147,9 @@ def _at_temperature(kelvin: float, tint: float, known: Mapping[str, WhiteBalance
 
 
 def _on_the_locus(known: Mapping[str, WhiteBalance]) -> list[tuple[float, Array]]:
-    """Temperature and Tw of the settings for natural light; fluorescent lamps lie beside it, and count only
-    where there is nothing else.
+    """Return temperature and Tw of the settings for natural light.
+
+    Fluorescent lamps lie beside its locus, and count only where there is nothing else.
     """
     points = {name: (balance.kelvin, balance.factors) for name, balance in known.items() if balance.kelvin}
     natural = [point for name, point in points.items() if "fluorescent" not in name]

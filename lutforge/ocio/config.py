@@ -1,5 +1,6 @@
 """An OpenColorIO config whose colour spaces, views and looks are cameras."""
 
+import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,7 +12,6 @@ from lutforge.inverse.linearization import InverseOptions
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.ocio.archive import write_archive
 from lutforge.ocio.base_config import LUT_FOLDER, add_displays, base_config
 from lutforge.ocio.cameras import Camera, name_cameras
 from lutforge.ocio.file_rules import camera_rules, put_first
@@ -19,10 +19,27 @@ from lutforge.ocio.looks import REFINISH, add_looks
 from lutforge.ocio.lut_files import write_compact
 from lutforge.ocio.merge import BaseConfig, merged, open_base
 from lutforge.ocio.names import UniqueNames, config_names
-from lutforge.ocio.renderings import Progress, Rendering, baked, renderings
-from lutforge.ocio.spaces import add_contextual, add_jpegs, add_raw, any_names, default_balances
+from lutforge.ocio.renderings import Rendering, baked, renderings
+from lutforge.ocio.spaces import add_contextual, add_jpegs, add_raw, add_views, any_names, default_balances
 from lutforge.ocio.versions import DEFAULT_VERSION, OLDEST
-from lutforge.ocio.views import add_views
+from lutforge.progress import Progress, silent
+
+
+def write_archive(folder: Path, target: Path) -> Path:
+    """Pack a config's folder (config.ocio and all below) into an .ocioz archive, atomically."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    files.sort(key=lambda path: path.name != "config.ocio")  # readers look for it first
+    with (
+        atomic_path(target) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive,
+    ):
+        for path in files:
+            entry = zipfile.ZipInfo(path.relative_to(folder).as_posix())  # without a clock time
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, path.read_bytes(), compresslevel=9)
+    return target
+
 
 ARCHIVE_SUFFIX = ".ocioz"
 CONFIG_NAME = "config.ocio"
@@ -66,7 +83,7 @@ def write_config(
     merge: str | Path | None = None,
     replace: bool = False,
     inverse: InverseOptions | None = None,
-    progress: Progress = lambda what, share: None,
+    progress: Progress = silent,
 ) -> Path:
     """Write a config and its LUTs, to a folder (config.ocio, luts/) or to one archive (.ocioz).
 

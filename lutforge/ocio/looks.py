@@ -40,7 +40,7 @@ def add_looks(
 
 
 def _add_white_balances(config: OCIO.Config, camera: Camera, looks: UniqueNames) -> None:
-    """From each white balance to each other, in RAW: exact, and the same for all styles."""
+    """Add looks from each white balance to each other, in RAW: exact, and the same for all styles."""
     for source, target in permutations(camera.profile.white_balances, 2):
         ratio = camera.gain(target) / camera.gain(source)
         config.addLook(
@@ -54,7 +54,7 @@ def _add_white_balances(config: OCIO.Config, camera: Camera, looks: UniqueNames)
 
 
 def _add_styles(config: OCIO.Config, camera: Camera, styles: Sequence[str], looks: UniqueNames) -> None:
-    """From each style to each other, under the white balance that the context variable names."""
+    """Add looks from each style to each other, under the white balance that the context variable names."""
 
     def settings(style: str) -> str:
         return space_name(camera.name, camera.styles[style], f"${{{BALANCE_VAR}}}")

@@ -17,8 +17,7 @@ from lutforge.luts.formats.text import write_text
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels, shaper
-from lutforge.model.lattice import grid
-from lutforge.model.node_levels import snap_levels
+from lutforge.model.lattice import grid, snap_levels
 
 CURVE_SIZE = 4096
 """Entries of a curve or shaper in the files of a config."""

@@ -7,15 +7,15 @@ from collections.abc import Iterable
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-PART_LENGTH = 64
-"""Most characters of a camera's, style's or white balance's name: three of them must fit a menu and a file name."""
-STEM_LENGTH = 100
 _SIGNS = " ._()-"
 
 
 def part_name(text: str, fallback: str = "unnamed") -> str:
-    """One part of a name: letters and digits of any script, Latin ones without accents, and the signs . _ ( ) -."""
-    return _cleaned(text)[:PART_LENGTH].rstrip() or fallback
+    """One part of a name: letters and digits of any script, Latin ones without accents, and the signs . _ ( ) -.
+
+    It has at most 64 characters: three of them must fit a menu and a file name.
+    """
+    return _cleaned(text)[:64].rstrip() or fallback
 
 
 def _cleaned(text: str) -> str:
@@ -42,10 +42,10 @@ def file_stem(*parts: str) -> str:
     text = _cleaned(" ".join(parts)).lower()
     ascii_only = "".join(sign if sign.isascii() else f"u{ord(sign):x}" for sign in text)
     stem = re.sub(r"[^a-z0-9]+", "_", ascii_only).strip("_") or "lut"
-    if len(stem) <= STEM_LENGTH:
+    if len(stem) <= 100:
         return stem
     digest = hashlib.sha256(stem.encode()).hexdigest()[:8]
-    return f"{stem[: STEM_LENGTH - 9].rstrip('_')}_{digest}"
+    return f"{stem[:91].rstrip('_')}_{digest}"
 
 
 class UniqueNames:

@@ -3,7 +3,7 @@
 White balance is a matrix in front of the LUTs or behind them.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,8 +21,6 @@ from lutforge.ocio.cameras import Camera
 from lutforge.ocio.lut_files import compact
 from lutforge.ocio.names import UniqueNames, file_stem
 from lutforge.settings import Selector
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +116,7 @@ def baked(rendering: Rendering, options: InverseOptions | None = None) -> BakedR
 
 
 def _error(lut: Lut, transform: Transform, made_by: Transform | None = None) -> str:
-    """Of a LUT against its transform: RGB norm, rounded up.
+    """Measure a LUT against its transform: RGB norm, rounded up.
 
     max: over its whole input, the rim and the darks, and over the colours that another transform makes of these; mean:
     the largest of those over each, over what is evenly spread of it, and over what is not clipped of that, where any

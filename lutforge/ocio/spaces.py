@@ -137,8 +137,10 @@ def any_names(base: OCIO.Config | None) -> tuple[str, str]:
 
 
 def add_contextual(config: OCIO.Config, cameras: Sequence[Camera], any_camera: tuple[str, str]) -> None:
-    """Colour spaces whose settings are context variables: per style its white balance, and two for any camera, as shot
-    and as wanted, with these names."""
+    """Add colour spaces whose settings are context variables.
+
+    There is one per style for its white balance, and two for any camera, as shot and as wanted, with these names.
+    """
     first = cameras[0]
     style = next(iter(first.styles.values()))
     for variable, value in (
@@ -174,3 +176,41 @@ def _add_named(config: OCIO.Config, name: str, settings: str, family: str, descr
             toReference=OCIO.ColorSpaceTransform(src=settings, dst=OCIO.ROLE_INTERCHANGE_SCENE),
         )
     )
+
+
+def add_views(
+    config: OCIO.Config, renderings: Sequence[Rendering], defaults: dict[tuple[str, str], str], views: UniqueNames
+) -> tuple[str, ...]:
+    """A view transform and a shared view for each style of each camera. Returns their names. views: names taken.
+
+    The camera's JPEG is sRGB: it is taken to CIE XYZ, and from there to each display by OpenColorIO's own spaces.
+    """
+    added = []
+    for rendering in renderings:
+        camera, style = rendering.camera, rendering.style
+        balance = defaults[camera.name, style]
+        if rendering.render is None or balance not in rendering.white_balances:
+            continue
+        name = views(space_name(camera.name, camera.styles[style]))
+        to_display = OCIO.GroupTransform([reference_to_jpeg(rendering, balance), _srgb(OCIO.TRANSFORM_DIR_INVERSE)])
+        properties = {}
+        if rendering.linearize is not None:
+            back = OCIO.GroupTransform([_srgb(OCIO.TRANSFORM_DIR_FORWARD), jpeg_to_reference(rendering, balance)])
+            properties["toReference"] = back
+        config.addViewTransform(
+            OCIO.ViewTransform(
+                referenceSpace=OCIO.REFERENCE_SPACE_SCENE,
+                name=name,
+                family=camera.family,
+                description=f"As the {camera.profile.camera} renders: picture style {style}, white balance {balance}",
+                fromReference=to_display,
+                **properties,
+            )
+        )
+        config.addSharedView(name, name, OCIO.OCIO_VIEW_USE_DISPLAY_NAME, "", "", "")
+        added.append(name)
+    return tuple(added)
+
+
+def _srgb(direction: OCIO.TransformDirection) -> OCIO.BuiltinTransform:
+    return OCIO.BuiltinTransform("DISPLAY - CIE-XYZ-D65_to_sRGB", direction)

@@ -21,8 +21,7 @@ from lutforge.luts.verify import FileError, compare, verify
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.evaluation import as_profile
 from lutforge.pipeline.kits import look_of
-from lutforge.pipeline.options import one_of
-from lutforge.pipeline.outputs import check_output
+from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.pipeline.transforms import Chosen, Wanted, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
 

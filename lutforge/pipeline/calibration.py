@@ -15,7 +15,7 @@ from lutforge.evaluation.learning_curve import LearningCurve, learning_curve
 from lutforge.evaluation.size_search import smallest_size as find_smallest_size
 from lutforge.interpolation import Interpolation
 from lutforge.model.camera_profile import CameraProfile, ModelName
-from lutforge.pipeline.options import Paths
+from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.sampling import as_samples
 from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names

@@ -6,13 +6,13 @@ from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.developers.darktable import Darktable
 from lutforge.developers.developer import Developer, develop, program_version, read_developed
 from lutforge.developers.rawtherapee import RawTherapee
-from lutforge.errors import LutForgeError, SettingsError, ShotError
+from lutforge.errors import SettingsError, ShotError
 from lutforge.images.development import Development
-from lutforge.pipeline.sampling import LeftSide, Sampled
+from lutforge.pipeline.sampling import LeftSide, Sampled, sample_each
 from lutforge.progress import Progress, silent
-from lutforge.samples.extract import ShotSamples, extract
-from lutforge.samples.sample_set import concatenate
 from lutforge.shots.pair import read_pair
+from lutforge.shots.shot import Shot
+from lutforge.threads import cores
 
 DEVELOPERS: dict[str, Developer] = {developer.name: developer for developer in (Darktable(), RawTherapee())}
 """Programs that `--developer` runs."""
@@ -72,21 +72,12 @@ def sample_pairs(
     stems = sorted(first.keys() & second.keys())
     if not stems:
         raise ShotError(f"{from_folder}, {to_folder}: no picture of one has the name of a picture of the other")
-    accounts: list[ShotSamples] = []
-    left_out: list[str] = []
-    for index, stem in enumerate(stems):
-        progress(stem, index / len(stems))
-        try:
-            accounts.append(extract(read_pair(second[stem], read_developed(first[stem], space))))
-        except LutForgeError as error:
-            if len(stems) == 1:
-                raise
-            left_out.append(str(error))
-    progress("done", 1.0)
-    kept = [account.samples for account in accounts if account.kept]
-    if not kept:
-        raise ShotError("no usable pair: " + "; ".join([*left_out, *(account.summary for account in accounts)]))
-    return Sampled(concatenate(kept), tuple(accounts), tuple(left_out), {stem: first[stem] for stem in stems})
+    files = {stem: first[stem] for stem in stems}
+
+    def read(stem: str, file: Path) -> Shot:
+        return read_pair(second[stem], read_developed(file, space))
+
+    return sample_each(files, read, progress, cores())
 
 
 def _pictures(folder: Path) -> dict[str, Path]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from lutforge.evaluation.evaluate import evaluate as evaluate_profile
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.pipeline.options import Paths
+from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.sampling import as_samples
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names

@@ -15,8 +15,7 @@ from lutforge.apply.inputs import Inputs, find_inputs
 from lutforge.atomic_write import removed_if_empty
 from lutforge.errors import ImageError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
-from lutforge.pipeline.options import Paths, one_of, several
-from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, one_of, several
 
 
 @dataclass(frozen=True)

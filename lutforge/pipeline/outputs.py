@@ -1,10 +1,11 @@
-"""What may be written where: asked before the work, by every step that writes."""
+"""Options that several use cases take, and what may be written where: asked before the work."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from lutforge.atomic_write import require_writable
-from lutforge.errors import LutForgeError
+from lutforge.errors import LutForgeError, SettingsError
 
 PROFILE_SUFFIXES = (".npz",)
 TABLE_SUFFIXES = (".csv", ".parquet")
@@ -25,3 +26,22 @@ def check_output(output: str | Path, suffixes: Sequence[str] = (), inputs: Itera
         if path.resolve() == source.resolve() or (path.exists() and source.exists() and path.samefile(source)):
             raise LutForgeError(f"{path}: the output would replace an input; name another file")
     return path
+
+
+Word = TypeVar("Word", bound=str)
+
+
+def one_of(kind: str, word: str, choices: Iterable[Word]) -> Word:
+    """Return the choice that a word names, whatever its case. Raises SettingsError, which lists the choices."""
+    known = {choice.lower(): choice for choice in choices}
+    if word.strip().lower() not in known:
+        raise SettingsError(f'unknown {kind} "{word}"; choose {", ".join(known.values())}')
+    return known[word.strip().lower()]
+
+
+Paths = str | Path | Sequence[str | Path]
+
+
+def several(paths: Paths) -> Sequence[str | Path]:
+    """Return one path as a list of one, several as they are."""
+    return [paths] if isinstance(paths, str | Path) else paths

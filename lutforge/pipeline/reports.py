@@ -7,8 +7,7 @@ from pathlib import Path
 
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.evaluation import as_profile
-from lutforge.pipeline.options import Paths
-from lutforge.pipeline.outputs import check_output
+from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sampling import Sampled, gather_samples
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.report.compare import build_comparison

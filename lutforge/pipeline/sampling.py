@@ -9,14 +9,14 @@ from pathlib import Path
 
 from lutforge.errors import LutForgeError, SampleError, ShotError
 from lutforge.images.development import Development
-from lutforge.pipeline.options import Paths, several
-from lutforge.pipeline.outputs import TABLE_SUFFIXES
+from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import ShotSamples, extract
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples
 from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
+from lutforge.shots.shot import Shot
 from lutforge.threads import cores
 
 LeftSide = Callable[[Path], Development]
@@ -58,34 +58,49 @@ def sample_shots(paths: Paths, progress: Progress = silent, left: LeftSide | Non
     stems = [file.stem for file in files]
     # The whole path where two files share a stem.
     names = [stem if stems.count(stem) == 1 else str(file) for file, stem in zip(files, stems, strict=True)]
+
+    def read(name: str, file: Path) -> Shot:
+        return replace(read_shot(file, None if left is None else left(file)), name=name)
+
+    # Decoding and registration run outside Python's lock; programs that develop use all cores by themselves.
+    threads = cores() if left is None else 1
+    return sample_each(dict(zip(names, files, strict=True)), read, progress, threads)
+
+
+def sample_each(
+    files: Mapping[str, Path], read: Callable[[str, Path], Shot], progress: Progress, threads: int
+) -> Sampled:
+    """Sample the shots that `read` makes of names and files; one that cannot be used is left out, with its reason.
+
+    Raises ShotError where no shot is left, and what is wrong with an only one.
+    """
     accounts: list[ShotSamples] = []
     left_out: list[str] = []
 
-    def sampled(file: Path, name: str) -> ShotSamples | LutForgeError:
+    def sampled(name: str, file: Path) -> ShotSamples | LutForgeError:
         try:
-            development = None if left is None else left(file)
-            return extract(replace(read_shot(file, development), name=name))
+            return extract(read(name, file))
         except LutForgeError as error:
             return error
 
-    # Decoding and registration run outside Python's lock; programs that develop use all cores by themselves.
-    progress(files[0].name, 0.0)
-    with ThreadPoolExecutor(cores() if left is None else 1) as pool:
+    progress(next(iter(files.values())).name, 0.0)
+    with ThreadPoolExecutor(threads) as pool:
         try:
-            for index, (file, found) in enumerate(zip(files, pool.map(sampled, files, names), strict=True), 1):
-                if isinstance(found, ShotSamples):
-                    accounts.append(found)
+            found = pool.map(sampled, files, files.values())
+            for index, (file, shot) in enumerate(zip(files.values(), found, strict=True), 1):
+                if isinstance(shot, ShotSamples):
+                    accounts.append(shot)
                 elif len(files) == 1:
-                    raise found
+                    raise shot
                 else:
-                    left_out.append(str(found))
+                    left_out.append(str(shot))
                 progress(file.name, index / len(files))
         finally:
             pool.shutdown(cancel_futures=True)
     kept = [account.samples for account in accounts if account.kept]
     if not kept:
         raise ShotError("no usable shot: " + "; ".join([*left_out, *(account.summary for account in accounts)]))
-    return Sampled(concatenate(kept), tuple(accounts), tuple(left_out), dict(zip(names, files, strict=True)))
+    return Sampled(concatenate(kept), tuple(accounts), tuple(left_out), files)
 
 
 def gather_samples(

@@ -13,7 +13,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
 from lutforge.model.shot_tone import ShotTone
 from lutforge.pipeline.evaluation import as_profile
-from lutforge.pipeline.options import Paths
+from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import with_setting_names

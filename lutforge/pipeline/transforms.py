@@ -8,13 +8,12 @@ from pathlib import Path
 
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import SettingsError
-from lutforge.model.camera_profile import MODELS, CameraProfile, match
+from lutforge.model.camera_profile import MODELS, CameraProfile, match, through_camera
 from lutforge.model.raw_transfer import chained, load_transfer
 from lutforge.model.response_profile import is_response_alone
-from lutforge.model.scene_render import through_camera
 from lutforge.model.transform import Transform
 from lutforge.pipeline.evaluation import as_profile
-from lutforge.pipeline.options import one_of
+from lutforge.pipeline.outputs import one_of
 
 KINDS = ("render", "linearize", "refinish", "match")
 

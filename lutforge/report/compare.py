@@ -7,10 +7,9 @@ from scipy.optimize import brentq
 from lutforge.arrays import Array
 from lutforge.colour.colour_difference import delta_e_2000, srgb_to_lab
 from lutforge.colour.srgb import srgb_encode
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.scene_render import through_camera
+from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.transform import Transform
-from lutforge.report.drawing import MAP
+from lutforge.report.figures import MAP
 from lutforge.report.page import Picture, Report, Section, Table
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.scenes import still_life

@@ -1,4 +1,4 @@
-"""The errors of a report: tables, boxes, colours that are predicted badly, and maps of real shots."""
+"""The blocks of a report: errors, maps of real shots, samples, settings, and the models of a style."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -7,15 +7,35 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.calibration.lattice.base import fit_base
+from lutforge.calibration.options import options_from_json
+from lutforge.calibration.physical.brightness_transfer import judge, transfer_functions
+from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
+from lutforge.calibration.style_data import StyleData
+from lutforge.calibration.style_fit import uniform_lattice_errors
+from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
 from lutforge.evaluation.expected_error import by_distance, held_out_errors
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE
+from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.evaluation.refinish_errors import RefinishError
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.coverage import linearizing_error
 from lutforge.model.falloff import Falloff
+from lutforge.model.profile_data import PictureStyle
 from lutforge.report.error_maps import error_maps, error_maps_figure
-from lutforge.report.error_table_figure import error_boxes
-from lutforge.report.page import Block, Picture, Table, Text
-from lutforge.report.sample_figures import error_by_colour_figure
+from lutforge.report.figures import (
+    brightness_transfer_figure,
+    chromaticity_figure,
+    error_boxes,
+    error_by_colour_figure,
+    response_figure,
+)
+from lutforge.report.gamut_slices import gamut_figure
+from lutforge.report.lattice_figures import lattice_figure, levels_on_errors, plane_destinations
+from lutforge.report.page import Block, Picture, Points, Table, Text
+from lutforge.report.sheets import DIRECTIONS
+from lutforge.samples.extract import ShotSamples
+from lutforge.samples.sample_set import SampleSet
 from lutforge.settings import setting_name
 from lutforge.shots.read import read_shot
 
@@ -29,6 +49,7 @@ MAPS_TEXT = (
 
 
 def error_tables(own: str, evaluation: Evaluation) -> Iterator[Block]:
+    """Tabulate the errors of both directions, of refinishing, and of exposure pairs."""
     header = ("style", "shot", "method", "n", "mean", "max", "Q1", "median", "Q3", "RMSE", "ΔE00", "max ΔE00")
     for direction, title in TITLES.items():
         rows = [row for row in evaluation.rows if row.direction == direction and row.shot.startswith("all")]
@@ -90,6 +111,7 @@ def _refinish_cells(row: RefinishError) -> tuple[str, ...]:
 
 
 def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Block]:
+    """Draw errors by method, and by colour."""
     for style in dict.fromkeys(row.style for row in evaluation.rows):
         directions = []
         for direction, title in TITLES.items():
@@ -118,7 +140,7 @@ def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Block]:
 def error_map_pictures(
     own: str, evaluation: Evaluation, files: Mapping[str, Path], falloffs: Sequence[Falloff]
 ) -> Iterator[Block]:
-    """Of the best, the middle and the worst shot whose RAW file is at hand; falloffs: of the profile."""
+    """Draw the errors of the best, the middle and the worst shot whose RAW file is at hand; falloffs: the profile's."""
     rows = [row for row in evaluation.rows if row.direction == "render" and row.method == own and row.shot in files]
     rows.sort(key=lambda row: row.figures.mean)
     chosen = {rows[round(index)].shot: rows[round(index)] for index in np.linspace(0, len(rows) - 1, 3) if rows}
@@ -131,3 +153,96 @@ def error_map_pictures(
         held = "not seen by the fits" if maps.held_out else "the fit had seen it"
         caption = f"{name}, {maps.setting}; {held}; mean error of the shot's samples {row.figures.mean:.4f}."
         yield Picture(f"error_map_{setting_name(name)}", error_maps_figure(maps), caption)
+
+
+def sample_blocks(samples: SampleSet, accounts: Sequence[ShotSamples]) -> Iterator[Block]:
+    """Show the samples and the shots that they are from."""
+    yield Picture("samples", chromaticity_figure(samples.srgb), "The JPEG colours of all samples.")
+    by_name = {account.shot: account for account in accounts}
+    rows = []
+    for name, part in samples.by_shot():
+        setting = f"{part.style[0]}/{part.white_balance[0]}"
+        time = part.exposure_s[0]
+        exposure = "–" if not np.isfinite(time) else f"{time:g} s" if time >= 0.3 else f"1/{1 / time:.0f} s"
+        account = by_name.get(name)
+        clipped = "–" if account is None else str(sum(account.clipped.values()))
+        rejected = "–" if account is None else str(sum(account.rejected.values()))
+        rows.append((name, setting, exposure, str(len(part)), clipped, rejected))
+    yield Table("Shots", ("shot", "setting", "exposure", "samples", "areas clipped", "areas rejected"), tuple(rows))
+
+
+def next_shots(data: Mapping[str, StyleData], styles: Mapping[str, PictureStyle]) -> Iterator[Block]:
+    """Say which colours to photograph next."""
+    for name, style in data.items():
+        gaps = colour_gaps(style.encoded, linearizing_error(styles[name]))
+        if gaps:
+            yield Text(f"{name}: of the colours that real surfaces have, these are known least:")
+            yield Points(tuple(str(gap) for gap in gaps))
+        else:
+            yield Text(f"{name}: the samples come near most colours that real surfaces have.")
+
+
+def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
+    """Say whether each style's response is a fixed property of the camera, as pairs of exposures show it."""
+    for name, style in data.items():
+        try:
+            pairs = pairs_of_samples(style.samples)
+            verdict, functions = judge(pairs), transfer_functions(pairs)
+        except CalibrationError:  # no two shots show the same patches at different exposures, or too few
+            continue
+        fixed = "a fixed property of the camera" if verdict.fixed else "not the same in all shots"
+        yield Text(
+            f"{name}: the response is {fixed}. Shots depart from it by up to {255 * verdict.shift:.1f} codes of 255 in "
+            f"the median of their unsaturated colours; {verdict.outliers:.0%} of the colours leave it by more than "
+            "three codes, which the gamut map does to saturated ones."
+        )
+        caption = f"{name}: JPEG values of one exposure against another's, with f(k f⁻¹(I)); crosses leave it."
+        yield Picture(f"brightness_transfer_{name}", brightness_transfer_figure(functions), caption)
+
+
+def setting_tables(profile: CameraProfile) -> Iterator[Block]:
+    """Tabulate the white balances and the matrix."""
+    rows = []
+    for name, balance in profile.white_balances.items():
+        r, _, b = balance.multipliers
+        kelvin = "–" if balance.kelvin is None else f"{balance.kelvin:.0f} K"
+        rows.append((name, f"{r:.4f}", "1", f"{b:.4f}", kelvin, f"{100 * balance.spread:.1f} %"))
+    header = ("name", "red", "green", "blue", "temperature", "spread over shots")
+    yield Table("White balances: what the RAW channels are multiplied by", header, tuple(rows))
+    matrix = tuple(
+        (f"linear {channel}", *(f"{value:+.4f}".replace("-", "−").replace("+", "") for value in row))
+        for channel, row in zip("RGB", profile.matrix, strict=True)
+    )
+    yield Table("Matrix: white-balanced camera RGB → linear sRGB", ("", "camera R", "camera G", "camera B"), matrix)
+
+
+def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data: StyleData | None) -> Iterator[Block]:
+    """Draw the models of a style."""
+    what = "the tone response" if style.physical else "the grey axis of the lattice"
+    yield Picture(f"response_{name}", response_figure(style), f"{name}: {what}, per channel.")
+    maps = {f"{name}, rendering": model.gamut_map for model in style.physical[:1]}
+    if maps:
+        maps[f"{name}, linearizing"] = style.physical[0].inverse_gamut_map
+        text = (
+            "The gamut map at constant luminance Y in linear sRGB: arrows lead from the colour before it to the colour "
+            "after; dots are control points."
+        )
+        yield Picture(f"gamut_map_{name}", gamut_figure(maps), text)
+    for direction, lattice in style.lattices.items():
+        source, target = DIRECTIONS[direction]
+        caption = f"{direction}: nodes lie densely where the function bends; those without samples continue the model."
+        yield Picture(
+            f"lattice_{direction}_{name}",
+            lattice_figure(lattice, style.coverage.get(direction), source, target),
+            caption,
+        )
+        if data is not None:
+            options = options_from_json(profile.options)
+            histograms = uniform_lattice_errors(data, options, inverse=direction == "linearize")
+            caption = f"{direction}: node levels (ticks) follow the error that a uniform lattice makes."
+            yield Picture(f"levels_{direction}_{name}", levels_on_errors(lattice, histograms, source), caption)
+        yield Picture(
+            f"planes_{direction}_{name}",
+            plane_destinations(lattice, target),
+            f"{direction}: where three planes of nodes go.",
+        )

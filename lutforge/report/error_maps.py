@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from lutforge.arrays import Array
 from lutforge.evaluation.held_out import Predictions
 from lutforge.model.falloff import Falloff, falloff_of
-from lutforge.report.drawing import ERROR_SCALE, MAP
+from lutforge.report.figures import ERROR_SCALE, MAP
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
 from lutforge.samples.extract import places_in_picture
 from lutforge.samples.tiles import jpeg_cells
@@ -20,8 +20,11 @@ from lutforge.shots.shot import Shot
 
 @dataclass(frozen=True, eq=False)
 class ErrorMaps:
-    """picture: the camera's JPEG, upright (h, w, 3), encoded; errors: by method the RGB error (h, w), NaN where clipped
-    or outside the RAW; held_out: whether the fits had not seen the shot."""
+    """The errors of one shot, pixel by pixel.
+
+    picture: the camera's JPEG, upright (h, w, 3), encoded; errors: by method the RGB error (h, w), NaN where clipped or
+    outside the RAW; held_out: whether the fits had not seen the shot.
+    """
 
     shot: str
     setting: str

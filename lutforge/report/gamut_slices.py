@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lutforge.arrays import Array
+from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.model.gamut_map import GamutMap
-from lutforge.report.drawing import MAP
+from lutforge.report.figures import MAP
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Of linear sRGB (IEC 61966-2-1)."""
-SLICES = (0.08, 0.25, 0.5)
+LUMINANCE = SRGB_TO_XYZ[1]
+"""Weights of linear sRGB's channels in Y."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +48,9 @@ def gamut_slice(gamut_map: GamutMap, luminance: float, grid: int = 25) -> GamutS
 
 def gamut_figure(maps: dict[str, GamutMap]) -> Figure:
     """A row of slices per style, several styles one below the other."""
-    figure = Figure(figsize=(9, 3.1 * len(maps)), layout="constrained")
-    axes = figure.subplots(len(maps), len(SLICES), squeeze=False)
-    slices = {style: [gamut_slice(gamut_map, level) for level in SLICES] for style, gamut_map in maps.items()}
+    figure, levels = Figure(figsize=(9, 3.1 * len(maps)), layout="constrained"), (0.08, 0.25, 0.5)
+    axes = figure.subplots(len(maps), len(levels), squeeze=False)
+    slices = {style: [gamut_slice(gamut_map, level) for level in levels] for style, gamut_map in maps.items()}
     top = max([0.02, *(float(one.change.max()) for row in slices.values() for one in row if len(one.change))])
     drawn = None
     for row, (style, ones) in zip(axes, slices.items(), strict=True):

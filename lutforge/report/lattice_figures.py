@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from lutforge.arrays import Array
 from lutforge.model.lattice import Lattice
-from lutforge.report.drawing import CHANNELS, MAP
+from lutforge.report.figures import CHANNELS, MAP
 
 
 def draw_levels(axis: Axes, lattice: Lattice, source: str) -> None:

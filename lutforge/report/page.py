@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from lutforge.atomic_write import atomic_path
-from lutforge.report.drawing import save_png, to_svg
+from lutforge.report.figures import save_png, to_svg
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,17 @@ from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.diagnosis import told
 from lutforge.progress import Progress, part, silent
-from lutforge.report.error_blocks import error_map_pictures, error_pictures, error_tables
+from lutforge.report.error_blocks import (
+    error_map_pictures,
+    error_pictures,
+    error_tables,
+    exposure_blocks,
+    next_shots,
+    sample_blocks,
+    setting_tables,
+    style_pictures,
+)
 from lutforge.report.page import Points, Report, Section
-from lutforge.report.profile_blocks import setting_tables, style_pictures
-from lutforge.report.sample_blocks import next_shots, sample_blocks
 from lutforge.report.scene_blocks import falloff_blocks, tone_blocks
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
@@ -57,6 +64,7 @@ def build_report(
             Section("Errors on real shots", tuple(error_map_pictures(own, evaluation, files or {}, profile.falloffs)))
         )
         shown.append(Section("Samples", tuple(sample_blocks(samples, accounts))))
+        shown.append(Section("Exposures", tuple(exposure_blocks(data))))
     progress("models", 0.8)
     models = [
         Section(f"Style {name}", tuple(style_pictures(profile, name, style, data.get(name))))
@@ -80,7 +88,7 @@ def _subtitle(profile: CameraProfile) -> str:
 
 
 def _lead_of_profile(profile: CameraProfile) -> tuple[str, ...]:
-    """From the errors that the profile itself holds."""
+    """Say in short how good a profile is, from the errors that it holds."""
     return tuple(
         _sentence(name, style.errors["render_mean"], style.errors["render_de00_mean"])
         for name, style in profile.styles.items()

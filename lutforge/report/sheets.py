@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from lutforge.arrays import Pixels
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.report.drawing import ERROR_SCALE, MAP, save_png
+from lutforge.report.figures import ERROR_SCALE, MAP, save_png
 from lutforge.report.lattice_figures import draw_coverage, draw_grey_axis, draw_levels
 
 DIRECTIONS = {"render": ("RAW after white balance", "JPEG"), "linearize": ("JPEG", "RAW after white balance")}
@@ -41,10 +41,8 @@ def calibration_sheet(profile: CameraProfile, style: str, path: str | Path) -> N
     chosen = profile.styles[style]
     figure = Figure(figsize=(12, 7), layout="constrained")
     figure.suptitle(f"{profile.camera}, style {style}: above render, below linearize")
-    for row, (direction, (source, target)) in zip(figure.subplots(2, 3), DIRECTIONS.items(), strict=True):
-        lattice = getattr(chosen, direction)
-        if lattice is None:
-            continue
+    for row, (direction, lattice) in zip(figure.subplots(2, 3), chosen.lattices.items(), strict=False):
+        source, target = DIRECTIONS[direction]
         draw_levels(row[0], lattice, source)
         draw_grey_axis(row[1], lattice, source, target)
         draw_coverage(row[2], chosen.coverage.get(direction))

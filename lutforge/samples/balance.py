@@ -1,5 +1,7 @@
-"""Even coverage: at most so many tiles per colour, flat ones from all parts of the picture, so that a sky does not
-outweigh a flower, nor the middle the corners, where a lens gives less light."""
+"""Even coverage: at most so many tiles per colour, flat ones from all parts of the picture.
+
+So a sky does not outweigh a flower, nor the middle the corners, where a lens gives less light.
+"""
 
 import numpy as np
 from numpy.typing import NDArray

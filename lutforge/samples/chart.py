@@ -56,8 +56,11 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """corners: (4, 2) x, y in JPEG pixels, at the outer corners of the dark skin, bluish green, black and
-    white patches' pitch (top left, top right, bottom right, bottom left of the upright chart)."""
+    """A chart that was found in a JPEG.
+
+    corners: (4, 2) x, y in JPEG pixels, at the outer corners of the dark skin, bluish green, black and white patches'
+    pitch (top left, top right, bottom right, bottom left of the upright chart).
+    """
 
     corners: Array
 
@@ -74,8 +77,7 @@ class Chart:
 
 @dataclass(frozen=True, eq=False)
 class ChartSamples:
-    """Patch means of a found chart: JPEG codes (24, 3), RAW (24, 3) (NaN outside the RAW), and what is
-    clipped."""
+    """Patch means of a found chart: JPEG codes (24, 3), RAW (24, 3) (NaN outside the RAW), and what is clipped."""
 
     codes: Array
     raw: Array
@@ -201,8 +203,7 @@ def _jpeg_patches(jpeg: NDArray[np.uint8], chart: Chart) -> tuple[Array, Array]:
 
 
 def _pixels_inside(image: NDArray[np.uint8] | Pixels, corners: Array) -> Array:
-    """(n, 3) pixels whose centres lie in a convex quadrilateral (4, 2) of x, y; none where it leaves the
-    image."""
+    """(n, 3) pixels whose centres lie in a convex quadrilateral (4, 2) of x, y; none where it leaves the image."""
     low, high = np.floor(corners.min(axis=0)).astype(int), np.ceil(corners.max(axis=0)).astype(int) + 1
     if low.min() < 0 or high[0] > image.shape[1] or high[1] > image.shape[0]:
         return np.zeros((0, 3))

@@ -27,6 +27,7 @@ class Clipping:
 
     @property
     def any(self) -> Mask:
+        """Areas that clip for any reason."""
         return self.jpeg_white | self.jpeg_black | self.raw_white | self.raw_black
 
     def counts(self, where: Mask | None = None) -> dict[str, int]:
@@ -46,8 +47,10 @@ class Clipping:
 
 
 def clipping(jpeg: Extremes, raw: Extremes, saturation: Array) -> Clipping:
-    """Which areas hold clipped pixels. saturation: (3,) RAW level of each channel, see
-    `saturation_levels`."""
+    """Which areas hold clipped pixels.
+
+    saturation: (3,) RAW level of each channel, see `saturation_levels`.
+    """
     return Clipping(
         # JPEG compression moves a clipped pixel by a code.
         jpeg_white=_in_any_channel(jpeg.maximum >= 254),

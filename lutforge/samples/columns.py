@@ -32,6 +32,7 @@ MAX_TEXT = 200
 
 
 def column_type(name: str) -> pl.DataType:
+    """Return the type of a column by its name."""
     return pl.Float64() if name in NUMBER_COLUMNS else pl.String()
 
 

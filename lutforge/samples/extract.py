@@ -48,8 +48,7 @@ class ShotSamples:
 
 
 def extract(shot: Shot) -> ShotSamples:
-    """Sample a shot: the patches of a ColorChecker where one is found, and flat tiles that cover its colours
-    evenly.
+    """Sample a shot: the patches of a ColorChecker where one is found, and flat tiles that cover its colours evenly.
 
     A shot that gives nothing has an empty set, and a note that says why. Raises nothing of its own.
     """

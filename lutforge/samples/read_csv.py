@@ -100,6 +100,7 @@ def _csv_records(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def first_csv_problem(path: Path, otherwise: str) -> SampleError:
+    """Return the first problem of a table that polars refused, in words; `otherwise` where none is found."""
     return _scan_csv(path) or SampleError(f"{path}: {otherwise}; save the table as comma-separated UTF-8 text")
 
 

@@ -50,8 +50,11 @@ class JpegCells:
 
 @dataclass(frozen=True, eq=False)
 class Flatness:
-    """(hc, wc) of each cell: level, the index of the first of LEVELS that it meets (len(LEVELS): none), and
-    roughness, its structure as a share of the strict limits."""
+    """What each cell is like, (hc, wc).
+
+    level: the index of the first of LEVELS that it meets (len(LEVELS): none); roughness: its structure as a share of
+    the strict limits.
+    """
 
     level: NDArray[np.intp]
     roughness: Array

@@ -1,5 +1,6 @@
-"""Registration of a camera's JPEG on its RAW: one scale and an offset, found by search, refined below a tenth
-of a pixel.
+"""Registration of a camera's JPEG on its RAW: one scale and an offset.
+
+They are found by search, and refined below a tenth of a pixel.
 
 The two pictures differ by a tone curve and a colour matrix, so what is compared is their local structure:
 luma, gamma-compressed, band-passed, and divided by its local contrast. A coarse search (all plausible scales;
@@ -129,8 +130,10 @@ def _explained(channels: Array, pixel_size: float, jpeg: "_ReducedJpeg", place: 
 
 @dataclass(frozen=True, eq=False)
 class _ReducedJpeg:
-    """The JPEG's codes (h, w, 3) / 255, averaged over factor×factor pixels, and the weight of each pixel (0: clipped,
-    or a black bar)."""
+    """Return the JPEG's codes (h, w, 3) / 255, averaged over factor×factor pixels, and the weight of each pixel.
+
+    The weight is 0 where a pixel is clipped, or in a black bar.
+    """
 
     codes: Array
     weight: Array
@@ -149,7 +152,7 @@ class _ReducedJpeg:
 
 
 def _reduced(raw: RawImage, jpeg: NDArray[np.uint8]) -> _ReducedJpeg:
-    """At most a million pixels, and not finer than the RAW array, whose blocks would be compared otherwise."""
+    """Reduce to at most a million pixels, not finer than the RAW array, whose blocks would be compared otherwise."""
     height, width = jpeg.shape[:2]
     if max(height, width) < MIN_SIDE or min(height, width) < MIN_SIDE // 2:
         raise ShotError(f"only {width}×{height} pixels: a thumbnail, too small to register")
@@ -332,8 +335,10 @@ def _plausible_scales(raw_shape: tuple[int, ...], pixel_size: float, mask: Array
 
 
 def _match(raw_luma: Array, pixel_size: float, pattern: _Pattern, scale: float) -> list[Registration]:
-    """The best offset at one scale by normalised cross-correlation of the masked template, and the best a tenth of the
-    picture or more away from it."""
+    """Return the best offset at one scale, and the best a tenth of the picture or more away from it.
+
+    They are found by normalised cross-correlation of the masked template.
+    """
     (height, width), shape = pattern.template.shape, pattern.shape
     rows = math.ceil(raw_luma.shape[0] * pixel_size / scale)
     columns = math.ceil(raw_luma.shape[1] * pixel_size / scale)
@@ -424,6 +429,5 @@ def _moved(found: Registration, step: Array, height: int, width: int) -> Registr
 
 
 def _unreduced(found: Registration, factor: float) -> Registration:
-    """From coordinates of a JPEG reduced by `factor` to those of the JPEG itself; 1/factor goes the other
-    way."""
+    """Convert from coordinates of a JPEG reduced by `factor` to its own; 1/factor goes the other way."""
     return Registration(found.scale / factor, found.offset_x, found.offset_y, found.correlation)

@@ -18,8 +18,7 @@ REACH = 2.4
 
 @dataclass(frozen=True, eq=False)
 class CellStatistics:
-    """RAW statistics over the areas of cell×cell JPEG pixels: each (hc, wc, 3) float64; NaN where RAW has no
-    pixels.
+    """RAW statistics over the areas of cell×cell JPEG pixels: each (hc, wc, 3) float64; NaN where RAW has no pixels.
 
     Outliers do not count, see `without_outliers`. minimum and maximum are over every RAW pixel that the cell touches,
     but no further from the mean than REACH standard deviations. outliers: the share of each cell that does not count.
@@ -38,8 +37,9 @@ class CellStatistics:
 
 
 def raw_on_jpeg_cells(shot: Shot, cell: int, hot: bool = False) -> CellStatistics:
-    """RAW statistics over the grid of non-overlapping cell×cell blocks of JPEG pixels (a rest at the border
-    is left out).
+    """RAW statistics over the grid of non-overlapping cell×cell blocks of JPEG pixels.
+
+    A rest at the border is left out.
 
     The mean and standard deviation weigh each RAW pixel by the area of it that the cell covers, exactly.
     hot: judge outliers by medians, which takes longer.
@@ -141,8 +141,7 @@ def cell_edges(scale: float, offset: float, count: int, cell: int, pixel_size: f
 
 
 def area_weights(edges: Array, size: int) -> "scipy.sparse.csr_array":
-    """(cells, size) share of each array pixel in the mean over each cell; rows of cells outside are cut off
-    or empty."""
+    """(cells, size) share of each array pixel in the mean over each cell; rows of cells outside are cut or empty."""
     low, high = np.clip(edges[:-1], 0, size), np.clip(edges[1:], 0, size)
     first, last = np.floor(low).astype(int), np.ceil(high).astype(int)
     lengths = np.maximum(0, last - first)

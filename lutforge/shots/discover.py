@@ -23,8 +23,7 @@ MAX_FILES = 100_000
 
 
 def discover(paths: Iterable[Path | str]) -> list[Path]:
-    """RAW files among files and folders, in the order given (inside a folder: by name, subfolders included),
-    once each.
+    """RAW files among files and folders, in the order given (inside a folder: by name, subfolders included), once each.
 
     A JPEG that belongs to a RAW file beside it is left out; any other file named is kept, whatever its
     suffix: reading it decides. Raises ShotError: no such file or folder, or a folder without RAW files.
@@ -42,8 +41,7 @@ def discover(paths: Iterable[Path | str]) -> list[Path]:
 
 
 def jpeg_beside(raw: Path) -> Path | None:
-    """The JPEG of the same stem in the RAW file's folder, whatever the case of its name; None where there is
-    none."""
+    """The JPEG of the same stem in the RAW file's folder, whatever the case of its name; None where there is none."""
     try:
         names = sorted(entry for entry in raw.parent.iterdir() if entry.suffix.lower() in JPEG_SUFFIXES)
     except OSError:

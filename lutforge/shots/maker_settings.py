@@ -38,8 +38,9 @@ def style_of(tags: Tags) -> str | None:
 
 
 def white_balance_of(tags: Tags) -> str | None:
-    """White-balance setting as words, or the temperature that was set ("5200k"), with its shift ("daylight shift+2+0");
-    None where no tag speaks of it.
+    """Return the white-balance setting as words, or the temperature that was set.
+
+    A shift is told, too: "5200k", "daylight shift+2+0". None where no tag speaks of it.
     """
     name = _white_balance_word(tags)
     kelvin = kelvin_of(tags) if name == "kelvin" else None
@@ -94,8 +95,9 @@ def _named_style(tags: Tags) -> str | None:
 
 
 def _exif_tells_style(tags: Tags) -> bool:
-    """True where EXIF's saturation, which repeats a maker's style coarsely, is all that there is: not where a maker's
-    note is of a kind that is not read here, nor where a program dropped it.
+    """Tell whether EXIF's saturation, which repeats a maker's style coarsely, is all that there is.
+
+    It is not where a maker's note is of a kind that is not read here, nor where a program dropped it.
     """
     read = any(group not in ("Image", "Photo", "Iop") for group, _ in tags)
     unread = MAKER_NOTE in tags or str(tags.get(MAKE, "")).lower().startswith(_NAMING_MAKES)

@@ -1,9 +1,8 @@
 """What a RAW file or a picture says of itself: (group, tag) → integers or text. Groups are named as exiv2 names them.
 
 exifread finds and walks the directories (TIFF-like RAW files, JPEG, HEIC, PNG, WebP, JPEG XL); where the makers' notes
-lie in them says data/maker_notes.json. Containers that exifread does not know are opened here: RAF, MRW, CR3, and CRW
-in `ciff`. exiv2 completes the tags where it is installed; exiftool, where it is, is asked for notes that nobody else
-reads.
+lie in them says data/maker_notes.json. Files that exifread does not know are opened by `containers`. exiv2 completes
+the tags where it is installed; exiftool, where it is, is asked for notes that nobody else reads.
 Damaged metadata raise nothing: what cannot be read is not there.
 """
 
@@ -15,7 +14,6 @@ import re
 import shutil
 import struct
 import subprocess
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
@@ -30,7 +28,7 @@ from exifread.tags.fields import FIELD_DEFINITIONS
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
 from lutforge.images.jpeg import SOI, read_header
-from lutforge.shots.ciff import Buffer, is_ciff, read_ciff
+from lutforge.shots.containers import Buffer, Handle, is_ciff, read_ciff, tiff_blocks
 
 Value = str | tuple[int, ...]
 Key = tuple[str, int]
@@ -69,7 +67,7 @@ def tags_of(data: Buffer) -> Tags:
     with contextlib.suppress(ImageError), reading("", "metadata", ImageError):
         if is_ciff(bytes(data[:14])):
             return _ciff_tags(data)
-        for block, group in _blocks(data):
+        for block, group in tiff_blocks(data):
             _Structure(block, found).read(group)
         if bytes(data[:2]) == SOI and (header := read_header(data)) is not None:
             # A JPEG that LutForge graded has its source's EXIF, and tells in a comment what it is now.
@@ -104,27 +102,6 @@ def text_of(raw: bytes) -> str:
     return raw.split(b"\0", 1)[0].decode("latin-1").strip()
 
 
-class _Handle:
-    """A file of bytes in memory for exifread, which reads number by number: few enough and short ones only."""
-
-    def __init__(self, data: Buffer) -> None:
-        self.data, self.at, self.reads = data, 0, 0
-
-    def seek(self, to: int, whence: int = 0) -> None:
-        self.at = to + (self.at if whence == 1 else 0)
-
-    def tell(self) -> int:
-        return self.at
-
-    def read(self, size: int = 0) -> bytes:
-        self.reads += 1
-        if self.at < 0 or self.reads > 100_000:  # a camera's file takes some thousands
-            raise ImageError("metadata that never end")
-        part = bytes(self.data[self.at : self.at + min(size, 1 << 20)])
-        self.at += len(part)
-        return part
-
-
 @dataclass(frozen=True)
 class _Entry:
     """Where a directory entry's value lies in the block."""
@@ -142,7 +119,7 @@ class _Structure:
     handle: Any = field(init=False)
 
     def __post_init__(self) -> None:
-        self.handle = _Handle(self.data)
+        self.handle = Handle(self.data)
 
     def read(self, group: str) -> None:
         """First directory, EXIF directory and maker note (in a DNG file also its private data)."""
@@ -197,8 +174,10 @@ class _Structure:
         return tuple(numbers)
 
     def maker_note(self, order: str, start: int, base: int) -> None:
-        """Read a maker's note at `start` as data/maker_notes.json says; offsets count from `base`, where it says no
-        other."""
+        """Read a maker's note at `start` as data/maker_notes.json says.
+
+        Offsets count from `base`, where it says no other.
+        """
         head = bytes(self.data[start : start + 20])
         make = str(self.tags.get(MAKE, "")).lower()
         for row in maker_table("maker_notes")["notes"]:
@@ -226,8 +205,10 @@ class _Structure:
             return
 
     def private_data(self, order: str, start: int, base: int) -> None:
-        """DNGPrivateData: a maker note as a camera writes it into its own DNG, or as Adobe's converter moved it there:
-        "Adobe", block "MakN", its length, byte order, the note's offset in the old file, the note."""
+        """Read DNGPrivateData: a maker note as a camera wrote it, or as Adobe's converter moved it there.
+
+        Adobe's is "Adobe", block "MakN", its length, byte order, the note's offset in the old file, the note.
+        """
         head = bytes(self.data[start : start + 20])
         if head[:10] == b"Adobe\0MakN" and head[14:16] in (b"II", b"MM"):
             moved = start + 20 - self.number(">", "I", start + 16)
@@ -271,43 +252,6 @@ def _ciff_tags(data: Buffer) -> Tags:
     spread(found, "CanonSi", order, 2, records.get(0x102A, b""))
     spread(found, "CanonCs", order, 2, records.get(0x102D, b""))
     return found
-
-
-def _blocks(data: Buffer) -> Iterator[tuple[Buffer, str]]:
-    """The TIFF structures of a file, with the group of their first directory."""
-    head = bytes(data[:32])
-    if head[:15] == b"FUJIFILMCCD-RAW":  # a whole JPEG in it
-        start, length = struct.unpack_from(">II", data, 84)
-        yield bytes(data[start : start + min(length, 1 << 27)]), "Image"
-    elif head[:4] == b"\0MRM":  # Minolta: blocks of name, length, body; TTW is a TIFF structure
-        position, end = 8, min(len(data), 8 + struct.unpack_from(">I", data, 4)[0])
-        while position + 8 <= end:
-            name, length = struct.unpack_from(">4sI", data, position)
-            if name == b"\0TTW":
-                yield bytes(data[position + 8 : position + 8 + length]), "Image"
-            position += 8 + length
-    elif head[4:12] == b"ftypcrx ":  # Canon CR3: TIFF structures in boxes of moov/uuid
-        groups = {b"CMT1": "Image", b"CMT2": "Photo", b"CMT3": "Canon"}
-        yield from ((body, groups[name]) for name, body in _boxes(data, 0, len(data), 3, [1000]))
-    else:
-        yield data, "Image"
-
-
-def _boxes(data: Buffer, start: int, end: int, depth: int, budget: list[int]) -> Iterator[tuple[bytes, bytes]]:
-    while start + 8 <= end and budget[0] > 0:
-        budget[0] -= 1
-        size, name = struct.unpack_from(">I4s", data, start)
-        body = start + 8
-        if size == 1 and start + 16 <= end:
-            (size,) = struct.unpack_from(">Q", data, start + 8)
-            body = start + 16
-        if size < body - start or start + size > end:
-            break
-        if name in (b"moov", b"uuid") and depth > 0:
-            yield from _boxes(data, body + (16 if name == b"uuid" else 0), start + size, depth - 1, budget)
-        elif name in (b"CMT1", b"CMT2", b"CMT3") and size < 1 << 24:
-            yield name, bytes(data[body : start + size])
-        start += size
 
 
 def _exiv2_tags(path: Path) -> Tags:

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import SettingsError
-from lutforge.simulate.gamut_map import GamutMap
-from lutforge.simulate.response import ToneResponse
+from lutforge.simulate.gamut_map import GamutMap, ToneResponse
 from lutforge.simulate.spectra import (
     chart_reflectances,
     light,

@@ -1,19 +1,66 @@
-"""The simulated camera's colour mapping h: linear sRGB to linear sRGB, smooth and exactly invertible.
+"""The simulated camera's colour mapping h, linear sRGB → linear sRGB, and its response f, linear sRGB → encoded.
 
-A colour p is split into Y = w·p, its signal on the sensor, and the chroma c = p − Y (1, 1, 1). h leaves Y
-alone and turns and scales c: so every slice of equal Y is mapped onto itself, along rays up to a turn, and
-h is one-to-one where its radial curve increases. Low saturations do not move: h(p) = p, as section 4.2.1 of
-the thesis assumes.
+A colour p is split into Y = w·p, its signal on the sensor, and the chroma c = p − Y (1, 1, 1). h leaves Y alone and
+turns and scales c: so every slice of equal Y is mapped onto itself, along rays up to a turn, and h is one-to-one where
+its radial curve increases. Low saturations do not move: h(p) = p, as section 4.2.1 of the thesis assumes. f is one
+film-like curve per channel. Both are smooth and exactly invertible.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
+from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import ProfileError
-from lutforge.simulate.response import invert_increasing
+
+
+@dataclass(frozen=True)
+class ToneResponse:
+    """f(x) = S(srgb(x)): the sRGB curve (IEC 61966-2-1), then a cubic Bézier curve from (0, 0) to (1, 1).
+
+    S(v) = 3 toe v (1 − v)² + 3 shoulder v² (1 − v) + v³: slope 3 toe at black and 3 (1 − shoulder) at
+    white. It increases strictly, f(0) = 0 and f(1) = 1. Raises ProfileError unless 0 < toe ≤ shoulder < 1
+    in each channel.
+    """
+
+    toe: tuple[float, float, float]
+    shoulder: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        if not all(0 < toe <= high < 1 for toe, high in zip(self.toe, self.shoulder, strict=True)):
+            raise ProfileError(f"tone response: not 0 < toe {self.toe} ≤ shoulder {self.shoulder} < 1")
+
+    def __call__(self, linear: ArrayLike) -> Array:
+        """f: linear sRGB (…, 3), clipped to [0, 1] as the camera does, to encoded values in [0, 1]."""
+        clipped = np.clip(linear, 0.0, 1.0)
+        return np.where(clipped < 1, self._curve(srgb_encode(clipped)), 1.0)  # rounding must not hide a clip
+
+    def inverse(self, encoded: ArrayLike) -> Array:
+        """f⁻¹: encoded values (…, 3), clipped to [0, 1], to linear sRGB in [0, 1], to about 1e-12."""
+        target = np.clip(encoded, 0.0, 1.0)
+        return srgb_decode(invert_increasing(self._curve, target, 0.0, 1.0))
+
+    def _curve(self, v: Array) -> Array:
+        toe, shoulder = np.asarray(self.toe), np.asarray(self.shoulder)
+        return np.asarray(v * (3 * toe * (1 - v) ** 2 + v * (3 * shoulder * (1 - v) + v)))
+
+
+def invert_increasing(function: Callable[[Array], Array], target: Array, low: float, high: float) -> Array:
+    """Solve function(x) = target for x in [low, high], elementwise, where the function increases strictly.
+
+    Bisection to float precision: slow but sure. Targets outside the function's range give the nearer end.
+    """
+    a: Array = np.full(target.shape, low)
+    b: Array = np.full(target.shape, high)
+    for _ in range(54):
+        middle = (a + b) / 2
+        below = function(middle) < target
+        a, b = np.where(below, middle, a), np.where(below, b, middle)
+    return a / 2 + b / 2
+
 
 DARKEST = 1e-12
 """Signals below this count as black, so that saturation stays finite."""
@@ -73,8 +120,10 @@ class GamutMap:
         return np.asarray(np.cbrt(np.sqrt((squares * squares * squares).sum(axis=-1))))
 
     def _room(self, level: Array) -> Array:
-        """How far the upper faces are: near white they open by 0.35 Y⁴, so that light, nearly neutral colours need not
-        move. A bright saturated colour may pass 1 there and is clipped by the response, as in a real camera.
+        """Return how far the upper faces are, which open by 0.35 Y⁴ near white.
+
+        So light, nearly neutral colours need not move. A bright saturated colour may pass 1 there and is clipped by the
+        response, as in a real camera.
         """
         return np.asarray(np.maximum(1 - level + 0.35 * level**4, 0.05))
 

@@ -1,10 +1,16 @@
-"""Take a photograph with the simulated camera: a DNG of the noisy mosaic, and the JPEG developed from it."""
+"""Take a photograph with the simulated camera: a DNG of the noisy mosaic, and the JPEG developed from it.
+
+JPEGs have 8 bits and the Exif tags that say how they were made.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
 from zlib import crc32
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813 -- the name that its own documentation uses
 import rawpy
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -14,9 +20,65 @@ from lutforge.errors import ImageError
 from lutforge.model.falloff import Falloff
 from lutforge.simulate.camera import SimulatedCamera
 from lutforge.simulate.dng import LIGHT_SOURCES, write_dng
-from lutforge.simulate.jpeg import ExposureTags, Subsampling, encode_jpeg
 from lutforge.simulate.scene import Scene
 from lutforge.simulate.sensor import capture, demosaic, normalized
+
+Subsampling = Literal["4:4:4", "4:2:2", "4:2:0"]
+
+
+@dataclass(frozen=True)
+class ExposureTags:
+    """What the camera writes about a shot: style and white balance by name, the rest as in Exif."""
+
+    make: str
+    model: str
+    style: str
+    white_balance: str
+    exposure_s: float
+    iso: int
+    f_number: float
+    light_source: int
+    saturation: int
+    orientation: int = 1
+
+
+def encode_jpeg(
+    pixels: NDArray[np.uint8], tags: ExposureTags, quality: int = 95, subsampling: Subsampling = "4:2:2"
+) -> bytes:
+    """A whole JPEG file from encoded sRGB (h, w, 3).
+
+    ImageDescription says "PictureStyle=vivid; WhiteBalance=daylight". Raises ImageError where the encoder
+    fails.
+    """
+    height, width, _ = pixels.shape
+    spec = oiio.ImageSpec(width, height, 3, "uint8")
+    for key, value in {
+        "Compression": f"jpeg:{quality}",
+        "jpeg:subsampling": subsampling,
+        "oiio:ColorSpace": "sRGB",
+        "Make": tags.make,
+        "Model": tags.model,
+        "Orientation": tags.orientation,
+        "ImageDescription": f"PictureStyle={tags.style}; WhiteBalance={tags.white_balance}",
+        "ExposureTime": float(tags.exposure_s),
+        "FNumber": float(tags.f_number),
+        "Exif:PhotographicSensitivity": tags.iso,
+        "Exif:LightSource": tags.light_source,
+        "Exif:WhiteBalance": int(tags.light_source != 0),
+        "Exif:Saturation": tags.saturation,
+        "Exif:ExposureMode": 1,
+    }.items():
+        spec.attribute(key, value)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "camera.jpg"
+        output = oiio.ImageOutput.create(str(path))
+        if output is None or not output.open(str(path), spec):
+            raise ImageError(f"cannot encode a JPEG: {oiio.geterror() if output is None else output.geterror()}")
+        written = output.write_image(np.ascontiguousarray(pixels))
+        if not (output.close() and written):
+            raise ImageError(f"cannot encode a JPEG: {output.geterror()}")
+        return path.read_bytes()
+
 
 BORDER = 8
 """Sensor pixels left out of the JPEG at the left and at the right; half as many above and below."""

@@ -16,8 +16,9 @@ from lutforge.solvers.stencil import FAR, run_planes
 
 @compiled(fastmath={"contract"})
 def first_step(damping: Real, residual: Real, plane: int, correction: Real, b: Real, first: int, last: int) -> None:
-    """Add the first correction of the polynomial to b, on planes first … last − 1; first: a multiple of
-    run_planes(plane).
+    """Add the first correction of the polynomial to b, on planes first … last − 1.
+
+    first is a multiple of run_planes(plane).
 
     residual, correction, b: (3, nodes and FAR planes on both sides).
     """

@@ -1,5 +1,7 @@
-"""Preconditioned conjugate gradients for several right-hand sides at once (Hestenes & Stiefel 1952; Saad, "Iterative
-Methods for Sparse Linear Systems", 2003, algorithm 9.1)."""
+"""Preconditioned conjugate gradients for several right-hand sides at once.
+
+Hestenes & Stiefel 1952; Saad, "Iterative Methods for Sparse Linear Systems", 2003, algorithm 9.1.
+"""
 
 from functools import partial
 from typing import Protocol

@@ -83,7 +83,7 @@ def gauss_newton(
 
 
 def _steps(residual: Array, slope: Array, value: Array, mu: Array, low: Array, high: Array) -> Array:
-    """Where one damped step leads each problem, (a, k), within its bounds."""
+    """Return where one damped step leads each problem, (a, k), within its bounds."""
     trial = np.empty_like(value)
     run(
         lambda first, last: _step(residual, slope, value, mu, low, high, trial, first, last),
@@ -105,43 +105,55 @@ def _step(
     last: int,
 ) -> None:
     """Fill trial (a, k) for the problems first … last − 1, by a Cholesky factorisation of each."""
-    rows, unknowns = slope.shape[1:]
+    unknowns = slope.shape[2]
     square, step = np.empty((unknowns, unknowns)), np.empty(unknowns)
     for n in range(first, last):
+        _normal_equations(residual[n], slope[n], mu[n], square, step)
         for p in range(unknowns):
-            total = 0.0
-            for r in range(rows):
-                total -= slope[n, r, p] * residual[n, r]
-            step[p] = total
-            for q in range(p + 1):
-                total = 0.0
-                for r in range(rows):
-                    total += slope[n, r, p] * slope[n, r, q]
-                square[p, q] = total
-        scale = 0.0
-        for p in range(unknowns):
-            scale += square[p, p] / unknowns
-        for p in range(unknowns):
-            square[p, p] += mu[n] * scale + 1e-300
             if (value[n, p] <= low[n, p] and step[p] < 0.0) or (value[n, p] >= high[n, p] and step[p] > 0.0):
                 step[p] = 0.0  # it stays at its bound, whatever the others do
-                for q in range(unknowns):
-                    if q < p:
-                        square[p, q] = 0.0
-                    elif q > p:
-                        square[q, p] = 0.0
-        for p in range(unknowns):  # factor and substitute forward
-            for q in range(p):
-                total = square[p, q]
-                for k in range(q):
-                    total -= square[p, k] * square[q, k]
-                square[p, q] = total / square[q, q]
-                step[p] -= square[p, q] * step[q]
-                square[p, p] -= square[p, q] ** 2
-            square[p, p] = np.sqrt(max(square[p, p], 1e-300))
-            step[p] /= square[p, p]
-        for p in range(unknowns - 1, -1, -1):
-            for q in range(p + 1, unknowns):
-                step[p] -= square[q, p] * step[q]
-            step[p] /= square[p, p]
+                square[p, :p] = 0.0
+                square[p + 1 :, p] = 0.0
+        _solve(square, step)
+        for p in range(unknowns):
             trial[n, p] = min(max(value[n, p] + step[p], low[n, p]), high[n, p])
+
+
+@compiled()
+def _normal_equations(residual: Array, slope: Array, mu: float, square: Array, right: Array) -> None:
+    """Fill the lower triangle of J'J + μ D, and −J'r, of one problem."""
+    rows, unknowns = slope.shape
+    scale = 0.0
+    for p in range(unknowns):
+        total = 0.0
+        for r in range(rows):
+            total -= slope[r, p] * residual[r]
+        right[p] = total
+        for q in range(p + 1):
+            total = 0.0
+            for r in range(rows):
+                total += slope[r, p] * slope[r, q]
+            square[p, q] = total
+        scale += square[p, p] / unknowns
+    for p in range(unknowns):
+        square[p, p] += mu * scale + 1e-300
+
+
+@compiled()
+def _solve(square: Array, step: Array) -> None:
+    """Solve square · δ = step in place, by Cholesky factors of the lower triangle."""
+    unknowns = len(step)
+    for p in range(unknowns):  # factor and substitute forward
+        for q in range(p):
+            total = square[p, q]
+            for k in range(q):
+                total -= square[p, k] * square[q, k]
+            square[p, q] = total / square[q, q]
+            step[p] -= square[p, q] * step[q]
+            square[p, p] -= square[p, q] ** 2
+        square[p, p] = np.sqrt(max(square[p, p], 1e-300))
+        step[p] /= square[p, p]
+    for p in range(unknowns - 1, -1, -1):
+        for q in range(p + 1, unknowns):
+            step[p] -= square[q, p] * step[q]
+        step[p] /= square[p, p]

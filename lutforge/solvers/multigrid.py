@@ -16,21 +16,18 @@ from lutforge.arrays import Array, Index, Single
 from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
 from lutforge.solvers.chebyshev import first_step, second_step
+from lutforge.solvers.cholesky import factor, solve
 from lutforge.solvers.stencil import COUPLINGS, FAR, add_product, couple, damp, planar, run_planes, steps
-from lutforge.solvers.transfer import (
-    COARSEST,
-    coarse_count,
-    coarse_stencil,
-    coarsen_axis,
-    prolong_add,
-    restrict,
-)
+from lutforge.solvers.transfer import COARSEST, coarse_count, coarse_stencil, coarsen_axis, prolong_add, restrict
 from lutforge.threads import cores, run, slabs
 
 
 class _Step(IntEnum):
-    """What a V-cycle does on a lattice: smooth from b = 0 on, or from the present b (CORRECT), and once more (FINISH);
-    form the residual (SUBTRACT); go to the next coarser lattice and come back."""
+    """What a V-cycle does on a lattice.
+
+    It smooths from b = 0 on (START), or from the present b (CORRECT), and once more (FINISH); forms the residual
+    (SUBTRACT); goes to the next coarser lattice and comes back.
+    """
 
     START = 0
     FINISH = 1
@@ -157,60 +154,16 @@ def _build(
             stencil = coarse_stencil(stencil, cells[level], shares[level], kr, kg, kb)
             fine, coarse = _cube(anchor, table, level), _cube(anchor, table, level + 1)
             restrict(fine, cells[level], shares[level], coarse, ALL, OUTPUTS)
-    _factor(mine, own, g, b, lattices.factors)
-
-
-@compiled()
-def _factor(couplings: Array, diagonal: Array, ng: int, nb: int, lower: Array) -> None:
-    """Add the Cholesky factors L of the operator per output to `lower` (3, m, m), the inverse of their diagonals on it.
-
-    A column is 0 where the operator is singular: its pivot is no more than a rounding error of the diagonal.
-    """
-    nodes, far, margin = diagonal.shape[1], steps(ng, nb), FAR * ng * nb
-    for c in range(3):
-        factor = lower[c]
-        for p in range(nodes):
-            factor[p, p] = diagonal[c, p]
-            for t in range(COUPLINGS):
-                if p + far[t] < nodes:
-                    factor[p + far[t], p] += couplings[t, margin + p]
-        for column in range(nodes):
-            pivot = factor[column, column]
-            for k in range(column):
-                pivot -= factor[column, k] ** 2
-            scale = 1.0 / np.sqrt(pivot) if pivot > 1e-13 * diagonal[c, column] else 0.0
-            for row in range(column + 1, nodes):
-                total = factor[row, column]
-                for k in range(column):
-                    total -= factor[row, k] * factor[column, k]
-                factor[row, column] = total * scale
-            factor[column, column] = scale
-
-
-@compiled()
-def _solve_coarsest(factors: Array, right: Single, b: Single, plane: int) -> None:
-    """b = (L L')⁻¹ right."""
-    nodes, margin = factors.shape[1], FAR * plane
-    x = np.empty(nodes)
-    for c in range(3):
-        factor = factors[c]
-        for row in range(nodes):
-            total = right[c, margin + row]
-            for k in range(row):
-                total -= factor[row, k] * x[k]
-            x[row] = total * factor[row, row]
-        for row in range(nodes - 1, -1, -1):
-            x[row] *= factor[row, row]
-            for k in range(row):
-                x[k] -= factor[row, k] * x[row]
-        for row in range(nodes):
-            b[c, margin + row] = x[row]
+    factor(mine, own, g, b, lattices.factors)
 
 
 @compiled()
 def _visit(lattices: _Hierarchy, level: int, begin: int, end: int, first: int, last: int) -> None:
-    """The steps begin … end − 1 of STEPS on a lattice: on its planes first … last − 1, or between it and the next
-    coarser one on these outputs; on all of them where last is ALL."""
+    """Take the steps begin … end − 1 of STEPS on a lattice.
+
+    They are taken on its planes first … last − 1, or between it and the next coarser one on these outputs; on all of
+    them where last is ALL.
+    """
     table, cells, shares = lattices.table, lattices.cells[level], lattices.shares[level]
     g, nb = table[level, 1], table[level, 2]
     plane = g * nb
@@ -246,7 +199,7 @@ def _cycle(lattices: _Hierarchy, finest: int) -> None:
     for level in range(finest, coarsest):
         _visit(lattices, level, ALL, TURN, ALL, ALL)
     right, b = _planar(lattices.right, lattices.table, coarsest), _planar(lattices.b, lattices.table, coarsest)
-    _solve_coarsest(lattices.factors, right, b, lattices.table[coarsest, 1] * lattices.table[coarsest, 2])
+    solve(lattices.factors, right, b, lattices.table[coarsest, 1] * lattices.table[coarsest, 2])
     for level in range(coarsest - 1, finest - 1, -1):
         _visit(lattices, level, TURN, END, ALL, ALL)
 
@@ -284,8 +237,10 @@ class Multigrid:
         small: int = 30_000,
         nodes_per_thread: int = 15_000,
     ) -> None:
-        """Take the data term (14, N_r, N_g, N_b), which is not changed, the anchor (N_r, N_g, N_b, 3), which is added
-        to the diagonal, and the weights of the second differences and of the mixed ones.
+        """Build the operator on the lattice and on all coarser ones.
+
+        stencil: the data term (14, N_r, N_g, N_b), which is not changed; anchor: (N_r, N_g, N_b, 3), added to the
+        diagonal; smoothness, twist: weights of the second differences and of the mixed ones.
 
         small: lattices of fewer nodes are gone through in one compiled call, which rounds in its own way, however many
         threads there are; nodes_per_thread: with fewer the threads wait for each other longer than they work.

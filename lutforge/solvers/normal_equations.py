@@ -16,7 +16,6 @@ from lutforge.compiled import compiled
 from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
 from lutforge.threads import cores, run, slabs
 
-SAMPLES_PER_THREAD = 20_000
 FOLLOWING = 14
 """Offsets of a node's neighbours (dr, dg, db) in the order of 9 dr + 3 dg + db, from itself (0, 0, 0) to (1, 1, 1)."""
 
@@ -32,7 +31,7 @@ class NormalEquations:
     right: Array
 
     def __add__(self, other: "NormalEquations") -> "NormalEquations":
-        """Of the samples of both."""
+        """Return the equations of the samples of both."""
         return NormalEquations(self.stencil + other.stencil, self.right + other.right)
 
 
@@ -138,7 +137,7 @@ class InterpolationMatrix:
         self.size = tuple(len(axis) for axis in levels)
         self._tetrahedral = method == "tetrahedral"
         count = len(x)
-        self._threads = max(1, min(cores(), count // SAMPLES_PER_THREAD))
+        self._threads = max(1, min(cores(), count // 20_000))
         x = np.ascontiguousarray(x, dtype=np.float64)
         cell, fraction = np.empty(count, dtype=np.int64), np.empty((count, 3))
         run(lambda first, last: _locate(x, *levels, cell, fraction, first, last), slabs(0, count, 1, self._threads))

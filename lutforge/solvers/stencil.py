@@ -19,8 +19,6 @@ FAR = 2
 """Planes that a coupling reaches."""
 COUPLINGS = 16
 """13 with neighbours, in the order of `normal_equations`, and those at (2, 0, 0), (0, 2, 0), (0, 0, 2)."""
-RUN = 1024
-"""About this many nodes are summed at a time: they stay in the nearest cache."""
 
 
 @compiled()
@@ -36,8 +34,8 @@ def steps(ng: int, nb: int) -> Index:
 
 @compiled()
 def run_planes(plane: int) -> int:
-    """How many planes of that many nodes make a run."""
-    return max(1, RUN // plane)
+    """How many planes of that many nodes make a run: about 1,024 nodes, which stay in the nearest cache."""
+    return max(1, 1024 // plane)
 
 
 def planar(values: Array) -> Array:

@@ -1,5 +1,7 @@
-"""From a lattice to one of every other node level and back: linear interpolation P along each axis, its transpose, and
-the operators that they make of fine ones, P'AP (Galerkin). The trilinear functions nest.
+"""Transfer from a lattice to one of every other node level, and back.
+
+Linear interpolation P along each axis, its transpose, and the operators that they make of fine ones, P'AP (Galerkin).
+The trilinear functions nest.
 """
 
 import numpy as np
@@ -87,8 +89,10 @@ def coarsen_axis(
 
 @compiled(fastmath={"contract"})
 def _galerkin(fine: Array, cell: Index, share: Single, coarse: Array) -> None:
-    """Add P'AP of one axis: fine (a, 3, b, N, c) and coarse (a, 3, b, N_coarse, c), the offset along it second; only of
-    the later half of the offsets along it and the axes before, a: A is symmetric."""
+    """Add P'AP of one axis, from fine (a, 3, b, N, c) to coarse (a, 3, b, N_coarse, c), the offset along it second.
+
+    Only the later half of the offsets along it and the axes before, a, is there: A is symmetric.
+    """
     count, long, half = fine.shape[3], fine.shape[4] > 1, fine.shape[0] // 2
     for a in range(half, fine.shape[0]):
         for d in range(3):

@@ -36,7 +36,7 @@ class BrushedPlot:
         self.figure.on_event(Tap, session.guarded(self._tap))
 
     def show(self, workspace: Workspace, all_points: Points, by: str, size: float = 5.0, key: object = None) -> None:
-        """Other points, decimated. key: what is drawn; where it is another than before, the ranges follow."""
+        """Show other points, decimated. key: what is drawn; where it is another than before, the ranges follow."""
         self.points = all_points
         selected = self.session.selected
         always = np.flatnonzero(selected[all_points.row]) if len(all_points) else None

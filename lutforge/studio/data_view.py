@@ -10,16 +10,15 @@ from bokeh.models import ColumnDataSource
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
+from lutforge.report.figures import chromaticity_outlines
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.brushed_plot import BrushedPlot
 from lutforge.studio.elements import NARROW, WIDTH, Slider, entry, frame, select, text
-from lutforge.studio.loading import OPENED_SUFFIXES
 from lutforge.studio.plots import (
     COLOURS,
     PLOTS,
     Points,
     chromaticities,
-    chromaticity_outlines,
     cube_edges,
     hex_colours,
     points,
@@ -29,6 +28,7 @@ from lutforge.studio.plots import (
 from lutforge.studio.session import Session
 from lutforge.studio.thumbnails import shot_picture
 from lutforge.studio.workspace import Filters, Workspace, WorkspaceError
+from lutforge.studio.workspace_file import OPENED_SUFFIXES
 
 
 def find_rows(samples: SampleSet, words: str) -> Mask:

@@ -54,7 +54,7 @@ class ExportView:
         self._tell("Each export is a command that can be run again; the lines appear here.")
 
     def refresh(self) -> None:
-        """From and To as the preview has them, where they are empty or no longer known."""
+        """Take From and To over from the preview."""
         if not self.session.has_profile:
             return
         self.source.value = self.preview.source.value
@@ -66,7 +66,7 @@ class ExportView:
         self.log.object = "<h2>Written</h2>" + "".join(f"<p><code>{escape(entry)}</code></p>" for entry in self.lines)
 
     def _paths(self, *suffixes: str) -> list[Path]:
-        """Where files go, under one name. Raises WorkspaceError, once, where there are other files already."""
+        """Return where files go, under one name. Raises WorkspaceError, once, where there are other files already."""
         name = self.name.value_input or self.name.value
         paths = [self.session.folders.inside(name + suffix) for suffix in suffixes]
         for path in paths:

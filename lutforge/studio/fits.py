@@ -6,8 +6,6 @@ from typing import cast
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.node_levels import error_histogram
-from lutforge.calibration.lattice_options import MEASURING_TOLERANCE
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
@@ -16,7 +14,7 @@ from lutforge.calibration.physical.response_from_exposures import fit_response_t
 from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
 from lutforge.calibration.shots.falloff import at_the_centre
 from lutforge.calibration.style_data import style_data, unclipped
-from lutforge.calibration.style_fit import fit_direction
+from lutforge.calibration.style_fit import uniform_lattice_errors
 from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, ModelName
@@ -60,7 +58,13 @@ def fit_model(
     fitted = replace(evaluate_on(profile, kind, samples), rows=rows)
     if kind == "lattice":
         progress("error of a uniform lattice", 0.95)
-        fitted = replace(fitted, uniform_error=_uniform_errors(chosen, options))
+        data, _ = style_data(chosen, complete_multipliers(chosen)[0])
+        errors = {
+            (name, direction): uniform_lattice_errors(style, options, inverse=direction == "linearize")
+            for name, style in data.items()
+            for direction in ("render", "linearize")
+        }
+        fitted = replace(fitted, uniform_error=errors)
     return fitted
 
 
@@ -80,23 +84,6 @@ def _between(stages: CameraProfile, samples: SampleSet, options: CalibrationOpti
     if not styles:
         raise CalibrationError("no sample is left of the styles that the response and matrix were fitted to")
     return replace(stages, styles=styles, options=replace(options, model="rbf").as_json())
-
-
-def _uniform_errors(
-    samples: SampleSet, options: CalibrationOptions
-) -> dict[tuple[str, str], tuple[Array, Array, Array]]:
-    """By style and direction the histogram that node levels follow (5.6, Fig. 5.4)."""
-    multipliers, _ = complete_multipliers(samples)
-    data, _ = style_data(samples, multipliers)
-    uniform = replace(options, nonuniform=False)
-    errors = {}
-    for name, style in data.items():
-        base = fit_matrix_and_response(style.balanced, style.encoded)
-        for direction, inverse in (("render", False), ("linearize", True)):
-            fit = fit_direction(style, uniform, base, inverse=inverse, tolerance=MEASURING_TOLERANCE)
-            x, y = (style.encoded, style.balanced) if inverse else (style.balanced, style.encoded)
-            errors[name, direction] = error_histogram(x, np.sum((fit.lattice(x) - y) ** 2, axis=1))
-    return errors
 
 
 def _stages(kind: str, samples: SampleSet, options: CalibrationOptions) -> CameraProfile:

@@ -26,7 +26,7 @@ def _context() -> Any:
     if os.name != "posix":
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["lutforge.studio.fits", "lutforge.studio.loading"])
+    context.set_forkserver_preload(["lutforge.studio.fits", "lutforge.studio.workspace_file"])
     return context
 
 

@@ -10,7 +10,7 @@ from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PictureStyle
-from lutforge.report.drawing import CHANNELS
+from lutforge.report.figures import CHANNELS
 from lutforge.report.gamut_slices import gamut_slice
 from lutforge.studio.elements import Slider, extent, frame, plot, select, text
 from lutforge.studio.session import Session
@@ -125,7 +125,7 @@ class MapsView:
                 gamut_slice(_map_of(style, self.direction.value), self.luminance.value),
             )
         style = self.session.profile.styles[self.style.value]
-        self._draw_lattice(style, getattr(style, self.direction.value))
+        self._draw_lattice(style, style.lattices.get(self.direction.value))
 
     def _mapped_profile(self) -> CameraProfile:
         """The profile in use, or the last one with a gamut map."""

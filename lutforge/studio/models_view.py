@@ -10,7 +10,7 @@ from bokeh.models import ColumnDataSource, Range1d
 from lutforge.calibration.options import LARGEST, PRESETS, SMALLEST, CalibrationOptions, Preset
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.model.diagnosis import told
-from lutforge.report.drawing import CHANNELS
+from lutforge.report.figures import CHANNELS
 from lutforge.studio.elements import WIDTH, Slider, frame, plot, select, table, text
 from lutforge.studio.fits import ResidualRow, before, fit_model, residuals
 from lutforge.studio.plots import curves
@@ -112,7 +112,7 @@ class ModelsView:
         self.takes.object = f"<p>{rows:,} samples take part. {TAKES[self.kind.value, stages]}</p>"
 
     def options(self) -> CalibrationOptions:
-        """As the controls say."""
+        """Return the options that the controls say."""
         return CalibrationOptions(
             model="rbf" if self.kind.value == "rbf" else "lattice",
             preset=cast(Preset, self.preset.value),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import D65, SRGB_TO_XYZ, srgb_decode
-from lutforge.model.emor import inverse_emor
+from lutforge.model.emor import mean_response
 from lutforge.model.response import Response
 from lutforge.studio.workspace import FittedModel, Workspace
 
@@ -30,8 +30,11 @@ PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """x, y: (n,); row, partner: (n,) the samples that a point stands for, equal where it is one; pair: (n,) the number
-    of the exposure pair, −1 for none; curves: (2, m) each; missing: why there are no points."""
+    """The points of a plot.
+
+    x, y: (n,); row, partner: (n,) the samples that a point stands for, equal where it is one; pair: (n,) the number of
+    the exposure pair, −1 for none; curves: (2, m) each; missing: why there are no points.
+    """
 
     x: Array
     y: Array
@@ -55,7 +58,7 @@ def points(workspace: Workspace, plot: str, channel: int) -> Points:
 
 
 def _of_samples(workspace: Workspace, plot: str, channel: int) -> Points:
-    samples, fitted = workspace.samples, workspace.fitted
+    samples, fitted, response = workspace.samples, workspace.fitted, workspace.response
     row = np.arange(len(samples))
     pair = pair_of_rows(workspace)
     if plot == "srgb_raw":
@@ -66,8 +69,10 @@ def _of_samples(workspace: Workspace, plot: str, channel: int) -> Points:
         return _nothing("fit a model first: this plot shows what it makes of the RAW values")
     if plot == "transformed":
         curve, label = _NONE, "RAW as the lattice renders it"
-        if workspace.model != "lattice":
-            curve, label = _response_curve(fitted, channel), "transformed RAW, before the response"
+        if response is not None:
+            inverse = response.inverse[:, channel]
+            curve = (np.stack([inverse, np.linspace(0.0, 1.0, len(inverse))]),)
+            label = "transformed RAW, before the response"
         return _finite(
             Points(fitted.transformed[:, channel], samples.srgb[:, channel], row, row, pair, label, "sRGB", curve)
         )
@@ -77,17 +82,17 @@ def _of_samples(workspace: Workspace, plot: str, channel: int) -> Points:
 
 
 def _of_pairs(workspace: Workspace, plot: str, channel: int) -> Points:
-    pairs, fitted = workspace.pairs, workspace.fitted
+    pairs, fitted, response = workspace.pairs, workspace.fitted, workspace.response
     if pairs is None:
         return _nothing("no two shots show the same patches at different exposures")
     first, second = pairs.first_row, pairs.second_row
     number = pairs.first_shot * len(pairs.shots) + pairs.second_shot
     if plot == "srgb_btf":
         curve = _NONE
-        if fitted is not None and workspace.model != "lattice":
+        if response is not None:
             # Times are read off to a hundredth of a stop: what differs by less is one ratio.
             ratios = np.unique(np.rint(100 * pairs.log_ratio / np.log(2)))
-            curve = tuple(_brightness_transfer(fitted, channel, 2.0 ** (stops / 100)) for stops in ratios.tolist())
+            curve = tuple(_brightness_transfer(response, channel, 2.0 ** (stops / 100)) for stops in ratios.tolist())
         x, y = pairs.first[:, channel], pairs.second[:, channel]
         return Points(x, y, first, second, number, "sRGB, shorter exposure", "sRGB, longer exposure", curve)
     if plot == "raw_btf":
@@ -115,27 +120,9 @@ def _finite(all_points: Points) -> Points:
     return replace(all_points, **parts)
 
 
-def response_of(fitted: FittedModel) -> Response | None:
-    """f of the first style; None where the model has none."""
-    for style in fitted.profile.styles.values():
-        if style.physical:
-            return style.physical[0].response
-    return None
-
-
-def _response_curve(fitted: FittedModel, channel: int) -> tuple[Array, ...]:
-    response = response_of(fitted)
-    if response is None:
-        return _NONE
-    return (np.stack([response.inverse[:, channel], np.linspace(0.0, 1.0, len(response.inverse))]),)
-
-
-def _brightness_transfer(fitted: FittedModel, channel: int, ratio: float) -> Array:
+def _brightness_transfer(response: Response, channel: int, ratio: float) -> Array:
     """(2, 256): f(k f⁻¹(I)) over I, the brightness transfer function of pairs of one exposure ratio k."""
     encoded = np.linspace(0.0, 1.0, 256)
-    response = response_of(fitted)
-    if response is None:
-        return np.zeros((2, 0))
     grey = np.repeat(encoded[:, None], 3, axis=1)
     return np.stack([encoded, response.encode(ratio * response.linearize(grey))[:, channel]])
 
@@ -231,15 +218,6 @@ def chromaticities(encoded: Array) -> Array:
     return np.asarray(xy)
 
 
-def chromaticity_outlines() -> tuple[Array, Array]:
-    """The spectrum locus and sRGB's triangle, both closed, (m, 2)."""
-    import colour
-
-    spectrum = colour.XYZ_to_xy(colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].values)
-    primaries = colour.RGB_COLOURSPACES["sRGB"].primaries
-    return np.vstack([spectrum, spectrum[:1]]), np.vstack([primaries, primaries[:1]])
-
-
 def tristimulus(encoded: Array) -> Array:
     """CIE XYZ (n, 3) of encoded sRGB, Y of white 1."""
     return np.asarray(srgb_decode(np.clip(encoded, 0.0, 1.0)) @ SRGB_TO_XYZ.T)
@@ -266,15 +244,9 @@ def cube_edges() -> tuple[Array, Array]:
 
 
 def curves(fitted: FittedModel) -> tuple[Array, Array, Array]:
-    """Linear values (m,), f of the first style at them per channel (m, 3), EMoR's mean (m,); a lattice shows its grey
-    axis."""
+    """Return linear values (m,), f of the first style at them per channel (m, 3), and EMoR's mean (m,).
+
+    A lattice shows its grey axis.
+    """
     linear = np.linspace(0.0, 1.0, 257)
-    grey = np.repeat(linear[:, None], 3, axis=1)
-    response = response_of(fitted)
-    style = next(iter(fitted.profile.styles.values()))
-    values = np.full_like(grey, np.nan)
-    if response is not None:
-        values = response.encode(grey)
-    elif style.render is not None:
-        values = style.render(grey)
-    return linear, values, np.interp(linear, inverse_emor().mean, np.linspace(0.0, 1.0, 1024))
+    return linear, next(iter(fitted.profile.styles.values())).tones(linear), mean_response(linear)

@@ -55,8 +55,9 @@ def serve(
     show: bool,
     ready: Callable[[str], None] = lambda url: None,
 ) -> None:
-    """Serve until interrupted. inputs: opened in each new session; port: 0 for any that is free; ready: is told the
-    address of the page.
+    """Serve until interrupted.
+
+    inputs: opened in each new session; port: 0 for any that is free; ready: is told the address of the page.
 
     Raises LutForgeError where the address or port cannot be had.
     """

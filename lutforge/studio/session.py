@@ -16,8 +16,8 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.studio.elements import Slider, button, text
 from lutforge.studio.folders import Folders
 from lutforge.studio.jobs import Job
-from lutforge.studio.loading import Opened, open_paths, with_profile
 from lutforge.studio.workspace import History, Workspace, WorkspaceError
+from lutforge.studio.workspace_file import Opened, open_paths, with_profile
 
 
 def _held(document: Any, work: Callable[[], None]) -> None:
@@ -101,7 +101,7 @@ class Session:
 
     @property
     def profile(self) -> CameraProfile:
-        """Of the model in use, or the one that was opened. Raises WorkspaceError: none."""
+        """The profile of the model in use, or the one that was opened. Raises WorkspaceError: none."""
         if self.history is not None and self.history.present.fitted is not None:
             return self.history.present.fitted.profile
         if self.loaded_profile is None:

@@ -13,6 +13,7 @@ from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 
 MODELS = {
@@ -31,9 +32,11 @@ class WorkspaceError(LutForgeError):
 
 @dataclass(frozen=True)
 class Filters:
-    """What counts as an outlier of the response. saturation: colours above it (1: none); darkest, brightest: JPEG
-    values in any channel beyond these; raw_saturated: RAW values from it on; residual: RGB distance between the JPEG
-    and what the model renders (None: any)."""
+    """What counts as an outlier of the response.
+
+    saturation: colours above it (1: none); darkest, brightest: JPEG values in any channel beyond these; raw_saturated:
+    RAW values from it on; residual: RGB distance between the JPEG and what the model renders (None: any).
+    """
 
     saturation: float = 1.0
     darkest: float = 1 / 255
@@ -113,6 +116,14 @@ class Workspace:
         """The model in use."""
         return self.models[self.model] if self.model else None
 
+    @property
+    def response(self) -> Response | None:
+        """f of the first style that has one; None before the first fit, and of a lattice."""
+        if self.fitted is None or self.model == "lattice":
+            return None
+        styles = self.fitted.profile.styles.values()
+        return next((style.physical[0].response for style in styles if style.physical), None)
+
     @cached_property
     def residual(self) -> Array:
         """(n,) RGB distance between the JPEG and what the model in use renders; 0 before the first fit."""
@@ -180,7 +191,7 @@ class Workspace:
         return replace(self, hand=np.where(rows, np.int8(0), self.hand))
 
     def with_group(self, name: str, rows: Mask) -> "Workspace":
-        """With these rows as a named, active outlier group. Raises WorkspaceError: no name, no rows."""
+        """Add these rows as a named, active outlier group. Raises WorkspaceError: no name, no rows."""
         name = " ".join(name.split())[:60]
         if not name:
             raise WorkspaceError("an outlier group needs a name")
@@ -191,18 +202,18 @@ class Workspace:
         return replace(self, groups={**self.groups, name: Group(rows.copy())})
 
     def with_active_groups(self, names: list[str]) -> "Workspace":
-        """With just these groups active."""
+        """Make just these groups active."""
         groups = {name: replace(group, active=name in names) for name, group in self.groups.items()}
         return replace(self, groups=groups)
 
     def without_group(self, name: str) -> "Workspace":
-        """Without the group of this name. Raises WorkspaceError where there is none."""
+        """Remove the group of this name. Raises WorkspaceError where there is none."""
         if name not in self.groups:
             raise WorkspaceError(f"{name or 'no name'}: there is no such outlier group")
         return replace(self, groups={key: group for key, group in self.groups.items() if key != name})
 
     def with_model(self, name: str, fitted: FittedModel) -> "Workspace":
-        """With a fitted model, in use from now on."""
+        """Add a fitted model, in use from now on."""
         return replace(self, models={**self.models, name: fitted}, model=name)
 
 

@@ -1,10 +1,13 @@
-"""A whole workspace as one file: a zip of JSON, a sample table, marks and profiles; read with limits, not unpickled."""
+"""What the studio opens: sample tables, shots and folders of them, profiles, and whole workspaces.
+
+A workspace is one file: a zip of JSON, a sample table, marks and profiles; read with limits, not unpickled.
+"""
 
 import json
 import shutil
 import zipfile
-import zlib
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.atomic_write import atomic_path, scratch_folder
+from lutforge.boundary import reading
 from lutforge.calibration.options import options_from_json
-from lutforge.errors import LutForgeError
-from lutforge.model.camera_profile import load_profile
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.errors import CalibrationError, SampleError
+from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.profile_file import save_profile
+from lutforge.pipeline.outputs import TABLE_SUFFIXES
+from lutforge.pipeline.sampling import gather_samples
+from lutforge.progress import Progress
+from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.studio.fits import evaluate_on
 from lutforge.studio.workspace import MODELS, MOST_GROUPS, Filters, Group, Workspace, WorkspaceError
@@ -60,7 +69,7 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
 def open_workspace(path: str | Path) -> Workspace:
     """Read a workspace, without its exposure pairs, which follow from the samples. Raises WorkspaceError."""
     path = Path(path)
-    try:
+    with reading(path.name, "a LutForge workspace", WorkspaceError):
         with zipfile.ZipFile(path) as archive, scratch_folder() as folder:
             document = _document(archive)
             samples = read_samples(_extract(archive, SAMPLES, folder))
@@ -70,25 +79,14 @@ def open_workspace(path: str | Path) -> Workspace:
             str(entry["name"])[:60]: Group(marks[:, index] != 0, bool(entry["active"]))
             for index, entry in enumerate(document["groups"], start=1)
         }
+        models = {
+            name: replace(evaluate_on(profile, name, samples), rows=marks[:, index] != 0)
+            for index, (name, profile) in enumerate(profiles.items(), start=1 + len(groups))
+        }
         return Workspace(
-            samples,
-            filters=Filters(**document["filters"]),
-            hand=marks[:, 0],
-            groups=groups,
-            models={
-                name: replace(evaluate_on(profile, name, samples), rows=marks[:, index] != 0)
-                for index, (name, profile) in enumerate(profiles.items(), start=1 + len(groups))
-            },
-            model=str(document["model"]),
-            options=options_from_json(document["options"]),
-        )
-    except LutForgeError as error:
-        raise WorkspaceError(f"{path.name}: {error}") from error
-    except OSError as error:
-        raise WorkspaceError(f"{path.name}: cannot be read ({error.strerror or 'damaged'})") from error
-    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, TypeError, ValueError, NotImplementedError) as error:
-        reason = " ".join(str(error).split())[:100]
-        raise WorkspaceError(f"{path.name}: not a LutForge workspace, or damaged ({reason})") from error
+            samples, filters=Filters(**document["filters"]), hand=marks[:, 0], groups=groups, models=models,
+            model=str(document["model"]), options=options_from_json(document["options"]),
+        )  # fmt: skip
 
 
 def _document(archive: zipfile.ZipFile) -> dict[str, Any]:
@@ -117,3 +115,56 @@ def _marks(marks: NDArray[Any], document: dict[str, Any]) -> NDArray[np.int8]:
     if marks.dtype != np.int8 or marks.ndim != 2 or marks.shape[1] != 1 + len(document["groups"] + document["models"]):
         raise WorkspaceError("damaged, its marks are not of its groups and models")
     return np.ascontiguousarray(marks)
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """What was opened. workspace: None where it was profiles alone; files: by shot its RAW file; notes: a line each."""
+
+    workspace: Workspace | None
+    profile: CameraProfile | None = None
+    notes: tuple[str, ...] = ()
+    files: Mapping[str, Path] = field(default_factory=dict)
+
+
+def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
+    """A workspace; or samples, shots and folders together; or profiles, with samples beside them.
+
+    Raises LutForgeError in one line.
+    """
+    if not paths:
+        raise SampleError("nothing given: name a sample table (.csv, .parquet), RAW files, a folder, or a profile")
+    if len(paths) == 1 and paths[0].suffix.lower() == SUFFIX:
+        progress("reading", 0.0)
+        workspace = open_workspace(paths[0])
+        return Opened(replace(workspace, pairs=find_pairs(workspace.samples)))
+    profiles = [load_profile(path) for path in paths if path.suffix.lower() == ".npz"]
+    profile = profiles[-1] if profiles else None
+    sources = [path for path in paths if path.suffix.lower() != ".npz"]
+    if not sources:
+        return Opened(None, profile)
+    sampled = gather_samples(sources, progress)
+    progress("looking for exposure pairs", 0.95)
+    workspace = Workspace(sampled.samples, find_pairs(sampled.samples))
+    if profile is not None:
+        workspace = with_profile(workspace, profile)
+    notes = (*(account.summary for account in sampled.shots), *sampled.left_out)
+    return Opened(workspace, profile, notes, sampled.files)
+
+
+def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:
+    """Add a profile as the fitted model, under the name of the model that it holds."""
+    has_lattice = any(style.render is not None for style in profile.styles.values())
+    kind = "lattice" if has_lattice and profile.options.get("model") != "rbf" else "rbf"
+    return workspace.with_model(kind, evaluate_on(profile, kind, workspace.samples))
+
+
+def find_pairs(samples: SampleSet) -> ExposurePairs | None:
+    """The exposure pairs, None where there are none."""
+    try:
+        return pairs_of_samples(with_setting_names(samples))
+    except CalibrationError:
+        return None
+
+
+OPENED_SUFFIXES = (*TABLE_SUFFIXES, ".npz", SUFFIX)

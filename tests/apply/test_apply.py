@@ -20,8 +20,7 @@ from lutforge.images.write import write_image
 from lutforge.luts.processor import file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import SHAPER_SIZE
-from lutforge.model.lattice import grid
-from lutforge.model.node_levels import snap_levels
+from lutforge.model.lattice import grid, snap_levels
 from tests.luts.made_luts import lut_of_nodes
 
 Pixels = NDArray[np.float32]

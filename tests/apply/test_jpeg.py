@@ -18,7 +18,7 @@ from lutforge.apply.blocks import apply_to_pixels, grade_codes
 from lutforge.apply.grade import Grade, LutRecipe
 from lutforge.apply.image import apply_image
 from lutforge.apply.jpeg import Canvases
-from lutforge.colour.adobe_rgb import adobe_rgb_profile
+from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.exif import exif_places
 from lutforge.images.jpeg import JpegHeader, read_header

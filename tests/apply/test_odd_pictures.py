@@ -14,7 +14,7 @@ from lutforge.apply.batch import BatchResult, apply_batch
 from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.grade import ConfigRecipe, LutRecipe
 from lutforge.apply.inputs import find_inputs
-from lutforge.colour.adobe_rgb import NAME, adobe_rgb_profile
+from lutforge.colour.rgb_spaces import NAME, adobe_rgb_profile
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
 from lutforge.luts.ends import ends_of, read_ends

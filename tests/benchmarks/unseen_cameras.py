@@ -35,8 +35,7 @@ from lutforge.simulate.camera import (
     nikon_d5100,
     sigma_sd_merrill,
 )
-from lutforge.simulate.gamut_map import GamutMap
-from lutforge.simulate.response import ToneResponse, invert_increasing
+from lutforge.simulate.gamut_map import GamutMap, ToneResponse, invert_increasing
 from lutforge.simulate.spectra import WAVELENGTHS, light
 from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
 

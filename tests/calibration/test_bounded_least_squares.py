@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from lutforge.calibration.lattice.base import LOWER, UPPER
 from lutforge.solvers.bounded_least_squares import bounded_least_squares
+
+LOWER = np.concatenate([np.linspace(0.0, 0.01, 33), [-3.0, -3.0]])
+UPPER = np.concatenate([[0.05], np.full(32, np.inf), [3.0, 3.0]])
+"""As of a curve that rises in steps, and two entries of a matrix."""
 
 
 @pytest.mark.parametrize("seed", range(8))

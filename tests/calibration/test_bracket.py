@@ -14,7 +14,7 @@ from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.response import Response
 from lutforge.pipeline.response import response_from_bracket
-from lutforge.simulate.response import ToneResponse
+from lutforge.simulate.gamut_map import ToneResponse
 from tests.calibration.brackets_simulated import bracket
 
 

@@ -15,7 +15,7 @@ from lutforge.errors import SettingsError
 from lutforge.luts.bake import bake
 from lutforge.luts.check import check_lut
 from lutforge.luts.processor import evaluate, file_processor
-from lutforge.luts.read import read_lut
+from lutforge.luts.sequence import read_lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.transforms import Wanted, transform

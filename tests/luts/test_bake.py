@@ -19,8 +19,7 @@ from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.luts.steps import bake_steps
 from lutforge.luts.verify import verify
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.model.node_levels import snap_levels
+from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.published_model import import_published
 from lutforge.model.response import Response
 from lutforge.model.transform import Clip, Decode, Encode, Gain, Linear, Stage, Transform

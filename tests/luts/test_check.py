@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from lutforge.errors import LutError
 from lutforge.luts.check import check_lut, report_lines
 from lutforge.luts.ops import Cube
-from lutforge.luts.read import read_lut
-from lutforge.luts.sequence import Lut
+from lutforge.luts.sequence import Lut, read_lut
 from lutforge.model.lattice import grid, uniform_levels
 from tests.luts.fuzz_luts import seeds, spoil, try_file
 from tests.luts.made_luts import lut_of_nodes

@@ -12,8 +12,7 @@ from lutforge.errors import LutError
 from lutforge.luts.bake import bake
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.processor import evaluate, file_processor
-from lutforge.luts.read import read_lut
-from lutforge.luts.sequence import Lut
+from lutforge.luts.sequence import Lut, read_lut
 
 MACROS = r"""
 #include <math.h>

@@ -14,9 +14,8 @@ from lutforge.luts.ops import Matrix
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.shaper import node_levels
 from lutforge.luts.verify import verify
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.published_model import import_published
-from lutforge.model.scene_render import through_camera
 from lutforge.model.transform import Transform
 
 Array = NDArray[np.float64]

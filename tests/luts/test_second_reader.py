@@ -10,8 +10,7 @@ from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake
 from lutforge.luts.processor import evaluate, file_processor
-from lutforge.luts.second_reader import disagreement
-from lutforge.luts.verify import verify
+from lutforge.luts.verify import disagreement, verify
 
 
 def look(x: ArrayLike) -> NDArray[np.float64]:

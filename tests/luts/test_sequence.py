@@ -11,8 +11,7 @@ from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.processor import evaluate
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, on_grid, shaper
-from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.model.node_levels import snap_levels
+from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from tests.luts.made_luts import lut_of_nodes
 
 Array = NDArray[np.float64]

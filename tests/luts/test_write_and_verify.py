@@ -18,12 +18,10 @@ from lutforge.luts.bake import bake
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.programs import PROGRAMS
-from lutforge.luts.read import read_lut
-from lutforge.luts.sequence import Lut, suffixes
+from lutforge.luts.sequence import Lut, read_lut, suffixes
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.luts.verify import verify
-from lutforge.model.lattice import grid, uniform_levels
-from lutforge.model.node_levels import snap_levels
+from lutforge.model.lattice import grid, snap_levels, uniform_levels
 from tests.luts.made_luts import lut_of_nodes
 
 EXACT = 1e-5

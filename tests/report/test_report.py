@@ -9,15 +9,18 @@ import pytest
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.style_data import style_data
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
-from lutforge.report.page import Picture, Table, write_figures, write_page
+from lutforge.report.error_blocks import exposure_blocks
+from lutforge.report.page import Picture, Table, Text, write_figures, write_page
 from lutforge.report.report import build_report
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
+from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 HOSTILE = '<script>alert("$x$")</script>'
 
@@ -153,3 +156,13 @@ def test_gaps_are_where_errors_are_expected() -> None:
     assert all("blue" in gap.colour or "purple" in gap.colour for gap in gaps)
     assert "codes of error to expect" in str(gaps[0])
     assert colour_gaps(everything, lambda encoded: np.full(len(encoded), 1 / 255)) == ()
+
+
+def test_exposures_say_whether_the_response_is_fixed() -> None:
+    samples = photograph_patches(nikon_d5100(), chart_140(), balances=("daylight",), stops=(-2, -1, 0))
+    data, _ = style_data(samples, samples.wb)
+    text, picture = exposure_blocks(data)
+    assert isinstance(text, Text) and "standard: the response is a fixed property of the camera" in text.text
+    assert isinstance(picture, Picture) and picture.name == "brightness_transfer_standard"
+    single = data["standard"].select(data["standard"].shot == data["standard"].shot[0])
+    assert list(exposure_blocks({"standard": single})) == []

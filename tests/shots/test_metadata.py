@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lutforge.images.raw import read_raw
-from lutforge.shots.ciff import read_ciff
+from lutforge.shots.containers import read_ciff
 from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
 from lutforge.shots.metadata import read_metadata, tidy_camera
 from lutforge.shots.tags import Tags, key_of, maker_table, tags_of

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.gamut_map import GamutMap
-from lutforge.simulate.response import ToneResponse, invert_increasing
+from lutforge.simulate.gamut_map import GamutMap, ToneResponse, invert_increasing
 from lutforge.simulate.spectra import (
     WAVELENGTHS,
     chart_reflectances,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lutforge.errors import ImageError, LutForgeError
 from lutforge.simulate.dng import write_dng
-from lutforge.simulate.jpeg import ExposureTags, encode_jpeg
+from lutforge.simulate.photograph import ExposureTags, encode_jpeg
 
 TAGS = ExposureTags("LutForge", "Simulated D5100", "vivid", "daylight", 1 / 640, 200, 5.6, 1, 2)
 

@@ -10,7 +10,6 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.data_view import find_rows
 from lutforge.studio.fits import fit_model
-from lutforge.studio.loading import find_pairs
 from lutforge.studio.plots import (
     COLOURS,
     PLOTS,
@@ -26,6 +25,7 @@ from lutforge.studio.plots import (
 )
 from lutforge.studio.thumbnails import shot_picture
 from lutforge.studio.workspace import Workspace, WorkspaceError
+from lutforge.studio.workspace_file import find_pairs
 
 HOSTILE = "<script>alert(1)</script>"
 

@@ -30,8 +30,7 @@ from lutforge.studio.export import Export, run, wanted_lut
 from lutforge.studio.export_view import ExportView
 from lutforge.studio.folders import FolderError, Folders
 from lutforge.studio.jobs import Job
-from lutforge.studio.preview import Preview
-from lutforge.studio.preview_view import PreviewView
+from lutforge.studio.preview_view import Preview, PreviewView
 from lutforge.studio.server import origins
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import WorkspaceError

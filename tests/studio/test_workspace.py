@@ -19,9 +19,8 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.studio.fits import before, evaluate_on, fit_model, residuals
-from lutforge.studio.loading import find_pairs
 from lutforge.studio.workspace import Filters, History, Workspace, WorkspaceError
-from lutforge.studio.workspace_file import open_workspace, save_workspace
+from lutforge.studio.workspace_file import find_pairs, open_workspace, save_workspace
 
 
 def silent(what: str, share: float) -> None:

@@ -12,8 +12,7 @@ import pytest
 from lutforge.arrays import Array
 from lutforge.luts.check import check_lut, report_lines
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.read import read_lut
-from lutforge.luts.sequence import Lut
+from lutforge.luts.sequence import Lut, read_lut
 from lutforge.model.lattice import grid, uniform_levels
 
 NODES = grid(uniform_levels(17))

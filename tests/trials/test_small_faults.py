@@ -10,7 +10,7 @@ import PIL.Image
 import polars as pl
 import pytest
 
-from lutforge.colour.adobe_rgb import adobe_rgb_profile
+from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
@@ -83,7 +83,7 @@ def test_a_damaged_shaper_cube_is_not_blamed_for_a_title(lutforge: CommandLine, 
 
 def test_plots_print_nothing_where_there_is_no_home(tmp_path: Path) -> None:
     environment = {**os.environ, "HOME": "/proc/nowhere", "MPLCONFIGDIR": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/x"}
-    code = "import lutforge.report.drawing, matplotlib.pyplot"
+    code = "import lutforge.report.figures, matplotlib.pyplot"
     run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert run.stderr == ""
 

@@ -31,32 +31,10 @@ from lutforge.solvers.solution import Status
 
 KNOTS = 33
 """Entries of the fitted f⁻¹ per channel; between them it is linear."""
-BETA, LEAST_UNSATURATED = 0.2, 100
-"""Saturation of the RAW values at which a sample counts a quarter; more where fewer samples than this lie below."""
-REACH = 3.0
-"""Samples of more than so many times that saturation count nothing."""
-FEW, CANDIDATES = 3_000, 50_000
-"""Samples that are fitted at most, and those among which they are chosen."""
-ROUNDS = 10
-NOISE_SCALE = 3.0
-"""A residual of so many times the median of the unsaturated counts a quarter (Geman-McClure) …"""
-FIRST_SCALE, SHRINKING, LEAST_SCALE = 32.0 / 255.0, 0.6, 0.5 / 255.0
-"""… but not one below this, which shrinks from round to round: where a stray sample bends the first fits, those that it
-bends away from are not yet lost."""
-LEAST_STEP = 0.05
-"""f⁻¹ rises at least at this share of the rate of sRGB's own curve."""
 FLATTEST = 0.05
 """Slopes of f⁻¹ below this count as this, so that no dark sample outweighs all others."""
-SMOOTHNESS = 3e-3
-"""Weight, beside that of one sample, of the squared change of f⁻¹'s slope from knot to knot, relative to that slope,
-beyond that of the channels' common curve: about 3 % a knot counts as much as the noise of one sample."""
-ALIKE = 1e-2
-"""The same of each knot's difference from the common curve."""
 RIDGE = 1e-7
 """Weight of the squared entries of Ts off its diagonal: what colours cannot tell stays the identity."""
-OUTLIER_SCALE, LEAST_OUTLIER = 4.0, 2.0 / 255.0
-"""Of all samples one with so many times their median residual, and at least two codes, counts half (Cauchy)."""
-MATRIX_ROUNDS = 6
 
 
 @one_blas_thread
@@ -70,22 +48,25 @@ def fit_base(x: Array, encoded: Array) -> MatrixAndResponse:
         raise CalibrationError(f"{count} samples cannot determine a matrix and a response; at least 10 are needed")
     x, encoded = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(encoded, dtype=np.float64)
     few, odds = _unsaturated(x)
-    tables, rows = _rounds(x[few], encoded[few], odds)
+    rounds = 10
+    tables, rows = _rounds(x[few], encoded[few], odds, rounds)
     residual, _ = _residual(x @ rows.T, encoded, tables)
     weight = _cauchy(residual)
     rms = float(np.sqrt((residual**2 @ weight) / weight.sum()))
-    return MatrixAndResponse(rows, Response(tables), weight, weight, rms, Status.LIMIT, ROUNDS)
+    return MatrixAndResponse(rows, Response(tables), weight, weight, rms, Status.LIMIT, rounds)
 
 
 @one_blas_thread
 def with_matrix_of_all(base: MatrixAndResponse, x: Array, encoded: Array) -> MatrixAndResponse:
-    """The same response with the matrix that suits all samples best, saturated ones too; as in the fit, x and encoded
-    are (n, 3)."""
+    """Fit the matrix anew to all samples, saturated ones too, and keep the response.
+
+    x and encoded are (n, 3), as in the fit.
+    """
     x, encoded = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(encoded, dtype=np.float64)
     linear, tables = base.response.linearize(encoded), np.ascontiguousarray(base.response.inverse)
     rows = base.matrix
     residual, slope = _residual(x @ rows.T, encoded, tables)
-    for _ in range(MATRIX_ROUNDS):
+    for _ in range(6):
         rows = _matrix(x, linear, _cauchy(residual), slope)
         residual, slope = _residual(x @ rows.T, encoded, tables)
     weight = _cauchy(residual)
@@ -93,37 +74,50 @@ def with_matrix_of_all(base: MatrixAndResponse, x: Array, encoded: Array) -> Mat
 
 
 def _unsaturated(x: Array) -> tuple[NDArray[np.intp], Array]:
-    """The samples to fit, of x (n, 3), and their odds of being untouched by the gamut map, squared."""
-    rng, rows = np.random.default_rng(0), np.arange(len(x))
-    if len(x) > CANDIDATES:
-        rows = rng.choice(len(x), CANDIDATES, replace=False, shuffle=False)
+    """The samples to fit, of x (n, 3), and their odds of being untouched by the gamut map, squared.
+
+    At a saturation of 0.2 a sample counts a quarter, or at more where fewer than 100 lie below; beyond three times that
+    it counts nothing. At most 3,000 are fitted, chosen among 50,000.
+    """
+    rng, rows, candidates, few = np.random.default_rng(0), np.arange(len(x)), 50_000, 3_000
+    if len(x) > candidates:
+        rows = rng.choice(len(x), candidates, replace=False, shuffle=False)
     chroma = saturation(x[rows])
-    place = min(LEAST_UNSATURATED, len(rows)) - 1
-    beta = max(BETA, float(np.partition(chroma, place)[place]))
-    near = np.flatnonzero(chroma < REACH * beta)
-    if len(near) > FEW:
-        near = rng.choice(near, FEW, replace=False, shuffle=False)
+    place = min(100, len(rows)) - 1
+    beta = max(0.2, float(np.partition(chroma, place)[place]))
+    near = np.flatnonzero(chroma < 3.0 * beta)
+    if len(near) > few:
+        near = rng.choice(near, few, replace=False, shuffle=False)
     return rows[near], untouched_odds(chroma[near], beta) ** 2
 
 
-def _rounds(x: Array, encoded: Array, odds: Array) -> tuple[Array, Array]:
-    """Tables of f⁻¹ (KNOTS, 3) and matrix rows (3, 3)."""
+def _rounds(x: Array, encoded: Array, odds: Array, count: int) -> tuple[Array, Array]:
+    """Tables of f⁻¹ (KNOTS, 3) and matrix rows (3, 3).
+
+    A residual of three times the median of the unsaturated counts a quarter (Geman-McClure), but not one below `least`,
+    which shrinks from round to round: where a stray sample bends the first fits, those that it bends away from are not
+    yet lost.
+    """
     tables, rows = np.zeros((KNOTS, 3)), np.eye(3)
-    common, alike, weight, slope, least = SRGB, 0.0, odds, np.ones_like(x), FIRST_SCALE
+    srgb = srgb_decode(np.linspace(0.0, 1.0, KNOTS))
+    lower = np.concatenate([[0.0], 0.05 * np.diff(srgb), [-3.0, -3.0]])  # f⁻¹ rises at 1/20 of sRGB's rate at least
+    upper = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])
+    common, alike, weight, slope, least = srgb, 0.0, odds, np.ones_like(x), 32.0 / 255.0
     start: list[Array | None] = [None] * 3
-    for _ in range(ROUNDS):
+    for _ in range(count):
         normal, right = _systems(x, encoded, weight, slope, *_prior(common, alike))
         for channel in range(3):
             start[channel] = solution = bounded_least_squares(
-                normal[channel], right[channel], LOWER, UPPER, start[channel]
+                normal[channel], right[channel], lower, upper, start[channel]
             )
             tables[:, channel], mix = np.cumsum(solution[:KNOTS]), solution[KNOTS:]
-            rows[channel, OTHERS[channel]], rows[channel, channel] = mix, 1.0 - mix.sum()
-        common, alike = tables.mean(axis=1), ALIKE
+            others = [other for other in range(3) if other != channel]
+            rows[channel, others], rows[channel, channel] = mix, 1.0 - mix.sum()
+        common, alike = tables.mean(axis=1), 0.01  # the weight of each knot's difference from the common curve
         residual, slope = _residual(x @ rows.T, encoded, tables)
-        scale = max(NOISE_SCALE * _weighted_median(residual, odds), least)
+        scale = max(3.0 * _weighted_median(residual, odds), least)
         weight = odds / (1.0 + (residual / scale) ** 2) ** 2
-        least = max(SHRINKING * least, LEAST_SCALE)
+        least = max(0.6 * least, 0.5 / 255.0)
     return tables, rows
 
 
@@ -134,8 +128,11 @@ def _weighted_median(values: Array, weight: Array) -> float:
 
 
 def _cauchy(residual: Array) -> Array:
-    """Weights (n,) of all samples by their residuals (n,), in JPEG values."""
-    scale = max(OUTLIER_SCALE * float(np.median(residual)), LEAST_OUTLIER)
+    """Weights (n,) of all samples by their residuals (n,), in JPEG values.
+
+    One with four times their median residual, and at least two codes, counts half.
+    """
+    scale = max(4.0 * float(np.median(residual)), 2.0 / 255.0)
     return np.asarray(1.0 / (1.0 + (residual / scale) ** 2))
 
 
@@ -180,8 +177,10 @@ def _cell(encoded: float) -> tuple[int, float]:
 def _systems(
     x: Array, encoded: Array, weight: Array, slope: Array, bending: Array, towards: Array
 ) -> tuple[Array, Array]:
-    """N (3, KNOTS + 2, KNOTS + 2) and r (3, KNOTS + 2) of the u of each channel that minimises u'Nu − 2 r'u, which is
-    Σ weight slope² (f⁻¹(I) − m·x)², Σ m = 1, and what `_prior` has made.
+    """Return the normal equations of each channel, N (3, KNOTS + 2, KNOTS + 2) and r (3, KNOTS + 2).
+
+    The u that minimises u'Nu − 2 r'u minimises Σ weight slope² (f⁻¹(I) − m·x)² with Σ m = 1, and what `_prior` has
+    made.
 
     u are f⁻¹'s value at 0 and its steps, and the matrix entries of the two other channels.
     """
@@ -205,9 +204,10 @@ def _systems(
 
 @compiled()
 def _products(x: Array, encoded: Array, channel: int, weight: Array, slope: Array) -> tuple[Array, float]:
-    """The symmetric (KNOTS + 3, KNOTS + 3) products, over all samples, of weighted rows of
-    [f⁻¹'s interpolation between its knots, −differences to the two other channels, what they should sum to], and the
-    sum of the weights, weight · slope² of the channel.
+    """Return the symmetric (KNOTS + 3, KNOTS + 3) products of weighted rows, and the sum of the weights.
+
+    A row is [f⁻¹'s interpolation between its knots, −differences to the two other channels, what they should sum to],
+    and its weight the sample's times the channel's slope².
     """
     total, sum_of_weights = np.zeros((KNOTS + 3, KNOTS + 3)), 0.0
     one, two = (channel == 0) + 0, 2 - (channel == 2)
@@ -237,8 +237,10 @@ def _prior(common: Array, alike: float) -> tuple[Array, Array]:
     """N (KNOTS + 2, KNOTS + 2) and r (KNOTS + 2,) of u'Nu − 2 r'u, for u as `_systems` has it.
 
     common (KNOTS,): the curve whose relative changes of slope f⁻¹ takes where there are no samples, and with the weight
-    alike its values; black is black, as surely as if one sample told it.
+    alike its values; black is black, as surely as if one sample told it. A change of slope of about 3 % a knot beyond
+    the common curve's counts as much as the noise of one sample.
     """
+    smoothness = 3e-3
     rate = np.empty(KNOTS)
     for knot in range(KNOTS):
         low, high = max(knot - 1, 0), min(knot + 1, KNOTS - 1)
@@ -248,10 +250,10 @@ def _prior(common: Array, alike: float) -> tuple[Array, Array]:
         first, second = common[knot] - common[knot - 1], common[knot + 1] - common[knot]
         change, scale = (second - first) / max(first + second, 1e-9), (KNOTS - 1) / rate[knot]
         left, after = (-1.0 - change) * scale, (1.0 - change) * scale
-        normal[knot, knot] += SMOOTHNESS * left * left
-        normal[knot, knot + 1] += SMOOTHNESS * left * after
-        normal[knot + 1, knot] += SMOOTHNESS * left * after
-        normal[knot + 1, knot + 1] += SMOOTHNESS * after * after
+        normal[knot, knot] += smoothness * left * left
+        normal[knot, knot + 1] += smoothness * left * after
+        normal[knot + 1, knot] += smoothness * left * after
+        normal[knot + 1, knot + 1] += smoothness * after * after
     firmness = drawn = 0.0
     for knot in range(KNOTS - 1, -1, -1):  # a step is in all values that follow
         firmness += alike / rate[knot] ** 2
@@ -284,10 +286,3 @@ def _matrix(x: Array, linear: Array, weight: Array, slope: Array) -> Array:
         rows[channel, one], rows[channel, two] = (c * d - b * e) / whole, (a * e - b * d) / whole
         rows[channel, channel] = 1.0 - rows[channel, one] - rows[channel, two]
     return rows
-
-
-OTHERS = np.array([[1, 2], [0, 2], [0, 1]])
-"""The other channels of each."""
-SRGB = srgb_decode(np.linspace(0.0, 1.0, KNOTS))
-LOWER = np.concatenate([[0.0], LEAST_STEP * np.diff(SRGB), [-3.0, -3.0]])
-UPPER = np.concatenate([[0.05], np.full(KNOTS - 1, np.inf), [3.0, 3.0]])

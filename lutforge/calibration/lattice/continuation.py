@@ -31,7 +31,7 @@ from lutforge.solvers.robust_weights import RobustWeights, cauchy
 OFFSET = 0.005
 """ε of the even scale."""
 TRIAL_CENTRES = 54
-"""So many functions tell which matrix is continued: those of the guess for a lattice of 9 nodes per axis."""
+"""The number of functions that tell which matrix is continued: those of the guess for a lattice of 9 nodes per axis."""
 OUTLIERS = RobustWeights(cauchy, multiple=4.0, least=4.0 / 255.0)
 GREYS = np.linspace(0.0, 0.3, 11)[:, None].repeat(3, axis=1)
 """Dark greys, black the first, which the gamut map leaves alone: each counts as one sample."""
@@ -195,7 +195,7 @@ class _Pairs:
 
     @cached_property
     def problem(self) -> RadialBasisProblem:
-        """Of all centres."""
+        """The fit of functions at all centres."""
         return RadialBasisProblem(self.source, self.centres)
 
     def trial(self) -> "_Trial":
@@ -223,7 +223,7 @@ class _Trial:
 
 
 def _rows(count: int, most: int) -> NDArray[np.intp]:
-    """At most so many of the samples in random order, the same ones every time: of fewer, the first of more."""
+    """Choose at most `most` samples in random order, the same ones every time: of fewer, the first of more."""
     return np.random.default_rng(0).permutation(count)[:most]
 
 

@@ -12,9 +12,6 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 
-CODES = 1024
-"""Steps of codes on which the nodes of an inverse may lie."""
-
 
 def is_monochrome(balanced: Array, encoded: Array) -> bool:
     """Tell whether a style made neutral JPEG values (n, 3) of colourful balanced RAW (n, 3), all unclipped, n > 0.
@@ -54,13 +51,14 @@ def inverse_of_greys(render: Lattice, options: CalibrationOptions) -> Lattice:
 
 def _levels(code: Array, light: Array, size: int) -> Levels:
     """Node levels between which the chords are the fewest codes off: the least error that `size` nodes suffice for."""
-    at = np.linspace(0.0, 1.0, CODES + 1)
+    steps = 1024  # of codes, on which the nodes may lie
+    at = np.linspace(0.0, 1.0, steps + 1)
     exact = np.interp(at, code, light)
-    low, high, nodes = 0.0, 1.0, [0, CODES]
+    low, high, nodes = 0.0, 1.0, [0, steps]
     for _ in range(16):  # halves the range to 1/256 of a code
         tolerance = (low + high) / 2.0
         chords = _longest_chords(exact, code, light, tolerance, size)
-        if chords[-1] == CODES:
+        if chords[-1] == steps:
             high, nodes = tolerance, chords
         else:
             low = tolerance
@@ -74,9 +72,9 @@ def _levels(code: Array, light: Array, size: int) -> Levels:
 def _longest_chords(exact: Array, code: Array, light: Array, tolerance: float, size: int) -> list[int]:
     """Ends of at most size − 1 chords of even steps of the curve, from the first on, each as long as is within it."""
     there = np.interp(exact, light, code)
-    nodes = [0]
-    while nodes[-1] < CODES and len(nodes) < size:
-        start, low, high = nodes[-1], nodes[-1] + 1, CODES
+    nodes, last = [0], len(exact) - 1
+    while nodes[-1] < last and len(nodes) < size:
+        start, low, high = nodes[-1], nodes[-1] + 1, last
         while low < high:
             end = (low + high + 1) // 2
             chord = np.linspace(exact[start], exact[end], end - start + 1)

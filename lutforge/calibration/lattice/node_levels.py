@@ -1,12 +1,13 @@
 """Node levels where a lattice needs them: close together where its errors are large (thesis 5.3)."""
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from lutforge.arrays import Array
 from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
 from lutforge.model.gamut_map import to_even
-from lutforge.model.node_levels import equidistribute
+from lutforge.model.lattice import equidistribute
 
 BINS = 1000
 """Bins of the error histogram (thesis 5.3)."""
@@ -20,7 +21,7 @@ def error_histogram(x: Array, error: Array) -> tuple[Array, Array, Array]:
     Equation 5.6, smoothed by the Gaussian of (5.7), 40 bins wide, whose width the thesis does not state. Errors are
     mirrored at 0 and 1, so that smoothing loses none of them there.
     """
-    r, g, b = _smoothed(np.pad(_normalized(x, error), ((0, 0), (160, 160)), mode="symmetric"), _gaussian(40.0, 160))
+    r, g, b = gaussian_filter1d(_normalized(x, error), 40.0, radius=160, mode="reflect")
     return r, g, b
 
 
@@ -44,15 +45,14 @@ def equidistributed_levels(x: Array, error: Array, levels: Levels, order: int = 
     that the error grows with, less where the function has kinks. Beyond 0 and 1 no errors are assumed: with mirrored
     ones the ends take levels that the middle needs more (D40, plain form, 17³: 0.0042 instead of 0.0040).
     """
-    none = np.zeros((3, 160))
-    histograms = _smoothed(np.concatenate([none, _normalized(x, error), none], axis=1), _gaussian(40.0, 160))
+    histograms = gaussian_filter1d(_normalized(x, error), 40.0, radius=160, mode="constant")
     middles = (np.arange(BINS) + 0.5) / BINS
     densities = []
     for histogram, axis in zip(histograms, levels, strict=True):
         spacing = np.diff(axis)[np.searchsorted(axis[1:-1], middles, side="right")] * (len(axis) - 1)
         noise = 0.01 / BINS  # a hundredth of the error counts as even noise
         densities.append(((histogram + noise) / np.square(spacing) ** (order / 2)) ** (1 / (order + 1)))
-    smooth = _smoothed(np.pad(np.array(densities), ((0, 0), (20, 20)), mode="edge"), _gaussian(5.0, 20))
+    smooth = gaussian_filter1d(np.array(densities), 5.0, radius=20, mode="nearest")
     smooth = (1 - floor.sum()) * smooth / smooth.sum(axis=1, keepdims=True) + floor
     r, g, b = (equidistribute(row, len(axis)) for row, axis in zip(smooth, levels, strict=True))
     return (r, g, b)
@@ -72,26 +72,3 @@ def _histograms(x: Array, error: Array) -> Array:
         for axis in range(3):
             counts[axis, min(max(int(x[n, axis] * BINS), 0), BINS - 1)] += error[n]
     return counts
-
-
-def _gaussian(deviation: float, radius: int) -> Array:
-    """A Gaussian of a standard deviation in bins, cut off at `radius`, (2 radius + 1,), of sum 1."""
-    weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / deviation) ** 2)
-    return np.asarray(weights / weights.sum())
-
-
-@compiled(fastmath={"contract"})
-def _smoothed(padded: Array, kernel: Array) -> Array:
-    """Rows (m, n + len(kernel) − 1) under a symmetric kernel, (m, n)."""
-    count = padded.shape[1] - len(kernel) + 1
-    result = np.zeros((len(padded), count))
-    for row in range(len(padded)):
-        to, radius = result[row], len(kernel) // 2
-        for bin in range(count):
-            to[bin] = kernel[radius] * padded[row, radius + bin]
-        for k in range(radius):
-            weight, left = kernel[k], padded[row, k : k + count]
-            right = padded[row, len(kernel) - 1 - k : len(kernel) - 1 - k + count]
-            for bin in range(count):
-                to[bin] += weight * (left[bin] + right[bin])
-    return result

@@ -16,15 +16,10 @@ from lutforge.compiled import compiled
 from lutforge.interpolation import through
 from lutforge.model.response import Response
 
-ENTRIES = 4096
-STEEPEST = 8.0
-"""Bound on f' with respect to the whole range of linear light. A fitted f can be arbitrarily steep at the very foot,
-where saturated colours stay away from black: errors of the cube must not be multiplied by that."""
-
 
 @dataclass(frozen=True, eq=False)
 class OutputCurve:
-    """table: (ENTRIES, 3), I at even steps of v in [0, 1], rising from 0 to 1.
+    """table: (4096, 3), I at even steps of v in [0, 1], rising from 0 to 1.
 
     linear, values: (n, 3), f⁻¹ and v at n even steps of I; ends: (2, 3), dv/d(linear) below and above them.
     """
@@ -46,8 +41,7 @@ class OutputCurve:
     def slope(self, encoded: Array) -> Array:
         """dI/dv at I (…, 3), over two codes."""
         low, high = np.clip(encoded - 1 / 255, 0.0, 1.0), np.clip(encoded + 1 / 255, 0.0, 1.0)
-        rise: Array = (high - low) / (self.enter(high) - self.enter(low))
-        return rise
+        return np.asarray((high - low) / (self.enter(high) - self.enter(low)))
 
     def continued(self, linear: Array) -> Array:
         """v of linear light (…, 3), which runs on straight where the camera clips."""
@@ -106,14 +100,19 @@ def _continued(known: Array, cells: Index, values: Array, ends: Array, linear: A
 
 
 def output_curve(response: Response) -> OutputCurve:
-    """The curve of a camera with response f."""
-    codes = np.linspace(0.0, 1.0, ENTRIES)
+    """The curve of a camera with response f.
+
+    f' is bounded by 8, with respect to the whole range of linear light. A fitted f can be arbitrarily steep at the very
+    foot, where saturated colours stay away from black: errors of the cube must not be multiplied by that.
+    """
+    entries = 4096
+    codes = np.linspace(0.0, 1.0, entries)
     inverse = response.inverse
     linear = PchipInterpolator(np.linspace(0.0, 1.0, len(inverse)), inverse, axis=0)(codes)
     span = linear[-1] - linear[0]
-    slope = np.maximum(np.gradient(linear / span, 1.0 / (ENTRIES - 1), axis=0), 1.0 / STEEPEST)  # of f⁻¹
+    slope = np.maximum(np.gradient(linear / span, 1.0 / (entries - 1), axis=0), 1.0 / 8.0)  # of f⁻¹
     rate = slope / (1.0 + slope)
-    values = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rate[1:] + rate[:-1]), axis=0) / (ENTRIES - 1)])
+    values = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rate[1:] + rate[:-1]), axis=0) / (entries - 1)])
     total = values[-1].copy()
     values /= total
     table = np.stack([np.interp(codes, values[:, c], codes) for c in range(3)], axis=1)

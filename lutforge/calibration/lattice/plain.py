@@ -12,23 +12,17 @@ from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.node_levels import equidistributed_levels
-from lutforge.calibration.lattice.problem import LatticeProblem, PlacedProblem
+from lutforge.calibration.lattice.problem import LatticeProblem, PlacedProblem, search_rows
 from lutforge.calibration.lattice.result import LatticeResult, result, snapped
-from lutforge.calibration.lattice.weights import search_rows
-from lutforge.calibration.lattice_options import SEARCH_SIZE
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import SEARCH_SIZE, CalibrationOptions
 from lutforge.interpolation import Levels
-from lutforge.model.lattice import Lattice
-from lutforge.model.node_levels import resized_levels
+from lutforge.model.lattice import Lattice, resized_levels
 from lutforge.solvers.bounded import solve_bounded
 from lutforge.solvers.lattice_regression import LatticeFit, Prior
 from lutforge.solvers.normal_equations import InterpolationMatrix, NormalEquations
 from lutforge.solvers.robust_weights import lawson
 
 Bounds = tuple[float, float]
-
-COLOURS, FREE = (0.0, 1.0), (-0.25, 1.25)
-"""Bounds of nodes that are colours, and of those with which a small lattice shows a clip between its nodes."""
 
 
 def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, smoothness: float) -> LatticeResult:
@@ -39,10 +33,10 @@ def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, 
     if len(rows) < len(x):
         search = _problem(x[rows], y[rows], near, curved, options, smoothness)
     levels = resized_levels(curved.levels, min(options.size, 33))
-    placed = BoundedProblem.at(search, levels, COLOURS)
+    placed = BoundedProblem.at(search, levels, (0.0, 1.0))
     fit = placed.search_fit()
     if options.size < 24:  # between the nodes of larger ones there is little room
-        free = BoundedProblem.at(search, levels, FREE)
+        free = BoundedProblem.at(search, levels, (-0.25, 1.25))  # so that a clip shows between the nodes
         freely = free.search_fit()
         if float(placed.error(fit).mean()) - float(free.error(freely).mean()) > options.lattice.bound_cost:
             placed, fit = free, freely
@@ -67,6 +61,7 @@ class BoundedProblem(PlacedProblem):
 
     @classmethod
     def at(cls, problem: LatticeProblem, levels: Levels, bounds: Bounds, sweeps: int = 6) -> "BoundedProblem":
+        """Return the problem at given node levels and bounds."""
         matrix = InterpolationMatrix(problem.x, levels, problem.options.interpolation)
         return cls(problem, levels, matrix, bounds, sweeps)
 
@@ -102,7 +97,7 @@ class BoundedProblem(PlacedProblem):
 def _problem(
     x: Array, y: Array, near: Array, curved: Lattice, options: CalibrationOptions, smoothness: float
 ) -> LatticeProblem:
-    """Of the samples, and of points near them."""
+    """State the problem of the samples and of points near them."""
     points, values = np.concatenate([x, near]), np.concatenate([y, curved(near)])
     weight = np.ones(len(points))
     weight[len(x) :] = min(options.lattice.point_weight, 2.0 * len(x) / len(near))  # all together twice the samples

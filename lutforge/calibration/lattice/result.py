@@ -7,8 +7,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels, through
-from lutforge.model.lattice import Lattice
-from lutforge.model.node_levels import snap_levels
+from lutforge.model.lattice import Lattice, snap_levels
 from lutforge.solvers.normal_equations import InterpolationMatrix
 
 

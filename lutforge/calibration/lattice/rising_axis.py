@@ -9,10 +9,7 @@ import numpy as np
 from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
 from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
-from lutforge.solvers.inequality_least_squares import least_distance
-
-RISE = 1e-7
-"""Between two points, so that rounding does not make a fall of it."""
+from lutforge.solvers.bounded_least_squares import least_distance
 
 
 def with_rising_axis(values: Array, levels: Levels, method: Interpolation) -> Array:
@@ -32,7 +29,7 @@ def with_rising_axis(values: Array, levels: Levels, method: Interpolation) -> Ar
 
 
 def _points(levels: Levels) -> Array:
-    """Where the axis is looked at: evenly, and with all of its kinks, where it enters a cell or another tetrahedron."""
+    """Return where the axis is looked at: evenly, and at its kinks, where it enters a cell or another tetrahedron."""
     knots = np.unique(np.concatenate(levels))
     low, high = knots[:-1], knots[1:]
     ends = []
@@ -50,13 +47,13 @@ def _points(levels: Levels) -> Array:
 
 def _raise(values: Array, nodes: Index, weights: Array, around: int, bounds: tuple[float, float]) -> None:
     """Change the values (N³,) of a channel in place; not at all where no change within bounds makes them rise."""
-    as_given = values.copy()
+    as_given, rise = values.copy(), 1e-7  # between two points, so that rounding does not make a fall of it
     kept = np.zeros(len(nodes), dtype=np.bool_)
     for _ in range(8):
         grey = np.sum(weights * values[nodes], axis=1)
         clipped = np.maximum.accumulate(grey >= 1.0)
-        lacking = np.where(clipped, 1.0 - grey, RISE - np.diff(grey, prepend=-np.inf))
-        falls = np.flatnonzero(lacking > np.where(clipped, 0.0, RISE))
+        lacking = np.where(clipped, 1.0 - grey, rise - np.diff(grey, prepend=-np.inf))
+        falls = np.flatnonzero(lacking > np.where(clipped, 0.0, rise))
         if not len(falls):
             return
         for fall in falls:

@@ -25,8 +25,11 @@ MERGED = 0.1
 
 @dataclass(frozen=True, eq=False)
 class TransferFunction:
-    """The pairs of one exposure ratio. stops: log2 k'; first, second: JPEG values (n, 3); raw_first, raw_second: (n, 3)
-    or NaN; outlier: (n,); pair: (n,) which pair of shots; curve: τ at 256 JPEG values (256, 3)."""
+    """The pairs of one exposure ratio.
+
+    stops: log2 k'; first, second: JPEG values (n, 3); raw_first, raw_second: (n, 3) or NaN; outlier: (n,); pair: (n,)
+    which pair of shots; curve: τ at 256 JPEG values (256, 3).
+    """
 
     stops: float
     first: Array

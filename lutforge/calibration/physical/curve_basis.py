@@ -15,7 +15,7 @@ from lutforge.arrays import Array
 from lutforge.calibration.physical.plain_curves import srgb_response
 from lutforge.errors import CalibrationError
 from lutforge.model.emor import inverse_emor, log_inverse_emor
-from lutforge.solvers.inequality_least_squares import solve_lsi
+from lutforge.solvers.bounded_least_squares import solve_lsi
 
 LEAST_SLOPE = 0.02
 """A curve rises at least this fraction as fast as EMoR's mean: no f⁻¹ is flat."""

@@ -146,8 +146,11 @@ def pairs_of_bracket(
 
 
 def _insensitive(outer: Array, inner: Array, *, dark: bool) -> tuple[Array, Array]:
-    """Of the cells (n, 3) of two shots: (3,) the JPEG value where a channel no longer follows the exposure, and (3,)
-    where the noise around it ends: the black of two dark shots of a bracket, or the white of its brightest two."""
+    """Find the JPEG values (3,) where a channel no longer follows the exposure, and where the noise there ends.
+
+    They are of the cells (n, 3) of two shots: the black of two dark shots of a bracket, or the white of its brightest
+    two.
+    """
     ends = np.zeros(3) if dark else np.ones(3)
     noise = ends.copy()
     for channel in range(3):
@@ -162,7 +165,7 @@ def _insensitive(outer: Array, inner: Array, *, dark: bool) -> tuple[Array, Arra
 
 
 def _over_tones(encoded: Array, usable: Mask, most: int) -> Mask:
-    """At most so many of the usable cells (n,), evenly over the tones: a dark wall must not outweigh all else."""
+    """Choose some of the usable cells (n,), evenly over the tones: a dark wall must not outweigh all else."""
     rows = np.random.default_rng(0).permutation(np.flatnonzero(usable))
     tone = np.minimum((encoded[rows].mean(axis=1) * TONES).astype(np.intp), TONES - 1)
     order = np.argsort(tone, kind="stable")

@@ -49,9 +49,11 @@ def fit_matrix(
     neutral: Array | None = None,
     preset: Preset = "lutforge",
 ) -> MatrixFit:
-    """Solve (4.5). linear: X = f⁻¹(I) (n, 3); raw: E (n, 3); setting: (n,) white-balance name; known: multipliers (3,)
-    with green = 1 by setting; trusted: (n,) weights, 1 for colours that are surely untouched by the gamut map;
-    neutral: (3,) what f⁻¹ makes of neutral JPEG values, up to a factor, None where its curves are alike.
+    """Solve (4.5).
+
+    linear: X = f⁻¹(I) (n, 3); raw: E (n, 3); setting: (n,) white-balance name; known: multipliers (3,) with green = 1
+    by setting; trusted: (n,) weights, 1 for colours that are surely untouched by the gamut map; neutral: (3,) what f⁻¹
+    makes of neutral JPEG values, up to a factor, None where its curves are alike.
 
     Without any known multipliers, what Ts and Tw share is settled by neutrals: what the camera renders neutral is equal
     RAW values after its white balance. Raises CalibrationError where the colours do not determine Ts.
@@ -108,8 +110,10 @@ def _check(linear: Array, trusted: Array) -> None:
 
 
 def hue_spread(linear: Array) -> float:
-    """Root mean square of the chromaticities of linear colours (n, 3) along the second of their principal directions;
-    below LEAST_CONDITION they are grey or of one hue."""
+    """Return how far the chromaticities of linear colours (n, 3) spread along the second of their principal directions.
+
+    It is a root mean square; below LEAST_CONDITION the colours are grey or of one hue.
+    """
     if len(linear) < 2:
         return 0.0
     shares = linear / np.maximum(linear.sum(axis=1, keepdims=True), 1e-9)

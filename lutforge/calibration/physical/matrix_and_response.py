@@ -112,7 +112,7 @@ def fit_matrix_and_response(
 
 @dataclass(frozen=True, eq=False)
 class _Rounds:
-    """Where the rounds have got to: weight (n,) of the next; f and Ts of the last; how they ended; their number."""
+    """The state between rounds: weight (n,) of the next; f and Ts of the last; how they ended; their number."""
 
     weight: Array
     response: Response = field(default_factory=lambda: Response(np.array([[0.0] * 3, [1.0] * 3])))

@@ -208,7 +208,7 @@ def fit_shared_gamut_maps(
 
 
 def conventional(model: PhysicalModel) -> PhysicalModel:
-    """The same f and T without h."""
+    """Return the model of f and T alone, without h."""
     return replace(model, gamut_map=identity_gamut_map(), inverse_gamut_map=identity_gamut_map())
 
 

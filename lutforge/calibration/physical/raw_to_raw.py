@@ -105,8 +105,9 @@ def _fit_wedges(x: Array, y: Array, weight: Array, neutral: Array, matrix: Array
 
 
 def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) -> tuple[Array, float]:
-    """Coefficients (k, 3) of terms (n, k), and the held-out error: as near to y (n, 3) as held-out pairs bear, else as
-    at the start, a single matrix. bend: (m, k), what is 0 of a single matrix.
+    """Return coefficients (k, 3) of terms (n, k), as near to y (n, 3) as held-out pairs bear, and the held-out error.
+
+    Else they are as at the start, a single matrix. bend: (m, k), what is 0 of a single matrix.
     """
     size = float(np.median(weight * np.linalg.norm(terms, axis=1)))
 

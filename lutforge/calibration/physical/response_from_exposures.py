@@ -126,8 +126,10 @@ def _solve(pairs: ExposurePairs, basis: CurveBasis, weight: Array, noise: Array,
 
 
 def _held_at_white(logs: Array, pairs: ExposurePairs, weight: Array) -> Array:
-    """log f⁻¹ (3, k) that goes on above the brightest trusted sample as a power of EMoR's mean, with the slope that it
-    has below: what the least squares make of codes that no pair reaches depends on the noise alone."""
+    """Continue log f⁻¹ (3, k) above the brightest trusted sample as a power of EMoR's mean, with the slope that it has.
+
+    What the least squares make of codes that no pair reaches depends on the noise alone.
+    """
     codes, shape = np.linspace(0.0, 1.0, logs.shape[1]), log_inverse_emor().mean
     held = logs.copy()
     for channel in range(3):

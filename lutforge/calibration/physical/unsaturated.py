@@ -32,8 +32,10 @@ def untouched(encoded: Array, beta: float = BETA) -> Mask:
 
 
 def untouched_odds(chroma: Array, beta: float) -> Array:
-    """Weight (n,) of colours of saturation chroma (n,): ½ at β, as where a shift that grows with the third power of the
-    saturation is as large as the noise."""
+    """Return the weight (n,) of colours of saturation chroma (n,), ½ at β.
+
+    There a shift that grows with the third power of the saturation is as large as the noise.
+    """
     return np.asarray(1.0 / (1.0 + (chroma / beta) ** 6))
 
 
@@ -45,6 +47,7 @@ def starting_beta(chroma: Array, preset: Preset, beta: float = BETA) -> float:
 
 
 def check_tones(encoded: Array, unsaturated: Mask) -> None:
+    """Raise CalibrationError where unsaturated colours are too few, or of too few tones."""
     if unsaturated.sum() < LEAST_UNSATURATED:
         raise CalibrationError(
             f"{unsaturated.sum()} unsaturated colours; the response needs {LEAST_UNSATURATED}: "

@@ -104,7 +104,7 @@ def _departures(samples: SampleSet, balanced_by: Array, usable: Mask, names: lis
 
 
 def _neutral_multipliers(raw: Array, srgb: Array) -> Array | None:
-    """From near-neutral colours; None where there are too few."""
+    """Read multipliers from near-neutral colours; None where there are too few."""
     high = srgb.max(axis=1)
     saturation = 1.0 - srgb.min(axis=1) / np.maximum(high, 1e-6)
     weight = np.exp(-((saturation / NEUTRAL_SATURATION) ** 2))

@@ -36,9 +36,10 @@ MANUAL_MODE = "shoot in manual mode with one picture style, scene-dependent feat
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
-    """Means over samples of like colour, of one part of one shot's picture. encoded: (n, 3); y: (n,), log₂ of the light
-    less that of an sRGB JPEG; tone: (n,); place: (n, 2), NaN where unknown; shot: (n,) places in names; scatter: (n,)
-    variance of y by rounding and noise.
+    """Means over samples of like colour, of one part of one shot's picture.
+
+    encoded: (n, 3); y: (n,), log₂ of the light less that of an sRGB JPEG; tone: (n,); place: (n, 2), NaN where unknown;
+    shot: (n,) places in names; scatter: (n,) variance of y by rounding and noise.
     """
 
     encoded: Array
@@ -52,8 +53,10 @@ class _Cells:
 
 @dataclass(frozen=True, eq=False)
 class _Departure:
-    """One shot beside the prediction by the others. error: (m,) stops by which its cells' JPEGs are brighter;
-    covariance: (m, m); member: (n,) its cells."""
+    """One shot beside the prediction by the others.
+
+    error: (m,) stops by which its cells' JPEGs are brighter; covariance: (m, m); member: (n,) its cells.
+    """
 
     error: Array
     covariance: Array
@@ -180,8 +183,9 @@ def _covariance(cells: _Cells) -> Array:
 
 
 def _own_covariance(cells: _Cells) -> Array:
-    """Of what a shot departs by though the camera is fixed: 3 % (0.04 EV) over 40 codes, as tiles are not quite flat,
-    and 2 % in all of it, as lenses flare.
+    """Return the covariance of what a shot departs by though the camera is fixed.
+
+    It is 3 % (0.04 EV) over 40 codes, as tiles are not quite flat, and 2 % in all of it, as lenses flare.
     """
     same = cells.shot[:, None] == cells.shot
     return np.asarray(same * (0.04**2 * _matern(_distance(cells) / 0.15) + 0.03**2))
@@ -214,9 +218,10 @@ def _departures(cells: _Cells, covariance: Array, freed: Mapping[int, Array]) ->
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """One shot's departure: of its tones, then of its places. tone: (3,); stops: what that makes of its cells, (m,);
-    maps: (18,); local: what these make of its cells, (m,). gains: by how much each lowers the misfit, χ² of 3 and 18
-    degrees of freedom; misfit: what is left per cell.
+    """One shot's departure: of its tones, then of its places.
+
+    tone: (3,); stops: what that makes of its cells, (m,); maps: (18,); local: what these make of its cells, (m,).
+    gains: by how much each lowers the misfit, χ² of 3 and 18 degrees of freedom; misfit: what is left per cell.
     """
 
     tone: Array

@@ -10,8 +10,7 @@ from lutforge.calibration.lattice.node_levels import BINS, error_histogram
 from lutforge.calibration.lattice.result import LatticeResult, result, snapped
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels
-from lutforge.model.lattice import Lattice, uniform_levels
-from lutforge.model.node_levels import equidistribute
+from lutforge.model.lattice import Lattice, equidistribute, uniform_levels
 from lutforge.solvers.lattice_regression import LatticeFit, Regularisation, fit_lattice, predict
 
 THESIS = Regularisation(smoothness=0.1, anchor=0.01, thin_plate=1e-6)

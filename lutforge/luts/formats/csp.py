@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.luts.formats.lines import LONGEST_CURVE, MAX_CURVE, MAX_SIZE, Lines, red_fastest, red_first
-from lutforge.luts.formats.text import plain, rows, write_text
+from lutforge.luts.formats.text import MAX_CURVE, MAX_SIZE, Lines, plain, red_fastest, red_first, rows, write_text
 from lutforge.luts.ops import Cube, Curve, Op
 from lutforge.luts.sequence import FileFormat, Lut, register
 from lutforge.luts.shaper import node_levels
@@ -47,7 +46,7 @@ def _knots(curve: Curve, cube: Cube, channel: int) -> tuple[Array, Array]:
 
 def read(path: Path, data: bytes) -> Lut:
     """Read one. Raises LutError: file, line, text and cause in one line."""
-    lines = Lines(path, data, LONGEST_CURVE)
+    lines = Lines(path, data, longest=2_000_000)  # one holds all knots of a curve
     if lines.at(0, "CSPLUTV100") != "CSPLUTV100":
         raise lines.wrong(0, "a .csp begins with CSPLUTV100")
     kind = lines.at(1, "1D or 3D")

@@ -11,8 +11,18 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.formats.lines import MAX_CURVE, MAX_SIZE, Lines, is_numeric, red_fastest, red_first
-from lutforge.luts.formats.text import comment_lines, plain, rows, write_text
+from lutforge.luts.formats.text import (
+    MAX_CURVE,
+    MAX_SIZE,
+    Lines,
+    comment_lines,
+    is_numeric,
+    plain,
+    red_fastest,
+    red_first,
+    rows,
+    write_text,
+)
 from lutforge.luts.ops import Cube, Curve, Matrix, Op
 from lutforge.luts.sequence import FileFormat, Lut, register
 

@@ -13,8 +13,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import LutError, one_line
-from lutforge.luts.formats.lines import red_fastest, red_first
-from lutforge.luts.formats.text import plain
+from lutforge.luts.formats.text import plain, red_fastest, red_first
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import FileFormat, Lut, register
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.formats.lines import MAX_SIZE, Lines, is_numeric
-from lutforge.luts.formats.text import comment_lines, write_text
+from lutforge.luts.formats.text import MAX_SIZE, Lines, comment_lines, is_numeric, write_text
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import FileFormat, Lut, register
 

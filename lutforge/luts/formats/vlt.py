@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.luts.formats.lines import Lines, red_fastest
-from lutforge.luts.formats.text import write_text
+from lutforge.luts.formats.text import Lines, red_fastest, write_text
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import FileFormat, Lut, register
 
