@@ -2,14 +2,21 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.bake import PROGRAMS as LISTED
 from lutforge.cli.main import main
 from lutforge.luts.programs import PROGRAMS
+from lutforge.pipeline.calibration import calibrate
+from lutforge.samples.table import write_samples
+from lutforge.simulate.camera import nikon_d5100
+from tests.calibration.samples_of_today import spread_over_picture, with_gamma
+from tests.calibration.samples_simulated import chart_140, photograph_patches
 from tests.cli.test_bad_input import Refused, refused, small_table
 from tests.conftest import CommandLine
 
@@ -130,3 +137,19 @@ def test_help_loads_no_numbers() -> None:
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_inspect_shows_what_a_camera_did_to_shots(lutforge: CommandLine, tmp_path: Path) -> None:
+    samples = spread_over_picture(photograph_patches(nikon_d5100(), chart_140()[:60], stops=(-2, -1, 0)))
+    calibrate(samples, CalibrationOptions(size=7)).save(tmp_path / "camera.npz")
+    name = str(samples.shot[0])
+    again = replace(with_gamma(samples, [name], 0.85), shot=np.char.add(samples.shot, " again"))
+    write_samples(tmp_path / "again.csv", again)
+    shown = lutforge("inspect", "--scene", "camera.npz", "again.csv", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    lines = {line.split(" again")[0].strip(): line for line in shown.stdout.splitlines() if " again" in line}
+    assert len(lines) == 15
+    assert [shot for shot, line in lines.items() if "EV" in line] == [name]
+    write_samples(tmp_path / "other.csv", replace(again, style=np.full(len(again), "sepia")))
+    refusal = lutforge("inspect", "--scene", "camera.npz", "other.csv", cwd=tmp_path)
+    assert refusal.returncode == 2 and "not in the profile" in refusal.stderr
