@@ -1,0 +1,275 @@
+"""How long people wait, with the limit beside each figure: medians of alternating runs of whole commands.
+
+    python -m tests.benchmarks.speed [WORDS…]    only the lines that hold one of the words
+
+What is compared with another program runs in turn with it, so that whatever else the machine does meets both. The
+photographs of `LUTFORGE_TEST_DATA` make the lines that need them; all else is made here.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import psutil
+from PIL import Image as Pillow
+
+from lutforge.calibration.calibrate import calibrate
+from lutforge.model.profile_file import save_profile
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import read_samples, write_samples
+from tests.apply.graded_images import write_cube
+from tests.real_data import D40
+
+BARE_JPEG = """if True:
+    import os, sys
+    from concurrent.futures import ThreadPoolExecutor
+    from pathlib import Path
+    import PyOpenColorIO as OCIO, simplejpeg
+    lut, out, *files = sys.argv[1:]
+    Path(out).mkdir(exist_ok=True)
+    code = OCIO.BIT_DEPTH_UINT8
+    read = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(lut, "", OCIO.INTERP_TETRAHEDRAL))
+    processor = read.getOptimizedCPUProcessor(code, code, OCIO.OPTIMIZATION_DEFAULT)
+    def work(file):
+        pixels = simplejpeg.decode_jpeg(Path(file).read_bytes())
+        flat = pixels.reshape(-1, 3)
+        for at in range(0, len(flat), 1 << 14):
+            processor.applyRGB(flat[at : at + (1 << 14)])
+        Path(out, Path(file).name).write_bytes(simplejpeg.encode_jpeg(pixels, 93, colorsubsampling="422"))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(work, files))
+    """
+
+BARE_FLOAT = """if True:
+    import os, sys
+    from concurrent.futures import ThreadPoolExecutor
+    from pathlib import Path
+    import OpenImageIO as oiio, PyOpenColorIO as OCIO
+    lut, out, *files = sys.argv[1:]
+    Path(out).mkdir(exist_ok=True)
+    oiio.attribute("threads", 1)
+    read = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(lut, "", OCIO.INTERP_TETRAHEDRAL))
+    processor = read.getDefaultCPUProcessor()
+    def work(file):
+        source = oiio.ImageInput.open(file)
+        spec, pixels = source.spec(), source.read_image(oiio.FLOAT)
+        flat = pixels.reshape(-1, 3)
+        for at in range(0, len(flat), 1 << 16):
+            processor.applyRGB(flat[at : at + (1 << 16)])
+        target = oiio.ImageOutput.create(file)
+        target.open(str(Path(out, Path(file).name)), spec)
+        target.write_image(pixels)
+        target.close()
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(work, files))
+    """
+
+
+@dataclass(frozen=True)
+class Line:
+    """A figure of the table: what, the value and its limit, at least or at most."""
+
+    what: str
+    value: float
+    limit: float
+    unit: str = "s"
+    at_least: bool = False
+
+    def __str__(self) -> str:
+        held = self.value >= self.limit if self.at_least else self.value <= self.limit
+        sign, mark = "≥" if self.at_least else "≤", "" if held else "   missed"
+        return f"{self.what:<58}{self.value:9.2f} {self.unit:<6}{sign} {self.limit:g}{mark}"
+
+
+@dataclass(frozen=True)
+class Ran:
+    """A run of a command: its time, and the most memory that it and its children held at once."""
+
+    seconds: float
+    megabytes: float
+
+
+def run(*words: object, cwd: Path | None = None, **environment: str) -> Ran:
+    """Run a command with the package of this folder. Raises CalledProcessError."""
+    env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), **environment}
+    began = time.perf_counter()
+    command = subprocess.Popen(
+        list(map(str, words)), cwd=cwd, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    most = [0.0]
+
+    def watch() -> None:
+        try:
+            process = psutil.Process(command.pid)
+            while command.poll() is None:
+                most[0] = max(most[0], process.memory_info().rss / 2**20)
+                time.sleep(0.02)
+        except psutil.Error:
+            return
+
+    watching = threading.Thread(target=watch)
+    watching.start()
+    status = command.wait()
+    seconds = time.perf_counter() - began
+    watching.join()
+    if status:
+        raise subprocess.CalledProcessError(status, list(map(str, words)))
+    return Ran(seconds, most[0])
+
+
+def lutforge(*words: object, **environment: str) -> Ran:
+    return run(sys.executable, "-m", "lutforge", *words, **environment)
+
+
+def alternating(*sides: Callable[[], Ran], rounds: int = 3) -> list[list[Ran]]:
+    """The runs of each side, one after the other in each round; a round before them fills caches."""
+    runs = [[side() for side in sides] for _ in range(rounds + 1)][1:]
+    return [list(side) for side in zip(*runs, strict=True)]
+
+
+def median_seconds(run_once: Callable[[], Ran]) -> float:
+    (runs,) = alternating(run_once)
+    return median(ran.seconds for ran in runs)
+
+
+def scene(height: int, width: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    """Shades, edges and the noise of a sensor."""
+    rng = np.random.default_rng(1)
+    y, x = np.mgrid[0:height, 0:width].astype(np.float32) / width
+    planes = [
+        0.5 + 0.3 * np.sin(9 * x + c) * np.cos(7 * y - c) + 0.1 * (np.sin(60 * x * (c + 1)) > 0) for c in (0, 1, 2)
+    ]
+    noisy = np.stack(planes, -1) + rng.normal(0, 0.01, (height, width, 3)).astype(np.float32)
+    return np.clip(noisy, 0, 1).astype(np.float32)
+
+
+def jpegs(folder: Path, count: int, height: int, width: int) -> list[Path]:
+    folder.mkdir()
+    codes = np.rint(255 * scene(height, width)).astype(np.uint8)
+    paths = [folder / f"{number:04d}.jpg" for number in range(count)]
+    for number, path in enumerate(paths):
+        Pillow.fromarray(np.roll(codes, 97 * number, axis=1)).save(path, quality=93, subsampling=1)
+    return paths
+
+
+def beside_a_bare_script(what: str, code: str, lut: Path, files: list[Path], share: float) -> Iterator[Line]:
+    place = files[0].parent.parent
+    ours, bare = alternating(
+        lambda: lutforge("apply", lut, files[0].parent, "-o", place / "ours"),
+        lambda: run(sys.executable, "-c", code, lut, place / "bare", *files),
+    )
+    ratio = median(b.seconds / a.seconds for a, b in zip(ours, bare, strict=True))
+    yield Line(f"{what}: speed, of a bare script's", ratio, share, "", at_least=True)
+    yield Line(f"{what}: memory", median(ran.megabytes for ran in ours), 400, "MB")
+
+
+def jpeg_lines(folder: Path, lut: Path) -> Iterator[Line]:
+    yield from beside_a_bare_script("12 JPEG of 24 Mpixel", BARE_JPEG, lut, jpegs(folder / "l", 12, 4000, 6000), 0.85)
+    small = jpegs(folder / "s", 200, 1154, 1732)
+    yield from beside_a_bare_script("200 JPEG of 2 Mpixel", BARE_JPEG, lut, small, 0.85)
+
+
+def float_lines(folder: Path, lut: Path) -> Iterator[Line]:
+    for suffix, kind, compression in ((".tif", "uint16", "none"), (".exr", "half", "zip")):
+        files = [folder / suffix[1:] / f"{number}{suffix}" for number in range(6)]
+        files[0].parent.mkdir()
+        spec = oiio.ImageSpec(4000, 3000, 3, kind)
+        spec.attribute("compression", compression)
+        target = oiio.ImageOutput.create(str(files[0]))
+        assert target is not None
+        assert target.open(str(files[0]), spec)
+        assert target.write_image(scene(3000, 4000))
+        assert target.close()
+        for path in files[1:]:
+            path.hardlink_to(files[0])
+        yield next(beside_a_bare_script(f"6 {suffix} of 12 Mpixel", BARE_FLOAT, lut, files, 0.9))
+
+
+def start_lines(folder: Path, lut: Path, profile: Path) -> Iterator[Line]:
+    (picture,) = jpegs(folder / "one", 1, 600, 800)
+    yield Line("start: lutforge --help", median_seconds(lambda: lutforge("--help")), 0.25)
+    yield Line("start: inspect a profile", median_seconds(lambda: lutforge("inspect", profile)), 0.5)
+    one = median_seconds(lambda: lutforge("apply", lut, picture, "-o", folder / "out"))
+    yield Line("start: apply a LUT to one small JPEG", one, 1.0)
+
+
+def fit_lines(folder: Path, table: Path, profile: Path) -> Iterator[Line]:
+    data = os.environ.get("LUTFORGE_TEST_DATA")
+    if data is not None:
+        shots = sorted((Path(data) / "canon_powershot_s40").glob("*.CRW"))
+        seconds = median_seconds(lambda: lutforge("calibrate", *shots, "-o", folder / "s40.npz"))
+        yield Line("calibrate: five RAW files", seconds, 4.0)
+    seconds = median_seconds(lambda: lutforge("calibrate", table, "-o", folder / "c.npz"))
+    yield Line("calibrate: 5,000 samples, with held-out errors", seconds, 2.0)
+    yield Line("config of one style", median_seconds(lambda: lutforge("config", profile, "-o", folder / "ocio")), 4.0)
+
+
+def demo_lines(folder: Path) -> Iterator[Line]:
+    cache = str(folder / "cache")
+    first = lutforge("demo", "-o", folder / "demo", XDG_CACHE_HOME=cache).seconds
+    again = median_seconds(lambda: lutforge("demo", "-o", folder / "demo", XDG_CACHE_HOME=cache))
+    yield Line("demo", again, 45.0)
+    yield Line("demo: the first run, with no kernel compiled, longer by", first - again, 15.0)
+
+
+def cluster_lines(folder: Path, lut: Path) -> Iterator[Line]:
+    from distributed import LocalCluster
+
+    files = jpegs(folder / "c", 60, 2000, 3000)
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as one,
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as two,
+    ):
+
+        def graded_by(address: str) -> Callable[[], Ran]:
+            return lambda: lutforge("apply", lut, files[0].parent, "-o", folder / "farm", "--scheduler", address)
+
+        alone, both = alternating(graded_by(one.scheduler_address), graded_by(two.scheduler_address))
+    ratio = median(a.seconds / b.seconds for a, b in zip(alone, both, strict=True))
+    yield Line("Dask: two workers of one thread, of one's speed", ratio, 1.8, "", at_least=True)
+
+
+def samples_of_the_d40(count: int) -> SampleSet:
+    """The published pairs of the Nikon D40, again with a little noise, in ten shots."""
+    with np.load(D40) as data:
+        balanced, jpeg, multipliers = data["balanced"], data["encoded"], data["multipliers"][0]
+    rows = np.random.default_rng(0).integers(0, len(jpeg), count)
+    raw = balanced[rows] / multipliers + np.random.default_rng(1).normal(0, 0.001, (count, 3))
+    names = np.array([f"shot {number % 10}" for number in range(count)])
+    camera, style, balance = (np.full(count, word) for word in ("Nikon D40", "standard", "daylight"))
+    wb = np.tile(multipliers / multipliers[1], (count, 1))
+    return SampleSet(camera, style, balance, names, names, np.ones(count), np.clip(raw, 0, 1), jpeg[rows], wb, camera)
+
+
+def lines(folder: Path, wanted: tuple[str, ...]) -> Iterator[Line]:
+    lut, table, profile = write_cube(folder / "look.cube"), folder / "samples.csv", folder / "camera.npz"
+    samples = samples_of_the_d40(5000)
+    write_samples(table, samples)
+    save_profile(calibrate(read_samples(table)).profile, profile)
+    parts: dict[str, Callable[[], Iterator[Line]]] = {
+        "start": lambda: start_lines(folder, lut, profile),
+        "jpeg": lambda: jpeg_lines(folder, lut),
+        "tif exr": lambda: float_lines(folder, lut),
+        "calibrate config": lambda: fit_lines(folder, table, profile),
+        "dask": lambda: cluster_lines(folder, lut),
+        "demo": lambda: demo_lines(folder),
+    }
+    for name, part in parts.items():
+        if not wanted or any(word.lower() in name for word in wanted):
+            yield from part()
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as scratch:
+        print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+        for line in lines(Path(scratch), tuple(sys.argv[1:])):
+            print(line, flush=True)
