@@ -24,6 +24,7 @@ check: .venv/ready
 
 benchmark: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	$(BIN)/python -m tests.benchmarks.speed
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
 
 # Every figure that a change must keep; ACCURACY="--quick --compare FILE" for everyday use.

@@ -16,12 +16,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import psutil
 from PIL import Image as Pillow
 
+from lutforge.arrays import Pixels
 from lutforge.calibration.calibrate import calibrate
 from lutforge.model.profile_file import save_profile
 from lutforge.samples.sample_set import SampleSet
@@ -98,13 +100,11 @@ class Ran:
     megabytes: float
 
 
-def run(*words: object, cwd: Path | None = None, **environment: str) -> Ran:
+def run(*words: object, **environment: str) -> Ran:
     """Run a command with the package of this folder. Raises CalledProcessError."""
     env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), **environment}
     began = time.perf_counter()
-    command = subprocess.Popen(
-        list(map(str, words)), cwd=cwd, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+    command = subprocess.Popen(list(map(str, words)), env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     most = [0.0]
 
     def watch() -> None:
@@ -141,15 +141,14 @@ def median_seconds(run_once: Callable[[], Ran]) -> float:
     return median(ran.seconds for ran in runs)
 
 
-def scene(height: int, width: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+def scene(height: int, width: int) -> Pixels:
     """Shades, edges and the noise of a sensor."""
     rng = np.random.default_rng(1)
     y, x = np.mgrid[0:height, 0:width].astype(np.float32) / width
-    planes = [
-        0.5 + 0.3 * np.sin(9 * x + c) * np.cos(7 * y - c) + 0.1 * (np.sin(60 * x * (c + 1)) > 0) for c in (0, 1, 2)
-    ]
-    noisy = np.stack(planes, -1) + rng.normal(0, 0.01, (height, width, 3)).astype(np.float32)
-    return np.clip(noisy, 0, 1).astype(np.float32)
+    waves = [0.5 + 0.3 * np.sin(9 * x + c) * np.cos(7 * y - c) for c in range(3)]
+    edges = [0.1 * (np.sin(60 * x * (c + 1)) > 0) for c in range(3)]
+    noisy = np.stack(waves, -1) + np.stack(edges, -1) + rng.normal(0, 0.01, (height, width, 3))
+    return np.asarray(np.clip(noisy, 0, 1), dtype=np.float32)
 
 
 def jpegs(folder: Path, count: int, height: int, width: int) -> list[Path]:
@@ -222,12 +221,14 @@ def demo_lines(folder: Path) -> Iterator[Line]:
 
 
 def cluster_lines(folder: Path, lut: Path) -> Iterator[Line]:
-    from distributed import LocalCluster
+    from distributed import LocalCluster as Cluster
+
+    cluster: Any = Cluster  # Dask has no types
 
     files = jpegs(folder / "c", 60, 2000, 3000)
     with (
-        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as one,
-        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as two,
+        cluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as one,
+        cluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as two,
     ):
 
         def graded_by(address: str) -> Callable[[], Ran]:
