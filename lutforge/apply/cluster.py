@@ -17,9 +17,6 @@ from lutforge.apply.grade import Recipe
 from lutforge.apply.job import Job, Outcome, run_job
 from lutforge.errors import LutForgeError
 
-FILE_SYSTEM_SECONDS = 10
-"""How long a file that another machine wrote may take to appear on this one, as on network file systems it does."""
-
 
 def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterator[Outcome]:
     """The outcomes as they come.
@@ -85,7 +82,8 @@ def _outcome(job: Job, future: Any) -> Outcome:
         return Outcome(job, reason=f"{job.source}: the cluster did not grade it ({type(error).__name__}: {line})")
     if outcome.applied is None or outcome.record is None:
         return replace(outcome, job=job)
-    until = time.monotonic() + FILE_SYSTEM_SECONDS
+    # How long a file that another machine wrote may take to appear on this one, as on network file systems it does
+    until = time.monotonic() + 10
     for output in outcome.record.outputs:
         while not output.still_true():
             if time.monotonic() > until:

@@ -15,13 +15,6 @@ from lutforge.arrays import Array, Pixels
 from lutforge.boundary import reading, require_file
 from lutforge.errors import ImageError
 
-MAX_PIXELS = 400_000_000
-"""Above this a file's claimed size is not believed (the largest sensors have about 150 million)."""
-
-MAX_PIXELS_PER_BYTE = 64
-"""A file that claims more pixels than this per byte cannot hold them: it is truncated, or made to exhaust
-memory."""
-
 
 @dataclass(frozen=True, eq=False)
 class RawImage:
@@ -140,7 +133,9 @@ def _translated(path: Path) -> Iterator[None]:
 
 def _require_plausible_size(path: Path, raw: rawpy.RawPy) -> None:
     pixels = int(raw.sizes.raw_width) * int(raw.sizes.raw_height)
-    if pixels > MAX_PIXELS or pixels > MAX_PIXELS_PER_BYTE * path.stat().st_size:
+    # Above this a file's claimed size is not believed (the largest sensors have about 150 million)
+    # A file that claims more pixels than this per byte cannot hold them: it is truncated, or made to exhaust memory
+    if pixels > 400_000_000 or pixels > 64 * path.stat().st_size:
         raise ImageError(
             f"{path}: claims {raw.sizes.raw_width} × {raw.sizes.raw_height} pixels, which "
             f"{path.stat().st_size} bytes cannot hold; the file is damaged"

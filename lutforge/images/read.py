@@ -13,9 +13,6 @@ from lutforge.errors import ImageError
 MAX_SAMPLES = 1_200_000_000
 """Largest width × height × channels that is read at once (400 Mpixel of RGB); larger claims are not allocated."""
 
-MAX_SIDE = 300_000
-"""Longest side, in pixels, that is believed."""
-
 
 @dataclass(frozen=True, eq=False)
 class Image:
@@ -188,7 +185,8 @@ def _check_spec(path: Path, spec: oiio.ImageSpec) -> None:
         raise ImageError(f"{path}: a deep or volume image; flatten it first")
     if min(spec.width, spec.height, spec.nchannels) < 1:
         raise ImageError(f"{path}: the file claims {spec.width} x {spec.height} pixels")
-    if max(spec.width, spec.height) > MAX_SIDE:
+    # Longest side, in pixels, that is believed
+    if max(spec.width, spec.height) > 300_000:
         raise ImageError(f"{path}: claims {spec.width} x {spec.height} pixels, more than is believed")
 
 

@@ -24,9 +24,6 @@ from lutforge.studio.elements import Slider, Wipe, entry, frame, plot, select, t
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import WorkspaceError
 
-MARK_WHITE, MARK_BLACK = (230, 97, 1), (94, 60, 153)
-"""Orange over what is clipped to white, violet over black: told apart by colour-blind eyes."""
-
 
 @dataclass(frozen=True, eq=False)
 class Shown:
@@ -87,8 +84,8 @@ def _shown(codes: NDArray[np.uint8], overlay: bool, began: float) -> Shown:
     if overlay:
         low, high = (codes == 0).any(axis=2), (codes == 255).any(axis=2)
         codes = codes.copy()
-        codes[low] = MARK_BLACK
-        codes[high] = MARK_WHITE
+        # Violet over black, orange over white: told apart by colour-blind eyes.
+        codes[low], codes[high] = (94, 60, 153), (230, 97, 1)
     histogram = np.stack(counts, axis=1) / (thinned.size / 3)
     return Shown(codes, histogram, (float(white.mean()), float(black.mean())), time.perf_counter() - began)
 

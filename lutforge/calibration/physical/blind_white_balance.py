@@ -12,9 +12,6 @@ from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
 
 KNOTS = 17
-ROUNDS = 4
-SMOOTHNESS = 1e-3
-LEAST_SAMPLES = 24
 
 
 def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
@@ -23,11 +20,11 @@ def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
     Raises CalibrationError where the colours do not determine them: too few, or all alike.
     """
     count = len(raw)
-    if count < LEAST_SAMPLES or np.linalg.matrix_rank(raw - raw.mean(axis=0), tol=1e-3 * np.sqrt(count)) < 3:
+    if count < 24 or np.linalg.matrix_rank(raw - raw.mean(axis=0), tol=1e-3 * np.sqrt(count)) < 3:
         raise CalibrationError(f"{count} colours, too few or too alike to tell a white balance from")
     weight = np.ones((count, 3))
     matrix = np.eye(3)
-    for _ in range(ROUNDS):
+    for _ in range(4):
         table, matrix = _fit(raw, encoded, weight)
         codes = np.linspace(0.0, 1.0, KNOTS)
         rendered = np.interp(raw @ matrix.T, table, codes)
@@ -55,7 +52,8 @@ def _fit(raw: Array, encoded: Array, weight: Array) -> tuple[Array, Array]:
     bend = np.zeros((steps - 1, steps + 9))
     index = np.arange(steps - 1)
     bend[index, index], bend[index, index + 1] = -1.0, 1.0
-    bend *= np.sqrt(SMOOTHNESS * total) * steps
+    # the weight of the curve's bends beside that of all samples
+    bend *= np.sqrt(1e-3 * total) * steps
     top = np.zeros((1, steps + 9))
     top[0, :steps] = 1e4 * np.sqrt(total)  # f⁻¹(1) = 1, all but exactly
     system = np.vstack([design * weight.T.reshape(-1, 1), bend, top])

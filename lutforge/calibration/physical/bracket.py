@@ -16,8 +16,6 @@ from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out
 
-ENTRIES = 1024
-
 
 @dataclass(frozen=True, eq=False)
 class CurveFit:
@@ -128,5 +126,5 @@ def _departure(pairs: ExposurePairs, response: Response, rows: Mask) -> Array:
 
 def _over_codes(response: Response, pairs: ExposurePairs) -> Response:
     """The response of values scaled from black … white, as one of the file's own values 0 … 1."""
-    codes = np.linspace(0.0, 1.0, ENTRIES)[:, None]
+    codes = np.linspace(0.0, 1.0, 1024)[:, None]
     return Response(response.linearize(np.clip((codes - pairs.black) / (pairs.white - pairs.black), 0.0, 1.0)))

@@ -17,8 +17,6 @@ from lutforge.model.response import Response
 
 OUTLIER = 3.0 / 255.0
 """A JPEG value this far from the camera's transfer function is an outlier; so is its whole colour (3.2)."""
-FIXED = 3.0 / 255.0
-"""Shifts of whole shots below this leave the response a fixed property: a shutter 5 % off moves middle grey so far."""
 MERGED = 0.1
 """Ratios within so many stops are one."""
 
@@ -122,7 +120,9 @@ def judge(pairs: ExposurePairs, response: Response | None = None) -> ResponseVer
         outlier_saturation=float(np.median(chroma[outlier])) if outlier.any() else float("nan"),
         shift=worst,
         raw_spread=max(spreads),
-        fixed=worst < FIXED,
+        # Shifts of whole shots below this leave the response a fixed property: a shutter 5 % off moves middle grey so
+        # far
+        fixed=worst < 3.0 / 255.0,
     )
 
 

@@ -14,10 +14,6 @@ from lutforge.arrays import Array
 from lutforge.colour.colour_temperature import COOLEST, HOTTEST, camera_from_xyz, temperature_and_tint, white_of
 from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
 
-LARGEST_TINT = 60.0
-"""Lights further from the locus (0.02 in CIE 1960 u, v) have no colour temperature worth the name."""
-LARGEST_SPREAD = 0.05
-"""Settings whose multipliers change by more from shot to shot, as auto's do, stand for no one light."""
 AMBIGUOUS = ("auto", "kelvin")
 END = 1.02
 """Estimates this near the ends of the locus may lie beyond them."""
@@ -51,12 +47,14 @@ def with_temperatures(balances: Mapping[str, WhiteBalance], matrix: Array) -> di
 
 
 def _estimate(name: str, balance: WhiteBalance, from_xyz: Array) -> float | None:
-    if name in AMBIGUOUS or balance.spread > LARGEST_SPREAD:
+    # Settings whose multipliers change by more from shot to shot, as auto's do, stand for no one light
+    if name in AMBIGUOUS or balance.spread > 0.05:
         return None
     uv = white_of(np.array(balance.multipliers), from_xyz)
     if not np.all(np.isfinite(uv)):
         return None
     kelvin, tint = temperature_and_tint(uv)
-    if abs(tint) > LARGEST_TINT or not COOLEST * END < kelvin < HOTTEST / END:
+    # Lights further from the locus (0.02 in CIE 1960 u, v) have no colour temperature worth the name
+    if abs(tint) > 60.0 or not COOLEST * END < kelvin < HOTTEST / END:
         return None
     return float(round(kelvin))

@@ -17,14 +17,9 @@ MOST_STOPS = 3.5
 """Shots further apart share too few unclipped surfaces, and their shifts are larger (thesis 3.2)."""
 LEAST_STOPS = 0.15
 LEAST_PAIRS = 6
-SAME_SCENE = 0.12
-"""Where RAW is known: the surfaces of one scene have one RAW ratio, within this spread of its logarithm."""
 END_GUARD = 4.0 / 255.0
 """Cells of a bracket this near its black or white are clipped, too: compression and noise move them."""
-LEAST_INSENSITIVE = 1e-3
-"""Share of the cells that must not follow the exposure for their value to be the black or white."""
 TONES = 16
-RAW_SPREAD = 0.003
 TIME_SPREAD = 0.03
 
 
@@ -97,7 +92,8 @@ def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
             "no two shots show the same surfaces at different exposures: "
             "shoot the same chart at several shutter speeds, with all other settings the same"
         )
-    return _join(parts, RAW_SPREAD if from_raw else TIME_SPREAD)
+    # RAW values tell ratios to 0.3 %
+    return _join(parts, 0.003 if from_raw else TIME_SPREAD)
 
 
 def pairs_of_bracket(
@@ -157,7 +153,8 @@ def _insensitive(outer: Array, inner: Array, *, dark: bool) -> tuple[Array, Arra
         one, other = outer[:, channel], inner[:, channel]
         side = other < 0.25 if dark else other > 0.75
         same = one[side & (np.abs(one - other) <= CLIPPED)]
-        if len(same) >= LEAST_INSENSITIVE * one.size:
+        # Share of the cells that must not follow the exposure for their value to be the black or white
+        if len(same) >= 1e-3 * one.size:
             ends[channel] = np.median(same)
             spread = 3.0 * np.median(np.abs(same - ends[channel]))
             noise[channel] = ends[channel] + (spread if dark else -spread)
@@ -219,7 +216,8 @@ def _log_ratio(one: _Exposure, other: _Exposure, both: Mask, from_raw: bool) -> 
         return None
     logs = np.log(other.raw[bright] / one.raw[bright])
     middle = float(np.median(logs))
-    return middle if float(np.median(np.abs(logs - middle))) < SAME_SCENE else None
+    # Where RAW is known: the surfaces of one scene have one RAW ratio, within this spread of its logarithm
+    return middle if float(np.median(np.abs(logs - middle))) < 0.12 else None
 
 
 def _join(parts: list[tuple[_Exposure, _Exposure, Mask, float]], spread: float) -> ExposurePairs:

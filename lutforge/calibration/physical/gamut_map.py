@@ -18,16 +18,10 @@ from lutforge.model.gamut_map import GamutMap, from_even, to_even
 Progress = Callable[[int, float], None]
 """Told the number of centres and the share of pairs that are not yet met."""
 
-THESIS_CENTRES = 4000
-"""The thesis uses 3000 to 5000."""
-FIRST_CENTRES = 64
-GROWTH = 1.6
-"""Centres are multiplied by this from round to round."""
 COINCIDENT = 0.5 / 255.0
 """Pairs whose encoded colours lie in one cell of this size are one pair, their median."""
 NUGGETS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 """Candidates of 8Nπρ."""
-SEARCH_PAIRS = 800
 FOLDS = 5
 
 
@@ -41,7 +35,8 @@ class GamutMapOptions:
     """
 
     tolerance: float = 0.1 / 255.0
-    most: int = THESIS_CENTRES
+    # The thesis uses 3000 to 5000
+    most: int = 4000
     nugget: float | None = None
     offset: float = 0.0
 
@@ -93,7 +88,7 @@ def fit_gamut_map(
         )
     slope = slope / np.median(slope)
     nugget = _choose_nugget(source, target, slope, names) if options.nugget is None else options.nugget
-    chosen = _first_centres(source, min(FIRST_CENTRES, options.most, len(source)))
+    chosen = _first_centres(source, min(64, options.most, len(source)))
     while True:
         gamut_map = solve(source[chosen], target[chosen], nugget / slope[chosen] ** 2)
         residual = np.linalg.norm(gamut_map(source) - target, axis=1) * slope
@@ -104,7 +99,8 @@ def fit_gamut_map(
         room = min(options.most, len(source)) - len(chosen)
         if room <= 0 or not open_pairs.any():
             break
-        wanted = min(room, max(int(len(chosen) * (GROWTH - 1.0)), 8))
+        # Centres are multiplied by this from round to round
+        wanted = min(room, max(int(len(chosen) * (1.6 - 1.0)), 8))
         chosen = np.concatenate([chosen, _worst_apart(source, residual, open_pairs, wanted)])
     rho = nugget / (8.0 * np.pi * len(chosen))
     if options.offset:
@@ -186,7 +182,8 @@ def _worst_apart(source: Array, residual: Array, candidates: Mask, wanted: int) 
 def _choose_nugget(source: Array, target: Array, slope: Array, names: NDArray[np.str_]) -> float:
     """The smoothest candidate of least error on shots left out, a fifth at a time, on a subset of the pairs."""
     rng = np.random.default_rng(0)
-    rows = rng.permutation(len(source))[:SEARCH_PAIRS]
+    # a subset is enough, and quick
+    rows = rng.permutation(len(source))[:800]
     source, target, slope = source[rows], target[rows], slope[rows]
     shots, shot = np.unique(names[rows], return_inverse=True)
     # Of fewer shots one may be the only one of its exposure: then single pairs are left out, not whole shots.

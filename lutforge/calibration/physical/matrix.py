@@ -15,11 +15,7 @@ from lutforge.calibration.options import Preset
 from lutforge.errors import CalibrationError
 
 ROUNDS = 10
-OUTLIER = 3.0
 LEAST_COLOURS = 8
-LEAST_TRUST = 0.1
-"""Colours of less weight do not count as unsaturated."""
-DARKEST = 0.005
 LEAST_CONDITION = 8e-3
 """The chromaticities (shares of r, g, b) of the unsaturated colours must spread in two directions by this much."""
 
@@ -69,10 +65,12 @@ def fit_matrix(
         inverse, solved = _solve(linear, raw, setting, fixed, free, weight)
         tw = np.array([solved[str(name)] for name in setting])
         # Photon noise, and rounding behind a response like a power of ½, grow with the root of the level.
-        level = np.maximum(np.linalg.norm(tw * raw, axis=1), DARKEST)
+        # below this level noise no longer falls
+        level = np.maximum(np.linalg.norm(tw * raw, axis=1), 0.005)
         residual = np.linalg.norm(linear @ inverse.T - tw * raw, axis=1) / np.sqrt(level)
         if preset == "lutforge" and turn < ROUNDS - 1:
-            scale = max(OUTLIER * float(np.median(residual[trusted >= 0.5 * trusted.max()])), 2e-3)
+            # three times the median counts a quarter (Geman-McClure)
+            scale = max(3.0 * float(np.median(residual[trusted >= 0.5 * trusted.max()])), 2e-3)
             weight = trusted / (1.0 + (residual / scale) ** 2) ** 2 / level
     weight = weight / weight.max()
     if not known:  # R of (4.6): neutral stays neutral
@@ -97,7 +95,8 @@ def fit_matrix(
 
 
 def _check(linear: Array, trusted: Array) -> None:
-    used = trusted > LEAST_TRUST
+    # Colours of less weight do not count as unsaturated
+    used = trusted > 0.1
     count = int(used.sum())
     if count < LEAST_COLOURS:
         raise CalibrationError(

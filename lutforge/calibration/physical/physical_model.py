@@ -20,7 +20,6 @@ from lutforge.model.profile_data import PhysicalModel
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 
-LARGER_BETAS = (0.4, 0.5)
 MOST_TURNS, SETTLED = 15, 5e-4
 """Unknown multipliers and f are fitted in turns, until the multipliers change by less than this."""
 OFFSET = 0.01
@@ -128,7 +127,7 @@ def _fit_style(samples: SampleSet, multipliers: Array, name: str, preset: Preset
 def _unsaturated(encoded: Array, response: Response) -> Mask:
     """(n,) colours below β; where these are all alike, as on a small chart, below a larger one."""
     linear = response.linearize(encoded)
-    for beta in (BETA, *LARGER_BETAS):
+    for beta in (BETA, 0.4, 0.5):
         low = untouched(encoded, beta)
         if hue_spread(linear[low]) >= LEAST_CONDITION:
             break

@@ -18,9 +18,6 @@ from lutforge.threads import run, slabs
 SMOOTHNESS = 3e-4
 """μ, per sample of weight 1: so little that noise is averaged by how few the centres are, enough for centres that no
 sample is near."""
-DISTANCES_PER_PART = 1_000_000
-PRODUCTS_PER_PART = 10_000_000
-"""Normal equations of more products than this are summed in two parts, at once where there are two cores."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +36,8 @@ class RadialBasis:
         def evaluate(first: int, last: int) -> None:
             _evaluate(points[first:last], self.centres, self.coefficients, self.polynomial, values[first:last])
 
-        run(evaluate, slabs(0, len(points), 1, 2 if len(points) * len(self.centres) > DISTANCES_PER_PART else 1))
+        # in two parts where they are many
+        run(evaluate, slabs(0, len(points), 1, 2 if len(points) * len(self.centres) > 1_000_000 else 1))
         return values.reshape(z.shape)
 
 
@@ -71,7 +69,8 @@ class RadialBasisProblem:
             weighted = _weighted(self.design, target, root, chosen[first:last])
             parts[first] = (weighted.T @ weighted)[:-3]
 
-        run(add, slabs(0, count, 1, 2 if count * unknowns**2 > PRODUCTS_PER_PART else 1))
+        # Normal equations of more products than this are summed in two parts, at once where there are two cores
+        run(add, slabs(0, count, 1, 2 if count * unknowns**2 > 10_000_000 else 1))
         return np.asarray(np.sum([parts[first] for first in sorted(parts)], axis=0))
 
     def fit(self, target: Array, weight: Array) -> tuple[RadialBasis, Array]:

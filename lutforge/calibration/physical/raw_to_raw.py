@@ -17,8 +17,6 @@ HUES = 12
 """Edges between wedges; narrower ones follow a finer change with hue than smooth sensitivities make."""
 STIFFNESS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 """Candidates for the weight that holds the other forms to one matrix; held-out pairs choose."""
-FLOOR = 0.05
-"""Colours darker than this share of the brightest count by their absolute error, not by their relative one."""
 FOLDS = 5
 
 
@@ -72,7 +70,8 @@ def fit_raw_transfer(
     if np.linalg.matrix_rank(x, tol=1e-4 * np.linalg.norm(x)) < 3:
         raise CalibrationError("the common colours are all alike: photograph a colour chart with both cameras")
     level = np.linalg.norm(y, axis=1)
-    weight = 1 / np.maximum(level, FLOOR * level.max())
+    # Colours darker than this share of the brightest count by their absolute error, not by their relative one
+    weight = 1 / np.maximum(level, 0.05 * level.max())
     matrix = _least_squares(x, y, weight)
     if form == "matrix":
         held = np.zeros_like(y)

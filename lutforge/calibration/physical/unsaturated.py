@@ -8,15 +8,10 @@ from lutforge.errors import CalibrationError
 
 BETA = 0.3
 """HSV saturation below which a colour is taken to be untouched by the gamut map."""
-NEAR_WHITE = 0.97
-"""Nearer to white even unsaturated colours are moved, some of their pixels clip, and f⁻¹ is steepest: a few of them
-turn a plain least-squares fit of Ts by several per cent (0.1 % without them, on the simulated camera)."""
 LARGEST_BETA, LEAST_SHARE = 0.5, 0.35
 """Where few colours lie below β, as under a light that the white balance does not meet, the robust fit starts from this
 share of the least saturated, if they lie below this saturation."""
 LEAST_UNSATURATED = 8
-LEAST_TONES = 0.25
-"""The unsaturated colours must span this much of the encoded range, or the curve is a guess."""
 
 
 def saturation(encoded: Array) -> Array:
@@ -28,7 +23,9 @@ def saturation(encoded: Array) -> Array:
 
 def untouched(encoded: Array, beta: float = BETA) -> Mask:
     """(n,) colours (n, 3) that a plain fit trusts: saturation below β, and not near white."""
-    return np.asarray((saturation(encoded) < beta) & (encoded.max(axis=1) < NEAR_WHITE))
+    # Nearer to white even unsaturated colours are moved, some of their pixels clip, and f⁻¹ is steepest: a few of them
+    # turn a plain least-squares fit of Ts by several per cent (0.1 % without them, on the simulated camera)
+    return np.asarray((saturation(encoded) < beta) & (encoded.max(axis=1) < 0.97))
 
 
 def untouched_odds(chroma: Array, beta: float) -> Array:
@@ -54,7 +51,8 @@ def check_tones(encoded: Array, unsaturated: Mask) -> None:
             "shoot a grey card or a colour chart, at several exposures"
         )
     low, high = np.percentile(encoded[unsaturated, 1], [2, 98])
-    if high - low < LEAST_TONES:
+    # The unsaturated colours must span this much of the encoded range, or the curve is a guess
+    if high - low < 0.25:
         raise CalibrationError(
             f"the unsaturated colours span JPEG values {255 * low:.0f} to {255 * high:.0f} only: "
             "shoot a grey card or a colour chart at several exposures, from dark to nearly clipped"

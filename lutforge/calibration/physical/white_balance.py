@@ -13,11 +13,6 @@ from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import weighted_median
 
-NEUTRAL_SATURATION = 0.12
-"""Standard deviation in HSV saturation of the weight by which near-neutral JPEG colours vote for the multipliers."""
-LEAST_NEUTRALS = 3.0
-"""Summed weight below which there is nothing neutral to read a white balance from."""
-
 
 def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
     """The multipliers (n, 3) of every sample, green = 1, estimated per shot and setting where the table has none.
@@ -107,9 +102,11 @@ def _neutral_multipliers(raw: Array, srgb: Array) -> Array | None:
     """Read multipliers from near-neutral colours; None where there are too few."""
     high = srgb.max(axis=1)
     saturation = 1.0 - srgb.min(axis=1) / np.maximum(high, 1e-6)
-    weight = np.exp(-((saturation / NEUTRAL_SATURATION) ** 2))
+    # Standard deviation in HSV saturation of the weight by which near-neutral JPEG colours vote for the multipliers
+    weight = np.exp(-((saturation / 0.12) ** 2))
     weight[(high > 0.95) | (high < 0.08) | (raw.min(axis=1) <= 1e-4)] = 0.0
-    if weight.sum() < LEAST_NEUTRALS:
+    # Summed weight below which there is nothing neutral to read a white balance from
+    if weight.sum() < 3.0:
         return None
     ratios = [weighted_median(raw[:, 1] / np.maximum(raw[:, c], 1e-6), weight) for c in range(3)]
     return np.array(ratios)

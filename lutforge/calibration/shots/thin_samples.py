@@ -7,11 +7,6 @@ from lutforge.calibration.lattice.monochrome import monochrome_note
 from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation
 from lutforge.samples.sample_set import SampleSet
 
-LEAST_BRIGHT = 0.85
-"""Encoded value that the brightest unclipped sample of a style should reach."""
-LEAST_SPREAD = 0.02
-"""Shares of red, green and blue that spread less than this in their second direction are of one hue, or grey."""
-
 
 def thin_settings(samples: SampleSet) -> tuple[str, ...]:
     """Notes on what rests on a single shot or exposure."""
@@ -41,7 +36,8 @@ def thin_colours(encoded: Array, style: str, *, monochrome: bool = False) -> tup
             "shoot a grey card or a colour chart at several exposures"
         )
     brightest = float(np.max(encoded, initial=0.0))
-    if brightest < LEAST_BRIGHT:
+    # Encoded value that the brightest unclipped sample of a style should reach
+    if brightest < 0.85:
         notes.append(
             f'style "{style}": no sample is brighter than {brightest:.0%} of white, so brighter tones are guessed, '
             "and the errors do not show it: expose more"
@@ -50,7 +46,8 @@ def thin_colours(encoded: Array, style: str, *, monochrome: bool = False) -> tup
         return (*notes, monochrome_note(style))
     shares = encoded / encoded.sum(axis=1, keepdims=True)
     spread = np.linalg.svd(shares - shares.mean(axis=0), compute_uv=False)
-    if spread[1] < LEAST_SPREAD * np.sqrt(len(encoded)):
+    # Shares of red, green and blue that spread less than this in their second direction are of one hue, or grey
+    if spread[1] < 0.02 * np.sqrt(len(encoded)):
         notes.append(
             f'style "{style}": all colours are grey or of one hue, so all others are guessed: '
             "shoot a colour chart or a scene of many colours"
