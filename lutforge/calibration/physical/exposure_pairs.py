@@ -90,7 +90,8 @@ def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
     if not parts:
         raise CalibrationError(
             "no two shots show the same surfaces at different exposures: "
-            "shoot the same chart at several shutter speeds, with all other settings the same"
+            "shoot the same chart at several shutter speeds, with all other settings the same, or take the preset "
+            "lutforge, which needs no such shots"
         )
     # RAW values tell ratios to 0.3 %
     return _join(parts, 0.003 if from_raw else TIME_SPREAD)
