@@ -4,7 +4,6 @@ import os
 import re
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
@@ -12,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from lutforge.arrays import Pixels
+from lutforge.atomic_write import scratch_folder
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ShotError, one_line
 from lutforge.images.development import Development
@@ -56,8 +56,7 @@ class Developer(Protocol):
 def develop(developer: Developer, raw: Path) -> Development:
     """Develop a RAW file neutrally. Raises ShotError where the program is missing, or makes no picture of the file."""
     version = program_version(developer)
-    with tempfile.TemporaryDirectory(prefix="lutforge-") as name:
-        folder = Path(name)
+    with scratch_folder() as folder:
         output = folder / "developed.tif"
         run_command(developer.command(raw.resolve(), output, folder), developer.name, raw, output)
         objection = developer.objection(output)

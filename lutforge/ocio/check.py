@@ -12,6 +12,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 import scipy
 
 from lutforge.arrays import Pixels
+from lutforge.boundary import reading, require_file
 from lutforge.errors import ConfigError
 from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL
 from lutforge.luts.processor import OCIO_ERRORS
@@ -60,12 +61,14 @@ class SpaceRoundTrip:
 def load_config(path: str | Path) -> OCIO.Config:
     """Read config.ocio or an .ocioz archive. Raises ConfigError in one line."""
     path = Path(path)
-    if not path.is_file():
-        raise ConfigError(f"{path}: no such file")
-    try:
-        return OCIO.Config.CreateFromFile(str(path))
-    except OCIO_ERRORS as error:
-        raise ConfigError(f"{path}: OpenColorIO cannot read it: {_one_line(error)}") from error
+    require_file(path, "an OpenColorIO config", ConfigError)
+    with reading(path, "an OpenColorIO config", ConfigError):
+        try:
+            config = OCIO.Config.CreateFromFile(str(path))
+        except OCIO_ERRORS as error:
+            raise ConfigError(f"{path}: OpenColorIO cannot read it: {_one_line(error)}") from error
+        config.serialize()  # fails where a name is no text
+    return config
 
 
 def check_config(config: OCIO.Config) -> list[Finding]:

@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -176,8 +175,8 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
 
 def _checked(script: Path, raw: Path) -> tuple[KitCheck, list[str]]:
     """Compare one file; and what the kit's script noted."""
-    with tempfile.TemporaryDirectory(prefix="lutforge-") as name:
-        output = Path(name) / "developed.tif"
+    with scratch_folder() as folder:
+        output = folder / "developed.tif"
         said = run_command([str(script.resolve()), str(raw.resolve()), str(output)], script.name, raw, output)
         notes = [line.removeprefix("note: ") for line in said.splitlines() if line.startswith("note: ")]
         return compare_with_jpeg(raw, output), notes

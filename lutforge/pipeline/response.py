@@ -3,7 +3,6 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 import subprocess
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,6 +12,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.arrays import Array
+from lutforge.atomic_write import scratch_folder
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
 from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket
 from lutforge.calibration.physical.unsaturated import BETA
@@ -68,9 +68,9 @@ def write_response(
     too. Raises CalibrationError, ImageError, ShotError, and LutForgeError where nothing can be written.
     """
     check_output(output, PROFILE_SUFFIXES, bracket)
-    with tempfile.TemporaryDirectory(prefix="lutforge-") as folder:
+    with scratch_folder() as folder:
         if len(bracket) == 1 and bracket[0].suffix.lower() in VIDEO_SUFFIXES:
-            files = _frames(bracket[0], len(exposure_s or ()), Path(folder))
+            files = _frames(bracket[0], len(exposure_s or ()), folder)
         else:
             files = [file for path in bracket for file in _pictures(path)]
         times = stated_exposures(files) if exposure_s is None else exposure_s
