@@ -15,8 +15,9 @@ from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 
-OCIO_ERRORS = (OCIO.Exception, OCIO.ExceptionMissingFile)
-"""What OpenColorIO raises; in Python the second is not a kind of the first."""
+OCIO_ERRORS = (OCIO.Exception, OCIO.ExceptionMissingFile, UnicodeDecodeError)
+"""What OpenColorIO raises; in Python the second is not a kind of the first. The third it raises where its message, or a
+name in a file, is no text."""
 
 
 def group_of(ops: Sequence[Op]) -> OCIO.GroupTransform:

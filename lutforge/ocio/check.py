@@ -1,6 +1,7 @@
 """Check a config of any origin: valid, complete, and every transform in it used on real pixels and there and back."""
 
 import re
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -61,14 +62,14 @@ class SpaceRoundTrip:
 def load_config(path: str | Path) -> OCIO.Config:
     """Read config.ocio or an .ocioz archive. Raises ConfigError in one line."""
     path = Path(path)
-    require_file(path, "an OpenColorIO config", ConfigError)
+    require_file(path, "an OpenColorIO config", ConfigError, 1 << 30)
     with reading(path, "an OpenColorIO config", ConfigError):
+        if not zipfile.is_zipfile(path):
+            path.read_bytes().decode("utf-8")  # names that are no text fail only where they are asked for
         try:
-            config = OCIO.Config.CreateFromFile(str(path))
+            return OCIO.Config.CreateFromFile(str(path))
         except OCIO_ERRORS as error:
             raise ConfigError(f"{path}: OpenColorIO cannot read it: {_one_line(error)}") from error
-        config.serialize()  # fails where a name is no text
-    return config
 
 
 def check_config(config: OCIO.Config) -> list[Finding]:
