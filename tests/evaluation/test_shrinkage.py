@@ -6,10 +6,13 @@ from numpy.typing import NDArray
 
 from lutforge.calibration.calibrate import data_by_style
 from lutforge.calibration.lattice.base import with_matrix_of_all
-from lutforge.calibration.lattice.shrinkage import REACHES, chosen_reach, shrinkable
+from lutforge.calibration.lattice.shrinkage import REACHES, between_nodes, chosen_reach, shrinkable
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_fit import fit_style
+from lutforge.colour.srgb import srgb_decode
 from lutforge.evaluation.methods import MATRIX_AND_RESPONSE, fit_baselines
+from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.response import Response
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.samples.sample_set import SampleSet
@@ -77,3 +80,18 @@ def test_the_profile_holds_the_figure_that_evaluate_prints(samples: SampleSet) -
     for row in rows:
         assert row.figures.mean == pytest.approx(errors[f"{row.direction}_mean"], rel=1e-9)
         assert row.figures.maximum == pytest.approx(errors[f"{row.direction}_max"], rel=1e-9)
+
+
+def test_a_curve_is_met_between_the_nodes_of_an_axis() -> None:
+    """Matrix and response as a lattice: half as far off as their own values at the nodes, and as they are at the ends."""
+    response = Response(np.repeat(srgb_decode(np.linspace(0, 1, 256))[:, None], 3, axis=1))
+    levels = uniform_levels(9)
+    fitted, sampled = (
+        Lattice(levels, between_nodes(response, levels)),
+        Lattice(levels, response.linearize(grid(levels))),
+    )
+    colours = np.random.default_rng(0).random((2000, 3))
+    truth = response.linearize(colours)
+    error, before = (np.abs(lattice(colours) - truth).mean() for lattice in (fitted, sampled))
+    assert error < 0.6 * before
+    np.testing.assert_allclose(fitted.values[[0, -1], [0, -1], [0, -1]], [[0] * 3, [1] * 3], atol=1e-9)

@@ -21,7 +21,9 @@ from lutforge.calibration.lattice.continuation import Continuation
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.lattice.rising_axis import with_rising_axis
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice, grid
+from lutforge.model.response import Response
 
 MOST_SHOTS = 4
 """More shots leave a lattice as it is."""
@@ -66,7 +68,7 @@ def shrinkable(
     nodes = grid(lattice.levels)
     if inverse:
         samples, places = encoded, nodes
-        target = np.clip(base.linearize(nodes), -1.0, 2.0)
+        target = np.clip(between_nodes(base.response, lattice.levels) @ np.linalg.inv(base.matrix).T, -1.0, 2.0)
     else:
         samples, places = base.render(balanced), base.render(nodes)
         curve = None if lattice.response is None else output_curve(base.response)
@@ -76,6 +78,23 @@ def shrinkable(
         )  # as far as a lattice continues clipping
     distance = cKDTree(samples).query(places.reshape(-1, 3))[0]
     return Shrinkable(lattice, target, distance.reshape(target.shape[:-1]))
+
+
+def between_nodes(response: Response, levels: Levels) -> Array:
+    """f⁻¹ at the nodes of a lattice of encoded colours, (N_r, N_g, N_b, 3), so that it is nearest between them.
+
+    f⁻¹ is convex, and what is linear between its own values lies above it everywhere. The values here are those of the
+    piecewise linear curve of least squares on each axis, exact at both ends; a matrix behind it keeps it so.
+    """
+    codes = np.linspace(0.0, 1.0, 1025)
+    curve = response.linearize(np.repeat(codes[:, None], 3, axis=1))
+    axes = []
+    for channel, level in enumerate(levels):
+        hats = np.stack([np.interp(codes, level, unit) for unit in np.eye(len(level))], axis=1)
+        ends = curve[[0, -1], channel]
+        inner, *_ = np.linalg.lstsq(hats[:, 1:-1], curve[:, channel] - hats[:, [0, -1]] @ ends)
+        axes.append(np.concatenate([ends[:1], inner, ends[1:]]))
+    return grid((axes[0], axes[1], axes[2]))
 
 
 def chosen_reach(errors: Sequence[float], shots: int) -> float:
