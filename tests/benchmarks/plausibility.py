@@ -98,7 +98,7 @@ def brightened(samples: SampleSet, factor: Array) -> Array:
     for camera in (nikon_d5100(), sigma_sd_merrill()):
         if camera.name == samples.camera[0]:
             return camera.render(samples.raw * samples.wb * factor[:, None], "standard", np.ones(3))
-    colours = Colours(samples.raw, samples.srgb, samples.wb, samples.white_balance, known=True, sensor=True)
+    colours = Colours(samples.raw, samples.srgb, samples.wb, samples.white_balance, known=True)
     chain = fitted_chain(colours)
     linear = np.maximum(curve_terms(samples.srgb) @ chain.curve, 0.0)
     top = float((curve_terms(np.ones(1)) @ chain.curve)[0])

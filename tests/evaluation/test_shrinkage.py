@@ -83,7 +83,7 @@ def test_the_profile_holds_the_figure_that_evaluate_prints(samples: SampleSet) -
 
 
 def test_a_curve_is_met_between_the_nodes_of_an_axis() -> None:
-    """Matrix and response as a lattice: half as far off as their own values at the nodes, and as they are at the ends."""
+    """A response as a lattice: half as far off as by its values at the nodes, and exact at the ends."""
     response = Response(np.repeat(srgb_decode(np.linspace(0, 1, 256))[:, None], 3, axis=1))
     levels = uniform_levels(9)
     fitted, sampled = (

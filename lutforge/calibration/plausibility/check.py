@@ -39,8 +39,7 @@ def implausible(samples: SampleSet, multipliers: Array) -> tuple[Diagnosis, ...]
 
 def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
     known = bool(np.all(np.isfinite(samples.wb)))
-    sensor = not np.any(samples.raw_space != "") and not np.any(samples.raw_camera != samples.camera)
-    colours = Colours(samples.raw, samples.srgb, multipliers, samples.white_balance, known, sensor)
+    colours = Colours(samples.raw, samples.srgb, multipliers, samples.white_balance, known)
     rows = colours.usable()
     balanced = samples.raw * multipliers
     if rows.any() and is_monochrome(balanced[rows], samples.srgb[rows]):
@@ -52,7 +51,7 @@ def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
     return (
         toned(balanced[rows], samples.srgb[rows])
         or shifted_rows(chain, samples.raw, multipliers, samples.srgb, samples.shot)
-        or whole_set_cause(colours)
+        or (whole_set_cause(colours) if np.all(samples.raw_space == "") else None)  # what programs make may be anything
         or mixed_shots(
             chain, balanced[rows], samples.srgb[rows], multipliers[rows], samples.shot[rows],
             samples.white_balance[rows],

@@ -39,19 +39,18 @@ def typical_matrix() -> Array:
     return np.asarray(matrix + np.diag(1.0 - matrix.sum(axis=1)))
 
 
-def log_likelihood(chain: ColourChain, *, known_multipliers: bool, sensor: bool, rms: float | None = None) -> float:
+def log_likelihood(chain: ColourChain, *, known_multipliers: bool, rms: float | None = None) -> float:
     """The logarithm, up to a constant, of how likely a camera has this chain, and of how well it fits.
 
     rms: where other JPEG values than the given ones were fitted, that of the given ones, as codes mean other things.
 
-    known_multipliers: they are the files' own, so neutral RAW should be neutral; sensor: the left side is camera RAW.
+    known_multipliers: they are the files' own, so neutral RAW should be neutral.
     """
     total = -chain.independent * np.log((chain.rms if rms is None else rms) + 0.5 * CODE)
     covariance = _matrix_covariance(chain)
-    if sensor:
-        known = known_cameras()["matrix"]
-        spread = np.array(known["covariance"]) + STYLE_SPREAD**2 * np.eye(6) + covariance
-        total += _student(chain.camera_matrix[OFF_DIAGONAL] - np.array(known["mean"]), spread)
+    known = known_cameras()["matrix"]
+    spread = np.array(known["covariance"]) + STYLE_SPREAD**2 * np.eye(6) + covariance
+    total += _student(chain.camera_matrix[OFF_DIAGONAL] - np.array(known["mean"]), spread)
     if known_multipliers:
         neutral = np.log(np.maximum(chain.neutral[[0, 2]] / chain.neutral[1], 1e-3))
         # Gains of a few per cent: warm or cool taste, and lights that the setting does not quite meet.
@@ -59,7 +58,7 @@ def log_likelihood(chain: ColourChain, *, known_multipliers: bool, sensor: bool,
     seen = (chain.low <= TONES) & (chain.high >= TONES)
     if seen.any():
         total += _student((stops(chain) - STOPS)[seen], _stops_covariance()[np.ix_(seen, seen)])
-    # A quarter per cent of saturation: sensors whose black level drifts or is rounded.
+    # A part in a thousand of saturation: black levels that drift or are rounded.
     total += _student(np.array([chain.offset]), np.array([[0.0008**2 + chain.offset_doubt**2]]))
     return float(total)
 

@@ -26,7 +26,7 @@ LEAST_GAIN = 3.5
 class Colours:
     """raw: E (n, 3); encoded: I (n, 3); multipliers (n, 3); setting (n,): the white balances' names.
 
-    known: the multipliers are the files' own; sensor: the left side is camera RAW.
+    known: the multipliers are the files' own. inside: (n,) of the samples as given.
     """
 
     raw: Array
@@ -34,7 +34,6 @@ class Colours:
     multipliers: Array
     setting: NDArray[np.str_]
     known: bool
-    sensor: bool
     inside: Mask | None = None
 
     def usable(self) -> Mask:
@@ -48,7 +47,7 @@ class Colours:
             self.raw if raw is None else raw,
             self.encoded if encoded is None else encoded,
             self.multipliers if by is None else by,
-            self.setting, self.known, self.sensor, self.usable(),
+            self.setting, self.known, self.usable(),
         )  # fmt: skip
 
 
@@ -98,7 +97,7 @@ def fitted_chain(colours: Colours) -> ColourChain:
 def _score(chain: ColourChain, colours: Colours, given: ColourChain | None = None) -> float:
     """given: the chain of the samples as they are, where the encoded values are not."""
     rms = None if given is None else given.rms
-    return log_likelihood(chain, known_multipliers=colours.known, sensor=colours.sensor, rms=rms)
+    return log_likelihood(chain, known_multipliers=colours.known, rms=rms)
 
 
 def _causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
@@ -119,13 +118,12 @@ def _channel_causes(colours: Colours) -> Iterator[Cause]:
         again,
         colours.changed(encoded=colours.encoded[:, swap]),
     )
-    if colours.sensor:
-        yield Cause(
-            "red and blue of the RAW are swapped",
-            "the matrix is a camera's only with them exchanged",
-            "read the filter pattern as RGGB, not BGGR, and sample again",
-            colours.changed(raw=colours.raw[:, swap]),
-        )
+    yield Cause(
+        "red and blue of the RAW are swapped",
+        "the matrix is a camera's only with them exchanged",
+        "read the filter pattern as RGGB, not BGGR, and sample again",
+        colours.changed(raw=colours.raw[:, swap]),
+    )
     if colours.known:
         half = np.array([1.0, 0.5, 1.0])
         yield Cause(
@@ -148,14 +146,13 @@ def _encoding_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
             colours.changed(encoded=srgb_encode(colours.encoded)),
         )
     linear = colours.encoded ** (563.0 / 256.0) @ ADOBE_RGB_TO_SRGB.T
-    if colours.sensor:
-        yield Cause(
-            "the JPEGs are in Adobe RGB, and nothing says so",
-            "reds are as dull as in that space read as sRGB, and no colour is one that only sRGB can show",
-            "convert them to sRGB, or set the camera to sRGB",
-            colours.changed(encoded=srgb_encode(np.clip(linear, 0.0, 1.0))),
-            log_odds=_adobe_odds(colours, linear),
-        )
+    yield Cause(
+        "the JPEGs are in Adobe RGB, and nothing says so",
+        "reds are as dull as in that space read as sRGB, and no colour is one that only sRGB can show",
+        "convert them to sRGB, or set the camera to sRGB",
+        colours.changed(encoded=srgb_encode(np.clip(linear, 0.0, 1.0))),
+        log_odds=_adobe_odds(colours, linear),
+    )
 
 
 def _adobe_odds(colours: Colours, linear: Array) -> float:
