@@ -6,7 +6,6 @@ Its node levels come from a density, from those of another number, or lie on the
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
@@ -96,6 +95,8 @@ def equidistribute(density: Array, size: int) -> Array:
 
 def resized_levels(levels: Levels, size: int) -> Levels:
     """Place another number of levels with the same density: the level function is interpolated monotonically."""
+    import scipy  # imported here: what only looks a lattice up never needs it
+
     resized = []
     for axis in levels:
         if len(axis) == size:
