@@ -13,6 +13,8 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+
 from lutforge.apply.grade import Recipe
 from lutforge.apply.job import Job, Outcome, run_job
 from lutforge.errors import LutForgeError
@@ -118,6 +120,9 @@ def _run_there(recipe: Recipe, key: str, job: Job) -> Outcome:
                         f"{job.source}: {platform.node()} has other versions of the recipe's files, of LutForge or of "
                         "OpenColorIO than the machine that asks"
                     )
+                # A worker is one thread: codecs that took all cores would take them from the other workers.
+                oiio.attribute("threads", 1)
+                oiio.attribute("exr_threads", -1)
                 _RECIPES.clear()
                 _RECIPES[key] = recipe
             prepared = _RECIPES[key]
