@@ -13,15 +13,24 @@ if TYPE_CHECKING:
 Output = Annotated[Path, typer.Option("-o", "--output", help="samples.csv or samples.parquet.")]
 
 
-def sample(shots: Shots, output: Output = Path("samples.csv")) -> None:
+def sample(
+    shots: Shots,
+    output: Output = Path("samples.csv"),
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            help="For JPEGs of a camera without RAW: another camera's RAW files of the same scenes, a folder."
+        ),
+    ] = None,
+) -> None:
     """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
     from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output
-    from lutforge.pipeline.sampling import sample_shots
+    from lutforge.pipeline.sampling import sample_by_reference, sample_shots
     from lutforge.samples.table import write_samples
 
     check_output(output, TABLE_SUFFIXES, shots)
     with progress_bar("sampling") as report:
-        sampled = sample_shots(shots, report)
+        sampled = sample_shots(shots, report) if reference is None else sample_by_reference(shots, reference, report)
     tell(sampled)
     write_samples(output, sampled.samples)
     say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shots")

@@ -9,7 +9,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.arrays import Array
 from lutforge.atomic_write import scratch_folder
@@ -18,14 +17,14 @@ from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket
 from lutforge.calibration.physical.unsaturated import BETA
 from lutforge.developers.developer import run_command
 from lutforge.errors import CalibrationError, ShotError
-from lutforge.images.read import ImageReader, read_image
+from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.response_profile import profile_of_response
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
 from lutforge.progress import Progress, silent
 from lutforge.shots.metadata import UNKNOWN
-from lutforge.shots.picture_settings import read_picture_settings
+from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".avi", ".mxf", ".mts", ".m2ts", ".webm"})
 
@@ -49,7 +48,7 @@ def response_from_bracket(
     Raises CalibrationError, with what to shoot, where the bracket does not determine a response; ImageError.
     """
     files = [Path(path) for path in paths]
-    return _fit(files, stated_exposures(files) if exposure_s is None else exposure_s, beta, silent)
+    return _fit(files, _stated(files) if exposure_s is None else exposure_s, beta, silent)
 
 
 def write_response(
@@ -73,7 +72,7 @@ def write_response(
             files = _frames(bracket[0], len(exposure_s or ()), folder)
         else:
             files = [file for path in bracket for file in _pictures(path)]
-        times = stated_exposures(files) if exposure_s is None else exposure_s
+        times = _stated(files) if exposure_s is None else exposure_s
         fit = _fit(files, times, 1.0 if all_colours else BETA, progress)
         settings = read_picture_settings(files[0])
     profile = profile_of_response(
@@ -105,23 +104,14 @@ def _fit(files: Sequence[Path], times: Sequence[float], beta: float, progress: P
     return fit_bracket(pairs_of_bracket([file.name for file in files], pixels(), times), beta)
 
 
-def stated_exposures(files: Sequence[Path]) -> list[float]:
-    """Relative exposures of pictures by their EXIF: time · ISO / f-number². Raises CalibrationError on one without."""
-    return [_stated_exposure(file) for file in files]
-
-
-def _stated_exposure(file: Path) -> float:
-    with ImageReader(file) as image:
-        spec: oiio.ImageSpec = image.spec
-
-    def number(*tags: str) -> float:
-        return float(next((value for value in map(spec.getattribute, tags) if value), 0.0))
-
-    time = number("ExposureTime", "Exif:ExposureTime")
-    aperture, iso = number("FNumber", "Exif:FNumber"), number("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")
-    if time <= 0:
-        raise CalibrationError(f"{file.name}: the file states no exposure time; give those of the bracket (--times)")
-    return time * (iso or 100.0) / 100.0 / (aperture or 1.0) ** 2
+def _stated(files: Sequence[Path]) -> list[float]:
+    times = [stated_exposure(file) for file in files]
+    for file, time in zip(files, times, strict=True):
+        if not time > 0:
+            raise CalibrationError(
+                f"{file.name}: the file states no exposure time; give those of the bracket (--times)"
+            )
+    return times
 
 
 def parse_times(text: str) -> list[float]:

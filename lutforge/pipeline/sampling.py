@@ -7,6 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from lutforge.errors import LutForgeError, SampleError, ShotError
 from lutforge.images.development import Development
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
@@ -14,7 +16,8 @@ from lutforge.progress import Progress, silent
 from lutforge.samples.extract import ShotSamples, extract
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples
-from lutforge.shots.discover import discover
+from lutforge.shots.discover import discover, jpegs_of
+from lutforge.shots.other_view import read_other_view
 from lutforge.shots.read import read_shot
 from lutforge.shots.shot import Shot
 from lutforge.threads import cores
@@ -101,6 +104,49 @@ def sample_each(
     if not kept:
         raise ShotError("no usable shot: " + "; ".join([*left_out, *(account.summary for account in accounts)]))
     return Sampled(concatenate(kept), tuple(accounts), tuple(left_out), files)
+
+
+def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progress = silent) -> Sampled:
+    """Sample JPEGs of a camera without RAW against the RAW files of another camera of the same scenes.
+
+    pictures: JPEGs, or folders of them; reference: a folder of RAW files. Those of one stem belong together; without,
+    those of one place in the order of names. The two may stand in different places. RAW values are scaled by what the
+    files state of both exposures. Raises ShotError where no shot is usable, or it is not clear what belongs together.
+    """
+    files = [file for path in several(pictures) for file in jpegs_of(Path(path))]
+    raws = discover([reference])
+    by_stem = {raw.stem.lower(): raw for raw in raws}
+    if all(file.stem.lower() in by_stem for file in files):
+        pairs = [(file, by_stem[file.stem.lower()]) for file in files]
+    elif len(files) == len(raws):
+        pairs = list(zip(sorted(files), sorted(raws), strict=True))
+    else:
+        raise ShotError(
+            f"{len(files)} JPEGs and {len(raws)} RAW files: give both of a scene one name, or as many of each in order"
+        )
+    accounts: list[ShotSamples] = []
+    left_out: list[str] = []
+    ratios: list[float] = []
+    for index, (file, raw) in enumerate(pairs):
+        progress(file.name, index / len(pairs))
+        try:
+            shot, ratio = read_other_view(file, raw)
+            account = extract(shot)
+        except LutForgeError as error:
+            left_out.append(str(error))
+            continue
+        accounts.append(account)
+        ratios.append(ratio)
+    progress("done", 1.0)
+    if not any(account.kept for account in accounts):
+        raise ShotError("no usable shot: " + "; ".join([*left_out, *(account.summary for account in accounts)]))
+    known = np.array(ratios) if np.all(np.isfinite(ratios)) else np.ones(len(ratios))
+    parts = [
+        replace(account.samples, raw=account.samples.raw * ratio)
+        for account, ratio in zip(accounts, known / known.max(), strict=True)
+        if account.kept
+    ]
+    return Sampled(concatenate(parts), tuple(accounts), tuple(left_out))
 
 
 def gather_samples(

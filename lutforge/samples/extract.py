@@ -129,7 +129,7 @@ def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, places: 
         raw=np.array(raw, dtype=np.float64),
         srgb=codes / 255,
         wb=np.tile(np.asarray(multipliers, dtype=np.float64), (count, 1)),
-        raw_camera=np.full(count, metadata.camera),
+        raw_camera=np.full(count, shot.raw_camera or metadata.camera),
         position=places,
         lens=np.full(count, metadata.lens),
         raw_space=np.full(count, "" if shot.development is None else shot.development.space),

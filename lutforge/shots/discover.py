@@ -40,6 +40,16 @@ def discover(paths: Iterable[Path | str]) -> list[Path]:
     return list(found.values())
 
 
+def jpegs_of(path: Path) -> list[Path]:
+    """A JPEG itself, or those of a folder by name. Raises ShotError where there is none."""
+    if not path.is_dir():
+        return [path]
+    found = sorted(file for file in path.iterdir() if file.suffix.lower() in JPEG_SUFFIXES and file.is_file())
+    if not found:
+        raise ShotError(f"{path}: the folder holds no JPEGs")
+    return found
+
+
 def jpeg_beside(raw: Path) -> Path | None:
     """The JPEG of the same stem in the RAW file's folder, whatever the case of its name; None where there is none."""
     try:

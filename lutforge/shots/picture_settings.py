@@ -1,6 +1,7 @@
 """What a finished picture says about the settings that it was made with: camera, picture style, white balance."""
 
 import contextlib
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,6 +75,19 @@ def read_picture_settings(path: Path) -> PictureSettings:
         multipliers=multipliers,
         notes=(*notes_of(tags), *edited_notes(tags)),
     )
+
+
+def stated_exposure(path: Path) -> float:
+    """The exposure that a picture's EXIF states, time · ISO / 100 / f-number²; NaN where it has no time."""
+    with ImageReader(path) as image:
+        spec = image.spec
+
+    def number(*tags: str) -> float:
+        return float(next((value for value in map(spec.getattribute, tags) if value), 0.0))
+
+    time, aperture = number("ExposureTime", "Exif:ExposureTime"), number("FNumber", "Exif:FNumber")
+    iso = number("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")
+    return time * (iso or 100.0) / 100.0 / (aperture or 1.0) ** 2 if time > 0 else math.nan
 
 
 def camera_of(tags: Tags) -> str:

@@ -31,7 +31,8 @@ class Shot:
     """A RAW/JPEG pair, both oriented like the sensor.
 
     name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the file
-    beside it. development: the picture that stands in the RAW's place, where a program developed it.
+    beside it. development: the picture that stands in the RAW's place, where a program developed it. raw_camera: the
+    other camera that the RAW is of, or "".
     """
 
     name: str
@@ -42,3 +43,4 @@ class Shot:
     metadata: ShotMetadata
     registration: Registration
     development: Development | None = None
+    raw_camera: str = ""
