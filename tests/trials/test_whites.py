@@ -25,6 +25,7 @@ from lutforge.luts.programs import target_of
 from lutforge.luts.steps import bake_steps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.cameras import name_cameras
+from lutforge.ocio.check import load_config
 from lutforge.ocio.config import write_config
 from lutforge.pipeline.calibration import calibrate
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
@@ -102,6 +103,17 @@ def test_white_is_white_by_every_way(tmp_path: Path) -> None:
     for ways in found:
         assert ways.tint <= 2.0, ways
         assert ways.apart["clf"] <= 0.01, ways
+
+
+def test_white_stays_white_in_the_published_configs() -> None:
+    for path in sorted((Path(__file__).parents[2] / "ocio_configs").glob("*/config.ocio")):
+        config = load_config(path)
+        names = [space.getName() for space in config.getColorSpaces() if space.getName().split()[-2] == "standard"]
+        assert names
+        for source in names:
+            for target in names:
+                white = _codes(config.getProcessor(source, target).getDefaultCPUProcessor(), np.ones((1, 3)))
+                assert white.min() >= 254.5, (source, target, white)
 
 
 @pytest.mark.slow
