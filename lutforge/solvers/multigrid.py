@@ -37,12 +37,10 @@ class _Step(IntEnum):
     CORRECT = 5
 
 
-STEPS = np.array(
-    [
-        *(_Step.START, _Step.FINISH, _Step.SUBTRACT, _Step.RESTRICT),  # on its way down
-        *(_Step.PROLONG, _Step.SUBTRACT, _Step.CORRECT, _Step.FINISH),  # and, from TURN on, on its way up
-    ]
-)
+STEPS = np.array([
+    *(_Step.START, _Step.FINISH, _Step.SUBTRACT, _Step.RESTRICT),  # on its way down
+    *(_Step.PROLONG, _Step.SUBTRACT, _Step.CORRECT, _Step.FINISH),  # and, from TURN on, on its way up
+])  # fmt: skip
 ALL: Any = np.int64(0)
 TURN: Any = np.int64(4)
 OUTPUTS: Any = np.int64(3)
@@ -241,7 +239,6 @@ class Multigrid:
 
         stencil: the data term (14, N_r, N_g, N_b), which is not changed; anchor: (N_r, N_g, N_b, 3), added to the
         diagonal; smoothness, twist: weights of the second differences and of the mixed ones.
-
         small: lattices of fewer nodes are gone through in one compiled call, which rounds in its own way, however many
         threads there are; nodes_per_thread: with fewer the threads wait for each other longer than they work.
         """
