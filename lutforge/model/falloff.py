@@ -46,8 +46,11 @@ class Falloff:
             len(self.coefficients) == DEGREE
             and all(0.0 <= value <= 20.0 for value in self.coefficients)
             and all(-1.0 <= value <= 1.0 for value in self.centre)
+            and not any(value <= 0.0 for value in (self.focal_mm, self.aperture))  # NaN is unknown
+            and len(self.lens) <= 200
+            and self.lens.isprintable()
         ):
-            raise ProfileError(f"the falloff of {self.setting} has numbers that no lens has")
+            raise ProfileError("a falloff of the profile has a name or numbers that no lens has")
 
     @property
     def corner_ev(self) -> float:

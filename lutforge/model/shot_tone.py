@@ -7,6 +7,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.colour.srgb import srgb_decode
+from lutforge.errors import ProfileError
 from lutforge.samples.sample_set import SampleSet
 
 
@@ -27,9 +28,8 @@ def place_basis(tone: Array, place: Array) -> Array:
     """
     at = np.clip(np.nan_to_num(place / (0.8, 0.55)), -1.0, 1.0)  # pictures are about 3 : 2
     hats = np.maximum(1.0 - np.abs(at[:, :, None] - (-1.0, 0.0, 1.0)), 0.0)
-    grid = (hats[:, 1, :, None] * hats[:, 0, None, :]).reshape(-1, 9) * np.all(
-        np.isfinite(place), axis=1, keepdims=True
-    )
+    known = np.all(np.isfinite(place), axis=1, keepdims=True)
+    grid = known * (hats[:, 1, :, None] * hats[:, 0, None, :]).reshape(-1, 9)
     bright = 1.0 / (1.0 + np.exp(-3.0 * tone[:, None]))
     return np.hstack([grid * (1.0 - bright), grid * bright])
 
@@ -41,8 +41,8 @@ class ShotTone:
     coefficients: of `tone_basis`, the part that every place of the picture shares; zeros where it is not significant.
     exposure: its mean over the shot's samples; shadows, highlights: at the twentieth darkest and brightest of them.
     local: what differs from place to place, its root mean square; 0 where it is not significant; maps: by place,
-    three rows of three, of dark and of bright tones. significance: the odds of so large a departure by
-    chance, of the two parts.
+    three rows of three, of dark and of bright tones. significance: the odds of so large a departure by chance, of the
+    two parts. Raises ProfileError on numbers that no camera makes.
     """
 
     shot: str
@@ -54,6 +54,12 @@ class ShotTone:
     local: float = 0.0
     maps: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0,) * 9, (0.0,) * 9)
     significance: tuple[float, float] = (1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        """Raise ProfileError where a number is none that a camera could have."""
+        sizes = (*self.coefficients, self.exposure, self.shadows, self.highlights, self.local, *sum(self.maps, ()))
+        if not all(abs(value) < 100.0 for value in sizes) or any(len(part) != 9 for part in self.maps):
+            raise ProfileError("a departure of a shot in the profile has numbers that no camera makes")
 
     @property
     def stops(self) -> float:

@@ -37,7 +37,7 @@ from tests.calibration.samples_of_today import (
     with_gamma,
     with_scene_tone,
 )
-from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
+from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_patches, surfaces
 from tests.real_data import CHARTS, read_published_pairs
 
 OPTIONS = CalibrationOptions(size=17)
@@ -111,15 +111,15 @@ def s40_falloff(folder: Path) -> Rows:
     yield Row("S40, two lenses, 1.2 and 0.5 EV: error ratio", unseen_error(two) / clean, 1.15)
 
 
-def photographed(patches: Array, seed: int, **options: object) -> SampleSet:
+def photographed(patches: Array, seed: int, name: str) -> SampleSet:
     """Surfaces by the simulated camera, at places drawn over the picture."""
-    samples = photograph_patches(nikon_d5100(), patches, stops=(-3, -2, -1, 0), seed=seed, **options)  # type: ignore[arg-type]
-    return spread_over_picture(samples, seed)
+    samples = photograph_patches(nikon_d5100(), patches, stops=(-3, -2, -1, 0), seed=seed)
+    return spread_over_picture(replace(samples, shot=np.char.add(samples.shot, f" {name}")), seed)
 
 
 def simulated_falloff() -> Rows:
     """Corrected falloffs of the simulated camera, of two shapes."""
-    seen, unseen = photographed(chart_140(), 1), photographed(surfaces(200, 99), 2)
+    seen, unseen = photographed(chart_140(), 1, "seen"), photographed(surfaces(200, 99), 2, "unseen")
     clean = unseen_error(seen, unseen=unseen)
     yield Row("simulated, none: falloffs found", float(len(lf.calibrate(seen, OPTIONS).falloffs)), 0)
     for ev, power in ((0.5, 1.0), (1.0, 1.0), (2.0, 1.0), (1.0, 2.0)):
@@ -154,6 +154,23 @@ def _has_falloff(samples: SampleSet) -> bool:
     return bool(fit_falloffs(samples, samples.wb, unclipped(samples, samples.wb)))
 
 
+def simulated_gains() -> Rows:
+    """Five settings, each of which the camera brings up by a gain of its own before it renders it."""
+    gains = dict(zip(BALANCES, (0.9, 0.95, 1.0, 1.05, 1.1), strict=True))
+    seen, unseen = photographed(chart_140(), 1, "seen"), photographed(surfaces(200, 99), 2, "unseen")
+    clean = unseen_error(seen, unseen=unseen)
+    seen, unseen = (_with_gains(each, gains) for each in (seen, unseen))
+    balances = lf.calibrate(seen, OPTIONS).white_balances
+    off = max(abs(balances[name].gain / gain - 1.0) for name, gain in gains.items())
+    yield Row("simulated, gains 0.9 to 1.1: gain off by at most", off, 0.003)
+    yield Row("simulated, gains 0.9 to 1.1: error ratio", unseen_error(seen, unseen=unseen) / clean, 1.05)
+
+
+def _with_gains(samples: SampleSet, gains: dict[str, float]) -> SampleSet:
+    factors = np.array([gains[str(name)] for name in samples.white_balance])
+    return replace(samples, raw=samples.raw / factors[:, None])
+
+
 def toned(samples: SampleSet, shots: list[str]) -> tuple[float, float, float]:
     """How many of the shots are found, how many others are accused, and the largest size found, in stops."""
     found = {tone.shot: tone for tone in _tones(samples)}
@@ -172,8 +189,8 @@ def _tones(samples: SampleSet) -> "tuple[ShotTone, ...]":
 
 def simulated_tone() -> Rows:
     """Tone of some of 15 shots by the simulated camera: a power of the codes, lifted shadows, a local tone mapper."""
-    seen, unseen = photographed(chart_140(), 1), photographed(surfaces(200, 99), 2)
-    seen = seen.select(~np.char.endswith(seen.shot, "-3"))
+    seen, unseen = photographed(chart_140(), 1, "seen"), photographed(surfaces(200, 99), 2, "unseen")
+    seen = seen.select(~np.char.endswith(seen.shot, "-3 seen"))
     names = [str(name) for name in np.unique(seen.shot)]
     clean = unseen_error(seen, unseen=unseen)
     shadows, local = shadow_stops(seen, 0.5), local_stops(seen, 0.4)
@@ -226,6 +243,7 @@ def parts(folder: Path | None) -> dict[str, Callable[[], Rows]]:
     made: dict[str, Callable[[], Rows]] = {
         "simulated_falloff": simulated_falloff,
         "false_falloffs": false_falloffs,
+        "simulated_gains": simulated_gains,
         "simulated_tone": simulated_tone,
         "false_tones": false_tones,
     }

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.style_data import unclipped
+from lutforge.errors import ProfileError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.falloff import Falloff
@@ -101,6 +103,12 @@ def test_unseen_shots_are_predicted_as_without(tmp_path: Path) -> None:
         noted.append(any("falloff" in note for note in profile.notes))
     assert errors[1] < 1.1 * errors[0]
     assert noted == [False, True]
+
+
+@pytest.mark.parametrize("wrong", [{"coefficients": (np.nan, 0.0, 0.0)}, {"centre": (3.0, 0.0)}, {"aperture": 0.0}])
+def test_numbers_that_no_lens_has_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ProfileError, match="no lens has"):
+        replace(Falloff((0.1, 0.2, 0.3), lens="Nikkor", focal_mm=35.0, aperture=4.0), **wrong)
 
 
 def test_gain_is_that_of_the_places_of_pixels() -> None:

@@ -10,6 +10,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.shots.tone import shot_tones
 from lutforge.calibration.style_data import unclipped
+from lutforge.errors import ProfileError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.shot_tone import ShotTone, tone_stops
@@ -131,6 +132,11 @@ def test_a_profile_keeps_what_it_took_out_and_evaluation_splits_the_error(tmp_pa
         parts = np.array([shares.rendering, shares.falloff, shares.scene, shares.noise])
         assert shares.total == pytest.approx(float(np.linalg.norm(parts)), rel=1e-6)
         assert shares.scene > 0.9 * shares.total and shares.falloff == 0.0
+
+
+def test_numbers_that_no_camera_makes_are_refused() -> None:
+    with pytest.raises(ProfileError, match="no camera makes"):
+        ShotTone("one", "standard", (np.inf, 0.0, 0.0), 0.0, 0.0, 0.0)
 
 
 def test_two_shots_that_agree_are_not_accused() -> None:

@@ -92,8 +92,8 @@ def tones_beside(
 ) -> tuple[ShotTone, ...]:
     """The departures of shots from a calibrated rendering that has not seen them; nothing of those that follow it.
 
-    linearize: by style, I → Tw E. What a calibration does not know of a shot's colours counts like a second and a third
-    part of what any shot departs by.
+    linearize: by style, I → Tw E. What a calibration does not know of a shot's colours counts like twice the variance
+    that any shot departs by.
     """
     found: list[ShotTone] = []
     for name in np.unique(samples.style[usable & np.isin(samples.style, list(linearize))]):
@@ -251,10 +251,8 @@ def _fit(cells: _Cells, departure: _Departure) -> _Fit:
         return float(np.sum(whitened(error) ** 2))
 
     error = departure.error
-    tones, places = (
-        tone_basis(cells.tone[departure.member]),
-        place_basis(cells.tone[departure.member], cells.place[departure.member]),
-    )
+    level, place = cells.tone[departure.member], cells.place[departure.member]
+    tones, places = tone_basis(level), place_basis(level, place)
     tone = fitted(tones, error)
     stops = tones @ tone
     maps = fitted(places, error - stops)
@@ -301,11 +299,8 @@ def _tone(cells: _Cells, style: str, shot: int, fit: _Fit, odds: tuple[float, fl
     a, b, c = (float(value) for value in fit.tone * common)
     tone = ShotTone(cells.names[shot], style, (a, b, c), middle * common, dark * common, bright * common)
     first, second = (tuple(float(value) for value in part) for part in (fit.maps[:9], fit.maps[9:]))
-    return (
-        replace(tone, local=size, maps=(first, second), significance=odds)
-        if differs
-        else replace(tone, significance=odds)
-    )
+    tone = replace(tone, significance=odds)
+    return replace(tone, local=size, maps=(first, second)) if differs else tone
 
 
 def _at_tones(tone: Array, stops: Array) -> tuple[float, float, float]:
