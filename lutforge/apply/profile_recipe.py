@@ -117,6 +117,8 @@ class ProfileRecipe(Rebuilt):
 
     def _developed(self, source: Path, settings: PictureSettings, camera: CameraProfile, look: CameraProfile) -> Grade:
         """The grade of a RAW file: rendered, with its own white balance or the one asked for."""
+        if developer := camera.options.get("developer"):
+            raise SettingsError(f"{source}: the profile is of {developer}, not of RAW: develop it with `lutforge kit`")
         told = (settings.style, settings.style.removesuffix(f" {ADOBE_RGB}"))
         style = next((name for name in told if name in camera.styles), next(iter(camera.styles)))
         asked = parse_selector(self.source) if self.source else Selector(AS_SHOT, AS_SHOT)

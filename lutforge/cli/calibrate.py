@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.cli.console import ProfileOutput, note, print_table, progress_bar, say
+from lutforge.cli.console import (
+    DevelopedFolder,
+    DevelopedSpace,
+    DeveloperName,
+    ProfileOutput,
+    note,
+    print_table,
+    progress_bar,
+    say,
+)
 from lutforge.cli.sample import tell
 from lutforge.errors import SettingsError
 from lutforge.model.diagnosis import told
@@ -20,16 +29,6 @@ if TYPE_CHECKING:
 OptionalSources = Annotated[
     list[Path] | None,
     typer.Argument(help="Sample tables (.csv, .parquet), RAW files, folders of RAW files.", show_default=False),
-]
-DeveloperName = Annotated[
-    str | None,
-    typer.Option(help="Calibrate on what this program feeds to a LUT, darktable or rawtherapee, instead of RAW."),
-]
-DevelopedFolder = Annotated[
-    Path | None, typer.Option(help="A folder of pictures that another program developed, one a shot, same stem.")
-]
-DevelopedSpace = Annotated[
-    str | None, typer.Option("--developed-space", help="The colour space of those pictures, such as prophoto.")
 ]
 Pairs = Annotated[
     tuple[Path, Path] | None,

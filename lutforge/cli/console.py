@@ -114,3 +114,13 @@ Sources = Annotated[
 ]
 ProfileOutput = Annotated[Path, typer.Option("-o", "--output", help="The profile to write (.npz).")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print everything as JSON, for programs.")]
+DeveloperName = Annotated[
+    str | None,
+    typer.Option(help="Instead of RAW, what this program feeds to a LUT: darktable or rawtherapee."),
+]
+DevelopedFolder = Annotated[
+    Path | None, typer.Option(help="A folder of pictures that another program developed, one a shot, same stem.")
+]
+DevelopedSpace = Annotated[
+    str | None, typer.Option("--developed-space", help="The colour space of those pictures, such as prophoto.")
+]

@@ -36,13 +36,15 @@ def evaluate(
     by the profile as it is. Printed are the error of both directions, the RMSE of RAW, the linearisation error over
     exposure pairs, and the error of refinishing between settings of one scene, where the shots show these.
     """
+    from lutforge.pipeline.developing import left_side_of_profile
     from lutforge.pipeline.evaluation import as_profile
     from lutforge.pipeline.evaluation import evaluate as measure
     from lutforge.pipeline.sampling import gather_samples
 
     camera = as_profile(profile)
     with progress_bar("sampling") as report:
-        samples = gather_samples(sources, report).samples if as_json else gather_samples(sources, report, tell).samples
+        told = (lambda sampled: None) if as_json else tell
+        samples = gather_samples(sources, report, told, left_side_of_profile(camera)).samples
     with progress_bar("evaluating") as report:
         evaluation = measure(camera, samples, report, tables=tables)
     for text in evaluation.notes:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.cli.console import Shots, note, progress_bar, say
+from lutforge.cli.console import DevelopedFolder, DevelopedSpace, DeveloperName, Shots, note, progress_bar, say
 
 if TYPE_CHECKING:
     from lutforge.pipeline.sampling import Sampled
@@ -22,15 +22,22 @@ def sample(
             help="For JPEGs of a camera without RAW: another camera's RAW files of the same scenes, a folder."
         ),
     ] = None,
+    developer: DeveloperName = None,
+    developed: DevelopedFolder = None,
+    developed_space: DevelopedSpace = None,
 ) -> None:
     """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
+    from lutforge.pipeline.developing import left_side
     from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output
     from lutforge.pipeline.sampling import sample_by_reference, sample_shots
     from lutforge.samples.table import write_samples
 
     check_output(output, TABLE_SUFFIXES, shots)
     with progress_bar("sampling") as report:
-        sampled = sample_shots(shots, report) if reference is None else sample_by_reference(shots, reference, report)
+        if reference is not None:
+            sampled = sample_by_reference(shots, reference, report)
+        else:
+            sampled = sample_shots(shots, report, left_side(developer, developed, developed_space))
     tell(sampled)
     write_samples(output, sampled.samples)
     say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shots")

@@ -75,6 +75,27 @@ class Look:
         return look
 
 
+def look_of(profile: CameraProfile, to: str) -> Look:
+    """Return the camera's look at a setting, STYLE/WB. Raises SettingsError, ProfileError on an unknown one."""
+    selector = profile.selector(to)
+    multipliers = profile.multipliers(selector)
+    rendering = profile.render(selector)
+
+    def render(balanced: Array) -> Array:
+        return rendering(np.asarray(balanced) / multipliers)
+
+    return Look(
+        profile=profile,
+        style=selector.style,
+        white_balance=str(selector.white_balance),
+        render=render,
+        to_srgb=profile.matrix,
+        multipliers=multipliers,
+        space=str(profile.options.get("raw_space") or "raw"),
+        developer=str(profile.options.get("developer") or ""),
+    )
+
+
 class Kit(Protocol):
     """How one program shows a look."""
 

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from lutforge import __version__
+from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, write_dcp
 from lutforge.kits.dcp_read import read_dcp
+from lutforge.kits.kit import look_of
 from lutforge.luts.bake import bake_forms
 from lutforge.luts.ends import ends_of
 from lutforge.luts.formats.clf import KINDS as PROCESS_LISTS
@@ -20,7 +22,7 @@ from lutforge.luts.steps import bake_steps
 from lutforge.luts.verify import FileError, compare, verify
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.evaluation import as_profile
-from lutforge.pipeline.kits import look_of
+from lutforge.pipeline.left_side import developer_of, space_of
 from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.pipeline.transforms import Chosen, Wanted, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
@@ -77,14 +79,14 @@ def bake_files(
     paths = [check_output(path, inputs=inputs) for path in outputs]
     camera = as_profile(profile)
     chosen = choose_transform(camera, wanted)
-    camera_profiles = _camera_profiles(paths, chosen, program)
+    camera_profiles = _camera_profiles(paths, camera, chosen, program)
     paths = [path for path in paths if path not in camera_profiles]
     if camera_profiles and not paths:
         return Baked(tuple(_bake_camera_profile(camera, wanted, path) for path in camera_profiles), ())
     _require_feeds(program, chosen, wanted.target)
     named, notes = _files(paths, program, chosen.title, stages)
-    kind, ends = chosen.kind, ends_of(chosen.kind, chosen.space)
-    scenes = kind == "render" and chosen.space != "raw"
+    kind, ends = chosen.kind, ends_of(chosen.kind, space_of(camera) if chosen.space == "raw" else chosen.space)
+    scenes = kind == "render" and chosen.space != "raw" and rgb_space(chosen.space).is_linear
     targets = [target_of(path, reader, size, method, scenes) for path, reader in named.items()]
     comments = (f"LutForge {__version__}", *ends.comments, *chosen.comments)
     with telling_of_compilation(progress) as telling:
@@ -118,13 +120,15 @@ def _how_to_load(path: Path, program: str | None) -> tuple[str, ...]:
     return (f"load {path} in {program.lower()}{f': {use}' if use else ''}",)
 
 
-def _camera_profiles(paths: Sequence[Path], chosen: Chosen, program: str | None) -> list[Path]:
+def _camera_profiles(paths: Sequence[Path], camera: CameraProfile, chosen: Chosen, program: str | None) -> list[Path]:
     """Those of the outputs that are DNG camera profiles, each once.
 
     Raises LutError where none can hold what is asked for, or the program does not read it.
     """
     found = [path for path in dict.fromkeys(paths) if path.suffix.lower() == CAMERA_PROFILE]
     for path in found[:1]:
+        if developer_of(camera):
+            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {developer_of(camera)}")
         if (chosen.kind, chosen.space) != ("render", "raw"):
             raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
         if program is not None and CAMERA_PROFILE not in program_named(program).reads:
@@ -144,8 +148,6 @@ def _require_feeds(program: str | None, chosen: Chosen, target: str | None) -> N
 def _bake_camera_profile(camera: CameraProfile, wanted: Wanted, path: Path) -> BakedFile:
     """Write a DNG camera profile of a look, read it back, and compare it with the model behind white balance."""
     look = look_of(camera, wanted.target or "")
-    if look.space != "raw":
-        raise LutError(f"{path}: a camera profile renders RAW; this profile is of {look.developer}")
     write_dcp(fit_dng_profile(look), path)
     written = read_dcp(path)
     x = np.random.default_rng(0).random((1 << 14, 3))

@@ -15,6 +15,7 @@ from lutforge.evaluation.learning_curve import LearningCurve, learning_curve
 from lutforge.evaluation.size_search import smallest_size as find_smallest_size
 from lutforge.interpolation import Interpolation
 from lutforge.model.camera_profile import CameraProfile, ModelName
+from lutforge.pipeline.left_side import left_side_of
 from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.sampling import as_samples
 from lutforge.progress import Progress, part, silent, telling_of_compilation
@@ -42,19 +43,6 @@ def calibrate(
         return profile
     exact = matrix_between(left["raw_space"], "linear-srgb")  # of what a program developed nothing is to be fitted
     return replace(profile, matrix=exact, options={**profile.options, **left})
-
-
-def left_side_of(samples: SampleSet) -> dict[str, str]:
-    """Name the space and the program of pictures that stand in the place of RAW; empty for RAW.
-
-    Raises CalibrationError where samples of several spaces or programs are mixed.
-    """
-    pairs = sorted(set(zip(samples.raw_space.tolist(), samples.developer.tolist(), strict=True)))
-    if len(pairs) > 1:
-        kinds = ", ".join(f"{developer} ({space})" if space else "RAW" for space, developer in pairs[:4])
-        raise CalibrationError(f"the samples are of several kinds: {kinds}; calibrate each by itself")
-    space, developer = pairs[0] if pairs else ("", "")
-    return {"raw_space": space, "developer": developer} if space else {}
 
 
 def smallest_size(

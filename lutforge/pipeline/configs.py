@@ -11,6 +11,7 @@ from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
 from lutforge.ocio.versions import losses, minor_version
 from lutforge.pipeline.evaluation import as_profile
+from lutforge.pipeline.left_side import developer_of
 from lutforge.pipeline.outputs import check_output
 from lutforge.progress import Progress, silent, telling_of_compilation
 
@@ -48,6 +49,12 @@ def write_checked_config(
     inputs = [entry for entry in (*profiles, merge) if isinstance(entry, str | Path)]
     check_output(output if archive else output / CONFIG_NAME, inputs=inputs)
     loaded = [as_profile(profile) for profile in profiles]
+    for profile in loaded:
+        if developer_of(profile):
+            raise ConfigError(
+                f"{profile.camera}: the profile is of {developer_of(profile)}; a config needs one of RAW files, "
+                "lutforge calibrate SHOT… -o camera.npz"
+            )
     with telling_of_compilation(progress) as telling:
         path = write(loaded, output, version=version, merge=merge, replace=replace, progress=telling)
     config = load_config(path)

@@ -8,6 +8,8 @@ from lutforge.developers.developer import Developer, develop, program_version, r
 from lutforge.developers.rawtherapee import RawTherapee
 from lutforge.errors import SettingsError, ShotError
 from lutforge.images.development import Development
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline.left_side import developer_of
 from lutforge.pipeline.sampling import LeftSide, Sampled, sample_each
 from lutforge.progress import Progress, silent
 from lutforge.shots.pair import read_pair
@@ -57,6 +59,12 @@ def left_side(
         return read_developed(picture, space)
 
     return read
+
+
+def left_side_of_profile(profile: CameraProfile) -> LeftSide | None:
+    """What stands in the place of RAW for a profile: what its program develops. None for RAW, or exported pictures."""
+    program = developer_of(profile).split(" ")[0]
+    return left_side(program) if program in DEVELOPERS else None
 
 
 def sample_pairs(

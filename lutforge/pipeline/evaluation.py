@@ -7,8 +7,10 @@ from pathlib import Path
 from lutforge.evaluation.evaluate import evaluate as evaluate_profile
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.model.camera_profile import CameraProfile, load_profile
+from lutforge.pipeline.developing import left_side_of_profile
+from lutforge.pipeline.left_side import require_same_left_side
 from lutforge.pipeline.outputs import Paths
-from lutforge.pipeline.sampling import as_samples
+from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 
@@ -29,7 +31,11 @@ def evaluate(
 
     A shot that the profile was calibrated from is left out and predicted by a refit without it; any other is predicted
     by the profile as it is. tables: every method of the thesis's error tables, with times.
-    Raises CalibrationError where the samples hold none of the profile's styles.
+    Raises CalibrationError where the samples hold none of the profile's styles, or are of RAW where it is not.
     """
+    camera = as_profile(profile)
+    if not isinstance(samples, SampleSet):
+        samples = gather_samples(samples, left=left_side_of_profile(camera)).samples
+    require_same_left_side(camera, samples)
     with telling_of_compilation(progress) as telling:
-        return evaluate_profile(as_profile(profile), with_setting_names(as_samples(samples)), telling, tables=tables)
+        return evaluate_profile(camera, with_setting_names(samples), telling, tables=tables)

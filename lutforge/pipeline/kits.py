@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.arrays import Array
 from lutforge.atomic_write import scratch_folder
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.developers.developer import run_command
@@ -21,7 +20,7 @@ from lutforge.kits.camera_raw import CameraRawKit
 from lutforge.kits.darktable import DarktableKit
 from lutforge.kits.ffmpeg import FfmpegKit
 from lutforge.kits.gimp import GimpKit
-from lutforge.kits.kit import Kit, Look, require_source
+from lutforge.kits.kit import Kit, Look, look_of, require_source
 from lutforge.kits.lumix import LumixKit
 from lutforge.kits.nuke import NukeKit
 from lutforge.kits.obs import ObsKit
@@ -66,27 +65,6 @@ class KitCheck:
     mean: float
     p95: float
     maximum: float
-
-
-def look_of(profile: CameraProfile, to: str) -> Look:
-    """Return the camera's look at a setting, STYLE/WB. Raises SettingsError, ProfileError on an unknown one."""
-    selector = profile.selector(to)
-    multipliers = profile.multipliers(selector)
-    rendering = profile.render(selector)
-
-    def render(balanced: Array) -> Array:
-        return rendering(np.asarray(balanced) / multipliers)
-
-    return Look(
-        profile=profile,
-        style=selector.style,
-        white_balance=str(selector.white_balance),
-        render=render,
-        to_srgb=profile.matrix,
-        multipliers=multipliers,
-        space=str(profile.options.get("raw_space") or "raw"),
-        developer=str(profile.options.get("developer") or ""),
-    )
 
 
 def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str | None = None) -> Path:

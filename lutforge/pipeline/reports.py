@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline.developing import left_side_of_profile
 from lutforge.pipeline.evaluation import as_profile
+from lutforge.pipeline.left_side import developer_of, require_same_left_side
 from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sampling import Sampled, gather_samples
 from lutforge.progress import Progress, silent, telling_of_compilation
@@ -33,13 +35,20 @@ def report(
     check_report_output(output, figures)
     sampled = Sampled(samples) if isinstance(samples, SampleSet) else samples
     if sampled is not None and not isinstance(sampled, Sampled):
-        sampled = gather_samples(sampled, progress)
+        sampled = gather_samples(sampled, progress, left=left_side_of_profile(as_profile(profile)))
+    camera = as_profile(profile)
+    if sampled is not None:
+        require_same_left_side(camera, sampled.samples)
     with telling_of_compilation(progress) as telling:
         if sampled is None:
-            page = build_report(as_profile(profile), progress=telling)
+            page = build_report(camera, progress=telling)
         else:
             page = build_report(
-                as_profile(profile), with_setting_names(sampled.samples), sampled.shots, sampled.files, telling
+                camera,
+                with_setting_names(sampled.samples),
+                sampled.shots,
+                {} if developer_of(camera) else sampled.files,  # the maps show camera RAW
+                telling,
             )
     if output is not None:
         write_page(page, output)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from lutforge.model.raw_transfer import chained, load_transfer
 from lutforge.model.response_profile import is_response_alone
 from lutforge.model.transform import Transform
 from lutforge.pipeline.evaluation import as_profile
+from lutforge.pipeline.left_side import developer_of
 from lutforge.pipeline.outputs import one_of
 
 KINDS = ("render", "linearize", "refinish", "match")
@@ -90,6 +92,8 @@ def choose_transform(camera: CameraProfile, wanted: Wanted) -> Chosen:
     kind, space = one_of("transform", wanted.kind, KINDS), _space_named(wanted.space)
     if space == "raw" and kind == "linearize" and is_response_alone(camera):
         space = "linear-srgb"
+    if kind == "render" and space == "raw":
+        space = _fed_to(camera)
     model = None if wanted.model is None else one_of("model", wanted.model, MODELS)
     exposure = f", {wanted.ev:+g} EV" if wanted.ev else ""
     end = camera if wanted.look is None else as_profile(wanted.look)
@@ -114,6 +118,12 @@ def choose_transform(camera: CameraProfile, wanted: Wanted) -> Chosen:
         if setting and f"{direction}_mean" in (figures := profile.styles[profile.selector(setting).style].errors)
     ]
     return Chosen(made, kind, space, title, tuple(notes), tuple(errors))
+
+
+def _fed_to(camera: CameraProfile) -> str:
+    """What a render of a profile takes: "raw", or the space in which pictures in the place of RAW were encoded."""
+    pictures = re.fullmatch(r"pictures in (\S+)", developer_of(camera))
+    return pictures[1] if pictures and not rgb_space(pictures[1]).is_linear else "raw"
 
 
 def _space_named(word: str) -> str:

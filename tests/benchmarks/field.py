@@ -37,8 +37,9 @@ from lutforge.developers.developer import run_command
 from lutforge.errors import LutForgeError
 from lutforge.evaluation.methods import LATTICE, fit_baselines
 from lutforge.images.raw import read_raw
+from lutforge.kits.kit import look_of
 from lutforge.pipeline.developing import left_side
-from lutforge.pipeline.kits import check_kit, compare_with_jpeg, look_of, write_kit
+from lutforge.pipeline.kits import check_kit, compare_with_jpeg, write_kit
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.samples.table import write_samples
 from lutforge.simulate.demo import DemoShots, demo_shots

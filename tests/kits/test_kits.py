@@ -22,9 +22,10 @@ from lutforge.errors import LutForgeError, SettingsError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.kits.dcp_read import dcp_lines, read_dcp
+from lutforge.kits.kit import look_of
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.kits import KITS, check_kit, compare_with_jpeg, look_of, write_kit
+from lutforge.pipeline.kits import KITS, check_kit, compare_with_jpeg, write_kit
 from lutforge.samples.sample_set import SampleSet
 from tests.conftest import CommandLine
 from tests.kits.kit_readers import CRS, dcp_tags, developed_by_dcp, rgb_table_of

@@ -1,14 +1,24 @@
 """Pairs of any two renderings: a known look is found from pictures before and after it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO
 import pytest
+import rawpy
 
-from lutforge.errors import SettingsError, ShotError
+from lutforge.calibration.calibrate import calibrate
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.colour.rgb_spaces import matrix_between
+from lutforge.errors import LutForgeError, SettingsError, ShotError
+from lutforge.luts.processor import evaluate, file_processor
 from lutforge.model.camera_profile import load_profile
+from lutforge.pipeline.calibration import calibrate as calibrate_profile
 from lutforge.pipeline.developing import left_side, sample_pairs
+from lutforge.pipeline.sampling import gather_samples
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import write_samples
 from tests.conftest import CommandLine
 
 
@@ -45,6 +55,48 @@ def test_a_look_between_two_renderings(folders: tuple[Path, Path], tmp_path: Pat
     x = np.random.default_rng(9).uniform(0.1, 0.9, (500, 3))
     light = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
     assert np.abs(profile.render(setting)(light) - look(x)).mean() < 0.004
+    cube = tmp_path / "look.cube"
+    run = lutforge("bake", output, "render", "--to", setting, "-o", cube, "--size", "33")
+    assert run.returncode == 0, run.stderr
+    assert "input: scene-referred srgb" in run.stderr
+    assert np.abs(evaluate(file_processor(cube), x) - look(x)).mean() < 0.004  # from the pictures as they are
+
+
+def test_raw_is_not_taken_for_what_a_program_developed(
+    s40_samples: SampleSet, shared_data: Path, tmp_path: Path, lutforge: CommandLine
+) -> None:
+    """A profile of developed pictures, and RAW or its samples: each step says so."""
+    profile = calibrate(s40_samples, CalibrationOptions(size=9)).profile
+    left = {"raw_space": "linear-prophoto", "developer": "pictures in prophoto"}
+    replace(profile, options={**profile.options, **left}).save(tmp_path / "developed.npz")
+    write_samples(tmp_path / "samples.csv", s40_samples)
+    raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
+    for words in (
+        ("evaluate", "developed.npz", "samples.csv"),
+        ("evaluate", "developed.npz", raw),
+        ("report", "developed.npz", "samples.csv", "-o", "report.html"),
+        ("config", "developed.npz", "-o", "ocio"),
+        ("bake", "developed.npz", "render", "--to", "standard/auto", "-o", "look.dcp"),
+    ):
+        run = lutforge(*words, cwd=tmp_path)
+        assert run.returncode == 2, words
+        assert "pictures in prophoto" in run.stderr.splitlines()[-1]
+    run = lutforge("apply", "developed.npz", raw, "--to", "standard/auto", "-o", "graded", cwd=tmp_path)
+    assert run.returncode != 0
+    assert "lutforge kit" in run.stderr
+
+
+def test_the_space_of_a_developed_picture_is_exact(s40_samples: SampleSet) -> None:
+    count = len(s40_samples.raw)
+    developed = replace(
+        s40_samples, raw=np.clip(s40_samples.raw * s40_samples.wb, 0.0, 1.0), wb=np.ones((count, 3)),
+        raw_space=np.full(count, "linear-rec2020"), developer=np.full(count, "darktable 4.2.1"),
+    )  # fmt: skip
+    profile = calibrate_profile(developed, CalibrationOptions(size=9))
+    codes = np.random.default_rng(2).uniform(0.2, 0.8, (50, 3))
+    light = profile.linearize("standard/auto", "acescg")(codes)
+    exact = profile.linearize("standard/auto")(codes) @ matrix_between("linear-rec2020", "acescg").T
+    assert np.abs(light - exact).max() < 1e-4  # the published matrices are rounded
 
 
 def test_what_does_not_fit_is_one_line(folders: tuple[Path, Path], tmp_path: Path) -> None:
@@ -70,3 +122,30 @@ def test_of_several_pictures_of_one_name_the_tiff_is_taken(folders: tuple[Path, 
     left = left_side(developed=tmp_path, developed_space="srgb")
     assert left is not None
     assert left(Path("frame.CR2")).pixels.shape == (480, 640, 3)
+
+
+@pytest.mark.slow
+def test_a_picture_of_any_size_or_turn_is_paired_and_a_cropped_one_is_one_line(
+    shared_data: Path, tmp_path: Path
+) -> None:
+    raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
+    with rawpy.imread(str(raw)) as opened:
+        whole = opened.postprocess(output_bps=16, use_camera_wb=True, no_auto_bright=True, user_flip=0) / 65535
+    for name, pixels, fits in (
+        ("turned, half size", np.rot90(whole)[::2, ::2], True),
+        ("margins", whole[4:-4, 4:-4], True),
+        ("cropped", whole[200:-200, 250:-250], False),
+    ):
+        (tmp_path / name).mkdir()
+        shape = OpenImageIO.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
+        buffer = OpenImageIO.ImageBuf(shape)
+        buffer.set_pixels(OpenImageIO.ROI(), np.ascontiguousarray(pixels, dtype=np.float32))
+        assert buffer.write(str(tmp_path / name / "CRW_0101.tif"))
+        left = left_side(developed=tmp_path / name, developed_space="srgb")
+        if fits:
+            assert len(gather_samples([raw], left=left).samples) > 50, name
+            continue
+        with pytest.raises(LutForgeError) as raised:
+            gather_samples([raw], left=left)
+        (line,) = str(raised.value).splitlines()
+        assert f"{pixels.shape[1]} × {pixels.shape[0]}, must be the whole frame" in line
