@@ -225,7 +225,7 @@ def cluster_lines(folder: Path, lut: Path) -> Iterator[Line]:
 
     cluster: Any = Cluster  # Dask has no types
 
-    files = jpegs(folder / "c", 60, 2000, 3000)
+    files = jpegs(folder / "c", 120, 2000, 3000)
     with (
         cluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as one,
         cluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as two,
