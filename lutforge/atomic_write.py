@@ -22,7 +22,7 @@ _beginning = Lock()
 
 
 def require_writable(path: str | Path) -> None:
-    """Raise LutForgeError, in one line, where no file could be written to `path`: asked before long work."""
+    """Raise LutForgeError where no file can be written to `path`; call it before long work."""
     path = Path(path)
     if path.is_dir():
         raise LutForgeError(f"{path}: is a folder; name a file")
@@ -90,9 +90,9 @@ def removed_if_empty(folder: str | Path) -> Iterator[None]:
 
 
 def remove_temporaries(paths: Iterable[Path]) -> int:
-    """Delete what killed runs left of writing these paths, and say how many files that was.
+    """Delete the temporary files that killed runs left beside these paths, and return their number.
 
-    Nobody else may be writing the same paths meanwhile.
+    No other process may be writing these paths at the same time.
     """
     names: dict[Path, set[tuple[str, str]]] = {}
     for path in paths:
@@ -109,9 +109,9 @@ def remove_temporaries(paths: Iterable[Path]) -> int:
 
 @contextmanager
 def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
-    """Yield an empty folder that is removed when the block ends; what killed runs left of theirs is removed first.
+    """Yield an empty folder that is removed when the block ends. Folders that killed runs left are removed first.
 
-    beside: a file; the folder is made in that file's. Without it, in the system's folder for temporary files.
+    beside: a file; the new folder is made in that file's folder, or without it in the system's temporary folder.
     """
     parent = Path(tempfile.gettempdir()) if beside is None else Path(beside).absolute().parent
     parent.mkdir(parents=True, exist_ok=True)
@@ -130,7 +130,7 @@ def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
 
 
 def _is_over(process: int, folder: Path) -> bool:
-    """Whether a process of this machine has ended; where that cannot be asked without harm, whether a day has gone."""
+    """True where the process has ended. Where os.kill cannot merely ask (not POSIX), where the folder is a day old."""
     if os.name != "posix":
         return time.time() - folder.stat().st_mtime > 24 * 3600
     try:

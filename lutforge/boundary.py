@@ -1,6 +1,6 @@
-"""The boundary to files from strangers: whatever a reader does with them, what leaves it is one line of our own error.
+"""Read files of unknown origin: whatever fails in a reader, the caller gets one LutForgeError of one line.
 
-Parsers raise what they like on damaged files: zipfile alone raises eight types, NumPy's header reader a TokenError,
+Parsers raise many types on damaged files: zipfile alone raises eight, NumPy's header reader a TokenError,
 Rust extensions a panic that is no Exception and prints forty lines. So every reader runs inside `reading`.
 """
 
@@ -52,7 +52,10 @@ def reason_of(failure: BaseException) -> str:
 
 
 def require_file(path: str | Path, kind: str, error: type[LutForgeError] = LutForgeError, most: int = 1 << 40) -> int:
-    """Return a regular file's size in bytes; raise `error`: missing, a folder, unreadable, empty, over `most`."""
+    """Return the size of a regular file in bytes. Raises `error` if it is missing, a folder, unreadable or too large.
+
+    An empty file is an error, too; too large means more than `most` bytes.
+    """
     path = Path(path)
     try:
         if path.is_dir():
@@ -75,9 +78,9 @@ def require_file(path: str | Path, kind: str, error: type[LutForgeError] = LutFo
 
 @contextmanager
 def silent_stderr() -> Iterator[None]:
-    """Keep native libraries from printing to the process's standard error; Python's own messages too, meanwhile.
+    """Discard what the process prints to standard error while the block runs, by native libraries and by Python.
 
-    One thread at a time. Where there is no standard error to redirect (a Windows service), nothing is done.
+    One thread at a time can do so. Where there is no standard error to redirect (a Windows service), nothing is done.
     """
     with _redirection:
         try:

@@ -114,7 +114,10 @@ def interpolate(x: ArrayLike, levels: Levels, values: Array, method: Interpolati
 
 
 def through(table: Array, x: Array) -> Array:
-    """A curve per channel, given at even steps of [0, 1] as (m, 3), at x (…, 3); clamped. NaN counts as 0."""
+    """Evaluate a curve per channel at x (…, 3), which is clamped to [0, 1]; NaN counts as 0.
+
+    table: (m, 3), the values of the curves at m even steps from 0 to 1.
+    """
     curve, points = np.ascontiguousarray(table), np.ascontiguousarray(x).reshape(-1, 3)
     result = np.empty_like(points)
     run(lambda first, last: _through(curve, points, result, first, last), shares(len(points), POINTS_PER_THREAD))

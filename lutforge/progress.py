@@ -1,4 +1,4 @@
-"""How long work tells where it is: one callback, cut into parts, that also says when kernels compile."""
+"""Progress of long work: a callback, its parts for the steps of the work, and a message while kernels compile."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,11 +9,11 @@ Progress = Callable[[str, float], None]
 
 
 def silent(what: str, share: float) -> None:
-    """The progress of work that nobody watches."""
+    """Take the progress of work that nobody watches, and do nothing."""
 
 
 def part(progress: Progress, start: float, end: float, title: str = "") -> Progress:
-    """The progress of a step that takes the shares from `start` to `end`. title: stands before its words."""
+    """Return the callback of a step that takes the work from share `start` to `end`. title: precedes its messages."""
 
     def within(what: str, share: float) -> None:
         progress(f"{title}: {what}" if title else what, start + share * (end - start))
@@ -23,7 +23,7 @@ def part(progress: Progress, start: float, end: float, title: str = "") -> Progr
 
 @contextmanager
 def telling_of_compilation(progress: Progress) -> Iterator[Progress]:
-    """A progress that says, too, when numba compiles a kernel: it does so once after an installation, in silence."""
+    """Yield a callback that passes progress on and says when numba compiles a kernel, once after an installation."""
     from numba.core import event
 
     last = ("", 0.0)

@@ -10,7 +10,7 @@ KELVIN_RANGE = (1500.0, 25000.0)
 """Correlated colour temperatures that a selector may name, in kelvin."""
 
 LARGEST_TINT = 150.0
-"""Tints reach so far to either side: the range of raw converters' sliders."""
+"""Largest tint to either side: the range of the sliders of raw converters."""
 
 LARGEST_MULTIPLIER = 1000.0
 """The largest multiplier with green = 1; no camera sets more, nor less than its reciprocal."""
@@ -32,7 +32,8 @@ class Kelvin:
 class Multipliers:
     """A white balance given as multipliers of camera RGB, green = 1.
 
-    Raises SettingsError on what is no white balance: not positive, or green is not 1, or no camera sets them.
+    Raises SettingsError where green is not 1, or where red or blue is not positive or is larger or smaller than any
+    camera sets.
     """
 
     rgb: tuple[float, float, float]
@@ -52,7 +53,8 @@ class Multipliers:
 class Selector:
     """A picture style and a white balance: a name of the profile, a temperature, or explicit multipliers.
 
-    `white_balance` is lower case where it is a name; "auto" asks for the multipliers of the image's metadata.
+    `white_balance` is lower case where it is a name. "auto" is the profile's entry for automatic white balance; `apply`
+    takes it for the white balance of the image's own metadata.
     """
 
     style: str

@@ -1,4 +1,4 @@
-"""Numba kernels that release the GIL, on all cores, in slabs whose results do not depend on how many there are."""
+"""Run a numba kernel on all cores: the work is cut into slabs, and their number does not change the result."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ def _pool() -> ThreadPoolExecutor:
 
 
 def slabs(start: int, stop: int, step: int, most: int) -> list[tuple[int, int]]:
-    """range(start, stop, step) in up to `most` contiguous parts, as (start, stop); a part begins on the range."""
+    """Cut range(start, stop, step) into at most `most` contiguous parts (start, stop); each begins at a value of it."""
     if most <= 1:
         return [(start, stop)]
     count = max(0, -(-(stop - start) // step))
@@ -29,16 +29,16 @@ def slabs(start: int, stop: int, step: int, most: int) -> list[tuple[int, int]]:
 
 
 def shares(count: int, least: int) -> list[tuple[int, int]]:
-    """range(count) in as many parts as there are cores, of at least `least` each."""
+    """Cut range(count) into one part per core, or fewer parts, so that each has at least `least` entries."""
     return slabs(0, count, 1, min(cores(), count // least))
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not live on there
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked child has no threads
 
 
 def run(task: Callable[[int, int], object], parts: Sequence[tuple[int, int]]) -> None:
-    """Call task(start, stop) for each part: at once where there are several, else right here."""
+    """Call task(start, stop) for each part: several parts in parallel on a thread pool, a single one in this thread."""
     if len(parts) == 1:
         task(*parts[0])
         return

@@ -1,4 +1,4 @@
-"""Which colours an image holds: what a grade takes, what the output has to say of them, what the user should know."""
+"""Colour checks of an image: whether a grade can take it, its colour-space metadata, and notes for the user."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -62,7 +62,7 @@ def colour_space(source: Path, spec: oiio.ImageSpec, format: str, jpeg: JpegHead
 
 
 def wrong_light(grade: Grade, source: oiio.ImageSpec, output: oiio.ImageSpec) -> Iterator[str]:
-    """What to tell of scene-linear light in files that hardly ever hold it."""
+    """Yield notes on scene-linear light in 8-bit files, which hardly ever hold it."""
     if grade.takes_linear and not grade.raw and str(source.format) == "uint8":
         yield "scene-linear light is what this grade takes, and 8-bit pictures are encoded: linearize them first"
     if grade.gives_linear and str(output.format) == "uint8":
@@ -76,7 +76,7 @@ def check_space(path: Path, grade: Grade, source: oiio.ImageSpec, attributes: Ma
 
 
 def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> Iterator[str]:
-    """What to tell of a picture that is in no sRGB, where the grade does not know so. attributes: what it will get."""
+    """Yield a note on a picture that is not in sRGB, unless the grade sets its space. attributes: of the output."""
     if name := _other_space(grade, source, attributes):
         yield f"the picture is in {name}, and was graded as it is: what is made for sRGB wants it converted"
 
@@ -90,7 +90,7 @@ def _other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, 
 
 
 def layers(spec: oiio.ImageSpec) -> Iterator[str]:
-    """What to tell of a file with more colours than those that are graded."""
+    """Yield notes on a file whose graded channels have unusual names, or that has further layers."""
     graded, others = spec.channelnames[:3], spec.channelnames[3:]
     if tuple(_last_words(graded)) not in _RGB:
         yield f"the channels {', '.join(graded)} were graded as red, green and blue"
@@ -117,7 +117,7 @@ def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
 
 
 def doubts(doubtful: Index, count: int) -> Iterator[str]:
-    """What to tell of the pixels of `count_doubtful`; a guess at less than one in a thousand is not worth a line."""
+    """Yield notes on the pixels of `count_doubtful`: on clipped and unlike ones if more than one in a thousand."""
     clipped, unlike, broken = (int(number) for number in doubtful)
     if clipped > 0.001 * count:
         yield f"{clipped / count:.1%} of the pixels are clipped; what they lost stays neutral"

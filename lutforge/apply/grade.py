@@ -1,4 +1,4 @@
-"""What a batch does to its images: a recipe gives a grade for each."""
+"""Recipes and grades: a recipe says how a batch grades any image, and gives the grade of each image."""
 
 import hashlib
 from collections.abc import Mapping
@@ -30,8 +30,8 @@ class Grade:
     for masks, the others to count pixels below 0.5. raw: the source is a RAW file, and its linear camera RGB is graded,
     brightened by the one of falloffs that is of its lens setting.
     notes: what the user should know about this image. takes_linear, gives_linear: what goes in, or comes out, is
-    scene-linear light and not an encoded picture, where that is known. oiiotool: the words with which oiiotool does the
-    same, where it can; lut: what `processor` evaluates, where that is in no file. unchanged: the pixels stay so.
+    scene-linear light and not an encoded picture, where that is known. oiiotool: the arguments with which oiiotool does
+    the same, where it can; lut: the LUT of `processor`, where it is in no file. unchanged: the pixels stay as they are.
     codes: what `processor` does, for 8-bit codes in and out; None for RAW files. for_srgb: it takes pictures in sRGB,
     as far as that is known.
     """
@@ -53,7 +53,7 @@ class Grade:
 
 
 def unchanged(history: str) -> Grade:
-    """The grade of a picture that is as it should be: its file is copied, or its pixels, to another format."""
+    """Return the grade of a picture that has the wanted settings already: it is copied, or saved in another format."""
     nothing = OCIO.Config.CreateRaw().getProcessor(OCIO.MatrixTransform())
     told = ("it was made with these settings: nothing to change",)
     return Grade(nothing.getDefaultCPUProcessor(), history, notes=told, unchanged=True, codes=of_codes(nothing))
@@ -90,7 +90,7 @@ def fingerprint(*parts: object) -> str:
 
 
 class Rebuilt:
-    """Pickles as the fields that a dataclass was made of, not as what it has derived from them since."""
+    """A base of dataclasses that are pickled as their fields alone, without cached properties."""
 
     def __reduce__(self) -> tuple[object, ...]:
         mine: Any = self
@@ -147,7 +147,7 @@ class LutRecipe(_OneForAll):
 
 @dataclass(frozen=True)
 class ConfigRecipe(_OneForAll):
-    """From one colour space of an OpenColorIO config to another."""
+    """Grade from one colour space of an OpenColorIO config to another."""
 
     path: Path
     source: str | None

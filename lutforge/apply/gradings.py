@@ -52,7 +52,7 @@ class Gradings:
         ev: float,
         transfer: RawTransfer | None,
     ) -> OCIO.CPUProcessor:
-        """The rendering of a camera's RAW.
+        """Return the processor that renders a camera's RAW.
 
         Highlights are clipped where the white-balanced sensor saturates, before less exposure darkens them: they stay
         neutral.

@@ -195,7 +195,7 @@ def _notes(
 
 
 def _copied(source: Path, target: Path, notes: tuple[str, ...]) -> Applied:
-    """The image as it is, under another name."""
+    """Copy the image file as it is to another name."""
     with ImageReader(source) as reader:
         width, height = reader.spec.width, reader.spec.height
     with atomic_path(target) as temporary:

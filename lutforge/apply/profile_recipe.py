@@ -39,7 +39,7 @@ STALE = (
 
 @dataclass(frozen=True)
 class ProfileRecipe(Rebuilt):
-    """From the settings that each picture was made with to others.
+    """Grade each picture from the settings that it was made with to other settings.
 
     profiles: of one camera or of several; the camera that a picture names decides which applies. source: STYLE/WB of
     all pictures, by default what each one's metadata tell. target: STYLE/WB wanted; "as-shot" keeps a picture's own

@@ -41,7 +41,10 @@ class CalibratedStyle:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """profile: without held-out errors; styles: what these are measured with, by style; none of a reference camera."""
+    """A fitted profile that still lacks its held-out errors, and what these are measured with.
+
+    styles: data and fits by style name; empty for a camera that was calibrated through a reference camera.
+    """
 
     profile: CameraProfile
     styles: Mapping[str, CalibratedStyle] = field(default_factory=dict)
@@ -50,7 +53,7 @@ class Calibration:
 def calibrate(
     samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = silent
 ) -> Calibration:
-    """Fit a profile: white balances, matrix, and per style the model asked for.
+    """Fit the white balances, the matrix and, per style, the models that the options ask for.
 
     "lattice": the lattices of both directions; "rbf": the physical model of chapter 4, and the lattices beside it.
     Samples with a reference camera's RAW get the physical model only (4.9). Raises CalibrationError, in one line with
@@ -125,7 +128,10 @@ def _even(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -
 
 @dataclass(frozen=True, eq=False)
 class _Physical:
-    """Ts, the multipliers (n, 3) of all samples, and by style the physical model, of all but black-and-white ones."""
+    """Fit the physical stages. Return Ts (3, 3), the multipliers (n, 3) of all samples, and the gamut maps by style.
+
+    Black-and-white styles are left out.
+    """
 
     matrix: Array
     multipliers: Array

@@ -28,17 +28,19 @@ class LatticeFitOptions:
     smoothness: λ_S where there is one shot only, and nothing to cross-validate on; where there are more the search
     begins there. It ends at √10 times that in all five splits.
 
-    prior_weight: what holds each node to the prior: next to a sample nothing, yet it determines nodes that no sample
-    reaches. The mean hardly depends on it: 0.0027 at 1e-7, 0.0028 at 1e-3, where the largest error grows to 0.017.
+    prior_weight: the weight that holds each node to the prior: negligible where there are samples, it determines the
+    nodes that no sample reaches. The mean hardly depends on it: 0.0027 at 1e-7, 0.0028 at 1e-3, where the largest error
+    grows to 0.017.
 
-    grey_weight: what each of 257 points of the grey axis counts beside a sample: where there are samples little, else
-    it keeps the axis neutral. That costs nothing on samples (0: 0.0027; 0.2: 0.0028).
+    grey_weight: the weight of each of 257 points of the grey axis, where a sample has 1: little beside samples, enough
+    elsewhere to keep the axis neutral. It costs nothing on samples (0: 0.0027; 0.2: 0.0028).
 
     outlier_scale, least_outlier: a sample whose error is this many times the median, and at least this large, counts
     half. Twelve codes are beyond any noise of a mean over a patch. Clean data lose nothing (0.0027 without, too).
 
-    eye_share: share of the node levels of a render that stays even to the eye. Where samples are bright the first cell
-    would else reach up to codes that any picture has. It costs clean data 1 % of the mean (0: 0.0027; 0.3: 0.0028).
+    eye_share: share of the node levels of a render that stays evenly spaced to the eye. Without it, bright samples
+    leave a first cell so wide that it holds codes which every picture has. It costs clean data 1 % of the mean
+    (0: 0.0027; 0.3: 0.0028).
 
     search_tolerance, tolerance: relative residual of fits that are searched with, and of the last one. A hundredth and
     a thousandth of them change no figure in its fourth digit.
@@ -46,8 +48,8 @@ class LatticeFitOptions:
     point_weight: what a point of the lattice with a curve counts beside a sample in the fit of its plain form. With
     0.01 the largest error is 0.044 instead of 0.039; 1 has the same figures.
 
-    bound_cost: nodes of the plain form are colours, in [0, 1], where that costs no more of the mean error: a quarter of
-    a code, which no eye sees. If they always are, the mean is 0.0056 and the largest error 0.051.
+    bound_cost: nodes of the plain form are bounded to [0, 1] where that raises the mean error by no more than this, a
+    quarter of a code, which no eye sees. If they always are bounded, the mean is 0.0056 and the largest error 0.051.
 
     follow_power: errors of the plain form count with this power of themselves, an Lp norm of p = 2 + power between the
     mean error and the largest. With 0 the figures are 0.0042 and 0.044, with 2 0.0041 and 0.052.
@@ -82,9 +84,9 @@ class CalibrationOptions:
     preset: "thesis" is its chapters as written (uniform prior, fixed weights, α by fitting error, saturation threshold
     β); "lutforge" continues the matrix and response where there are no samples, smooths in all directions, chooses its
     weights by cross-validation over shots, and tells outliers by their residual. size: nodes per axis, 3 … 65.
-    nonuniform: False stops at the uniform lattice. response: the lattice that renders has a curve behind it, which CLF
-    and CTF files hold, and a plain form beside it for other files (lutforge preset only). lattice: the numbers of the
-    lattice fit. Raises CalibrationError on values outside these.
+    nonuniform: False keeps the node levels evenly spaced. response: the lattice that renders has an output curve behind
+    it, which CLF and CTF files hold, and a plain form for other files (lutforge preset only). lattice: the numbers of
+    the lattice fit. Raises CalibrationError on values outside these.
     """
 
     model: ModelName = "lattice"

@@ -35,7 +35,10 @@ class StyleData:
 
 
 def unclipped(samples: SampleSet, multipliers: Array) -> Mask:
-    """(n,): no JPEG channel at 0 or 255, RAW neither saturated nor at black, nor beyond 1 after white balance."""
+    """Return the mask (n,) of unclipped samples: no JPEG channel at 0 or 255, RAW neither black nor saturated.
+
+    RAW must stay below 1 after white balance, too.
+    """
     usable: Mask = (
         np.all((samples.srgb >= 0.5 * CODE) & (samples.srgb <= 1 - 0.5 * CODE), axis=1)
         & np.all((samples.raw > 0.0) & (samples.raw < 0.999), axis=1)
@@ -45,7 +48,7 @@ def unclipped(samples: SampleSet, multipliers: Array) -> Mask:
 
 
 def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[Mask, tuple[str, ...]]:
-    """(n,): samples of styles with enough unclipped ones to fit, and a note for each style that is left out.
+    """Return the mask (n,) of samples whose style has enough unclipped ones to fit, and notes on the other styles.
 
     Raises CalibrationError where no style has enough.
     """
@@ -63,7 +66,7 @@ def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[Mask, tu
 
 
 def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleData], int]:
-    """The unclipped samples of each style that has enough, white-balanced, and how many are clipped."""
+    """Return the StyleData of each style with enough unclipped samples, and the number of clipped samples."""
     enough, _ = styles_with_enough(samples, multipliers)
     balanced = samples.raw * multipliers
     usable = unclipped(samples, multipliers) & enough

@@ -1,4 +1,4 @@
-"""The models of one style: both lattices, and the physical model on other samples of it."""
+"""Fit the models of one style: both lattices, and the physical model again on a part of its samples."""
 
 from dataclasses import dataclass, replace
 
@@ -21,7 +21,10 @@ from lutforge.model.lattice import Lattice
 
 @dataclass(frozen=True, eq=False)
 class StyleFit:
-    """base: the matrix and response that render continues; render: Tw E → I; linearize: I → Tw E."""
+    """The fitted lattices of one style: render, Tw E → I, and linearize, I → Tw E.
+
+    base: the matrix and response that `render` follows where there are no samples.
+    """
 
     base: MatrixAndResponse
     render: LatticeResult
@@ -35,7 +38,10 @@ def fit_style(
     base: MatrixAndResponse | None = None,
     tolerance: float | None = None,
 ) -> StyleFit:
-    """Both lattices of a style; smoothness: λ_S of (render, linearize), and base, where known already."""
+    """Fit both lattices of a style.
+
+    smoothness: λ_S of (render, linearize); None chooses them. base: matrix and response; None fits them.
+    """
     base = base or fit_base(data.balanced, data.encoded)
     chosen = smoothness or (None, None)
     guess = _guess(data, options, base, inverse=False)
@@ -55,9 +61,9 @@ def fit_direction(
     smoothness: float | None = None,
     tolerance: float | None = None,
 ) -> LatticeResult:
-    """One lattice of a style: inverse is linearize, else render, with a response behind where the options have it.
+    """Fit one lattice of a style: the one that linearizes where `inverse`, else the one that renders.
 
-    Of a black-and-white style linearize is the inverse of render's greys, with the smoothness of that.
+    A black-and-white style is linearized by the inverse of the greys of its rendering.
     """
     of_greys = inverse and data.monochrome
     guess = _guess(data, options, base, inverse=inverse and not of_greys)
@@ -66,7 +72,7 @@ def fit_direction(
 
 
 def _guess(data: StyleData, options: CalibrationOptions, base: MatrixAndResponse, *, inverse: bool) -> Continuation:
-    """What a lattice of the style continues."""
+    """Fit the guess that a lattice of the style follows where it has no samples."""
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     return continuation(base, x, y, inverse=inverse, size=options.size)
 
@@ -79,7 +85,7 @@ def _fit(
     smoothness: float | None,
     tolerance: float | None,
 ) -> LatticeResult:
-    """The lattice that continues a guess, in its direction."""
+    """Fit the lattice that follows a guess, in the direction of that guess."""
     inverse = guess.curve is None
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     return fit_samples(
@@ -89,12 +95,12 @@ def _fit(
 
 
 def _linearize_greys(data: StyleData, options: CalibrationOptions, render: LatticeResult) -> LatticeResult:
-    """What linearizes a black-and-white style whose rendering is fitted."""
+    """Return the lattice that linearizes a black-and-white style, from its fitted rendering."""
     return result(inverse_of_greys(render.lattice, options), data.encoded, data.balanced, render.smoothness)
 
 
 def render_with_plain(data: StyleData, fit: StyleFit, options: CalibrationOptions) -> Lattice:
-    """The lattice that renders; where it has a response, with its form for files that can hold none."""
+    """Return the lattice that renders; one with an output curve also gets its plain form, for files without curves."""
     if fit.render.lattice.response is None:
         return fit.render.lattice
     curved, smoothness = fit.render.lattice, fit.render.smoothness
@@ -118,7 +124,7 @@ def refit_physical(
     white_balances: tuple[str, ...],
     nuggets: tuple[float | None, float | None] = (None, None),
 ) -> GamutMaps:
-    """The physical model of one style on other samples; nuggets: the smoothness of h and h⁻¹ where it was chosen."""
+    """Fit the physical model of one style to these samples. nuggets: smoothness of h and h⁻¹; None chooses it."""
     known = np.ones(len(data.shot), dtype=np.bool_)
     stages = fit_stages(data.samples, data.balanced / data.samples.raw, known, options.preset)
     response = next(iter(stages.styles.values())).response

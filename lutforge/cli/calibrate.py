@@ -41,7 +41,7 @@ def calibrate(
     sources: OptionalSources = None,
     output: ProfileOutput = Path("camera.npz"),
     model: Annotated[
-        str, typer.Option(help="lattice; or rbf: response, matrix and gamut map, each of its own, too.")
+        str, typer.Option(help="lattice; or rbf: fits response, matrix and gamut map as stages of their own, too.")
     ] = "lattice",
     preset: Annotated[str, typer.Option(help="lutforge; or thesis: the published method as written.")] = "lutforge",
     size: Annotated[int | None, typer.Option(help="Nodes per axis of the lattices, 3 to 65; 33 unless given.")] = None,

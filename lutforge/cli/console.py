@@ -74,7 +74,7 @@ def complain(text: str) -> None:
 
 
 def for_each(files: Sequence[Path], show: Callable[[Path], None]) -> None:
-    """Show each file; one that cannot be is an error line, and the others are shown. Exits 2 where there was one."""
+    """Show each file. One that fails becomes an error line, the others are shown, and the exit status is 2."""
     failed = False
     for file in files:
         try:

@@ -1,4 +1,4 @@
-"""What models of a style say of shots that they have not seen, by method.
+"""Predictions of a style's shots by models that have not seen them, by method.
 
 A shot that the profile was calibrated from is left out and predicted by refits to the others: one shot at a time, or
 one of five groups of shots where they are more. Any other shot is predicted by the profile's own models, and by
@@ -148,7 +148,7 @@ def _without_each(
 
 
 def _reaches(data: StyleData, masks: Sequence[Mask], refits: Sequence[Fits]) -> tuple[float, float]:
-    """The reaches (render, linearize) that suit what lattices say of the samples of each mask, not seen by them."""
+    """Choose the reaches (render, linearize) by the errors of the refits on the samples that they have not seen."""
     pairs = [refit.own for refit in refits if refit.own is not None]
     shots, chosen = len(np.unique(data.shot)), []
     if not pairs or len(pairs) < len(refits) or shots > MOST_SHOTS:

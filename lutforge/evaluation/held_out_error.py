@@ -1,4 +1,4 @@
-"""What shots that were left out say of a calibration: its errors, and how far its lattices may be trusted."""
+"""Measure a calibration on shots that were left out, and shrink its lattices as far as these shots ask for."""
 
 from dataclasses import replace
 

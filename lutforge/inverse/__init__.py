@@ -1,1 +1,1 @@
-"""The exact inverse of a baked render: which scene the camera makes a JPEG colour of."""
+"""The exact inverse of a baked render: the RAW that the camera renders to a given JPEG colour."""

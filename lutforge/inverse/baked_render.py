@@ -1,4 +1,4 @@
-"""A render as its file evaluates it: a lattice between two curves, whose parts are known."""
+"""A baked render in its parts: node levels, cube and response, evaluated as the LUT file is."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -50,11 +50,11 @@ class BakedRender:
         return interpolate(raw, self.levels, self.values, "tetrahedral" if self.tetrahedral else "trilinear")
 
     def enter(self, jpeg: Array) -> Array:
-        """Lattice values in [0, 1] behind which the response makes JPEG colours (…, 3)."""
+        """Return the lattice values in [0, 1] that the response takes to JPEG colours (…, 3)."""
         return through(self.curve, jpeg)
 
     def slope(self, inner: Array) -> Array:
-        """Slope of the response at lattice values (…, 3); at least a twentieth, so that no error counts nothing."""
+        """Return the slope of the response at lattice values (…, 3), at least 0.05, so that every error counts."""
         return np.maximum(through(self._slopes, inner), 0.05)
 
     @cached_property

@@ -16,8 +16,8 @@ def in_every_cell(levels: Levels, rng: np.random.Generator) -> Array:
 
     They are its nodes, one colour in each tetrahedron of each cell, and one in each such part of its faces and edges.
 
-    On faces and edges channels are clipped; the first and last cell of each axis is the layer that parts these from the
-    others, and holds none but nodes. A fit to these colours sees all that interpolation between the other nodes can do.
+    On faces and edges channels are clipped. The first and the last cell of each axis part these colours from others,
+    and get only nodes. A fit to these colours sees all that interpolation between the other nodes can do.
     """
     nodes = grid(levels).reshape(-1, 3)
     r, g, b = (axis[1:-1] for axis in levels)
@@ -27,7 +27,7 @@ def in_every_cell(levels: Levels, rng: np.random.Generator) -> Array:
 
 
 def _within(levels: Levels, ends: tuple[float | None, ...], rng: np.random.Generator) -> Array:
-    """One in each part of the cells, (n, 3), on the face or edge on which channels are at these ends; None: free."""
+    """Return a colour in each part of each cell, (n, 3). ends: the value 0 or 1 of a channel, None where it is free."""
     free = [channel for channel, end in enumerate(ends) if end is None]
     sizes = [len(levels[channel]) - 1 for channel in free]
     cells = np.stack([index.ravel() for index in np.indices(sizes)], axis=1)
@@ -68,10 +68,10 @@ def as_8_bit(jpeg: Array) -> Array:
 
 
 def climbed(error: Callable[[Array], Array], x: Array, errors: Array, seed: int) -> Array:
-    """Colours (up to 512, 3) of larger error near those of the largest, so that no narrow peak is overlooked.
+    """Search near the colours of largest error for larger ones, so that no narrow peak is overlooked.
 
-    errors: (n,), of x (n, 3) in [0, 1]. Of colours in one of 33³ boxes the worst is begun from; each looks around
-    itself six times, in steps that halve.
+    errors: (n,), of x (n, 3) in [0, 1]. The search begins at the worst colour of each of 33³ boxes, 512 at most, and
+    tries random steps around it in six rounds, each with half the reach. Returns the colours found, (up to 512, 3).
     """
     rng = np.random.default_rng(seed)
     worst = np.argsort(-errors, kind="stable")[:32768]

@@ -1,10 +1,10 @@
-"""The lookup table JPEG → scene that undoes a baked render.
+"""The lookup table JPEG → RAW that undoes a baked render: how a config's linearization is made.
 
-Colours all over the cube of JPEG values are inverted exactly, and the table is fitted to their scenes by lattice
-regression, on the axes on which the lattice of the render is linear: what is left is how the render bends between the
-nodes. Errors count as the render shows them. The largest count ever more from fit to fit, which brings the maximum down
-(C. L. Lawson, 1961; Rice & Usow, Math. Comp. 22, 1968, https://doi.org/10.1090/S0025-5718-1968-0225469-7). What the
-render never makes is continued smoothly.
+Colours from the whole cube of JPEG values are inverted exactly, one by one (`preimage`), and the table is fitted to the
+RAW found for them by lattice regression, behind the inverse of the render's response, so that only the bends of the
+render's lattice are left to it. Errors count as the render shows them. From fit to fit the largest errors count more
+(C. L. Lawson, 1961; Rice & Usow, Math. Comp. 22, 1968, https://doi.org/10.1090/S0025-5718-1968-0225469-7), which brings
+the maximum down. Beyond the colours that the render makes the table continues smoothly.
 """
 
 from collections.abc import Callable
@@ -69,8 +69,8 @@ def inverse_of(
 ) -> Linearization:
     """The inverse of a render. The same render makes the same table. O(n + N³) time.
 
-    near: JPEG (…, 3) → RAW, what is known of it from elsewhere, which it continues beyond what the render makes; else
-    it runs on straight.
+    near: a function JPEG (…, 3) → RAW that is followed beyond the colours that the render makes; without it the mean
+    slope of the render is.
     """
     options = options or InverseOptions()
     levels = spaced_levels(render, options)
@@ -99,14 +99,14 @@ def inverse_of(
         emphasis = emphasis * (error + 2e-3)  # half a code: smaller errors are no matter
         emphasis = np.minimum(emphasis / emphasis.mean(), 1e3)
         again = clipped | ((error > 5e-3) & np.all(side == 0, axis=1))
-        # A clipped colour has many scenes: it follows its neighbours. So does one that the search took to another fold.
+        # Many RAW colours render to a clipped one: take that near the table. So too where a search left its neighbours.
         raw[again] = preimages(render, jpeg[again], reached[again], options.margin)[0]
     assert best is not None
     return Linearization(levels, render.curve, best)
 
 
 def spaced_levels(render: BakedRender, options: InverseOptions) -> Levels:
-    """Levels of the JPEG on the grid of the shaper: three quarters even on it, a quarter on the axes of the render.
+    """Choose node levels on the shaper's grid: even steps of the JPEG (3/4) mixed with even steps of the lattice (1/4).
 
     The second and the last but one stand within half an 8-bit code of the ends, so that clipped codes have a layer of
     their own.
@@ -120,7 +120,7 @@ def spaced_levels(render: BakedRender, options: InverseOptions) -> Levels:
 
 
 def _on_axes(curve: Array, levels: Levels) -> Levels:
-    """Levels of the JPEG behind a curve."""
+    """Map node levels of the JPEG through a curve."""
     r, g, b = through(curve, np.stack(levels, axis=1)).T
     return np.ascontiguousarray(r), np.ascontiguousarray(g), np.ascontiguousarray(b)
 

@@ -1,4 +1,4 @@
-"""The scene that a baked render makes a JPEG colour of, found colour by colour.
+"""Find the RAW that a baked render takes to a JPEG colour, colour by colour.
 
 A baked render is a lattice with a curve per channel behind it, so its value and its slope at any RAW are known in
 closed form, and Levenberg–Marquardt steps (Nocedal & Wright, Numerical Optimization, 2006, section 10.3) reach the RAW
@@ -100,7 +100,7 @@ def _linearize(
 ) -> None:  # fmt: skip
     """Fill residual (n, 3) and its slope (n, 3, 3) at raw (n, 3), both encoded.
 
-    A clipped channel is drawn beyond the end of the curve: up to it with full weight, by a margin with a fiftieth.
+    A clipped channel is drawn to the end of the curve with full weight, and beyond it by `margin` with a fiftieth.
     """
     y = np.empty(3)
     for n in range(first, last):

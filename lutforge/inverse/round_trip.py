@@ -27,7 +27,7 @@ class RoundTrip:
 
     @property
     def met(self) -> bool:
-        """Within the goals."""
+        """True where mean and maximum are within the goals."""
         return self.mean <= MEAN_GOAL and self.maximum <= MAX_GOAL
 
     def __str__(self) -> str:
@@ -45,7 +45,7 @@ def rounded_up(value: float) -> str:
 
 
 def measure(render: Evaluated, linearize: Evaluated, count: int = 1 << 15, seed: int = 11) -> RoundTrip:
-    """The round trip of what 5 `count` RAW colours make, in floats and in 8 bits, and of what is worse near the worst.
+    """Measure the round trip of the JPEG of 5 · `count` RAW colours, in floats and in 8 bits, and near the worst ones.
 
     render, linearize: as their files evaluate them.
     """

@@ -1,1 +1,1 @@
-"""One file a program: what it feeds to a LUT, and the files that make it show the camera's look."""
+"""Kits, one module per program: what it feeds to a LUT, and the files that make it show the camera's look."""

@@ -1,4 +1,4 @@
-"""ART: a DNG camera profile, or a CLF file, which ART feeds linear ACES2065-1 and takes it back."""
+"""ART: a DNG camera profile, or a CLF file that takes linear ACES2065-1 and gives it back."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -22,7 +22,7 @@ _MODULE_VERSION, _ADOBE_RGB, _TETRAHEDRAL = 1, 1, 0
 
 @dataclass(frozen=True)
 class DarktableKit:
-    """The LUT is fed Adobe RGB, the widest encoded space that the module knows."""
+    """A cube in Adobe RGB, the widest encoded space that the module knows, and a style and a sidecar that place it."""
 
     program: str = "darktable"
     title: str = "darktable"

@@ -20,11 +20,11 @@ Source = Literal["raw", "developed", "any"]
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A camera's look: from the left side of the calibrated pairs to the camera's JPEG.
+    """A camera's look: from what the profile was calibrated on, RAW or developed pictures, to the camera's JPEG.
 
-    render: white-balanced left side (…, 3) on [0, 1] → encoded sRGB. to_srgb: (3, 3), left side → linear sRGB.
-    multipliers: (3,), the white balance that belongs to the setting, green = 1. space: "raw", or the linear space of
-    the developed pictures that the profile was calibrated on. developer: who developed them, or "".
+    render: that input, white-balanced, (…, 3) on [0, 1] → encoded sRGB. to_srgb: (3, 3), the same → linear sRGB.
+    multipliers: (3,), the white balance of the setting, times its gain. space: "raw", or the linear space of the
+    developed pictures. developer: the program that developed them, or "".
     """
 
     profile: CameraProfile
@@ -58,8 +58,8 @@ class Look:
     def between(self, source: str, target: str) -> Callable[[ArrayLike], Array]:
         """Give the look as a function of colours encoded in `source`, to colours encoded in `target`.
 
-        Of developed pictures this is what was calibrated. Of RAW files it is approximate: the program's light goes
-        back to camera RGB by one matrix.
+        For a profile of developed pictures this is what was calibrated. For one of RAW files it is approximate: the
+        program's light goes back to camera RGB by one matrix.
         """
         encoded, wanted, srgb = rgb_space(source), rgb_space(target), rgb_space("srgb")
         to_left = matrix_between(encoded.linear.name, "linear-srgb" if self.space == "raw" else self.space)
@@ -105,7 +105,7 @@ class Kit(Protocol):
 
     @property
     def title(self) -> str:
-        """Its name, for people."""
+        """The program's name, for people."""
 
     @property
     def source(self) -> Source:

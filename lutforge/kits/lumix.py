@@ -9,7 +9,7 @@ from lutforge.luts.bake import bake
 
 @dataclass(frozen=True)
 class LumixKit:
-    """Takes V-Log and gives sRGB, as the camera's own LUTs do."""
+    """A cube of 17³ nodes from V-Log to sRGB, as the camera's own LUTs are."""
 
     program: str = "lumix"
     title: str = "Lumix bodies"

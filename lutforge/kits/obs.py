@@ -1,4 +1,4 @@
-"""OBS Studio: a cube for neutral pictures behind sRGB's curve."""
+"""OBS Studio: a cube for neutral pictures encoded in sRGB."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ from lutforge.luts.bake import bake
 
 @dataclass(frozen=True)
 class ObsKit:
-    """Takes and gives sRGB: neutral pictures, such as renders, become the camera's."""
+    """A cube from sRGB to sRGB that gives neutral pictures, such as renders, the camera's look."""
 
     program: str = "obs"
     title: str = "OBS Studio"

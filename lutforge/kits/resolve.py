@@ -1,4 +1,4 @@
-"""DaVinci Resolve: a .cube with a shaper in the project's own space, and a plain one for other places."""
+"""DaVinci Resolve: a .cube with a shaper in the project's own space, the same as a .dctl, and a plain .cube."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ class ResolveKit:
     space: str = "davinci-intermediate"
 
     def write(self, look: Look, folder: Path) -> list[str]:
-        """Write the shaper cube and the plain cube."""
+        """Write the cube with a shaper, the .dctl with its cube, and the plain cube."""
         stem, look_in_space = f"{look.file_name} {self.space}", look.within(self.space)
         shaped = bake(look_in_space, size=65, form="shaper", display_referred=False, title=look.title)
         for suffix in (".resolve.cube", ".dctl"):

@@ -39,7 +39,7 @@ class Axes:
     levels: Levels
 
     def stretched(self, x: Array) -> Array:
-        """Inputs (…, 3) along the curve; straight on beyond 1."""
+        """Map inputs (…, 3) through the curve, which continues with slope 1 beyond 1."""
         return x if self.curve is None else through(self.curve, x) + np.maximum(x - 1.0, 0.0)
 
 
@@ -47,7 +47,7 @@ class Axes:
 class Lines:
     """A function along lines: per axis its values (LINES + 1, STEPS + 1, 3) at inputs t; the first is the grey axis.
 
-    share: (LINES,), of all inputs that each of the others stands for; half of them lie in the darks.
+    share: (LINES,), the share of all inputs that each line but the grey axis stands for; half lie in the dark tones.
     """
 
     t: Array
@@ -84,8 +84,9 @@ def fit_axes(
 ) -> Axes:
     """Curve and `size` node levels per axis for a function along lines.
 
-    weight: (n, 3) of outputs → (n,), how much a squared error counts there. curve: one that is known. shared: one for
-    all three axes. edge: a level that the last but one has to be, before which the function ends in a step.
+    weight: outputs (n, 3) → (n,), how much a squared error counts there. curve: the input curve, where it is known.
+    shared: all three axes get one curve and one set of levels. edge: the last level but one, where the function ends in
+    a step behind it.
     """
     t = lines.t
     share = lines.share if weight is None else np.full(LINES, 1 / LINES)  # a weight looks for the largest errors

@@ -38,7 +38,7 @@ class Ends:
 
     @property
     def comments(self) -> tuple[str, str]:
-        """For people, and for `read_ends`."""
+        """The two comment lines of a file, for people and for `read_ends`."""
         taken = f"{self.input}; not for JPEGs" if self.takes_linear else self.input
         given = (
             f"{self.output}; keep it in half or float files, 8 bits would show bands"

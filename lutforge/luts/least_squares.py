@@ -34,8 +34,8 @@ class Samples:
 
     x, y: (n, 3), points even over the cells of each of `designs` in turn, and then GREY_POINTS of the grey axis.
 
-    on_face: (points, 3), which coordinates were beyond an end of their axis and clamped to it; counted: (points,), what
-    that is worth. nodes: per design (N, N, N, 3), the values at its nodes.
+    on_face: (points, 3), which coordinates were beyond an end of their axis and clamped to it; counted: (points,), the
+    weight that corrects for how many inputs really lie there. nodes: per design (N, N, N, 3), the values at its nodes.
     """
 
     x: Array
@@ -50,9 +50,9 @@ class Samples:
         return replace(self, y=through(response, self.y), nodes=tuple(through(response, y) for y in self.nodes))
 
     def of_design(self, design: int) -> tuple[Array, Array, Array]:
-        """For a fit at one of the designs x, y (m, 3), its nodes before the grey axis, and what each counts, (m,).
+        """Return x, y (m, 3) and weights (m,) for a fit at one of the designs: the points, its nodes, the grey axis.
 
-        The last is the geometric mean of every input and every cell counting alike, by the density of the points (the
+        A weight is the geometric mean of every input and every cell counting alike, by the density of the points (the
         balance heuristic of Veach and Guibas 1995).
         """
         levels = self.designs[design]
@@ -178,8 +178,8 @@ def solve_nodes(
     operator, first = StencilOperator(stencil), planar(start)
     residual = np.empty_like(first)
     operator.product(first, residual)
-    # A hundredth of the difference between the sampled cube and the best one is left. Where the limit of iterations is
-    # reached more is, but each of them has brought the cube nearer to the function than it was.
+    # A hundredth of the difference between the sampled cube and the best one remains. At the limit of iterations more
+    # remains, but each iteration has brought the cube nearer to the function.
     solution = conjugate_gradients(operator, planar(right) - residual, tolerance=1e-2, most=60)
     if solution.status is Status.SINGULAR:
         raise LutError("the transform cannot be fitted by a cube: its values span too wide a range")

@@ -1,4 +1,4 @@
-"""What of a transform can be a gain, a curve, a response and a matrix; the cube has to hold the rest.
+"""Split a transform into a gain, an input curve, a response and a matrix, and the rest, which the cube holds.
 
 A physical model keeps its two responses as curves: the cube then holds the smooth colour mapping between them, on
 linear axes, and what the camera clips is clipped by the response, not rounded off by the cube.
@@ -37,8 +37,8 @@ Function = Callable[[Array], Array]
 class Parts:
     """A transform as matrix · response(inner(gain · before · x)).
 
-    The cube holds `inner`; curve: axes on which it is smooth; lattice: `inner` where it is one as it stands; stops: of
-    light beyond 1 that the inputs span.
+    The cube holds `inner`. curve: the input curves (m, 3) along which `inner` is smooth; response: the output curve;
+    lattice: `inner`, where it is a lattice as it stands; stops: how many stops of light beyond 1 the inputs span.
     """
 
     inner: Function
@@ -52,7 +52,7 @@ class Parts:
 
 
 def parts_of(transform: ColourFunction) -> Parts:
-    """What of a transform's stages can be a gain, a curve, a response and a matrix; a bare function is all cube."""
+    """Split a transform into its parts by its stages; a function that is no Transform goes into the cube whole."""
     if not isinstance(transform, Transform):
         return Parts(_checked(transform))
     stages = list(transform.stages)
@@ -116,7 +116,7 @@ def as_one(transform: ColourFunction, highest: float) -> Parts:
 
 
 def _first_curve(stages: tuple[Stage, ...]) -> Array | None:
-    """The input curve of a transform that begins with an inverse response, be it within what keeps neutrals."""
+    """Return the input curve of a transform that begins with an inverse response, also inside KeepNeutral; or None."""
     match stages:
         case (KeepNeutral(stages=within), *_):
             return _first_curve(within[1:] if within and isinstance(within[0], Clip) else within)
@@ -140,7 +140,7 @@ def _output_curve(response: Response) -> tuple[Function, Array]:
 
 
 def slope_weight(response: Array) -> Function:
-    """How much an error of the cube shows behind the response: the sum of its squared slopes; near clipping, too."""
+    """Return the weight of an error of the cube: the sum of the squared slopes of the response, also near clipping."""
     reach, share, margin = 0.003, 0.05, 0.25
     y = np.repeat(np.linspace(-margin, 1 + margin, 4096)[:, None], 3, axis=1)
     inside = np.clip(y, 0.0, 1.0)
@@ -154,7 +154,7 @@ def slope_weight(response: Array) -> Function:
 
 
 def _checked(function: Function) -> Function:
-    """The function in blocks that stay in cache; refused where it changes the shape or gives what is not finite."""
+    """Evaluate a function in blocks that stay in cache. Raises LutError on another shape or numbers not finite."""
 
     def checked(x: Array) -> Array:
         flat = x.reshape(-1, 3)

@@ -17,8 +17,9 @@ TRIED = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
 class Program:
     """What a program takes.
 
-    shaper: reads a .cube with a shaper; max_size: most nodes per axis; reads: suffixes. develops: it develops RAW files
-    itself, and feeds a LUT with what it developed, never with camera RAW.
+    shaper: it reads a .cube with a shaper; reads: suffixes, the best first; max_size: most nodes per axis; size: nodes
+    per axis of a plain cube for it; interpolation: its own; use: what to do with the file. develops: it develops RAW
+    files itself, and feeds a LUT with what it developed, never with camera RAW.
     """
 
     shaper: bool
@@ -126,7 +127,10 @@ def target_of(
 
 
 def files_for(program: str, title: str) -> dict[Path, str | None]:
-    """File names for a program, and the known of each; where it reads a shaper, a plain cube as the fallback, too."""
+    """Return the files to write for a program, each with the program that will read it.
+
+    A program that reads a shaper also gets a plain cube as a fallback, for no program in particular (None).
+    """
     stem = "_".join(re.findall(r"[\w+.-]+", unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()))[
         :100
     ]

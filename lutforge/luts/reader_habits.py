@@ -9,7 +9,7 @@ Colour = tuple[float, float, float]
 
 
 def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[str, str]:
-    """The other programs that can be expected to meet such a file."""
+    """What programs other than OpenColorIO make of such a file, by name of the program."""
     match lut.metadata.get("format"), dialect:
         case ".cube", "1D shaper + 3D":
             refuses = "INPUT_RANGE" in lut.metadata.get("keywords", "")

@@ -32,7 +32,7 @@ HELD = {
 """The forms in words, for messages."""
 
 SCENES = "write .clf, .ctf, .resolve.cube, .csp or .spi1d"
-"""What to do where a format holds no scene-linear input beyond 1."""
+"""The advice of a message where a format holds no scene-linear input beyond 1."""
 
 MAX_SIZE = 129
 """Most nodes per axis that OpenColorIO reads."""

@@ -51,8 +51,8 @@ def _steps(transform: Transform) -> list[ColourFunction]:
 def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
     """A refinish for photographs, from the baked steps of its two styles: white stays neutral.
 
-    baked: gives the LUT of a step that is the same under all white balances; the model of JPEG → linear, and of
-    white-balanced RAW → JPEG. Only the cube of the first is computed anew, so that a picture with a white balance of
+    baked: returns the LUT of a step that is the same under all white balances: of JPEG → linear, or of white-balanced
+    RAW → JPEG. Only the cube of the first is computed anew, so that a picture with a white balance of
     its own costs milliseconds. It gets one node more per axis, where white begins: below it
     colours are the model's. Raises LutError on a transform that keeps no neutrals.
     """

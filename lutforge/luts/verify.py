@@ -1,8 +1,8 @@
 """Read a LUT file back and measure how far it is from what it should be.
 
-Through OpenColorIO; formats that it does not read by our own reader and the interpolation that is asked for.
-colour-science reads the same file where it can: two readers that disagree are an error. Files are compared at the same
-points every time, of which more lie where the LUT bends.
+OpenColorIO reads the file; our own reader reads formats that OpenColorIO does not, with the interpolation asked for.
+colour-science reads the same file where it can, and two readers that disagree are an error. Files are compared at the
+same points every time, of which more lie where the LUT bends.
 """
 
 from __future__ import annotations  # so that help() shows the names of types

@@ -1,1 +1,1 @@
-"""What a calibrated camera is: evaluation only; the fits are in lutforge.calibration."""
+"""What a calibrated camera is: its evaluation and its files. The fits are in lutforge.calibration."""

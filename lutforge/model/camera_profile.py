@@ -184,7 +184,7 @@ def match(
 ) -> Transform:
     """One camera's JPEG → the JPEG of another, or of itself under other settings (6.1, 6.3).
 
-    neutral_highlights: as of `CameraProfile.refinish`.
+    neutral_highlights: as for `CameraProfile.refinish`.
 
     transfer: Tc, measured on common scenes. Without it Tc = (Ts_b Tw_b)⁻¹ Ts_a Tw_a, with both white balances those of
     the source's light (see `same_light`); where the target camera does not know it, its target white balance stands in.

@@ -1,4 +1,4 @@
-"""Which colours a calibrated camera really knows: neither clipped nor far from every sample."""
+"""Which colours a calibration covers: those that are neither clipped nor far from every sample."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ WORST = 0.1
 
 
 def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHEST) -> Mask:
-    """(…,) of encoded (…, 3): colours farther than `farthest` from every sample of the style; linearizing them guesses.
+    """Return the mask (…,) of encoded colours (…, 3) farther than `farthest` from every sample: they are guessed.
 
     Samples are the centres of h⁻¹, or of a lattice the nodes that samples touched. A style with neither knows nothing.
     """

@@ -18,7 +18,7 @@ from lutforge.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class ResponseBasis:
-    """mean: (1024,); curves: (count, 1024); at encoded values 0 … 1, evenly spaced."""
+    """A mean (1024,) and basis curves (count, 1024) of responses, at evenly spaced encoded values 0 … 1."""
 
     mean: Array
     curves: Array

@@ -15,7 +15,7 @@ CLIPPED = 0.5 / 255.0
 
 
 def clipped(encoded: ArrayLike) -> Mask:
-    """(…,) of encoded (…, 3): a channel at 0 or 255, whose RAW value cannot be told."""
+    """Return the mask (…,) of encoded colours (…, 3) with a channel at 0 or 255, whose RAW value is unknown."""
     values = np.asarray(encoded, dtype=np.float64)
     mask: Mask = np.any((values <= CLIPPED) | (values >= 1.0 - CLIPPED), axis=-1)
     return mask

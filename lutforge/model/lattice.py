@@ -17,9 +17,9 @@ from lutforge.interpolation import Interpolation, Levels, interpolate, through
 class Lattice:
     """Node levels per axis and the output value at each node; evaluation only.
 
-    levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64. response: (m, 3), the
-    output at m even steps of [0, 1] of the interpolated values, clamped; none for none. plain: the same function fitted
-    without a response, for files that can hold none.
+    levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64. response: the output
+    curve (m, 3) behind the interpolated values, at m even steps from 0 to 1, or None; it is not the camera response f.
+    plain: the same function fitted without an output curve, for files that can hold none.
     Raises ProfileError where the shapes disagree, a level does not increase, a response falls, or a number is not
     finite or absurd.
     """

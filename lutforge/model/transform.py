@@ -187,7 +187,7 @@ class Transform:
         return Transform(self.stages[1:]) if self.stages and isinstance(self.stages[0], Gain) else self
 
     def highest(self) -> float:
-        """The largest scene-linear value that is not clipped in any colour, of the matrices in front of the clip."""
+        """Return the largest value that an input channel can have in a colour that the first clip leaves alone."""
         front = np.eye(3)
         for stage in self.stages:
             if isinstance(stage, Gain | Linear):

@@ -1,4 +1,4 @@
-"""Under which names a config holds its cameras: unique, kept by programs and file systems, free of the base's own."""
+"""The names of cameras in a config: unique, valid in programs and file systems, and different from the base's."""
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence

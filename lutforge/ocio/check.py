@@ -1,4 +1,4 @@
-"""Check a config of any origin: valid, complete, and every transform in it used on real pixels and there and back."""
+"""Check a config of any origin: it must be valid and complete, and each transform must work on pixels both ways."""
 
 import re
 import zipfile

@@ -54,8 +54,8 @@ def build_config(
 ) -> OCIO.Config:
     """A config with the given cameras; `config.serialize()` is its text.
 
-    Its JPEG colour spaces refer to files in `luts/`, relative to the config: `config_luts` are those,
-    `write_config` writes both. folder: where they are, for use of the config from memory. version: of the profile,
+    Its JPEG colour spaces refer to files in `luts/`, relative to the config; `config_luts` makes these, `write_config`
+    writes both. folder: the folder of `luts/`, for use of the config from memory. version: of the profile,
     "2.1" (by default) … "2.6". merge: a config to add the cameras to, a file or the name of a built-in one; it keeps
     its own colour spaces as they are, and its version. Raises ConfigError.
     """
@@ -140,13 +140,13 @@ def _require_usable(target: Path, replace: bool) -> None:
 def _plan(
     profiles: Sequence[CameraProfile], base: BaseConfig | None
 ) -> tuple[tuple[Camera, ...], tuple[Rendering, ...]]:
-    """Names and renderings, free of what a base config and its files have."""
+    """Name the cameras and list their renderings, without clashes with a base config and its files."""
     cameras = name_cameras(profiles, base.names if base is not None else config_names(base_config(DEFAULT_VERSION)))
     return cameras, renderings(cameras, base.file_stems if base is not None else ())
 
 
 def _other_looks(base: BaseConfig | None, as_shot: str) -> set[str]:
-    """The looks of the base, without the one of cameras that were merged before: it serves these, too."""
+    """Return the names of the base's looks, without the refinish look of an earlier merge, which is used again."""
     if base is None:
         return set()
     look = base.config.getLook(REFINISH)

@@ -1,4 +1,4 @@
-"""The LUT files behind a config: one a style and direction, shared by all white balances that one model covers.
+"""The LUT files behind a config: one per style and direction, shared by all white balances that one model covers.
 
 White balance is a matrix in front of the LUTs or behind them.
 """
@@ -86,7 +86,7 @@ def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
 def baked(rendering: Rendering, options: InverseOptions | None = None) -> BakedRendering:
     """Bake the render as it is, and the linearization as its inverse, so that JPEG → reference → JPEG comes back.
 
-    A style that has no render has its own linearization.
+    The linearization of a style without a render is that of its profile.
     """
     title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
     luts: dict[str, Lut] = {}

@@ -1,4 +1,4 @@
-"""Use case: samples → a camera profile; and how large and from how many shots it should be."""
+"""Use case: samples → a camera profile. Also the smallest sufficient lattice, and the error by number of shots."""
 
 from __future__ import annotations  # so that help() shows the names of types
 
@@ -64,7 +64,7 @@ def smallest_size(
 def calibration_options(
     model: str, preset: str, size: int | None, tolerance: float | None, interpolation: str, nonuniform: bool
 ) -> CalibrationOptions:
-    """Return options from words. Raises CalibrationError on an unknown one, or a size beside a tolerance."""
+    """Return the options that a command's words ask for. Raises CalibrationError on unknown or contradictory words."""
     if size is not None and tolerance is not None:
         raise CalibrationError("give --size or --tolerance, not both")
     options = CalibrationOptions(

@@ -1,4 +1,4 @@
-"""Use case: pictures in the place of RAW, as the left side of the pairs: what a program develops, or any rendering."""
+"""Use case: calibrate on pictures instead of RAW: those that a RAW developer makes, or any rendering of the frames."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ PICTURE_SUFFIXES = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 def left_side(
     developer: str | None = None, developed: str | Path | None = None, developed_space: str | None = None
 ) -> LeftSide | None:
-    """Choose what stands in the place of RAW, from words; None for the RAW itself.
+    """Return the function that gives the picture to use instead of a RAW file; None where the RAW itself is used.
 
     developer: a program that is run on each RAW file. developed: a folder of pictures, one a shot with its stem, in
     developed_space. Raises SettingsError on words that do not fit, ShotError where the program is missing.

@@ -22,7 +22,7 @@ from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, one
 class Grading:
     """What to grade, and how.
 
-    words: one LUT file, one config, or profiles of different cameras; then images: files, folders, frame sequences.
+    words: paths: one LUT file, one config, or profiles of different cameras; then files, folders, frame sequences.
     output: a folder. source: STYLE/WB of the images where they do not tell, with a config their colour space; target:
     the STYLE/WB or colour space wanted, as-shot to keep either; ev: exposure change in stops. look: the profile of the
     camera whose look is wanted; transfers: RAW → RAW from other cameras to that one. interpolation: for LUTs that name
@@ -58,12 +58,12 @@ class Grading:
 
     @property
     def grades(self) -> tuple[Path, ...]:
-        """The LUT or config, or the profiles, wherever they stand."""
+        """The first path (LUT, config or profile), and every later path that is a profile."""
         return self.words[:1] + tuple(path for path in self.words[1:] if _is_profile(path))
 
     @property
     def images(self) -> tuple[Path, ...]:
-        """The other words."""
+        """The images, folders and sequences: every path after the first that is no profile."""
         return tuple(path for path in self.words[1:] if not _is_profile(path))
 
     @cached_property

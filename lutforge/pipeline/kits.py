@@ -1,4 +1,4 @@
-"""Use case: a profile → a folder that makes one program show the camera's look; and what that program then makes."""
+"""Use case: a profile → a kit, the folder that makes one program show the camera's look; and the check of a kit."""
 
 import re
 import shutil
@@ -58,7 +58,10 @@ SCRIPT = "develop.sh"
 
 @dataclass(frozen=True)
 class KitCheck:
-    """A shot as a kit's program shows it, against the camera's JPEG: ΔE00 of flat tiles (CIE 2000)."""
+    """How far a kit's program is from the camera's JPEG on one shot: ΔE00 (CIE 2000) of its flat tiles.
+
+    tiles: how many were compared; p95: the 95th percentile.
+    """
 
     shot: str
     tiles: int
@@ -124,8 +127,8 @@ def check_kit(
 def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
     """Compare a picture that any program developed of a RAW file, in encoded sRGB, with the camera's JPEG of the shot.
 
-    The tiles are those of RAW and JPEG, whatever the program made of them: what it clips is counted. Tiles that its
-    picture crops are not. Raises ImageError where a file cannot be read, ShotError where the pictures do not match.
+    The tiles are chosen from the RAW and the JPEG alone, so a tile that the program clips counts; a tile that its
+    picture crops does not. Raises ImageError where a file cannot be read, ShotError where the pictures do not match.
     """
     pixels = np.asarray(read_image(picture).pixels[..., :3], dtype=np.float32)
     own = read_shot(raw)

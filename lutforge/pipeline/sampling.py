@@ -23,12 +23,12 @@ from lutforge.shots.shot import Shot
 from lutforge.threads import cores
 
 LeftSide = Callable[[Path], Development]
-"""What stands in the place of a RAW file: a picture that a program developed of it."""
+"""A function of a RAW file that gives the picture to use instead of it, as a program developed it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """What shots and tables gave.
+    """The samples of shots and tables, with an account of each shot.
 
     samples: of all usable shots; shots: the account of each; left_out: one line for each that is not usable; files: the
     RAW file of each shot by its name.
@@ -155,9 +155,9 @@ def gather_samples(
     tell: Callable[[Sampled], None] = lambda sampled: None,
     left: LeftSide | None = None,
 ) -> Sampled:
-    """Read sample tables, and sample RAW files and folders of them, in any mixture. tell: is shown the result.
+    """Read sample tables, and sample RAW files and folders of them, in any mixture.
 
-    left: as of `sample_shots`.
+    tell: called with the result. left: as for `sample_shots`.
 
     Raises SampleError where nothing is given or a table is malformed, ShotError where no shot is usable.
     """

@@ -15,7 +15,7 @@ from lutforge.samples.sample_set import SampleSet
 
 @dataclass(frozen=True)
 class FittedTransfer:
-    """A transfer that was written. errors: of every form on colours left out, relative; None: too few to tell."""
+    """A transfer that was written. errors: relative error of each form on held-out colours; None where too few."""
 
     source: str
     target: str

@@ -22,7 +22,7 @@ KINDS = ("render", "linearize", "refinish", "match")
 
 @dataclass(frozen=True)
 class Wanted:
-    """A transform in words.
+    """The options that ask for a transform.
 
     kind: "render" (RAW → JPEG), "linearize" (JPEG → scene), "refinish" (JPEG → JPEG) or "match" (camera → camera).
     source, target: STYLE/WB of the JPEG that comes in, and of the one that comes out. ev: exposure change in stops.
@@ -55,7 +55,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Chosen:
-    """A transform. title: what it is, in words; notes: what the user should know; comments: its held-out errors."""
+    """A transform with its description. title: what it is; notes: for the user; comments: its held-out errors."""
 
     transform: Transform
     kind: str

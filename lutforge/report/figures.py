@@ -94,7 +94,7 @@ def _thinned(count: int) -> NDArray[np.intp]:
 
 
 def error_boxes(directions: Sequence[tuple[str, Sequence[tuple[str, ErrorFigures]]]], own: str) -> Figure:
-    """directions: title and, by method, its figures; the method `own` is drawn in colour. The scale is logarithmic."""
+    """Draw errors as boxes on a logarithmic scale. directions: a title and figures by method; `own` is in colour."""
     rows = max(len(methods) for _, methods in directions)
     figure = Figure(figsize=(9, 1.0 + 0.36 * rows), layout="constrained")
     for axis, (title, methods) in zip(figure.subplots(1, len(directions), squeeze=False)[0], directions, strict=True):

@@ -1,4 +1,4 @@
-"""The one place of the limits: where a JPEG or a RAW value no longer says what the scene was."""
+"""The clipping limits of sampling: beyond them a JPEG or RAW pixel no longer tells what the scene was."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

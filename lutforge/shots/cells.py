@@ -88,9 +88,9 @@ def raw_on_grid(
 
 
 def medians(values: Array, label: NDArray[np.intp], count: int) -> Array:
-    """(count,) medians of the values of each label 0 … count − 1; 0 where a label has no value.
+    """Return the medians (count,) of the values of each label 0 … count − 1; 0 where a label has no value.
 
-    One sort of numbers that hold the label before the point and the value, scaled to [0, 1), behind it.
+    One sort finds them all: each value is scaled to [0, 1) and its label added.
     """
     sizes = np.bincount(label.ravel(), minlength=count)
     low = float(values.min())

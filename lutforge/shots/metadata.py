@@ -50,8 +50,7 @@ class ShotMetadata:
 def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
     """Settings from the RAW file's own tags, completed by those of its preview and of the JPEG beside it.
 
-    Exposure, ISO and multipliers are LibRaw's. Never
-    raises: what is not to be found is unknown, and said so in the notes.
+    Exposure, ISO and multipliers are LibRaw's. Raises nothing: what is not found is unknown, and the notes say so.
     """
     found = tags(path)
     preview = tags_of(raw.preview or b"")

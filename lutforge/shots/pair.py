@@ -1,4 +1,4 @@
-"""Two renderings of one frame as a shot: a developed picture on the left, and on the right a finished one."""
+"""Pair two renderings of one frame as a shot: a developed picture, used instead of RAW, and the finished picture."""
 
 import math
 from pathlib import Path

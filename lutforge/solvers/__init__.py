@@ -1,1 +1,1 @@
-"""Lattice regression: the least-squares fit of a nonuniform lattice to scattered data."""
+"""Numerical solvers: lattice regression with its multigrid, constrained and robust least squares, Gauss-Newton."""

@@ -1,4 +1,4 @@
-"""BLAS on one thread: its own threads wait actively, which many small products on a busy machine pay tenfold."""
+"""Run BLAS on one thread: its threads wait actively, and many small products then take ten times as long."""
 
 from collections.abc import Callable
 from functools import cache, wraps

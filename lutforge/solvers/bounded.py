@@ -29,8 +29,8 @@ def solve_bounded(
 ) -> LatticeFit:
     """Fit node values (N_r, N_g, N_b, 3) within bounds, from W'ΩW and W'Ω(y − W b₀).
 
-    smoothness: λ_S, and λ_T; prior: b₀ and Λ²; start: as the result. Time O(N³) a sweep, forward and back in turn.
-    There are always as many sweeps; the residual is how far the last one moved a node, and the fit has converged where
+    smoothness: λ_S, and λ_T; prior: b₀ and Λ²; start: node values to begin with. Time O(N³) a sweep, forward and back
+    in turn. Their number is fixed; the residual is how far the last one moved a node, and the fit has converged where
     that is within the tolerance, by default a quarter of a code.
     """
     r, g, b = (len(axis) for axis in levels)

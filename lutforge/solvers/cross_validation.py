@@ -24,7 +24,7 @@ def leave_groups_out(groups: NDArray[np.str_], most: int = 5) -> list[Mask]:
 
 
 def leave_samples_out(count: int, folds: int = 5) -> list[Mask]:
-    """The samples that each fold holds out, masks (count,), where they have no groups: every so manyth."""
+    """Return the samples that each fold holds out, masks (count,), where there are no groups: every `folds`-th one."""
     return [np.arange(count) % folds == fold for fold in range(folds)]
 
 

@@ -6,7 +6,11 @@ https://doi.org/10.1080/03610927708827533. An Lp norm of p > 2 gives them more, 
 maximum error: Lawson's algorithm (1961), as in Rice & Usow, Mathematics of Computation 22 (1968),
 https://doi.org/10.1090/S0025-5718-1968-0223063-7.
 
-To add a loss, write its weight function of the ratio residual / scale, and name it where a `RobustWeights` is made.
+To add a loss, write its weight function of the ratio residual / scale here, and name it where a `RobustWeights` is
+made: `calibration/lattice/weights.py` (the last fit of a lattice), `calibration/lattice/continuation.py`,
+`calibration/physical/matrix_and_response.py` and `calibration/physical/response_from_exposures.py`. The fits in
+`calibration/lattice/base.py` and `calibration/physical/` (`matrix.py`, `blind_white_balance.py`,
+`reference_camera.py`) have their weights written out.
 """
 
 from collections.abc import Callable
@@ -47,7 +51,7 @@ class RobustWeights:
         return max(self.multiple * median, self.least)
 
     def __call__(self, residual: Array, like: Array | None = None) -> Array:
-        """IRLS weights (n,) of residuals (n,) ≥ 0; like: residuals (m,) that tell the scale, if not all do."""
+        """Return IRLS weights (n,) of residuals (n,) ≥ 0. like: the residuals (m,) that set the scale, else all."""
         return self.loss(residual / self.scale(residual if like is None else like))
 
 

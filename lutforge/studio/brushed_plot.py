@@ -59,7 +59,7 @@ class BrushedPlot:
         self.mark()
 
     def mark(self) -> None:
-        """The selection of the session in this plot."""
+        """Show the session's selection in this plot."""
         if self.points is None:
             return
         selected = self.session.selected

@@ -1,4 +1,4 @@
-"""The page of one visitor: five views under one another's heading, at home on 1280 × 720."""
+"""The page of one visitor: a bar with five views, of which one is shown; laid out for 1280 × 720 pixels."""
 
 from functools import partial
 from pathlib import Path

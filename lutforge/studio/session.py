@@ -114,7 +114,7 @@ class Session:
         return self.loaded_profile is not None or (self.history is not None and bool(self.history.present.model))
 
     def change(self, workspace: Workspace) -> None:
-        """The next state of the workspace."""
+        """Make this the present state of the workspace."""
         assert self.history is not None
         self.history = self.history.do(workspace)
         self.on_change()
@@ -134,7 +134,7 @@ class Session:
             self.on_change()
 
     def select(self, rows: Mask) -> None:
-        """Samples selected, in all plots."""
+        """Select samples, in all plots."""
         self.selected = rows
         self.on_select()
 

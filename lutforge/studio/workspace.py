@@ -183,11 +183,11 @@ class Workspace:
         return self.fitted.rows
 
     def mark(self, rows: Mask, outlier: bool) -> "Workspace":
-        """The rows marked by hand as outliers, or kept by hand."""
+        """Return the workspace with these rows marked by hand as outliers, or kept by hand."""
         return replace(self, hand=np.where(rows, np.int8(1 if outlier else -1), self.hand))
 
     def unmark(self, rows: Mask) -> "Workspace":
-        """The rows without a mark of the hand."""
+        """Return the workspace without marks by hand on these rows."""
         return replace(self, hand=np.where(rows, np.int8(0), self.hand))
 
     def with_group(self, name: str, rows: Mask) -> "Workspace":

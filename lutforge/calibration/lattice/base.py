@@ -1,4 +1,4 @@
-"""The base that a lattice continues: matrix Ts and response f, by bounded least squares in compiled sums.
+"""Fit the base of a lattice, the matrix Ts and the response f that it continues, by bounded least squares.
 
 f⁻¹(I) = Ts x with x = Tw E holds where the gamut map leaves a colour alone. It is linear in Ts and in the table of
 f⁻¹, so each round is a small bounded least-squares problem: f⁻¹ as a sum of non-negative steps (monotone by
@@ -34,7 +34,7 @@ KNOTS = 33
 FLATTEST = 0.05
 """Slopes of f⁻¹ below this count as this, so that no dark sample outweighs all others."""
 RIDGE = 1e-7
-"""Weight of the squared entries of Ts off its diagonal: what colours cannot tell stays the identity."""
+"""Weight of the squared off-diagonal entries of Ts: where colours do not determine Ts, it stays the identity."""
 
 
 @one_blas_thread
@@ -138,9 +138,9 @@ def _cauchy(residual: Array) -> Array:
 
 @compiled()
 def _residual(linear: Array, encoded: Array, tables: Array) -> tuple[Array, Array]:
-    """(n,): the distance of f(linear) from the encoded values, (n, 3), with f⁻¹ as tables (KNOTS, 3).
+    """Return the distances (n,) of f(linear) from the encoded values (n, 3), and the slopes df/d(linear) there (n, 3).
 
-    And df/d(linear) at these, (n, 3), bounded so that no dark sample outweighs all others.
+    tables: f⁻¹ (KNOTS, 3). Slopes are bounded, so that no dark sample outweighs all others.
     """
     rise = np.empty((KNOTS, 3))
     for knot in range(KNOTS):

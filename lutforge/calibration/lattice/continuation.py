@@ -1,11 +1,11 @@
-"""What a lattice continues where it has no samples: matrix, response, and what the samples say beyond them.
+"""The guess that a lattice follows where it has no samples: matrix and response, corrected by what the samples show.
 
-To render, the values that a cube with a curve behind it holds: c(Ts x) + r(e(Ts x)), where c is the curve's own
-continuation of linear light across the clipping. To linearize, RAW: Ts⁻¹ e⁻¹(z + r(z)) with z = e(f⁻¹(I)). e is the
-even scale of `model.gamut_map`, on which dark colours lie as far apart as they look, and r are radial basis functions
-with few centres spread over the samples, fitted to all of them by least squares (`radial_basis`), so that noise and a
-stray sample do not bend it; weights are less where errors are large (Cauchy). Beyond the samples r runs on as smoothly
-as it can, to nothing at black.
+The guess of a render gives the values of a cube in front of its output curve: c(Ts x) + r(e(Ts x)), where c is the
+curve's own continuation of linear light across the clipping. The guess of a linearization gives RAW: Ts⁻¹ e⁻¹(z + r(z))
+with z = e(f⁻¹(I)). e is the even scale of `model.gamut_map`, on which dark colours lie as far apart as they look. The
+correction r is a sum of radial basis functions with few centres spread over the samples, fitted to all of them by least
+squares (`radial_basis`), so that noise and a stray sample do not bend it; large errors count less (Cauchy). Beyond the
+samples r continues smoothly, to 0 at black.
 
 Ts is that of unsaturated colours where r is clearly simpler then, as of a gamut map that leaves most colours alone;
 else that which suits all colours, from which r runs on more safely.
@@ -39,9 +39,9 @@ GREYS = np.linspace(0.0, 0.3, 11)[:, None].repeat(3, axis=1)
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """A guess of one direction. curve: what stands behind the cube, to render; None to linearize.
+    """The guess of one direction. base: matrix and response; curve: the output curve of a render, else None.
 
-    bend: r, None where the samples cannot tell it; half: the error with which a sample counted half in its fit.
+    bend: r, None where the samples do not determine it; half: the error at which a sample counted half in its fit.
     """
 
     base: MatrixAndResponse
@@ -170,7 +170,7 @@ def continuation(
 
 
 def _clearer(base: MatrixAndResponse, x: Array, encoded: Array, curve: OutputCurve) -> Continuation:
-    """The guess to render of few functions, with the matrix to continue."""
+    """Return the rendering guess of few functions, with the one of two matrices that the samples prefer."""
     x, encoded = _some(x, encoded)
     own, safer = (Continuation(each, curve) for each in (base, with_matrix_of_all(base, x, encoded)))
     of_own, of_safer = (guess._trial(x, encoded, TRIAL_CENTRES) for guess in (own, safer))
@@ -186,7 +186,10 @@ def _some(x: Array, encoded: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """centres: (m, 3); source, target: (n, 3), e of linear light and what r should be there; weight: (n,)."""
+    """The data that r is fitted to. source: e of linear light (n, 3); target: what r should be there (n, 3).
+
+    centres: (m, 3); weight: (n,).
+    """
 
     centres: Array
     source: Array
@@ -228,19 +231,19 @@ def _rows(count: int, most: int) -> NDArray[np.intp]:
 
 
 def _enough(centres: int) -> int:
-    """How many samples tell the functions of so many centres."""
+    """Return how many samples suffice to fit functions with this many centres."""
     return min(3_000, 20 * centres)
 
 
 def _fills_space(source: Array) -> bool:
-    """Whether colours (n, 3) are enough, and not in a plane."""
+    """True where at least 30 of the colours (n, 3) differ and they do not lie in a plane."""
     if len(source) == 0:
         return False
     centred = source - source.mean(axis=0)
     spread = float(np.sqrt(max(np.linalg.eigvalsh(centred.T @ centred)[0], 0.0)))
     if spread < 1e-3 * len(source) ** 0.5:  # the smallest principal deviation, in linear light
         return False
-    return any(_distinct(part) >= 30 for part in (source[:300], source))  # most soon show
+    return any(_distinct(part) >= 30 for part in (source[:300], source))  # the first 300 mostly suffice
 
 
 def _distinct(source: Array) -> int:

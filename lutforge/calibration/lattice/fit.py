@@ -96,7 +96,7 @@ def fit_samples(
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """What the search found: node levels, a fit at the levels before, and its squared errors (n,)."""
+    """The result of the search: the best node levels; the last fit, at the levels before these; its squared errors."""
 
     levels: Levels
     fit: LatticeFit

@@ -1,4 +1,4 @@
-"""Black-and-white picture styles: recognised, and undone along the grey axis of what renders them.
+"""Recognise black-and-white picture styles, and linearize them by inverting the grey axis of their rendering.
 
 Their JPEGs tell how bright a colour was, not which. What linearizes a neutral code g is therefore the neutral light t
 with render(t, t, t) = g; off the grey axis, where no such JPEG lies, the same curve holds for each channel.
@@ -50,7 +50,7 @@ def inverse_of_greys(render: Lattice, options: CalibrationOptions) -> Lattice:
 
 
 def _levels(code: Array, light: Array, size: int) -> Levels:
-    """Node levels between which the chords are the fewest codes off: the least error that `size` nodes suffice for."""
+    """Choose the `size` node levels whose straight chords miss the curve by the fewest codes."""
     steps = 1024  # of codes, on which the nodes may lie
     at = np.linspace(0.0, 1.0, steps + 1)
     exact = np.interp(at, code, light)
@@ -70,7 +70,7 @@ def _levels(code: Array, light: Array, size: int) -> Levels:
 
 
 def _longest_chords(exact: Array, code: Array, light: Array, tolerance: float, size: int) -> list[int]:
-    """Ends of at most size − 1 chords of even steps of the curve, from the first on, each as long as is within it."""
+    """Return the ends of at most size − 1 chords, begun at black, each as long as its error is within the tolerance."""
     there = np.interp(exact, light, code)
     nodes, last = [0], len(exact) - 1
     while nodes[-1] < last and len(nodes) < size:

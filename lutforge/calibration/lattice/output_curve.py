@@ -59,7 +59,7 @@ class OutputCurve:
 
 @compiled()
 def _enter(table: Array, values: Array, encoded: Array) -> Array:
-    """v (n, 3) of I in [0, 1], by the table, whose cell the curve at even steps of I tells but for rounding."""
+    """Return v (n, 3) of I in [0, 1] by inverting the table; `values` gives the cell to begin at."""
     last = len(table) - 1
     entered = np.empty_like(encoded)
     for n in range(len(encoded)):

@@ -68,7 +68,7 @@ class BoundedProblem(PlacedProblem):
     def solve(
         self, equations: NormalEquations, prior: Prior, smoothness: float, start: Array | None, tolerance: float
     ) -> LatticeFit:
-        """smoothness: λ_S of a lattice of SEARCH_SIZE nodes. The sweeps are always as many."""
+        """Solve with bounded node values, by a fixed number of sweeps. smoothness: λ_S, given for SEARCH_SIZE nodes."""
         smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
         values = prior.values if start is None else start
         # The last sweep still moves a node by up to a code. Sweeping until none moves by a quarter changes the mean by
@@ -76,15 +76,15 @@ class BoundedProblem(PlacedProblem):
         return solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, self.sweeps)
 
     def search_fit(self, like: LatticeFit | None = None) -> LatticeFit:
-        """A fit to search with; like: one at other levels, to start from."""
+        """Fit to the tolerance of the search. like: a fit at other levels, to start from."""
         return self.fit(self.problem.first_robust, self.problem.options.lattice.search_tolerance, like)
 
     def error(self, fit: LatticeFit) -> Array:
-        """(n,), of the codes, which clip."""
+        """Return the errors (n,) of a fit whose outputs are clipped to [0, 1]."""
         return np.asarray(np.linalg.norm(np.clip(self.matrix @ fit.values, 0.0, 1.0) - self.problem.y, axis=1))
 
     def followed(self, like: LatticeFit) -> LatticeFit:
-        """The fit with weights that follow its errors (Lawson 1961); like: one at other levels, to start from."""
+        """Fit with weights that grow with the errors of the last fit (Lawson 1961). like: as for `search_fit`."""
         robust, options = self.problem.first_robust, self.problem.options.lattice
         weight, fit = robust, like
         for _ in range(2):

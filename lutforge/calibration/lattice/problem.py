@@ -59,9 +59,11 @@ GREY = np.linspace(0.0, 1.0, 257)[:, None].repeat(3, axis=1)
 
 @dataclass(frozen=True, eq=False)
 class LatticeProblem:
-    """What stays the same while levels and weights are searched, for n samples.
+    """What stays the same while node levels and weights are searched, for n samples.
 
-    x, y: (n, 3); target: what the cube should give, (n, 3); weight: how much its error counts behind the curve, (n,).
+    x, y: (n, 3); target: what the cube should give, (n, 3); weight: how much its error counts behind the curve, (n,);
+    guess: what the lattice follows elsewhere; clips: the camera clips in this direction, as in a render; smoothness:
+    λ_S, stated for SEARCH_SIZE nodes; curve: the output curve behind the cube, or none.
     """
 
     x: Array
@@ -75,7 +77,7 @@ class LatticeProblem:
     curve: OutputCurve | None
 
     def leave_out(self, held: list[Mask]) -> "list[LatticeProblem]":
-        """The problems of the samples that are not of each mask, with guesses that have not seen those."""
+        """Return, for each mask, the problem of all other samples, with a guess that has not seen those of the mask."""
         if isinstance(self.guess, Continuation):
             guesses: list[Guess] = [*self.guess.leave_out(self.x, self.y, held)]
         else:
@@ -114,7 +116,7 @@ class LatticeProblem:
         return PlacedProblem(self, levels, InterpolationMatrix(self.x, levels, self.options.interpolation))
 
     def levels(self, size: int) -> Levels:
-        """Good node levels: rounds of equidistribution of what the guess loses between nodes; the best round's.
+        """Choose node levels by rounds of equidistribution of what the guess loses between nodes; keep the best round.
 
         The guess has no noise, and no lattice has to be fitted to tell where it bends. They begin even to the eye.
         """
@@ -168,7 +170,7 @@ class PlacedProblem:
         return InterpolationMatrix(GREY, self.levels, self.problem.options.interpolation)
 
     def equations(self, weight: Array) -> NormalEquations:
-        """W'ΩW and W'Ω(y − W b₀) of the samples; weight: (n,) beside the curve's own."""
+        """Return W'ΩW and W'Ω(y − W b₀) of the samples. weight: (n,), times the weights of the output curve."""
         difference = self.problem.target - self.matrix @ self.prior.values
         return self.matrix.normal_equations(difference, self.problem.weight * weight)
 
@@ -183,23 +185,23 @@ class PlacedProblem:
     def solve(
         self, equations: NormalEquations, prior: Prior, smoothness: float, start: Array | None, tolerance: float
     ) -> LatticeFit:
-        """smoothness: λ_S of a lattice of SEARCH_SIZE nodes."""
+        """Solve the equations at these levels. smoothness: λ_S, stated for SEARCH_SIZE nodes."""
         smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
         regularisation = Regularisation(smoothness, twist=smoothness, anchor=0.0, thin_plate=0.0)
         return solve_lattice(equations, self.levels, regularisation, prior=prior, start=start, tolerance=tolerance)
 
     def moved(self, fit: LatticeFit) -> LatticeFit:
-        """A fit at other levels, at these."""
+        """Interpolate a fit at other levels to these levels."""
         return LatticeFit(self.levels, interpolate(grid(self.levels), fit.levels, fit.values))
 
     def fit(self, weight: Array, tolerance: float, like: LatticeFit | None = None) -> LatticeFit:
-        """The fit; like: one at other levels, to start from."""
+        """Fit to the samples and the grey axis. weight: (n,); like: a fit at other levels, to start from."""
         start = None if like is None else self.moved(like).values
         equations = self.with_grey(self.equations(weight))
         return self.solve(equations, self.prior, self.problem.smoothness, start, tolerance)
 
     def rising_fit(self, weight: Array, start: Array, tolerance: float) -> LatticeFit:
-        """The fit, again with the isotonic regression of its own grey axis while that falls anywhere."""
+        """Fit; while the grey axis falls, draw it to its isotonic regression and fit again, at most four times."""
         problem, least_fall = self.problem, 1e-6
         values, grey_weight = problem.grey.copy(), problem.grey_weight
         samples = self.equations(weight)
@@ -219,7 +221,7 @@ class PlacedProblem:
         """A fit at these levels, as profiles keep it."""
         problem, values = self.problem, fit.values.copy()
         curve, method = problem.curve, problem.options.interpolation
-        values[0, 0, 0] = 0.0  # what the weight that holds them leaves over
+        values[0, 0, 0] = 0.0  # the weight that holds this node leaves a small rest
         if problem.clips:
             values[-1, -1, -1] = 1.0 if curve is None else np.maximum(values[-1, -1, -1], 1.0)
         if curve is not None:
@@ -230,11 +232,11 @@ class PlacedProblem:
         return Lattice(fit.levels, with_rising_axis(values, fit.levels, method), method)
 
     def squared_error(self, fit: LatticeFit) -> Array:
-        """(n,) of the output, behind the curve, of a fit at these levels."""
+        """Return the squared errors (n,) of a fit at these levels, behind the output curve."""
         return squares(self._output(fit.values) - self.problem.y)
 
     def lost(self) -> Array:
-        """(n,): the squared error that interpolating the guess between these nodes makes, as samples count."""
+        """Return the squared errors (n,) of the guess interpolated between these nodes, times the robust weights."""
         return self.problem.first_robust * squares(self._output(self.prior.values) - self.problem.guessed)
 
     def _output(self, values: Array) -> Array:

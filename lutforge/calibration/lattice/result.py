@@ -13,7 +13,7 @@ from lutforge.solvers.normal_equations import InterpolationMatrix
 
 @dataclass(frozen=True, eq=False)
 class LatticeResult:
-    """A lattice; coverage: summed sample weight per node (N_r, N_g, N_b); rms: on the samples.
+    """A fitted lattice. coverage: summed weight of the samples at each node, (N_r, N_g, N_b); rms: on the samples.
 
     smoothness: the λ_S that was chosen, of a lattice of SEARCH_SIZE nodes per axis; a lattice of N has N / SEARCH_SIZE
     times that, which weighs the same curvature alike.

@@ -32,7 +32,9 @@ class CurveFit:
 
 @dataclass(frozen=True, eq=False)
 class BracketFit:
-    """curves: EMoR's first, then the plain ones. exposure_error: by shot, true over stated exposure. pairs: points.
+    """The responses fitted to a bracket. curves: EMoR's first, then the plain ones; pairs: the number of points.
+
+    exposure_error: by shot, true over stated exposure.
 
     black, white: (3,) JPEG values below and above which a channel does not follow the exposure. basis_curves: of EMoR,
     as held-out pairs chose; held_out: EMoR's median on these, with exposure errors taken out, NaN for too few pairs.
@@ -50,7 +52,7 @@ class BracketFit:
 
     @property
     def response(self) -> Response:
-        """The camera's: EMoR's."""
+        """The camera's response: the EMoR curve."""
         return self.curves[0].response
 
 

@@ -52,7 +52,7 @@ class CurveBasis:
         return cell, position - cell
 
     def table(self, theta: Array) -> Array:
-        """The curve (k,). Rounding only can make it fall: the inequalities keep its steps positive."""
+        """The curve (k,). Only rounding could make it fall, since the inequalities keep its steps positive."""
         return np.asarray(np.maximum.accumulate(self.offset + self.design @ theta))
 
 

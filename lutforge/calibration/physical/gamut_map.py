@@ -27,7 +27,7 @@ FOLDS = 5
 
 @dataclass(frozen=True)
 class GamutMapOptions:
-    """tolerance: residual, in the units of the values, below which a pair is met; most: centres at most.
+    """Options of a fit. tolerance: residual, in the units of the values, below which a pair is met; most: of centres.
 
     nugget: 8Nπρ of (4.8), the weight of smoothness against fidelity; None chooses it on held-out shots.
     offset: of the even scale that the map works on, where its residuals count, too; 0 for linear values (thesis).
@@ -52,7 +52,7 @@ class GamutMapOptions:
 
 @dataclass(frozen=True, eq=False)
 class GamutMapFit:
-    """worst, mean: residual of all pairs (not of centres only), weighted as asked; rho: ρ of (4.8)."""
+    """A fitted gamut map. worst, mean: weighted residual of all pairs, not of centres only; rho, nugget: ρ and 8Nπρ."""
 
     gamut_map: GamutMap
     nugget: float
@@ -166,7 +166,7 @@ def _first_centres(source: Array, count: int) -> NDArray[np.intp]:
 
 
 def _worst_apart(source: Array, residual: Array, candidates: Mask, wanted: int) -> NDArray[np.intp]:
-    """Up to `wanted` of the worst pairs, one a cell, the cells as large as still gives so many."""
+    """Return up to `wanted` of the worst pairs, one per cell; the cells are as large as that number allows."""
     rows = np.flatnonzero(candidates)
     rows = rows[np.argsort(-residual[rows], kind="stable")]
     best = rows[:0]

@@ -22,7 +22,7 @@ LEAST_CONDITION = 8e-3
 
 @dataclass(frozen=True, eq=False)
 class MatrixFit:
-    """matrix: Ts (3, 3), for multipliers with green = 1; multipliers: by setting (3,), green = 1.
+    """The fitted matrix and white balances. matrix: Ts (3, 3), for multipliers with green = 1; multipliers: by setting.
 
     gain: by setting, what its multipliers were divided by to make green 1, relative to the median setting: 1 where the
     camera scales them so. weight: (n,) trust in [0, 1]; rms: of the trusted, in units of white-balanced RAW.

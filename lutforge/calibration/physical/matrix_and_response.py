@@ -60,7 +60,7 @@ class RobustFitOptions:
 
 @dataclass(frozen=True, eq=False)
 class MatrixAndResponse:
-    """matrix: Ts (3, 3), rows sum to 1; response: f.
+    """A fitted matrix Ts (3, 3), whose rows sum to 1, and a response f.
 
     inlier: (n,) weights in [0, 1] of all samples by residual; trust: (n,) odds in [0, 1] that the gamut map leaves a
     colour alone, by its saturation only; rms: encoded, of the inliers; status, rounds: how the fit ended.
@@ -146,7 +146,10 @@ def _some(chosen: Mask, most: int) -> NDArray[np.intp]:
 
 
 class Tones:
-    """How samples of some tones (n,) and prior odds (n,) count by their residuals: beside others of like tone."""
+    """Weights of samples by their residuals, each compared with those of samples of like tone.
+
+    tone: mean JPEG value (n,); odds: prior weight by saturation (n,).
+    """
 
     def __init__(self, tone: Array, odds: Array, options: RobustFitOptions) -> None:
         self.tone, self.odds, self.options = tone, odds, options

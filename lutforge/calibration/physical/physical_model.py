@@ -30,7 +30,7 @@ AUTO_OF_SHOT = "auto\x00"
 
 @dataclass(frozen=True, eq=False)
 class StyleStages:
-    """What is fitted before the gamut map. trusted: (n,) of the style's samples, those that h leaves alone."""
+    """The response of a style, fitted before its gamut map. trusted: (n,), weights of samples that h leaves alone."""
 
     response: Response
     trusted: Array
@@ -38,9 +38,9 @@ class StyleStages:
 
 @dataclass(frozen=True, eq=False)
 class CameraStages:
-    """Ts, Tw and, by style, f. multipliers: (n, 3) of the samples given, green = 1, fitted where they were not known.
+    """The stages before the gamut maps. matrix: Ts (3, 3), one for all styles; styles: the responses by style.
 
-    matrix: (3, 3), one for all styles.
+    multipliers: (n, 3) of the samples given, green = 1, fitted where they were not known.
     """
 
     matrix: Array
@@ -212,10 +212,10 @@ def conventional(model: PhysicalModel) -> PhysicalModel:
 
 
 def render(model: PhysicalModel, balanced: Array) -> Array:
-    """Tw E (…, 3) → I (…, 3) in [0, 1]."""
+    """Render by the model: Tw E (…, 3) → I (…, 3) in [0, 1]."""
     return model.response.encode(model.gamut_map(balanced @ model.matrix.T))
 
 
 def linearize(model: PhysicalModel, encoded: Array) -> Array:
-    """I (…, 3) → Tw E (…, 3), not clipped."""
+    """Linearize by the model: I (…, 3) → Tw E (…, 3), not clipped."""
     return model.inverse_gamut_map(model.response.linearize(encoded)) @ np.linalg.inv(model.matrix).T

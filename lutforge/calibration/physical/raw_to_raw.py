@@ -14,7 +14,7 @@ Form = Literal["matrix", "piecewise", "root-polynomial"]
 
 LEAST_PAIRS = 12
 HUES = 12
-"""Edges between wedges; narrower ones follow a finer change with hue than smooth sensitivities make."""
+"""Number of edges between wedges; more would follow finer changes with hue than smooth sensitivities make."""
 STIFFNESS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 """Candidates for the weight that holds the other forms to one matrix; held-out pairs choose."""
 FOLDS = 5
@@ -128,7 +128,7 @@ def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) 
 
 
 def _folds(count: int) -> list[Mask]:
-    """The pairs that each fit sees."""
+    """Return, for each fold, the mask of the pairs that are fitted to."""
     return [np.arange(count) % FOLDS != index for index in range(FOLDS)]
 
 

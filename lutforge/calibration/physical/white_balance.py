@@ -76,7 +76,7 @@ def _times(samples: SampleSet, multipliers: Array, gains: Mapping[str, float]) -
 
 
 def _departures(samples: SampleSet, balanced_by: Array, usable: Mask, names: list[str]) -> tuple[Array, Array]:
-    """By setting the logarithm of what its JPEGs are brighter than f(Ts Tw E) of all, and its standard error."""
+    """Return by setting the log of how much brighter its JPEGs are than f(Ts Tw E), and the standard error of that."""
     ratio, weight = np.zeros(len(samples)), np.zeros(len(samples))
     for style in np.unique(samples.style[usable]):
         rows = usable & (samples.style == style)

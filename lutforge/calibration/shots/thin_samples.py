@@ -9,7 +9,7 @@ from lutforge.samples.sample_set import SampleSet
 
 
 def thin_settings(samples: SampleSet) -> tuple[str, ...]:
-    """Notes on what rests on a single shot or exposure."""
+    """Return notes on white balances with a single shot, and on styles with a single exposure."""
     notes = []
     for name in np.unique(samples.white_balance):
         shots = np.unique(samples.shot[samples.white_balance == name])

@@ -1,1 +1,1 @@
-"""The presets exactly as the thesis states them, where they differ from the default."""
+"""The lattice fit of the thesis preset. Its physical stages are in `physical/`, with `preset == "thesis"`."""

@@ -1,6 +1,6 @@
-"""LUT file formats: a file for each, which says what sequences it holds, reads them and writes them.
+"""LUT file formats, one module each: it says which sequences of operations a file can hold, reads and writes them.
 
-A new one is a file with `read`, `write` and a registered `FileFormat`, and its name in the line below.
+To add one, write a module with `read`, `write` and a registered `FileFormat`, and add its name to both lists below.
 """
 
 from lutforge.luts.formats import clf, csp, cube, dctl, hald, houdini, spi, threedl, truelight, vlt

@@ -45,7 +45,7 @@ def _knots(curve: Curve, cube: Cube, channel: int) -> tuple[Array, Array]:
 
 
 def read(path: Path, data: bytes) -> Lut:
-    """Read one. Raises LutError: file, line, text and cause in one line."""
+    """Read a .csp file. Raises LutError: file, line, text and cause in one line."""
     lines = Lines(path, data, longest=2_000_000)  # one holds all knots of a curve
     if lines.at(0, "CSPLUTV100") != "CSPLUTV100":
         raise lines.wrong(0, "a .csp begins with CSPLUTV100")

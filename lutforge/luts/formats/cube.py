@@ -107,7 +107,7 @@ def read(path: Path, data: bytes) -> Lut:
 
 
 def _curve(table: np.ndarray, domain: np.ndarray) -> list[Op]:
-    """A table over a domain (2, 3), which curves have in common; a matrix where it differs by channel."""
+    """Return a table over a domain (2, 3) as a curve; where the domain differs by channel, with a matrix in front."""
     if np.ptp(domain, axis=1).max() == 0:
         return [Curve(table, float(domain[0, 0]), float(domain[1, 0]))]
     return [*_to_unit(domain), Curve(table)]

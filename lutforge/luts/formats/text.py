@@ -36,7 +36,7 @@ def plain(text: str, limit: int = 200) -> str:
 
 
 def comment_lines(title: str, comments: tuple[str, ...]) -> list[str]:
-    """Comment lines, each "# …"."""
+    """Return title and comments as lines that begin with "# "; empty ones are left out."""
     return [f"# {plain(line)}" for line in (title, *comments) if plain(line)]
 
 
@@ -87,7 +87,7 @@ LARGEST = 1e30
 
 
 class Lines:
-    """The lines that say something: their numbers (from 1) and texts, comments (#) and empty lines apart."""
+    """The lines of a file that are neither empty nor comments: texts, and their line numbers from 1; comments apart."""
 
     def __init__(self, path: Path, data: bytes, longest: int = 1024) -> None:
         self.path = path
@@ -123,7 +123,7 @@ class Lines:
         return self.texts[index]
 
     def wrong(self, index: int, cause: str) -> LutError:
-        """An error about a line that is there."""
+        """Return the error that names a line, its text and a cause."""
         return self.error(self.numbers[index], self.texts[index], cause)
 
     def integers(self, index: int, words: list[str], low: int, high: int, what: str) -> list[int]:

@@ -25,7 +25,7 @@ def write(lut: Lut, path: Path) -> None:
 
 
 def read(path: Path, data: bytes) -> Lut:
-    """Read one. Raises LutError: file, line, text and cause in one line."""
+    """Read a .3dl file. Raises LutError: file, line, text and cause in one line."""
     lines = Lines(path, data)
     index = 0
     while index < len(lines) and lines.texts[index].split()[0].upper() in ("3DMESH", "MESH"):  # Lustre's header

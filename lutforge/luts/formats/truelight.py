@@ -40,7 +40,7 @@ def write(lut: Lut, path: Path) -> None:
 
 
 def read(path: Path, data: bytes) -> Lut:
-    """Read one. Raises LutError: file, line, text and cause in one line."""
+    """Read a .cub file. Raises LutError: file, line, text and cause in one line."""
     lines = Lines(path, data)
     header: dict[str, list[str]] = {}
     for comment in lines.comments:

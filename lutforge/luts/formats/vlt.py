@@ -27,7 +27,7 @@ def write(lut: Lut, path: Path) -> None:
 
 
 def read(path: Path, data: bytes) -> Lut:
-    """Read one. Raises LutError: file, line, text and cause in one line."""
+    """Read a .vlt file. Raises LutError: file, line, text and cause in one line."""
     lines = Lines(path, data)
     if lines.at(0, "the size").split() != ["LUT_3D_SIZE", str(SIZE)]:
         raise lines.wrong(0, f"a .vlt begins with LUT_3D_SIZE {SIZE}")
