@@ -121,11 +121,13 @@ def test_white_stays_white_in_the_published_configs() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("camera", [nikon_d5100(), sigma_sd_merrill()], ids=lambda camera: camera.name)
 def test_ramps_of_a_calibrated_camera_rise_to_a_neutral_white(camera: SimulatedCamera, tmp_path: Path) -> None:
-    profile = calibrate(samples_of(camera, 1), CalibrationOptions(size=17))
-    for ways in measured(profile, tmp_path, 30):
+    profile = calibrate(samples_of(camera, 1, ("standard",)), CalibrationOptions(size=17))
+    for ways in measured(profile, tmp_path, 12, InverseOptions(size=33, rounds=2)):
         assert ways.fall <= 5.0, ways
-        assert ways.tint <= 2.5, ways
-        assert ways.apart["clf"] <= 0.01, ways
+        assert ways.tint <= 2.0, ways
+        assert ways.apart.pop("clf") <= 0.01, ways
+        # A cube is a fit; a config has the exact inverse of the render where apply has the calibrated linearization.
+        assert max(ways.apart.values()) <= 6.0, ways
 
 
 if __name__ == "__main__":
