@@ -9,10 +9,9 @@ from lutforge.arrays import Pixels
 NEUTRAL = {
     "plugins/darkroom/workflow": "none",
     "plugins/darkroom/chromatic-adaptation": "legacy",
-    "plugins/darkroom/sharpen/auto_apply": "FALSE",
     "plugins/imageio/format/tiff/bpp": "16",
 }
-"""Settings of a neutral development: no tone curve, exposure or sharpening, white balance on the camera's own RGB."""
+"""Settings of a neutral development: no tone curve or exposure, white balance as shot on the camera's own RGB."""
 
 TONE_MODULES = ("agx", "basecurve", "channelmixerrgb", "exposure", "filmicrgb", "sigmoid")
 """Modules that darktable's workflows switch on by themselves: none of them belongs to a neutral development."""
