@@ -42,7 +42,7 @@ class DarktableKit:
             folder / "develop.sh",
             "darktable-cli",
             look.developer,
-            'darktable-cli "$1" "$here/lutforge.xmp" "$picture" --icc-type SRGB --core --configdir "$work/config" '
+            'darktable-cli "$raw" "$here/lutforge.xmp" "$picture" --icc-type SRGB --core --configdir "$work/config" '
             f'--library :memory: {words} >"$work/log" 2>&1 || true\n'
             '[ -s "$picture" ] || refuse "darktable made no picture of it" "$work/log"\n'
             # Of a module whose parameters it does not know, or a LUT that it cannot read, it says so and goes on.

@@ -56,7 +56,7 @@ class RawTherapeeKit:
             # RawTherapee looks for a CLUT in the user's folder of CLUTs, and for a camera profile beside its .pp3.
             "place=$(printf '%s' \"$here\" | sed 's/[&|\\\\]/\\\\&/g')\n"
             'sed "s|^ClutFilename=|&$place/|; s|^InputProfile=file:|&$place/|" "$here/lutforge.pp3" >"$work/kit.pp3"\n'
-            'rawtherapee-cli -o "$picture" -p "$work/kit.pp3" -t -b16 -Y -c "$1" >"$work/log" 2>&1 || true\n'
+            'rawtherapee-cli -o "$picture" -p "$work/kit.pp3" -t -b16 -Y -c "$raw" >"$work/log" 2>&1 || true\n'
             '[ -s "$picture" ] || refuse "RawTherapee made no picture of it" "$work/log"\n',
         )
         return [

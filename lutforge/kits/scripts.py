@@ -11,13 +11,14 @@ here=$(cd "$(dirname "$0")" && pwd)
 _DEVELOP = """# Develops a RAW file with the camera's look: develop.sh RAW OUT.tif (sRGB, 16 bit).
 if [ $# -ne 2 ]; then echo "usage: $0 RAW OUT.tif" >&2; exit 2; fi
 if [ ! -r "$1" ]; then echo "$1: cannot be read" >&2; exit 2; fi
+name=$1
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 picture="$work/developed.tif"
-raw=$1
+case "$1" in /*) raw=$1;; *) raw=$PWD/$1;; esac  # darktable follows no link that is named from here
 refuse() {{
   said=$(grep -i -m 1 'fail\\|error\\|cannot\\|unsupported\\|mismatch' "$2" || tail -n 1 "$2")
-  echo "$raw: $1: $said" | cut -c 1-300 >&2
+  echo "$name: $1: $said" | cut -c 1-300 >&2
   exit 1
 }}
 {note}{lines}mv -f "$picture" "$2"
@@ -40,8 +41,8 @@ def write_develop_script(path: Path, program: str, made_with: str, lines: str) -
     """Write an executable script that develops $1 to $2.
 
     made_with: name and version of the program that the kit was calibrated with, or "": another one says so. lines: make
-    $picture of $1; they have $here and $work, a temporary folder, and `refuse REASON FILE`, which ends the script with
-    the line of a file that says why.
+    $picture of $raw, the whole path of $1; they have $here and $work, a temporary folder, and `refuse REASON FILE`,
+    which ends the script with the line of a file that says why.
     """
     version = made_with.partition(" ")[2]
     note = _NOTE.format(program=program, version=version, made_with=made_with) if version else ""
