@@ -68,6 +68,7 @@ def test_nothing_given() -> None:
         gather_samples([])
 
 
+@pytest.mark.slow
 def test_shots_of_the_demo_register_where_they_were_taken(tmp_path: Path) -> None:
     """A full-size JPEG lies 8 and 4 pixels in from the RAW's corner, a half-size preview has scale 2."""
     from lutforge.shots.read import read_shot

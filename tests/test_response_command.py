@@ -58,6 +58,7 @@ def test_pictures_become_a_profile_luts_and_a_config(frames: Path, tmp_path: Pat
     np.testing.assert_allclose(back.applyRGB(light.tolist()), grey, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
 def test_a_film_of_an_exposure_ramp_is_a_bracket(frames: Path, tmp_path: Path) -> None:
     film = tmp_path / "ramp.mkv"

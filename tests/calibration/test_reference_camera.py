@@ -43,6 +43,7 @@ def test_refinishing_works_and_the_own_raw_is_refused(samples: SampleSet) -> Non
     assert rows and all(row.direction == "render" and row.figures.mean < 0.03 for row in rows)
 
 
+@pytest.mark.slow
 def test_two_cameras_go_through_their_common_reference(samples: SampleSet) -> None:
     """Tc is the identity between profiles of one RAW (thesis 6.3): nothing is put in between, whatever the light."""
     profile = calibrate(samples, CalibrationOptions(model="rbf"))

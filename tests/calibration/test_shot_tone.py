@@ -79,6 +79,7 @@ def test_exposures_that_are_off_are_called_so() -> None:
     assert tone.exposure == pytest.approx(0.3, abs=0.06)
 
 
+@pytest.mark.slow
 def test_local_tone_is_found_and_left_out() -> None:
     samples = _fifteen(100)
     third = _names(samples)[::3]

@@ -186,6 +186,7 @@ def test_a_kit_that_runs_nothing_cannot_be_checked(raw_profile: CameraProfile, t
         check_kit(folder, ["a.CRW"])
 
 
+@pytest.mark.slow
 def test_a_picture_is_compared_with_the_jpeg(shared_data: Path, s40_samples: SampleSet, tmp_path: Path) -> None:
     raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
     jpeg = read_raw(raw).preview

@@ -44,6 +44,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folder / "before", folder / "after"
 
 
+@pytest.mark.slow
 def test_a_look_between_two_renderings(folders: tuple[Path, Path], tmp_path: Path, lutforge: CommandLine) -> None:
     before, after = folders
     output = tmp_path / "look.npz"

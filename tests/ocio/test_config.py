@@ -286,6 +286,7 @@ def test_one_lut_per_style_and_direction_with_relative_paths(written: Written) -
     assert str(path.parent) not in path.read_text()
 
 
+@pytest.mark.slow
 def test_the_same_profiles_make_the_same_bytes(tmp_path: Path) -> None:
     profiles = [plain_profile("A"), plain_profile("B", "vivid")]
     one, two = (write_config(profiles, tmp_path / name) for name in ("one", "two"))

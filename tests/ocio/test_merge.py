@@ -73,6 +73,7 @@ def test_every_built_in_config_keeps_its_own(name: str) -> None:
     assert convert(config, "Nikon D40 RAW", "aces_interchange").shape == (4000, 3)
 
 
+@pytest.mark.slow
 def test_cameras_added_to_cameras(tmp_path: Path) -> None:
     """Files of the base come along, from a folder or an archive; the same name twice becomes two cameras."""
     folder = write_config([plain_profile("Nikon D40")], tmp_path / "one")

@@ -85,6 +85,7 @@ def test_arbitrary_bytes_never_crash(content: bytes, prefix: str, suffix: str, t
         assert "fuzz" in str(error)
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_mutated_rows_never_crash(data: st.DataObject, tmp_path: Path) -> None:
