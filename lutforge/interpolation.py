@@ -113,7 +113,7 @@ def interpolate(x: ArrayLike, levels: Levels, values: Array, method: Interpolati
     return result.reshape(*points.shape[:-1], nodes.shape[3])
 
 
-def through(table: Array, x: Array) -> Array:
+def apply_curve(table: Array, x: Array) -> Array:
     """Evaluate a curve per channel at x (…, 3), which is clamped to [0, 1]; NaN counts as 0.
 
     table: (m, 3), the values of the curves at m even steps from 0 to 1.

@@ -25,8 +25,8 @@ from lutforge.developers.developer import develop
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
 from lutforge.pipeline.calibration import calibrate
-from lutforge.pipeline.developing import left_side
 from lutforge.pipeline.kits import compare_with_jpeg, write_kit
+from lutforge.pipeline.raw_substitutes import raw_substitute
 from lutforge.pipeline.sampling import gather_samples
 
 HERE = Path(__file__).parent
@@ -97,7 +97,7 @@ def main() -> None:
         settings = {"RT_SETTINGS": str(work / "settings")}
         run("rawtherapee-cli", "-o", work / "rawtherapee.tif", "-d", "-t", "-b16", "-Y", "-c", raw, **settings)
         profile = calibrate(gather_samples(others).samples)
-        sources = {"darktable": calibrate(gather_samples(others, left=left_side("darktable")).samples)}
+        sources = {"darktable": calibrate(gather_samples(others, substitute=raw_substitute("darktable")).samples)}
         for program in ("darktable", "rawtherapee"):
             kit = write_kit(sources.get(program, profile), SETTING, work / f"{program}-kit", program)
             run(kit / "develop.sh", raw, work / f"{program}-kit.tif")

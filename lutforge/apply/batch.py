@@ -13,7 +13,7 @@ from threading import Lock
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.apply.grade import Recipe
-from lutforge.apply.image import REGION_SAMPLES, Applied
+from lutforge.apply.image import REGION_SAMPLES, GradedImage
 from lutforge.apply.inputs import Input
 from lutforge.apply.job import Job, Outcome, run_job
 from lutforge.apply.journal import add_to_journal, read_journal
@@ -35,7 +35,7 @@ class Failure:
 class BatchResult:
     """Every input is in one of the three. skipped: the outputs that an earlier run made, and that are still right."""
 
-    done: tuple[Applied, ...]
+    done: tuple[GradedImage, ...]
     failed: tuple[Failure, ...]
     skipped: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()

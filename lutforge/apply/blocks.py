@@ -83,9 +83,9 @@ def _grade_block(processor: OCIO.CPUProcessor, block: Pixels, premultiplied: boo
 def grade_codes(
     processor: OCIO.CPUProcessor, canvas: Codes, threads: Executor | None, done: Callable[[int], None] | None = None
 ) -> None:
-    """Grade 8-bit codes (h, w, 4), C-contiguous, in place: red, green and blue; the fourth means nothing.
+    """Grade 8-bit codes (h, w, 4), C-contiguous, in place. The fourth channel is ignored.
 
-    processor: of 8-bit codes in and out. done: called with the number of pixels after each piece.
+    processor: takes and gives 8-bit codes. done: called with the number of pixels after each piece.
     """
     _keep_freed_memory()
     flat = canvas.reshape(-1, 4)

@@ -12,7 +12,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge import __version__
 from lutforge.errors import ConfigError, LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.ends import ENCODED, read_ends
+from lutforge.luts.input_and_output import ENCODED, read_input_and_output
 from lutforge.luts.processor import OCIO_ERRORS, file_group, of_codes
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ class LutRecipe(_OneForAll):
                 f"{self.path}: half of a LUT, {self.path.with_suffix(pair).name} is the other; bake a .clf or .cube to "
                 "apply, or use the two in an OpenColorIO config"
             )
-        ends = read_ends(self.path)
+        ends = read_input_and_output(self.path)
         _, processor = file_group(self.path, self.interpolation)
         return Grade(
             processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),

@@ -52,7 +52,7 @@ _ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}
 
 
 @dataclass(frozen=True)
-class Applied:
+class GradedImage:
     """A graded image. notes: what the user should know, such as parts of a file that were left out."""
 
     source: Path
@@ -94,7 +94,7 @@ def apply_image(
     progress: Callable[[int, float], None] | None = None,
     quality: int | None = None,
     canvases: Canvases | None = None,
-) -> Applied:
+) -> GradedImage:
     """Grade an image file, with metadata, bit depth and extra channels kept.
 
     workers: threads, by default one per core. mask: where the confidence of the grade is written, 8 bit, from 0 to 1.
@@ -137,7 +137,7 @@ def apply_image(
             *_notes(grade, spec, output, attributes, doubtful, image.count_parts()),
             *(() if jpeg is None else jpeg.notes),
         )
-    return Applied(source, target, spec.width, spec.height, notes, mask if masking is not None else None)
+    return GradedImage(source, target, spec.width, spec.height, notes, mask if masking is not None else None)
 
 
 def _grade_regions(
@@ -194,13 +194,13 @@ def _notes(
         yield f"the first of {parts} images in the file was used"
 
 
-def _copied(source: Path, target: Path, notes: tuple[str, ...]) -> Applied:
+def _copied(source: Path, target: Path, notes: tuple[str, ...]) -> GradedImage:
     """Copy the image file as it is to another name."""
     with ImageReader(source) as reader:
         width, height = reader.spec.width, reader.spec.height
     with atomic_path(target) as temporary:
         shutil.copyfile(source, temporary)
-    return Applied(source, target, width, height, notes)
+    return GradedImage(source, target, width, height, notes)
 
 
 def _attributes(

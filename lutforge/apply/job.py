@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.apply.grade import Recipe
-from lutforge.apply.image import REGION_SAMPLES, Applied, apply_image
+from lutforge.apply.image import REGION_SAMPLES, GradedImage, apply_image
 from lutforge.apply.journal import Record, identify_output, identify_source
 from lutforge.apply.jpeg import Canvases
 from lutforge.errors import ImageError, LutForgeError
@@ -35,7 +35,7 @@ class Outcome:
     """What became of a job: `applied` and `record`, or `reason`, one line, why it failed."""
 
     job: Job
-    applied: Applied | None = None
+    applied: GradedImage | None = None
     record: Record | None = None
     reason: str = ""
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
+from lutforge.apply.baked_grades import BakedGrades
 from lutforge.apply.colours import TELL_ADOBE_RGB
 from lutforge.apply.grade import Grade, Rebuilt, fingerprint, unchanged
-from lutforge.apply.gradings import Gradings
 from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
 from lutforge.arrays import Array
 from lutforge.errors import ProfileError, SettingsError
@@ -93,10 +93,12 @@ class ProfileRecipe(Rebuilt):
             processor,
             _history(camera.camera, str(given), look.camera, str(wanted), self.ev),
             attributes=_attributes(look, wanted, given),
-            confidence=self._gradings.confidence(camera, given, look, wanted, self.ev, self._transfer(camera, look)),
+            confidence=self._baked_grades.confidence(
+                camera, given, look, wanted, self.ev, self._transfer(camera, look)
+            ),
             notes=(*settings.notes, *notes, *doubts),
             lut=chain,
-            codes=self._gradings.codes(chain),
+            codes=self._baked_grades.codes(chain),
             for_srgb=not given.style.endswith(ADOBE_RGB),
         )
 
@@ -113,7 +115,7 @@ class ProfileRecipe(Rebuilt):
         self, camera: CameraProfile, given: Selector, look: CameraProfile, wanted: Selector
     ) -> tuple[Lut, OCIO.CPUProcessor]:
         """The refinish as LUTs, the same for all pictures with the same settings."""
-        return self._gradings.refinish(camera, given, look, wanted, self.ev, self._transfer(camera, look))
+        return self._baked_grades.refinish(camera, given, look, wanted, self.ev, self._transfer(camera, look))
 
     def _developed(self, source: Path, settings: PictureSettings, camera: CameraProfile, look: CameraProfile) -> Grade:
         """The grade of a RAW file: rendered, with its own white balance or the one asked for."""
@@ -128,7 +130,7 @@ class ProfileRecipe(Rebuilt):
             notes = (*notes, f'the file does not tell a style of this profile; "{style}" is used')
         wanted = self.wanted(camera, given, look)
         return Grade(
-            self._gradings.develop(camera, given, look, wanted, self.ev, self._transfer(camera, look)),
+            self._baked_grades.develop(camera, given, look, wanted, self.ev, self._transfer(camera, look)),
             _history(camera.camera, "RAW", look.camera, str(wanted), self.ev),
             attributes=_attributes(look, wanted),
             raw=True,
@@ -181,8 +183,8 @@ class ProfileRecipe(Rebuilt):
         return found
 
     @cached_property
-    def _gradings(self) -> Gradings:
-        return Gradings()
+    def _baked_grades(self) -> BakedGrades:
+        return BakedGrades()
 
     def _transfer(self, camera: CameraProfile, look: CameraProfile) -> RawTransfer | None:
         return None if look is camera else self._transfers.get(camera.camera)

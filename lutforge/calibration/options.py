@@ -84,7 +84,7 @@ class CalibrationOptions:
     preset: "thesis" is its chapters as written (uniform prior, fixed weights, α by fitting error, saturation threshold
     β); "lutforge" continues the matrix and response where there are no samples, smooths in all directions, chooses its
     weights by cross-validation over shots, and tells outliers by their residual. size: nodes per axis, 3 … 65.
-    nonuniform: False keeps the node levels evenly spaced. response: the lattice that renders has an output curve behind
+    nonuniform: False keeps the node levels evenly spaced. output_curve: the lattice that renders has one behind
     it, which CLF and CTF files hold, and a plain form for other files (lutforge preset only). lattice: the numbers of
     the lattice fit. Raises CalibrationError on values outside these.
     """
@@ -95,7 +95,7 @@ class CalibrationOptions:
     interpolation: Interpolation = "trilinear"
     nonuniform: bool = True
     shaper_size: int = SHAPER_SIZE
-    response: bool = True
+    output_curve: bool = True
     lattice: LatticeFitOptions = field(default_factory=LatticeFitOptions)
 
     def __post_init__(self) -> None:
@@ -121,7 +121,7 @@ class CalibrationOptions:
             "interpolation": self.interpolation,
             "nonuniform": self.nonuniform,
             "shaper_size": self.shaper_size,
-            "response": self.response,
+            "output_curve": self.output_curve,
         }
 
 

@@ -101,7 +101,7 @@ def _linearize_greys(data: StyleData, options: CalibrationOptions, render: Latti
 
 def render_with_plain(data: StyleData, fit: StyleFit, options: CalibrationOptions) -> Lattice:
     """Return the lattice that renders; one with an output curve also gets its plain form, for files without curves."""
-    if fit.render.lattice.response is None:
+    if fit.render.lattice.output_curve is None:
         return fit.render.lattice
     curved, smoothness = fit.render.lattice, fit.render.smoothness
     return replace(curved, plain=fit_plain(data.balanced, data.encoded, curved, options, smoothness).lattice)

@@ -14,7 +14,7 @@ from lutforge.cli.console import complain, note, progress_bar, quiet_codecs, say
 
 if TYPE_CHECKING:
     from lutforge.apply.batch import BatchResult
-    from lutforge.apply.image import Applied
+    from lutforge.apply.image import GradedImage
     from lutforge.pipeline.grading import Grading
 
 
@@ -103,7 +103,7 @@ def _run(grading: "Grading", as_json: bool) -> None:
         raise typer.Exit(1 if asked > 1 else 2)
 
 
-def _notes(graded: "Sequence[Applied]") -> Iterator[str]:
+def _notes(graded: "Sequence[GradedImage]") -> Iterator[str]:
     """What there is to know of the images; what over three have in common, but for its numbers, in one line."""
     alike: dict[str, list[tuple[Path, str]]] = {}
     for done in graded:

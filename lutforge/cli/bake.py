@@ -59,9 +59,9 @@ def bake(
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
     from lutforge.pipeline.baking import bake_files
-    from lutforge.pipeline.transforms import Wanted
+    from lutforge.pipeline.transforms import TransformRequest
 
-    wanted = Wanted(kind, source, target, ev, space, model, other, tuple(transfer or ()))
+    wanted = TransformRequest(kind, source, target, ev, space, model, other, tuple(transfer or ()))
     with progress_bar("baking") as report:
         baked = bake_files(
             profile, wanted, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,

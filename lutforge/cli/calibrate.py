@@ -67,8 +67,8 @@ def calibrate(
     """Calibrate a camera, and print the error on shots that were held out."""
     from lutforge.pipeline.calibration import calibrate as fit
     from lutforge.pipeline.calibration import calibration_options, smallest_size
-    from lutforge.pipeline.developing import left_side, sample_pairs
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+    from lutforge.pipeline.raw_substitutes import raw_substitute, sample_pairs
     from lutforge.pipeline.sampling import gather_samples
 
     check_output(output, PROFILE_SUFFIXES, sources or ())
@@ -79,7 +79,7 @@ def calibrate(
         if pairs is not None:
             tell(sampled := sample_pairs(*pairs, from_space, report))
         else:
-            sampled = gather_samples(sources or [], report, tell, left_side(developer, developed, developed_space))
+            sampled = gather_samples(sources or [], report, tell, raw_substitute(developer, developed, developed_space))
     samples = sampled.samples
     if tolerance is not None:
         with progress_bar("choosing a size") as report:

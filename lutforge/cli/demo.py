@@ -86,13 +86,13 @@ def _cells(what: str, figures: "ErrorFigures") -> tuple[str, ...]:
 
 def _bake(profile: "CameraProfile", shots: "DemoShots", folder: Path) -> None:
     from lutforge.pipeline.baking import bake_files
-    from lutforge.pipeline.transforms import Wanted
+    from lutforge.pipeline.transforms import TransformRequest
 
     for wanted, names in (
-        (Wanted("render", target=shots.target), ["render.clf"]),
-        (Wanted("linearize", shots.source, space="acescg"), ["linearize_acescg.clf"]),
+        (TransformRequest("render", target=shots.target), ["render.clf"]),
+        (TransformRequest("linearize", shots.source, space="acescg"), ["linearize_acescg.clf"]),
         (
-            Wanted("refinish", shots.source, shots.target, shots.ev),
+            TransformRequest("refinish", shots.source, shots.target, shots.ev),
             ["refinish.clf", "refinish.resolve.cube", "refinish.cube"],
         ),
     ):

@@ -33,18 +33,18 @@ def evaluate(
     """Print the errors of a profile on samples, beside plain baselines.
 
     A shot that the profile was calibrated from is left out and predicted by a refit without it; any other is predicted
-    by the profile as it is. Printed are the error of both directions, the RMSE of RAW, the linearisation error over
+    by the profile as it is. Printed are the error of both directions, the RMSE of RAW, the linearization error over
     exposure pairs, and the error of refinishing between settings of one scene, where the shots show these.
     """
-    from lutforge.pipeline.developing import left_side_of_profile
     from lutforge.pipeline.evaluation import as_profile
     from lutforge.pipeline.evaluation import evaluate as measure
+    from lutforge.pipeline.raw_substitutes import raw_substitute_of
     from lutforge.pipeline.sampling import gather_samples
 
     camera = as_profile(profile)
     with progress_bar("sampling") as report:
         told = (lambda sampled: None) if as_json else tell
-        samples = gather_samples(sources, report, told, left_side_of_profile(camera)).samples
+        samples = gather_samples(sources, report, told, raw_substitute_of(camera)).samples
     with progress_bar("evaluating") as report:
         evaluation = measure(camera, samples, report, tables=tables)
     for text in evaluation.notes:
@@ -55,7 +55,7 @@ def evaluate(
         return
     _print_errors(evaluation)
     _print_raw(evaluation)
-    _print_linearisation(evaluation)
+    _print_linearization(evaluation)
     _print_refinish(evaluation)
     _print_shares(evaluation)
 
@@ -84,14 +84,14 @@ def _print_raw(evaluation: "Evaluation") -> None:
         print_table("JPEG → RAW before white balance: RMSE (1 = saturation)", header, cells)
 
 
-def _print_linearisation(evaluation: "Evaluation") -> None:
+def _print_linearization(evaluation: "Evaluation") -> None:
     cells = [
         (row.style, row.method, _yes(row.held_out), str(row.pairs), *(f"{value:.4f}" for value in row.delta))
-        for row in evaluation.linearisation
+        for row in evaluation.linearization
     ]
     if cells:
         header = ("style", "method", "held out", "n", "R", "G", "B")
-        print_table("Linearisation error over pairs of exposures of one scene (1 = full scale)", header, cells)
+        print_table("Linearization error over pairs of exposures of one scene (1 = full scale)", header, cells)
 
 
 def _print_refinish(evaluation: "Evaluation") -> None:

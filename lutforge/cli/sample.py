@@ -8,7 +8,7 @@ import typer
 from lutforge.cli.console import DevelopedFolder, DevelopedSpace, DeveloperName, Shots, note, progress_bar, say
 
 if TYPE_CHECKING:
-    from lutforge.pipeline.sampling import Sampled
+    from lutforge.pipeline.sampling import SampledShots
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="samples.csv or samples.parquet.")]
 
@@ -27,8 +27,8 @@ def sample(
     developed_space: DevelopedSpace = None,
 ) -> None:
     """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
-    from lutforge.pipeline.developing import left_side
     from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output
+    from lutforge.pipeline.raw_substitutes import raw_substitute
     from lutforge.pipeline.sampling import sample_by_reference, sample_shots
     from lutforge.samples.table import write_samples
 
@@ -37,13 +37,13 @@ def sample(
         if reference is not None:
             sampled = sample_by_reference(shots, reference, report)
         else:
-            sampled = sample_shots(shots, report, left_side(developer, developed, developed_space))
+            sampled = sample_shots(shots, report, raw_substitute(developer, developed, developed_space))
     tell(sampled)
     write_samples(output, sampled.samples)
     say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shots")
 
 
-def tell(sampled: "Sampled") -> None:
+def tell(sampled: "SampledShots") -> None:
     """Print the account of each shot, and what was left out."""
     for shot in sampled.shots:
         say(shot.summary)

@@ -10,7 +10,7 @@ from lutforge.errors import SettingsError
 
 if TYPE_CHECKING:
     from lutforge.calibration.physical.raw_to_raw import Form
-    from lutforge.pipeline.sampling import Sampled
+    from lutforge.pipeline.sampling import SampledShots
 
 NAMES = {
     "matrix": "one matrix",
@@ -45,6 +45,6 @@ def transfer(
         say(f"  held-out error, relative: {errors}")
 
 
-def _tell(sampled: "Sampled") -> None:
+def _tell(sampled: "SampledShots") -> None:
     for text in sampled.left_out:
         note(text)

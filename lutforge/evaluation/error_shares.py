@@ -1,9 +1,9 @@
-"""Where the error of a render comes from: the fixed rendering, the lens's falloff, the scene, noise.
+"""Split the error of a render into shares: fixed rendering, falloff of the lens, scene, noise.
 
-Mean squares add up. What brightening by place takes away is the falloff's share, what taking out each shot's departure
-takes away beyond that the scene's. Of the rest the noise is what samples of nearly one colour differ by within a shot,
-a difference-based estimate (Gasser, Sroka & Jennen-Steinmetz 1986, https://doi.org/10.1093/biomet/73.3.625); what is
-left is the fixed rendering's.
+Mean squares add up. The falloff's share is what the error falls by when each sample is brightened for its place. The
+scene's share is what it falls by further when each shot's departure is taken out. The noise is estimated from the
+differences between samples of nearly one colour within a shot (Gasser, Sroka & Jennen-Steinmetz 1986,
+https://doi.org/10.1093/biomet/73.3.625). The rest is the fixed rendering's.
 """
 
 from collections.abc import Sequence
@@ -23,8 +23,8 @@ from lutforge.model.shot_tone import ShotTone, tone_stops
 class ErrorShares:
     """Root mean squares of RGB errors of rendered colours, 1 = full scale.
 
-    The squares of the last four add up to that of total. total: of a render that knows neither place nor scene; method:
-    what renders.
+    The squares of the last four add up to that of total. total: the error of a render that knows neither place nor
+    scene; method: the name of what renders.
     """
 
     style: str

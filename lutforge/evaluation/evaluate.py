@@ -19,7 +19,7 @@ from lutforge.evaluation.error_shares import error_shares
 from lutforge.evaluation.errors_table import error_figures
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
 from lutforge.evaluation.held_out import Predictions, predict
-from lutforge.evaluation.linearisation import linearisation_errors
+from lutforge.evaluation.linearization import linearization_errors
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import refinish_errors
 from lutforge.model.camera_profile import CameraProfile
@@ -136,8 +136,8 @@ def _evaluation(
         rows=tuple(_timed(rows, predictions) if tables else rows),
         notes=notes,
         raw=tuple(row for name, found in predictions.items() for row in raw_errors(name, found)),
-        linearisation=tuple(
-            row for name, found in predictions.items() for row in linearisation_errors(name, found, profile.matrix)
+        linearization=tuple(
+            row for name, found in predictions.items() for row in linearization_errors(name, found, profile.matrix)
         ),
         refinish=refinish_errors(predictions),
         shares=tuple(

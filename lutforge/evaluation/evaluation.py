@@ -7,7 +7,7 @@
                   (over channels), de00_mean, de00_max (null where the values are not display colours), fit_seconds and
                   seconds_per_megapixel (null where they were not measured)
     raw           Fig. 4.5: JPEG → RAW before white balance: style, method, held_out, count, rmse, rmse_rgb
-    linearisation  equation (4.11): style, method, held_out, pairs, delta (r, g, b)
+    linearization  equation (4.11): style, method, held_out, pairs, delta (r, g, b)
     refinish      Fig. 6.2: source, target (STYLE/WB), method, held_out, shots, and figures as in rows
     shares        root mean squares of what the error of rendered colours consists of: style, method, total, rendering,
                   falloff, scene, noise; squares add up
@@ -28,7 +28,7 @@ import numpy as np
 from lutforge.evaluation.error_shares import ErrorShares
 from lutforge.evaluation.errors_table import ErrorFigures, error_figures
 from lutforge.evaluation.held_out import Predictions
-from lutforge.evaluation.linearisation import LinearisationError
+from lutforge.evaluation.linearization import LinearizationError
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import RefinishError
 from lutforge.model.shot_tone import ShotTone
@@ -79,7 +79,7 @@ class RawError:
 class Evaluation:
     """What an evaluation found.
 
-    rows: the error table; raw, linearisation, refinish: the thesis's other tables; notes: what was left out, why;
+    rows: the error table; raw, linearization, refinish: the thesis's other tables; notes: what was left out, why;
     predictions: by style, what the rows are made of; shares: what the error consists of; tones: departures of shots.
     """
 
@@ -87,7 +87,7 @@ class Evaluation:
     rows: tuple[EvaluationRow, ...]
     notes: tuple[str, ...]
     raw: tuple[RawError, ...] = ()
-    linearisation: tuple[LinearisationError, ...] = ()
+    linearization: tuple[LinearizationError, ...] = ()
     refinish: tuple[RefinishError, ...] = ()
     tables: bool = False
     predictions: Mapping[str, Predictions] = field(default_factory=dict)
@@ -103,7 +103,7 @@ class Evaluation:
             "tables": self.tables,
             "rows": [row.as_json() for row in self.rows],
             "raw": [row.as_json() for row in self.raw],
-            "linearisation": [row.as_json() for row in self.linearisation],
+            "linearization": [row.as_json() for row in self.linearization],
             "shares": [row.as_json() for row in self.shares],
             "tones": [asdict(tone) for tone in self.tones],
             "refinish": [row.as_json() for row in self.refinish],

@@ -26,14 +26,17 @@ LEAST_SAMPLES = 24
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Of the held-out samples of a direction: distance to the nearest sample of their fit, doubt, error, each (n,)."""
+    """What the held-out samples of one direction tell.
+
+    distance: to the nearest sample of the fit that predicts it; doubt; error: each (n,).
+    """
 
     distance: Array
     doubt: Array
     error: Array
 
     def coefficients(self) -> Array:
-        """(3,): a, b and c."""
+        """Return the coefficients a, b and c of the expected error, (3,), by nonnegative least squares."""
         found, _ = nnls(np.column_stack([np.ones_like(self.distance), self.distance, self.doubt]), self.error)
         return np.asarray(found)
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 PREFIX = b"Exif\0\0"
-"""What a JPEG's APP1 segment begins with where it holds EXIF; the TIFF structure follows."""
+"""Beginning of an APP1 segment that holds EXIF; the TIFF structure follows."""
 
 EXIF_DIRECTORY, INTEROPERABILITY_DIRECTORY, COLOUR_SPACE = 0x8769, 0xA005, 0xA001
 """Tags of Exif 2.32, 4.6.3 and 4.6.5."""
@@ -60,7 +60,7 @@ def _number(block: bytes, order: str, at: int) -> int:
 
 
 def _directory(block: bytes, order: str, at: int) -> tuple[dict[int, int], int]:
-    """Where the value field of each tag of a directory stands, and the offset of the next directory (0: none)."""
+    """Return the offset of the value field of each tag of a directory, and of the next directory (0: none)."""
     (count,) = struct.unpack_from(f"{order}H", block, at)
     entries = dict(_entries(block, order, at + 2, count))
     end = at + 2 + 12 * count

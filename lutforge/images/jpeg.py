@@ -112,7 +112,7 @@ def read_header(data: bytes | mmap) -> JpegHeader | None:
 
 
 def metadata_end(data: bytes) -> int:
-    """Where a JPEG goes on behind SOI and the metadata segments at its beginning."""
+    """Return the offset of the first byte after SOI and the metadata segments that follow it."""
     at = 2
     while data[at : at + 1] == b"\xff" and (APP0 <= data[at + 1] <= 0xEF or data[at + 1] == COMMENT):
         at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")

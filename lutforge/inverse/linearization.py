@@ -1,7 +1,7 @@
 """The lookup table JPEG → RAW that undoes a baked render: how a config's linearization is made.
 
 Colours from the whole cube of JPEG values are inverted exactly, one by one (`preimage`), and the table is fitted to the
-RAW found for them by lattice regression, behind the inverse of the render's response, so that only the bends of the
+RAW found for them by lattice regression, behind the inverse of the render's output curve, so that only the bends of the
 render's lattice are left to it. Errors count as the render shows them. From fit to fit the largest errors count more
 (C. L. Lawson, 1961; Rice & Usow, Math. Comp. 22, 1968, https://doi.org/10.1090/S0025-5718-1968-0225469-7), which brings
 the maximum down. Beyond the colours that the render makes the table continues smoothly.
@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from lutforge.arrays import Array
-from lutforge.interpolation import Levels, interpolate, through
+from lutforge.interpolation import Levels, apply_curve, interpolate
 from lutforge.inverse.baked_render import BakedRender
 from lutforge.inverse.colours import in_every_cell, raw_colours
 from lutforge.inverse.preimage import clipped_sides, preimages
@@ -57,7 +57,7 @@ class Linearization:
 
     def __call__(self, jpeg: Array) -> Array:
         """RAW of JPEG colours (…, 3)."""
-        return interpolate(through(self.curve, jpeg), _on_axes(self.curve, self.levels), self.values, "tetrahedral")
+        return interpolate(apply_curve(self.curve, jpeg), _on_axes(self.curve, self.levels), self.values, "tetrahedral")
 
     def as_lut(self, title: str = "") -> Lut:
         """Return the linearization as a shaper and a cube."""
@@ -81,18 +81,18 @@ def inverse_of(
     known = Linearization(levels, render.curve, prior.values)
     colours = in_every_cell(levels, np.random.default_rng(1))
     jpeg, raw = _pairs(render, known, colours, levels[0][1], options.margin)
-    inner, side = render.enter(jpeg), clipped_sides(jpeg)
+    lattice_values, side = render.to_values(jpeg), clipped_sides(jpeg)
     clipped = np.any(side != 0, axis=1) & (np.abs(side.sum(axis=1)) < 3)
     emphasis, values, best, least = np.ones(len(jpeg)), None, None, np.inf
     for _ in range(options.rounds):
-        slope = render.slope(render.inner(raw))
+        slope = render.slope(render.cube_values(raw))
         weight = emphasis * np.einsum("nc,nc->n", slope, slope)
         fit = fit_lattice(
-            inner, raw, knots, smooth, method="tetrahedral", weight=weight / weight.mean(), prior=prior, start=values,
-            tolerance=1e-4,
+            lattice_values, raw, knots, smooth, method="tetrahedral", weight=weight / weight.mean(), prior=prior,
+            start=values, tolerance=1e-4,
         )  # fmt: skip
         values = fit.values
-        reached = interpolate(inner, knots, values, "tetrahedral")
+        reached = interpolate(lattice_values, knots, values, "tetrahedral")
         error = np.linalg.norm(render(reached) - jpeg, axis=1)
         if error.max() < least:
             best, least = values, float(error.max())
@@ -113,7 +113,7 @@ def spaced_levels(render: BakedRender, options: InverseOptions) -> Levels:
     """
     layer, axes = 8 / (options.entries - 1), []
     even = np.linspace(0.0, 1.0, options.size - 2)
-    for bent in through(render.response, even[:, None].repeat(3, axis=1)).T:
+    for bent in apply_curve(render.output_curve, even[:, None].repeat(3, axis=1)).T:
         inside = np.clip(0.75 * even + 0.25 * bent, 1.5 * layer, 1 - 1.5 * layer)[1:-1]
         axes.append(snap_levels(np.concatenate([[0.0, layer], inside, [1 - layer, 1.0]]), options.entries))
     return axes[0], axes[1], axes[2]
@@ -121,14 +121,14 @@ def spaced_levels(render: BakedRender, options: InverseOptions) -> Levels:
 
 def _on_axes(curve: Array, levels: Levels) -> Levels:
     """Map node levels of the JPEG through a curve."""
-    r, g, b = through(curve, np.stack(levels, axis=1)).T
+    r, g, b = apply_curve(curve, np.stack(levels, axis=1)).T
     return np.ascontiguousarray(r), np.ascontiguousarray(g), np.ascontiguousarray(b)
 
 
 def _straight(render: BakedRender) -> Callable[[Array], Array]:
     """JPEG colours (…, 3) → RAW, were the lattice of the render its mean slope near neutrals and nothing else."""
-    inverse = np.linalg.inv(render.frame)
-    return lambda jpeg: np.asarray(render.enter(jpeg) @ inverse.T)
+    inverse = np.linalg.inv(render.mean_slope)
+    return lambda jpeg: np.asarray(render.to_values(jpeg) @ inverse.T)
 
 
 def _pairs(render: BakedRender, known: Linearization, jpeg: Array, layer: float, margin: float) -> tuple[Array, Array]:

@@ -30,14 +30,14 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
     where that costs the other channels nothing. Also returned: the residual that is left, encoded (n,), 0 to rounding
     where the render makes the colour at all. O(n) time.
     """
-    inner, sides, levels = render.enter(jpeg), clipped_sides(jpeg), np.stack(render.levels)
-    weights = render.slope(inner)
+    lattice_values, sides, levels = render.to_values(jpeg), clipped_sides(jpeg), np.stack(render.levels)
+    weights = render.slope(lattice_values)
 
     def linearize(raw: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
         residual, slope = np.empty(raw.shape), np.empty((*raw.shape, 3))
         fill = partial(
-            _linearize, render.values, levels, render.tetrahedral, raw, inner[which], weights[which], sides[which],
-            margin, residual, slope,
+            _residual_and_slope, render.values, levels, render.tetrahedral, raw, lattice_values[which], weights[which],
+            sides[which], margin, residual, slope,
         )  # fmt: skip
         run(fill, shares(len(raw), 4096))
         return residual, slope
@@ -94,7 +94,7 @@ def _value_and_slope(values: Array, levels: Array, tetrahedral: bool, x: Array, 
 
 
 @compiled()
-def _linearize(
+def _residual_and_slope(
     values: Array, levels: Array, tetrahedral: bool, raw: Array, targets: Array, weights: Array, sides: Index,
     margin: float, residual: Array, slope: Array, first: int, last: int,
 ) -> None:  # fmt: skip

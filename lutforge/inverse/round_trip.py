@@ -11,7 +11,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.inverse.colours import as_8_bit, climbed, raw_colours
 
-Evaluated = Callable[[Array], Array]
+ColourFunction = Callable[[Array], Array]
 
 MEAN_GOAL, MAX_GOAL = 0.001, 0.02
 """The most that a round trip should lose, RGB norm of encoded values: a quarter of a code, and five."""
@@ -44,7 +44,7 @@ def rounded_up(value: float) -> str:
     return f"{np.ceil(value / unit - 1e-9) * unit:.2g}"
 
 
-def measure(render: Evaluated, linearize: Evaluated, count: int = 1 << 15, seed: int = 11) -> RoundTrip:
+def measure(render: ColourFunction, linearize: ColourFunction, count: int = 1 << 15, seed: int = 11) -> RoundTrip:
     """Measure the round trip of the JPEG of 5 · `count` RAW colours, in floats and in 8 bits, and near the worst ones.
 
     render, linearize: as their files evaluate them.

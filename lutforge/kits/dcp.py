@@ -161,11 +161,11 @@ def _before_tone_curve(rgb: Array, curve: Array) -> Array:
     return _between_ends(rgb, lambda y: np.interp(y, curve[rising, 1], curve[rising, 0]))
 
 
-def _between_ends(rgb: Array, through: Callable[[Array], Array]) -> Array:
+def _between_ends(rgb: Array, curve: Callable[[Array], Array]) -> Array:
     largest, least = rgb.max(axis=-1, keepdims=True), rgb.min(axis=-1, keepdims=True)
     gap = largest - least
     place = np.where(gap > 0, (rgb - least) / np.where(gap > 0, gap, 1.0), 0.0)
-    top, bottom = through(largest), through(least)
+    top, bottom = curve(largest), curve(least)
     return bottom + place * (top - bottom)
 
 

@@ -5,8 +5,8 @@ it: the curve is the running sum of its root-mean-square slope, which leaves, of
 average (d/dx log u' = ⟨F_xx, F_x⟩ / ⟨F_x, F_x⟩). Node levels then even out what curvature is left: intervals of width h
 carry a mean error ∝ |κ| h² per unit length of the curve, and at a fixed number of them the total is least where 1/h ∝
 |κ|^(1/3), the largest where 1/h ∝ |κ|^(1/2) (de Boor 1973). The first is wanted where the cube holds all, the second
-where a response behind it magnifies the errors of the darks; few of the lines across an axis then carry the largest
-errors, and a power mean of their curvatures counts these for more.
+where an output curve behind it magnifies the errors of the darks; few of the lines across an axis then carry the
+largest errors, and a power mean of their curvatures counts these for more.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from lutforge.arrays import Array
-from lutforge.interpolation import Levels, through
+from lutforge.interpolation import Levels, apply_curve
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import snap_levels
 
@@ -40,7 +40,7 @@ class Axes:
 
     def stretched(self, x: Array) -> Array:
         """Map inputs (…, 3) through the curve, which continues with slope 1 beyond 1."""
-        return x if self.curve is None else through(self.curve, x) + np.maximum(x - 1.0, 0.0)
+        return x if self.curve is None else apply_curve(self.curve, x) + np.maximum(x - 1.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +54,9 @@ class Lines:
     values: tuple[Array, Array, Array]
     share: Array
 
-    def through(self, response: Array) -> "Lines":
-        """Return the lines with a response behind the function."""
-        r, g, b = (through(response, y) for y in self.values)
+    def behind(self, curve: Array) -> "Lines":
+        """Return the lines with a curve behind the function."""
+        r, g, b = (apply_curve(curve, y) for y in self.values)
         return replace(self, values=(r, g, b))
 
 

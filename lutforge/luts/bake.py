@@ -18,14 +18,14 @@ import scipy
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.fit import Evaluated, evaluate, fit_ops
+from lutforge.luts.fit import EvaluatedTransform, evaluate, fit_ops
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.parts import Parts, curve_alone, parts_of
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import FORMS, MAX_SIZE, Form, Lut
 from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, shaper
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.model.transform import ColourFunction, DecodeRgb, Linear, Transform
+from lutforge.model.transform import ColourFunction, DecodeRgb, MatrixStage, Transform
 from lutforge.progress import Progress, silent
 
 
@@ -99,7 +99,7 @@ def bake_forms(
     if not 0 < highest < 65504:
         raise LutError(f"LUT: inputs up to {highest:g}; half floats end at 65504")
     scenes = _takes_scenes(transform)
-    known: dict[tuple[str, int], Evaluated] = {}
+    known: dict[tuple[str, int], EvaluatedTransform] = {}
 
     def together(form: Form) -> str:
         return form if scenes or form in ("plain", "shared") else "curves"
@@ -156,7 +156,7 @@ def bake_error(lut: Lut, transform: ColourFunction, display_referred: bool = Tru
 
 def _takes_scenes(transform: ColourFunction) -> bool:
     """True for a transform of scene-linear light, which a matrix takes to the camera's RAW."""
-    return isinstance(transform, Transform) and bool(transform.stages) and isinstance(transform.stages[0], Linear)
+    return isinstance(transform, Transform) and bool(transform.stages) and isinstance(transform.stages[0], MatrixStage)
 
 
 def _decoded(transform: ColourFunction) -> tuple[Curve, Transform] | None:
@@ -212,7 +212,7 @@ def _with_curve(ops: tuple[Op, ...], target: Target) -> tuple[Op, ...] | None:
 
 
 def _folded(ops: tuple[Op, ...], behind: Parts) -> tuple[Op, ...] | None:
-    """A lattice with its gain in the shaper and its matrix in the cube; None where a response is behind it.
+    """A lattice with its gain in the shaper and its matrix in the cube; None where an output curve is behind it.
 
     Node levels L / gain are moved to the shaper's grid, and the cube is evaluated there, so that an output changes by
     less than its kinks do over one step of the shaper.

@@ -9,7 +9,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.arrays import Array, Real
 from lutforge.errors import LutError, one_line
-from lutforge.luts.ends import RAW
+from lutforge.luts.input_and_output import RAW
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.reader_habits import Colour, readers_of

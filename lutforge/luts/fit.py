@@ -22,7 +22,7 @@ from lutforge.progress import Progress, silent
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluated:
+class EvaluatedTransform:
     """A transform at the points of a fit, for one size and one or more forms.
 
     designs: per form the axes of its cube, behind the gain of the parts; inputs span 0 to `highest`.
@@ -37,7 +37,7 @@ class Evaluated:
 def evaluate(
     transform: ColourFunction, size: int, forms: Sequence[Form], highest: float = 1.0,
     progress: Progress = silent,
-) -> Evaluated:  # fmt: skip
+) -> EvaluatedTransform:  # fmt: skip
     """Evaluate a transform for fits of `size` nodes per axis. O(size³) evaluations.
 
     forms: "full" and "shaper" share what is evaluated; each of the others stands alone. highest: inputs reach from 0 to
@@ -51,26 +51,26 @@ def evaluate(
     if plain:
         designs["plain"] = Axes(None, uniform_levels(size))
     else:
-        smooth = parts.inner if edge is None else lambda x: parts.inner(np.minimum(x, edge))
+        smooth = parts.cube_values if edge is None else lambda x: parts.cube_values(np.minimum(x, edge))
         lines = measure_lines(smooth, parts.gain, parts.stops)
-        rendered = lines if parts.response is None else lines.through(parts.response)
+        rendered = lines if parts.output_curve is None else lines.behind(parts.output_curve)
         for form in forms:
             if form == "full":
-                weight = None if parts.response is None else slope_weight(parts.response)
+                weight = None if parts.output_curve is None else slope_weight(parts.output_curve)
                 designs[form] = fit_axes(lines, size, weight, parts.curve, edge=edge)
             else:
-                curve = parts.curve if parts.response is None else None
+                curve = parts.curve if parts.output_curve is None else None
                 axes = fit_axes(rendered, size, None, curve, shared, edge)
                 folded = levels_behind_gain(axes.levels, parts.gain)
                 r, g, b = (axis * gain for axis, gain in zip(folded, parts.gain, strict=True))
                 designs[form] = Axes(axes.curve, (r, g, b))
     samples = sample(
-        lambda x: parts.inner(np.minimum(x, 1.0)),  # a level in front of a gain is rounded up, beyond what clips
+        lambda x: parts.cube_values(np.minimum(x, 1.0)),  # a level in front of a gain is rounded up, beyond what clips
         tuple(axes.levels for axes in designs.values()),
         parts.gain,
         lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share),
     )
-    return Evaluated(parts, designs, samples, highest)
+    return EvaluatedTransform(parts, designs, samples, highest)
 
 
 def _keeps_white(transform: ColourFunction) -> bool:
@@ -78,17 +78,17 @@ def _keeps_white(transform: ColourFunction) -> bool:
     return isinstance(transform, Transform) and any(isinstance(stage, KeepNeutral) for stage in transform.stages)
 
 
-def fit_ops(evaluated: Evaluated, form: Form, method: Interpolation) -> tuple[Op, ...]:
+def fit_ops(evaluated: EvaluatedTransform, form: Form, method: Interpolation) -> tuple[Op, ...]:
     """The operations of a form that come nearest to what was evaluated, under the reader's own interpolation."""
     parts, axes = evaluated.parts, evaluated.designs[form]
-    response = parts.response if form == "full" else None
+    curve = parts.output_curve if form == "full" else None
     samples = evaluated.samples
-    if parts.response is not None and response is None:
-        samples = samples.through(parts.response)
-    weight = None if response is None else slope_weight(response)
+    if parts.output_curve is not None and curve is None:
+        samples = samples.behind(parts.output_curve)
+    weight = None if curve is None else slope_weight(curve)
     r, g, b = (axes.stretched(np.stack(axes.levels, axis=1))[:, c].copy() for c in range(3))
     design = list(evaluated.designs).index(form)
-    values = fit_cube(samples, design, (r, g, b), method, axes.stretched, weight, response is None)
+    values = fit_cube(samples, design, (r, g, b), method, axes.stretched, weight, curve is None)
     if form == "full":
         return full_ops(parts, axes, Cube(values, method), evaluated.highest)
     folded, gain = Cube(values @ parts.matrix.T, method), parts.gain
@@ -103,14 +103,14 @@ def fit_ops(evaluated: Evaluated, form: Form, method: Interpolation) -> tuple[Op
 
 
 def full_ops(parts: Parts, axes: Axes, cube: Cube, highest: float = 1.0) -> tuple[Op, ...]:
-    """Matrices → clamp → shaper → cube → response → matrix, without what changes nothing."""
+    """Matrices → clamp → shaper → cube → output curve → matrix, without what changes nothing."""
     ahead, behind = Matrix((parts.gain / highest)[:, None] * parts.before), Matrix(parts.matrix)
     return (
         *(() if ahead.is_identity else (ahead,)),
         Range(),
         *_shaper(axes),
         cube,
-        *(() if parts.response is None else (Curve(parts.response),)),
+        *(() if parts.output_curve is None else (Curve(parts.output_curve),)),
         *(() if behind.is_identity else (behind,)),
     )
 

@@ -14,7 +14,7 @@ import scipy
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import LutError
-from lutforge.interpolation import Interpolation, Levels, interpolate, through
+from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
 from lutforge.model.lattice import grid
 from lutforge.solvers.conjugate_gradients import conjugate_gradients
 from lutforge.solvers.normal_equations import normal_equations
@@ -45,9 +45,9 @@ class Samples:
     counted: Array
     nodes: tuple[Array, ...]
 
-    def through(self, response: Array) -> "Samples":
-        """Return the samples with a response behind the function."""
-        return replace(self, y=through(response, self.y), nodes=tuple(through(response, y) for y in self.nodes))
+    def behind(self, curve: Array) -> "Samples":
+        """Return the samples with a curve behind the function."""
+        return replace(self, y=apply_curve(curve, self.y), nodes=tuple(apply_curve(curve, y) for y in self.nodes))
 
     def of_design(self, design: int) -> tuple[Array, Array, Array]:
         """Return x, y (m, 3) and weights (m,) for a fit at one of the designs: the points, its nodes, the grey axis.
@@ -115,9 +115,9 @@ def fit_cube(
 
     knots: the design's levels on the axes of the cube, to which `curve` takes inputs. Black and white are the
     function's own; the grey axis counts 30 times. weight: (n, 3) of outputs → (n,), how much a squared error
-    counts there, as a response behind the cube magnifies it; then a second, reweighted fit (Lawson 1961) brings down
-    the largest errors. limit: no node leaves the function's own range, whatever would fit best, so that a file keeps
-    within the legal range.
+    counts there, as an output curve behind the cube magnifies it; then a second, reweighted fit (Lawson 1961) brings
+    down the largest errors. limit: no node leaves the function's own range, whatever would fit best, so that a
+    file keeps within the legal range.
     """
     x, y, omega = samples.of_design(design)
     nodes = samples.nodes[design]

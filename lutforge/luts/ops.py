@@ -10,7 +10,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.errors import LutError
-from lutforge.interpolation import INTERPOLATIONS, Interpolation, interpolate, through
+from lutforge.interpolation import INTERPOLATIONS, Interpolation, apply_curve, interpolate
 from lutforge.model.lattice import uniform_levels
 
 
@@ -105,7 +105,7 @@ class Curve:
     def __call__(self, x: Array) -> Array:
         """Evaluate at x (…, 3)."""
         if self.inputs is None:
-            return through(self.outputs, x if (self.low, self.high) == (0.0, 1.0) else self._on_unit(x))
+            return apply_curve(self.outputs, x if (self.low, self.high) == (0.0, 1.0) else self._on_unit(x))
         known = np.where(np.isnan(x), self.inputs[0], x)
         knots, values = self.inputs.T, self.outputs.T
         return np.stack([np.interp(known[..., c], knots[c], values[c]) for c in range(3)], axis=-1)
@@ -144,7 +144,7 @@ class Cube:
         return int(max(self.values.shape[:3]))
 
     @property
-    def is_even(self) -> bool:
+    def has_equal_axes(self) -> bool:
         """True where the three axes have equally many nodes."""
         return len(set(self.values.shape[:3])) == 1
 
@@ -154,7 +154,7 @@ class Cube:
         return interpolate(x, (r, g, b), self.values, self.interpolation)
 
     def __str__(self) -> str:
-        nodes = f"{self.size}³" if self.is_even else " × ".join(map(str, self.values.shape[:3]))
+        nodes = f"{self.size}³" if self.has_equal_axes else " × ".join(map(str, self.values.shape[:3]))
         return f"Cube {nodes} nodes, {self.interpolation}, {self.values.min():.5g} to {self.values.max():.5g}"
 
 

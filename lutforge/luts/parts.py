@@ -11,7 +11,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.errors import LutError
-from lutforge.interpolation import through
+from lutforge.interpolation import apply_curve
 from lutforge.luts.ops import Curve, Matrix, Op, Range
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.gamut_map import GamutMap
@@ -24,7 +24,7 @@ from lutforge.model.transform import (
     Encode,
     Gain,
     KeepNeutral,
-    Linear,
+    MatrixStage,
     Stage,
     Transform,
     through_stages,
@@ -35,18 +35,19 @@ Function = Callable[[Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """A transform as matrix · response(inner(gain · before · x)).
+    """A transform as matrix · output_curve(cube_values(gain · before · x)).
 
-    The cube holds `inner`. curve: the input curves (m, 3) along which `inner` is smooth; response: the output curve;
-    lattice: `inner`, where it is a lattice as it stands; stops: how many stops of light beyond 1 the inputs span.
+    The cube holds `cube_values`. curve: the input curves (m, 3) along which `cube_values` is smooth; output_curve:
+    (k, 3) or None; lattice: `cube_values`, where it is a lattice as it stands; stops: how many stops of light beyond 1
+    the inputs span.
     """
 
-    inner: Function
+    cube_values: Function
     gain: Array = field(default_factory=lambda: np.ones(3))
     matrix: Array = field(default_factory=lambda: np.eye(3))
     before: Array = field(default_factory=lambda: np.eye(3))
     curve: Array | None = None
-    response: Array | None = None
+    output_curve: Array | None = None
     lattice: Lattice | None = None
     stops: float = 0.0
 
@@ -56,32 +57,32 @@ def parts_of(transform: ColourFunction) -> Parts:
     if not isinstance(transform, Transform):
         return Parts(_checked(transform))
     stages = list(transform.stages)
-    before, gain, matrix, response = np.eye(3), np.ones(3), np.eye(3), None
-    if stages and isinstance(stages[0], Linear):
+    before, gain, matrix, behind = np.eye(3), np.ones(3), np.eye(3), None
+    if stages and isinstance(stages[0], MatrixStage):
         before = stages.pop(0)(before.T).T
     if stages and isinstance(stages[0], Gain):
         gain = stages.pop(0)(gain)
     if stages and isinstance(stages[0], Clip):
         stages.pop(0)  # a curve and a cube do so themselves
-    while stages and isinstance(stages[-1], Linear | Gain):
+    while stages and isinstance(stages[-1], MatrixStage | Gain):
         matrix = matrix @ stages.pop()(np.eye(3)).T
     last = stages[-1] if stages else None
     body: tuple[Stage, ...] = tuple(stages)
-    inner: Function = lambda x: through_stages(body, x)  # noqa: E731 - replaced where a response is taken out
+    cube_values: Function = lambda x: through_stages(body, x)  # noqa: E731 - replaced where an output curve is taken out
     if isinstance(last, Encode):
-        ahead, response = _output_curve(last.response)
-        inner = lambda x: ahead(through_stages(body[:-1], x))  # noqa: E731 - as above
-    elif isinstance(last, Lattice) and last.response is not None:
-        in_front, response = last.inner, last.response
-        inner = lambda x: in_front(through_stages(body[:-1], x))  # noqa: E731 - as above
+        ahead, behind = _output_curve(last.response)
+        cube_values = lambda x: ahead(through_stages(body[:-1], x))  # noqa: E731 - as above
+    elif isinstance(last, Lattice) and last.output_curve is not None:
+        in_front, behind = last.cube_values, last.output_curve
+        cube_values = lambda x: in_front(through_stages(body[:-1], x))  # noqa: E731 - as above
     curve = None
-    # Behind a clip in the middle only a response magnifies what the axes of its input are made for.
-    if response is not None or not any(isinstance(stage, Clip) for stage in body):
+    # Behind a clip in the middle only an output curve magnifies what the axes of its input are made for.
+    if behind is not None or not any(isinstance(stage, Clip) for stage in body):
         curve = _first_curve(body)
         if curve is None and isinstance(last, Encode):
             curve = np.repeat([[0.0], [1.0]], 3, axis=1)  # a gamut map is smooth in linear light
     lattice = last if isinstance(last, Lattice) and len(body) == 1 else None
-    return Parts(_checked(inner), gain, matrix, before, curve, response, lattice)
+    return Parts(_checked(cube_values), gain, matrix, before, curve, behind, lattice)
 
 
 def curve_alone(transform: ColourFunction) -> tuple[Op, ...] | None:
@@ -91,7 +92,7 @@ def curve_alone(transform: ColourFunction) -> tuple[Op, ...] | None:
         match stage:
             case Gain():
                 ops.append(Matrix(np.diag(stage.factors)))
-            case Linear():
+            case MatrixStage():
                 ops.append(Matrix(stage.matrix))
             case Clip():
                 ops.append(Range())
@@ -111,8 +112,8 @@ def curve_alone(transform: ColourFunction) -> tuple[Op, ...] | None:
 
 def as_one(transform: ColourFunction, highest: float) -> Parts:
     """A transform with nothing taken out of it, its inputs from 0 to `highest`."""
-    inner = transform if highest == 1 else lambda x: transform(x * highest)
-    return Parts(_checked(inner), stops=float(np.log2(max(highest, 1.0))))
+    cube_values = transform if highest == 1 else lambda x: transform(x * highest)
+    return Parts(_checked(cube_values), stops=float(np.log2(max(highest, 1.0))))
 
 
 def _first_curve(stages: tuple[Stage, ...]) -> Array | None:
@@ -139,16 +140,16 @@ def _output_curve(response: Response) -> tuple[Function, Array]:
     return lambda y: (y - low) / span, response.encode(low + even * span)
 
 
-def slope_weight(response: Array) -> Function:
-    """Return the weight of an error of the cube: the sum of the squared slopes of the response, also near clipping."""
+def slope_weight(output_curve: Array) -> Function:
+    """Return the weight of an error of the cube: the sum of the output curve's squared slopes, also near clipping."""
     reach, share, margin = 0.003, 0.05, 0.25
     y = np.repeat(np.linspace(-margin, 1 + margin, 4096)[:, None], 3, axis=1)
     inside = np.clip(y, 0.0, 1.0)
-    slope = (through(response, inside + reach) - through(response, inside - reach)) / (2 * reach)
+    slope = (apply_curve(output_curve, inside + reach) - apply_curve(output_curve, inside - reach)) / (2 * reach)
     table = slope**2 * np.exp(-0.5 * ((y - inside) / share) ** 2)
 
     def weight(y: Array) -> Array:
-        return np.asarray(share + through(table, (y + margin) / (1 + 2 * margin)).sum(axis=-1))
+        return np.asarray(share + apply_curve(table, (y + margin) / (1 + 2 * margin)).sum(axis=-1))
 
     return weight
 

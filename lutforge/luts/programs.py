@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.sequence import MAX_SIZE, SCENES, Form, format_of
+from lutforge.luts.sequence import INSTEAD_FOR_SCENES, MAX_SIZE, Form, format_of
 
 TRIED = (9, 13, 17, 21, 25, 33, 41, 49, 57, 65)
 """Sizes that a tolerance is tried at."""
@@ -112,7 +112,7 @@ def target_of(
     if suffix == ".cube" and (known.shaper if known else path.name.lower().endswith((".resolve.cube", ".shaper.cube"))):
         form, default = "shaper", 33
     if scenes and form != "full" and (form != "shaper" or file_format.inputs == "unit"):
-        raise LutError(f"{path}: {file_format.name} holds no scene-linear input beyond 1; {SCENES}")
+        raise LutError(f"{path}: {file_format.name} holds no scene-linear input beyond 1; {INSTEAD_FOR_SCENES}")
     most = MAX_SIZE
     if form == "plain" and known is not None:
         default, most = known.size if not file_format.sizes else default, known.max_size

@@ -31,7 +31,7 @@ HELD = {
 }
 """The forms in words, for messages."""
 
-SCENES = "write .clf, .ctf, .resolve.cube, .csp or .spi1d"
+INSTEAD_FOR_SCENES = "write .clf, .ctf, .resolve.cube, .csp or .spi1d"
 """The advice of a message where a format holds no scene-linear input beyond 1."""
 
 MAX_SIZE = 129
@@ -134,7 +134,7 @@ class Lut:
         if form == "full":
             return True
         parts = self.shaper_and_cube()
-        if parts is None or not parts[1].is_even:
+        if parts is None or not parts[1].has_equal_axes:
             return False
         curve = parts[0]
         return curve is None or form == "shaper" or (form == "shared" and curve.is_shared)
@@ -199,7 +199,7 @@ class FileFormat:
             return
         if self.inputs == "unit" and (curve.low, curve.high) != (0.0, 1.0):
             spanned = f"this LUT spans {curve.low:g} to {curve.high:g}"
-            raise LutError(f"{path}: {self.name} holds no input beyond 1, {spanned}; {SCENES}")
+            raise LutError(f"{path}: {self.name} holds no input beyond 1, {spanned}; {INSTEAD_FOR_SCENES}")
         if self.inputs != "knots" and curve.inputs is not None:
             raise LutError(f"{path}: {self.name} holds no curve at free knots; write a .csp")
 

@@ -102,7 +102,7 @@ def padded_levels(axis: Array, size: int) -> Array:
 
 
 def lattice_ops(lattice: Lattice) -> tuple[Op, ...]:
-    """A lattice as shaper, cube and response; exact where its levels are on a shaper's grid and equal in number.
+    """A lattice as shaper, cube and output curve; exact where its levels are on a shaper's grid and equal in number.
 
     Else levels are moved to the grid, or added in the widest cells, and the cube is evaluated there.
     """
@@ -113,12 +113,12 @@ def lattice_ops(lattice: Lattice) -> tuple[Op, ...]:
     if entries is None and not is_even((r, g, b)):
         r, g, b = levels_behind_gain((r, g, b), np.ones(3))
     same = all(np.array_equal(new, old) for new, old in zip((r, g, b), lattice.levels, strict=True))
-    values = lattice.values if same else lattice.inner(grid((r, g, b)))
+    values = lattice.values if same else lattice.cube_values(grid((r, g, b)))
     return ops_of_nodes((r, g, b), values, lattice, entries or SHAPER_SIZE)
 
 
 def ops_of_nodes(levels: Levels, values: Array, like: Lattice, size: int = SHAPER_SIZE) -> tuple[Op, ...]:
-    """Node values at levels on a shaper's grid as operations; interpolation and response are those of `like`."""
+    """Node values at levels on a shaper's grid as operations; interpolation and output curve are those of `like`."""
     curve: tuple[Op, ...] = () if is_even(levels) else (shaper(levels, size),)
-    behind: tuple[Op, ...] = () if like.response is None else (Curve(like.response),)
+    behind: tuple[Op, ...] = () if like.output_curve is None else (Curve(like.output_curve),)
     return *curve, Cube(values, like.interpolation), *behind

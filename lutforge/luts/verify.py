@@ -172,13 +172,13 @@ def _read_back(path: Path, method: Interpolation) -> Callable[[Array], Single]:
     if path.suffix.lower() in OCIO_READS:
         processors = [file_processor(file, method) for file in _files(path)]
 
-        def through(x: Array) -> Single:
+        def values_of(x: Array) -> Single:
             y = x.astype(np.float32)
             for processor in processors:
                 y = evaluate(processor, y)
             return y
 
-        return through
+        return values_of
     lut = read_lut(path)
     ops = tuple(replace(op, interpolation=method) if isinstance(op, Cube) else op for op in lut.ops)
     as_read = replace(lut, ops=ops)

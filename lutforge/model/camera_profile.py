@@ -16,7 +16,6 @@ from lutforge.model.profile_data import PhysicalModel, ProfileData
 from lutforge.model.profile_file import read_profile, save_profile
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.transform import (
-    Carry,
     Clip,
     Decode,
     DecodeRgb,
@@ -24,11 +23,12 @@ from lutforge.model.transform import (
     EncodeRgb,
     Gain,
     KeepNeutral,
-    Linear,
+    MatrixStage,
+    RawToRaw,
     Stage,
     Transform,
 )
-from lutforge.model.white_balance import resolve, seen_as, tinted
+from lutforge.model.white_balance import resolve, temperature_of, tinted
 from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector
 
 ModelName = Literal["lattice", "rbf"]
@@ -77,10 +77,10 @@ class CameraProfile(ProfileData):
         physical = self._physical(selector)
         forward, response = physical.gamut_map, Encode(physical.response)
         if not self.raw_camera:
-            return Transform((Gain(gain), Clip(), Linear(physical.matrix), forward, response))
+            return Transform((Gain(gain), Clip(), MatrixStage(physical.matrix), forward, response))
         reach = _reach(physical)
-        within = Linear(np.diag(1 / reach))
-        return Transform((Gain(gain), within, Clip(), Linear(physical.matrix * reach), forward, response))
+        within = MatrixStage(np.diag(1 / reach))
+        return Transform((Gain(gain), within, Clip(), MatrixStage(physical.matrix * reach), forward, response))
 
     def linearize(self, source: str | Selector, space: str = "raw", model: ModelName | None = None) -> Transform:
         """Take the camera's JPEG, encoded [0, 1], to RAW before white balance, or to light in another colour space.
@@ -107,14 +107,14 @@ class CameraProfile(ProfileData):
             if style.linearize is None:
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for linearizing")
             scene = np.diag(1 / gain) if space == "raw" else from_linear_srgb(space) @ self.matrix
-            return Transform((Clip(), style.linearize, Linear(scene)))
+            return Transform((Clip(), style.linearize, MatrixStage(scene)))
         physical = self._physical(selector)
         to_balanced = np.linalg.inv(physical.matrix)
         if space == "raw":
             scene = to_balanced / gain[:, None]
         else:
             scene = from_linear_srgb(space) @ (np.eye(3) if self.raw_camera else self.matrix @ to_balanced)
-        return Transform((Clip(), Decode(physical.response), physical.inverse_gamut_map, Linear(scene)))
+        return Transform((Clip(), Decode(physical.response), physical.inverse_gamut_map, MatrixStage(scene)))
 
     def refinish(
         self,
@@ -235,11 +235,11 @@ def raw_to_balanced(
     light = same_light(source_camera, source, target_camera)
     if transfer is not None:
         under = None if light is None else target_camera.multipliers(Selector(target.style, light))
-        return Carry(transfer.under(source_camera.multipliers(source), under)), balance
+        return RawToRaw(transfer.under(source_camera.multipliers(source), under)), balance
     if (source_camera.raw_camera or source_camera.camera) == (target_camera.raw_camera or target_camera.camera):
         return (balance,)
     to_target = np.linalg.inv(target_camera.raw_to_linear_srgb(Selector(target.style, light or target.white_balance)))
-    return Linear(to_target @ source_camera.raw_to_linear_srgb(source)), balance
+    return MatrixStage(to_target @ source_camera.raw_to_linear_srgb(source)), balance
 
 
 def same_light(
@@ -255,7 +255,7 @@ def same_light(
         return None
     try:
         multipliers = source_camera.multipliers(source)
-        light = seen_as(multipliers, source_camera.white_balances, source_camera.matrix)
+        light = temperature_of(multipliers, source_camera.white_balances, source_camera.matrix)
         resolve(light, target_camera.white_balances, target_camera.matrix)
     except SettingsError:
         return None
@@ -279,4 +279,4 @@ def through_camera(
     decode = () if encoding.is_linear else (DecodeRgb(encoding),)
     selector = profile.selector(to)
     from_raw = from_linear_srgb(space) @ profile.raw_to_linear_srgb(selector)
-    return Transform((*decode, Linear(2.0**ev * np.linalg.inv(from_raw)), *profile.render(selector, model).stages))
+    return Transform((*decode, MatrixStage(2.0**ev * np.linalg.inv(from_raw)), *profile.render(selector, model).stages))

@@ -78,7 +78,7 @@ class Falloff:
         return np.asarray(falloff_basis(np.nan_to_num(np.sum(offset**2, axis=-1))) @ np.array(self.coefficients))
 
     def gain(self, height: int, width: int) -> Array:
-        """The same as a factor for each pixel of the whole visible area, (height, width)."""
+        """Return the factor (height, width) by which each pixel of the whole visible area is brightened."""
         half = 0.5 * np.hypot(height, width)
         y, x = ((np.arange(size) + 0.5 - 0.5 * size) / half for size in (height, width))
         return np.asarray(2.0 ** self.stops(np.stack(np.meshgrid(x, y), axis=-1)))

@@ -10,24 +10,24 @@ from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
 from lutforge.errors import LutError, ProfileError
-from lutforge.interpolation import Interpolation, Levels, interpolate, through
+from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
 
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
     """Node levels per axis and the output value at each node; evaluation only.
 
-    levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64. response: the output
-    curve (m, 3) behind the interpolated values, at m even steps from 0 to 1, or None; it is not the camera response f.
+    levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64. output_curve:
+    (m, 3), behind the interpolated values, at m even steps from 0 to 1, or None; it is not the camera response f.
     plain: the same function fitted without an output curve, for files that can hold none.
-    Raises ProfileError where the shapes disagree, a level does not increase, a response falls, or a number is not
+    Raises ProfileError where the shapes disagree, a level does not increase, an output curve falls, or a number is not
     finite or absurd.
     """
 
     levels: Levels
     values: Array
     interpolation: Interpolation = "trilinear"
-    response: Array | None = None
+    output_curve: Array | None = None
     plain: "Lattice | None" = None
 
     def __post_init__(self) -> None:
@@ -41,24 +41,24 @@ class Lattice:
             raise ProfileError("lattice: a node value is not a finite number")
         if np.abs(self.values).max() > 1e4:  # colours on [0, 1], and what a fit makes of corners without samples
             raise ProfileError(f"lattice: a node value of {np.abs(self.values).max():.3g} is no colour")
-        if self.response is not None:
-            table = self.response
+        if self.output_curve is not None:
+            table = self.output_curve
             if table.ndim != 2 or table.shape[1] != 3 or not 2 <= len(table) <= 1 << 16:  # as the 1D tables of CLF
-                raise ProfileError("lattice: the response is not a table of rows of three numbers")
+                raise ProfileError("lattice: the output curve is not a table of rows of three numbers")
             if not np.all(np.isfinite(table)) or np.any(np.diff(table, axis=0) < 0):
-                raise ProfileError("lattice: the response falls, or holds what is not a number")
+                raise ProfileError("lattice: the output curve falls, or holds what is not a number")
             if np.abs(table).max() > 1e4:
-                raise ProfileError(f"lattice: a response of {np.abs(table).max():.3g} is no colour")
-        if self.plain is not None and (self.plain.response is not None or self.plain.plain is not None):
-            raise ProfileError("lattice: the plain form has a response")
+                raise ProfileError(f"lattice: an output curve of {np.abs(table).max():.3g} is no colour")
+        if self.plain is not None and (self.plain.output_curve is not None or self.plain.plain is not None):
+            raise ProfileError("lattice: the plain form has an output curve")
 
     def __call__(self, x: ArrayLike) -> Array:
         """Evaluate at `x` (…, 3), clamped to the domain; returns (…, 3) float64."""
-        values = self.inner(x)
-        return values if self.response is None else through(self.response, values)
+        values = self.cube_values(x)
+        return values if self.output_curve is None else apply_curve(self.output_curve, values)
 
-    def inner(self, x: ArrayLike) -> Array:
-        """The interpolated values at `x` (…, 3), before the response."""
+    def cube_values(self, x: ArrayLike) -> Array:
+        """The interpolated values at `x` (…, 3), before the output curve."""
         return interpolate(x, self.levels, self.values, self.interpolation)
 
     @property

@@ -100,9 +100,9 @@ def _lattice_to_json(lattice: Lattice, prefix: str, arrays: dict[str, Array]) ->
         "interpolation": lattice.interpolation,
         "domain": [0.0, 1.0],
     }
-    if lattice.response is not None:
+    if lattice.output_curve is not None:
         entry["response"] = f"{prefix}_response"
-        arrays[entry["response"]] = lattice.response
+        arrays[entry["response"]] = lattice.output_curve
     if lattice.plain is not None:
         entry["plain"] = _lattice_to_json(lattice.plain, f"{prefix}_plain", arrays)
     return entry

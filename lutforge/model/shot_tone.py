@@ -80,7 +80,10 @@ class ShotTone:
 
 
 def tone_stops(samples: SampleSet, tones: Iterable[ShotTone], *, local: bool = False) -> Array:
-    """By how many stops JPEGs of shots are brighter than the fixed rendering, (n,); local: with the part by place."""
+    """Return, for each sample (n,), by how many stops its shot's JPEG is brighter than the fixed rendering.
+
+    local: with the part that depends on the place in the picture.
+    """
     stops = np.zeros(len(samples))
     for tone in tones:
         mine = samples.shot == tone.shot

@@ -50,7 +50,7 @@ class Gain:
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class MatrixStage:
     """A matrix (3, 3) between linear spaces."""
 
     matrix: Array
@@ -117,7 +117,7 @@ class DecodeRgb:
 
 
 @dataclass(frozen=True, eq=False)
-class Carry:
+class RawToRaw:
     """One camera's RAW → another's, Tc of equation (6.3)."""
 
     transfer: ColourFunction
@@ -147,7 +147,9 @@ class KeepNeutral:
         return neutral_where_clipped(encoded, balanced, self.white, self.to_linear)
 
 
-Stage = Gain | Linear | Clip | Encode | Decode | EncodeRgb | DecodeRgb | Lattice | GamutMap | Carry | KeepNeutral
+Stage = (
+    Gain | MatrixStage | Clip | Encode | Decode | EncodeRgb | DecodeRgb | Lattice | GamutMap | RawToRaw | KeepNeutral
+)
 """Any stage: (…, 3) → (…, 3), float64. A lattice is h of the thesis, chapter 5; a gamut map h of chapter 4."""
 
 
@@ -190,7 +192,7 @@ class Transform:
         """Return the largest value that an input channel can have in a colour that the first clip leaves alone."""
         front = np.eye(3)
         for stage in self.stages:
-            if isinstance(stage, Gain | Linear):
+            if isinstance(stage, Gain | MatrixStage):
                 front = stage(front.T).T
             else:
                 break

@@ -95,12 +95,12 @@ def tinted(multipliers: Array, tint: float, known: Mapping[str, WhiteBalance], m
 
     Raises SettingsError where the profile knows no temperature at all.
     """
-    from_xyz, kelvin = _camera_from_xyz(known, matrix), seen_as(multipliers, known, matrix).kelvin
+    from_xyz, kelvin = _camera_from_xyz(known, matrix), temperature_of(multipliers, known, matrix).kelvin
     change = multipliers_of(white(kelvin, tint), from_xyz) / multipliers_of(locus(kelvin), from_xyz)
     return np.asarray(multipliers * change)
 
 
-def seen_as(multipliers: Array, known: Mapping[str, WhiteBalance], matrix: Array) -> Kelvin:
+def temperature_of(multipliers: Array, known: Mapping[str, WhiteBalance], matrix: Array) -> Kelvin:
     """Temperature and tint of the light that multipliers make neutral, through the camera's matrix.
 
     Raises SettingsError where the profile knows no temperature at all.

@@ -14,17 +14,17 @@ from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, write_dcp
 from lutforge.kits.dcp_read import read_dcp
 from lutforge.kits.kit import look_of
 from lutforge.luts.bake import bake_forms
-from lutforge.luts.ends import ends_of
 from lutforge.luts.formats.clf import KINDS as PROCESS_LISTS
+from lutforge.luts.input_and_output import input_and_output_of
 from lutforge.luts.programs import files_for, program_named, target_of
 from lutforge.luts.sequence import format_of
 from lutforge.luts.steps import bake_steps
 from lutforge.luts.verify import FileError, compare, verify
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.evaluation import as_profile
-from lutforge.pipeline.left_side import developer_of, space_of
 from lutforge.pipeline.outputs import check_output, one_of
-from lutforge.pipeline.transforms import Chosen, Wanted, choose_transform
+from lutforge.pipeline.sample_origin import developer_of, space_of
+from lutforge.pipeline.transforms import DescribedTransform, TransformRequest, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
 
 CAMERA_PROFILE = ".dcp"
@@ -43,7 +43,7 @@ class BakedFile:
 
 
 @dataclass(frozen=True)
-class Baked:
+class BakedFiles:
     """Files of one transform, the most exact first, and what the user should know of them."""
 
     files: tuple[BakedFile, ...]
@@ -52,7 +52,7 @@ class Baked:
 
 def bake_files(
     profile: CameraProfile | str | Path,
-    wanted: Wanted,
+    wanted: TransformRequest,
     outputs: Sequence[str | Path] = (),
     *,
     program: str | None = None,
@@ -61,7 +61,7 @@ def bake_files(
     interpolation: str | None = None,
     stages: bool = False,
     progress: Progress = silent,
-) -> Baked:
+) -> BakedFiles:
     """Bake a transform of a profile to LUT files, and measure each as its readers see it.
 
     outputs: their suffixes pick the formats; program: the one that will read them, which names them where there are
@@ -82,10 +82,13 @@ def bake_files(
     camera_profiles = _camera_profiles(paths, camera, chosen, program)
     paths = [path for path in paths if path not in camera_profiles]
     if camera_profiles and not paths:
-        return Baked(tuple(_bake_camera_profile(camera, wanted, path) for path in camera_profiles), ())
+        return BakedFiles(tuple(_bake_camera_profile(camera, wanted, path) for path in camera_profiles), ())
     _require_feeds(program, chosen, wanted.target)
     named, notes = _files(paths, program, chosen.title, stages)
-    kind, ends = chosen.kind, ends_of(chosen.kind, space_of(camera) if chosen.space == "raw" else chosen.space)
+    kind, ends = (
+        chosen.kind,
+        input_and_output_of(chosen.kind, space_of(camera) if chosen.space == "raw" else chosen.space),
+    )
     scenes = kind == "render" and chosen.space != "raw" and rgb_space(chosen.space).is_linear
     targets = [target_of(path, reader, size, method, scenes) for path, reader in named.items()]
     comments = (f"LutForge {__version__}", *ends.comments, *chosen.comments)
@@ -109,7 +112,7 @@ def bake_files(
             notes.append(f"{path}: whole numbers band the darks of linear light and lose what is beyond 1; use .clf")
     files.sort(key=lambda file: file.error.mean)
     told = ("; ".join(ends.comments),) if kind in ("render", "linearize") else ()
-    return Baked(tuple(files), (*chosen.notes, *notes, *told, *_how_to_load(files[0].path, program)))
+    return BakedFiles(tuple(files), (*chosen.notes, *notes, *told, *_how_to_load(files[0].path, program)))
 
 
 def _how_to_load(path: Path, program: str | None) -> tuple[str, ...]:
@@ -120,8 +123,10 @@ def _how_to_load(path: Path, program: str | None) -> tuple[str, ...]:
     return (f"load {path} in {program.lower()}{f': {use}' if use else ''}",)
 
 
-def _camera_profiles(paths: Sequence[Path], camera: CameraProfile, chosen: Chosen, program: str | None) -> list[Path]:
-    """Those of the outputs that are DNG camera profiles, each once.
+def _camera_profiles(
+    paths: Sequence[Path], camera: CameraProfile, chosen: DescribedTransform, program: str | None
+) -> list[Path]:
+    """Return the outputs that are DNG camera profiles, each once.
 
     Raises LutError where none can hold what is asked for, or the program does not read it.
     """
@@ -136,7 +141,7 @@ def _camera_profiles(paths: Sequence[Path], camera: CameraProfile, chosen: Chose
     return found
 
 
-def _require_feeds(program: str | None, chosen: Chosen, target: str | None) -> None:
+def _require_feeds(program: str | None, chosen: DescribedTransform, target: str | None) -> None:
     """Raise SettingsError, with the command that helps, where a program never feeds to a LUT what a render takes."""
     if program is not None and chosen.kind == "render" and program_named(program).develops:
         raise SettingsError(
@@ -145,7 +150,7 @@ def _require_feeds(program: str | None, chosen: Chosen, target: str | None) -> N
         )
 
 
-def _bake_camera_profile(camera: CameraProfile, wanted: Wanted, path: Path) -> BakedFile:
+def _bake_camera_profile(camera: CameraProfile, wanted: TransformRequest, path: Path) -> BakedFile:
     """Write a DNG camera profile of a look, read it back, and compare it with the model behind white balance."""
     look = look_of(camera, wanted.target or "")
     write_dcp(fit_dng_profile(look), path)

@@ -10,13 +10,13 @@ from lutforge.calibration.calibrate import data_by_style
 from lutforge.calibration.options import CalibrationOptions, Preset
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.held_out_error import with_held_out_errors
 from lutforge.evaluation.learning_curve import LearningCurve, learning_curve
+from lutforge.evaluation.measured_profile import measured_and_shrunk
 from lutforge.evaluation.size_search import smallest_size as find_smallest_size
 from lutforge.interpolation import Interpolation
 from lutforge.model.camera_profile import CameraProfile, ModelName
-from lutforge.pipeline.left_side import left_side_of
 from lutforge.pipeline.outputs import Paths
+from lutforge.pipeline.sample_origin import origin_of
 from lutforge.pipeline.sampling import as_samples
 from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names
@@ -35,14 +35,14 @@ def calibrate(
     """
     options = options or CalibrationOptions()
     samples = with_setting_names(as_samples(samples))
-    left = left_side_of(samples)
+    origin = origin_of(samples)
     with telling_of_compilation(progress) as telling:
         fitted = fit_profile(samples, options, part(telling, 0.0, 0.5))
-        profile = with_held_out_errors(fitted, options, part(telling, 0.5, 1.0))
-    if not left:
+        profile = measured_and_shrunk(fitted, options, part(telling, 0.5, 1.0))
+    if not origin:
         return profile
-    exact = matrix_between(left["raw_space"], "linear-srgb")  # of what a program developed nothing is to be fitted
-    return replace(profile, matrix=exact, options={**profile.options, **left})
+    exact = matrix_between(origin["raw_space"], "linear-srgb")  # of what a program developed nothing is to be fitted
+    return replace(profile, matrix=exact, options={**profile.options, **origin})
 
 
 def smallest_size(

@@ -11,8 +11,8 @@ from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
 from lutforge.ocio.versions import losses, minor_version
 from lutforge.pipeline.evaluation import as_profile
-from lutforge.pipeline.left_side import developer_of
 from lutforge.pipeline.outputs import check_output
+from lutforge.pipeline.sample_origin import developer_of
 from lutforge.progress import Progress, silent, telling_of_compilation
 
 

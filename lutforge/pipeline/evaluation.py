@@ -7,9 +7,9 @@ from pathlib import Path
 from lutforge.evaluation.evaluate import evaluate as evaluate_profile
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.pipeline.developing import left_side_of_profile
-from lutforge.pipeline.left_side import require_same_left_side
 from lutforge.pipeline.outputs import Paths
+from lutforge.pipeline.raw_substitutes import raw_substitute_of
+from lutforge.pipeline.sample_origin import require_same_origin
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names
@@ -35,7 +35,7 @@ def evaluate(
     """
     camera = as_profile(profile)
     if not isinstance(samples, SampleSet):
-        samples = gather_samples(samples, left=left_side_of_profile(camera)).samples
-    require_same_left_side(camera, samples)
+        samples = gather_samples(samples, substitute=raw_substitute_of(camera)).samples
+    require_same_origin(camera, samples)
     with telling_of_compilation(progress) as telling:
         return evaluate_profile(camera, with_setting_names(samples), telling, tables=tables)

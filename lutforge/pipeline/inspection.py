@@ -22,7 +22,7 @@ Rows = Iterator[tuple[str, str]]
 
 
 @dataclass(frozen=True)
-class Inspected:
+class Inspection:
     """What a file is. rows: name and value, as lines of a table; profile: what it holds, where it is one."""
 
     path: Path
@@ -44,7 +44,7 @@ def files_to_inspect(path: str | Path) -> list[Path]:
     return found or [path]
 
 
-def inspect(path: str | Path) -> Inspected:
+def inspect(path: str | Path) -> Inspection:
     """Read a RAW file, picture, profile, sample table or LUT, and say what is in it. Raises LutForgeError."""
     path, suffix = Path(path), Path(path).suffix.lower()
     if path.is_dir():
@@ -53,7 +53,7 @@ def inspect(path: str | Path) -> Inspected:
         from lutforge.model.camera_profile import load_profile
 
         profile = load_profile(path)
-        return Inspected(path, tuple(_profile(profile)), profile)
+        return Inspection(path, tuple(_profile(profile)), profile)
     if suffix in TABLE_SUFFIXES:
         rows = _table(path)
     elif suffix in PICTURE_SUFFIXES:
@@ -62,7 +62,7 @@ def inspect(path: str | Path) -> Inspected:
         rows = _lut(path)
     else:
         rows = _shot(path)
-    return Inspected(path, tuple(rows))
+    return Inspection(path, tuple(rows))
 
 
 def _shot(path: Path) -> Rows:

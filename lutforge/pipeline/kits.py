@@ -16,11 +16,11 @@ from lutforge.images.development import Development
 from lutforge.images.read import read_image
 from lutforge.kits.art import ArtKit
 from lutforge.kits.blender import BlenderKit
-from lutforge.kits.camera_raw import CameraRawKit
 from lutforge.kits.darktable import DarktableKit
 from lutforge.kits.ffmpeg import FfmpegKit
 from lutforge.kits.gimp import GimpKit
 from lutforge.kits.kit import Kit, Look, look_of, require_source
+from lutforge.kits.lightroom import LightroomKit
 from lutforge.kits.lumix import LumixKit
 from lutforge.kits.nuke import NukeKit
 from lutforge.kits.obs import ObsKit
@@ -41,7 +41,7 @@ KITS: dict[str, Kit] = {
         DarktableKit(),
         RawTherapeeKit(),
         ArtKit(),
-        CameraRawKit(),
+        LightroomKit(),
         ResolveKit(),
         NukeKit(),
         BlenderKit(),

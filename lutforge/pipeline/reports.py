@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.developing import left_side_of_profile
 from lutforge.pipeline.evaluation import as_profile
-from lutforge.pipeline.left_side import developer_of, require_same_left_side
 from lutforge.pipeline.outputs import Paths, check_output
-from lutforge.pipeline.sampling import Sampled, gather_samples
+from lutforge.pipeline.raw_substitutes import raw_substitute_of
+from lutforge.pipeline.sample_origin import developer_of, require_same_origin
+from lutforge.pipeline.sampling import SampledShots, gather_samples
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.report.compare import build_comparison
 from lutforge.report.page import Report, write_figures, write_page
@@ -20,7 +20,7 @@ from lutforge.samples.sample_set import SampleSet, with_setting_names
 
 def report(
     profile: CameraProfile | str | Path,
-    samples: Sampled | SampleSet | Paths | None = None,
+    samples: SampledShots | SampleSet | Paths | None = None,
     output: str | Path | None = None,
     figures: str | Path | None = None,
     progress: Progress = silent,
@@ -33,12 +33,12 @@ def report(
     written; that is asked before the work.
     """
     check_report_output(output, figures)
-    sampled = Sampled(samples) if isinstance(samples, SampleSet) else samples
-    if sampled is not None and not isinstance(sampled, Sampled):
-        sampled = gather_samples(sampled, progress, left=left_side_of_profile(as_profile(profile)))
+    sampled = SampledShots(samples) if isinstance(samples, SampleSet) else samples
+    if sampled is not None and not isinstance(sampled, SampledShots):
+        sampled = gather_samples(sampled, progress, substitute=raw_substitute_of(as_profile(profile)))
     camera = as_profile(profile)
     if sampled is not None:
-        require_same_left_side(camera, sampled.samples)
+        require_same_origin(camera, sampled.samples)
     with telling_of_compilation(progress) as telling:
         if sampled is None:
             page = build_report(camera, progress=telling)

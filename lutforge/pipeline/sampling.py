@@ -22,12 +22,12 @@ from lutforge.shots.read import read_shot
 from lutforge.shots.shot import Shot
 from lutforge.threads import cores
 
-LeftSide = Callable[[Path], Development]
+RawSubstitute = Callable[[Path], Development]
 """A function of a RAW file that gives the picture to use instead of it, as a program developed it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class SampledShots:
     """The samples of shots and tables, with an account of each shot.
 
     samples: of all usable shots; shots: the account of each; left_out: one line for each that is not usable; files: the
@@ -50,10 +50,10 @@ def sample(paths: Paths, progress: Progress = silent) -> SampleSet:
     return gather_samples(paths, progress).samples
 
 
-def sample_shots(paths: Paths, progress: Progress = silent, left: LeftSide | None = None) -> Sampled:
+def sample_shots(paths: Paths, progress: Progress = silent, substitute: RawSubstitute | None = None) -> SampledShots:
     """Sample RAW files, or folders of them. A shot that cannot be used is left out, with its reason.
 
-    left: gives the picture that is sampled in the place of a RAW file's own pixels, where a program developed it.
+    substitute: gives the picture that is sampled in the place of a RAW file's own pixels, where a program developed it.
 
     Raises ShotError where no shot is left.
     """
@@ -63,16 +63,16 @@ def sample_shots(paths: Paths, progress: Progress = silent, left: LeftSide | Non
     names = [stem if stems.count(stem) == 1 else str(file) for file, stem in zip(files, stems, strict=True)]
 
     def read(name: str, file: Path) -> Shot:
-        return replace(read_shot(file, None if left is None else left(file)), name=name)
+        return replace(read_shot(file, None if substitute is None else substitute(file)), name=name)
 
     # Decoding and registration run outside Python's lock; programs that develop use all cores by themselves.
-    threads = cores() if left is None else 1
+    threads = cores() if substitute is None else 1
     return sample_each(dict(zip(names, files, strict=True)), read, progress, threads)
 
 
 def sample_each(
     files: Mapping[str, Path], read: Callable[[str, Path], Shot], progress: Progress, threads: int
-) -> Sampled:
+) -> SampledShots:
     """Sample the shots that `read` makes of names and files; one that cannot be used is left out, with its reason.
 
     Raises ShotError where no shot is left, and what is wrong with an only one.
@@ -103,10 +103,10 @@ def sample_each(
     kept = [account.samples for account in accounts if account.kept]
     if not kept:
         raise ShotError("no usable shot: " + "; ".join([*left_out, *(account.summary for account in accounts)]))
-    return Sampled(concatenate(kept), tuple(accounts), tuple(left_out), files)
+    return SampledShots(concatenate(kept), tuple(accounts), tuple(left_out), files)
 
 
-def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progress = silent) -> Sampled:
+def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progress = silent) -> SampledShots:
     """Sample JPEGs of a camera without RAW against the RAW files of another camera of the same scenes.
 
     pictures: JPEGs, or folders of them; reference: a folder of RAW files. Those of one stem belong together; without,
@@ -146,18 +146,18 @@ def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progre
         for account, ratio in zip(accounts, known / known.max(), strict=True)
         if account.kept
     ]
-    return Sampled(concatenate(parts), tuple(accounts), tuple(left_out))
+    return SampledShots(concatenate(parts), tuple(accounts), tuple(left_out))
 
 
 def gather_samples(
     paths: Paths,
     progress: Progress = silent,
-    tell: Callable[[Sampled], None] = lambda sampled: None,
-    left: LeftSide | None = None,
-) -> Sampled:
+    tell: Callable[[SampledShots], None] = lambda sampled: None,
+    substitute: RawSubstitute | None = None,
+) -> SampledShots:
     """Read sample tables, and sample RAW files and folders of them, in any mixture.
 
-    tell: called with the result. left: as for `sample_shots`.
+    tell: called with the result. substitute: as for `sample_shots`.
 
     Raises SampleError where nothing is given or a table is malformed, ShotError where no shot is usable.
     """
@@ -167,10 +167,10 @@ def gather_samples(
     parts = [read_samples(path) for path in given if path.suffix.lower() in TABLE_SUFFIXES]
     others = [path for path in given if path.suffix.lower() not in TABLE_SUFFIXES]
     if others:
-        shots = sample_shots(others, progress, left)
+        shots = sample_shots(others, progress, substitute)
         sampled = replace(shots, samples=concatenate([*parts, shots.samples]))
     else:
-        sampled = Sampled(concatenate(parts))
+        sampled = SampledShots(concatenate(parts))
     tell(sampled)
     return sampled
 

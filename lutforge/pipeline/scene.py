@@ -20,7 +20,7 @@ from lutforge.samples.sample_set import with_setting_names
 
 
 @dataclass(frozen=True)
-class SceneInspected:
+class SceneInspection:
     """What the camera did to shots beyond a profile's fixed rendering. rows: one a shot, as its columns are named."""
 
     columns: tuple[str, ...]
@@ -28,7 +28,7 @@ class SceneInspected:
     notes: tuple[str, ...]
 
 
-def inspect_scene(profile: CameraProfile | str | Path, shots: Paths, progress: Progress = silent) -> SceneInspected:
+def inspect_scene(profile: CameraProfile | str | Path, shots: Paths, progress: Progress = silent) -> SceneInspection:
     """Compare shots with a profile's rendering: lens falloff, exposure, tone, and what differs from place to place.
 
     shots: RAW files, folders, or sample tables. Departures that chance explains are not told.
@@ -51,7 +51,7 @@ def inspect_scene(profile: CameraProfile | str | Path, shots: Paths, progress: P
         corners = "–" if falloff is None else f"{falloff.corner_ev:+.2f} EV"
         rows.append((name, corners, *_scene_cells(tones.get(name))))
     columns = ("shot", "corners", "exposure", "shadows", "highlights", "from place to place", "odds by chance")
-    return SceneInspected(columns, tuple(rows), gathered.left_out)
+    return SceneInspection(columns, tuple(rows), gathered.left_out)
 
 
 def _scene_cells(tone: ShotTone | None) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import get_args
 from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer, pair_samples
 from lutforge.errors import CalibrationError, SampleError
 from lutforge.pipeline.outputs import check_output
-from lutforge.pipeline.sampling import Sampled, gather_samples
+from lutforge.pipeline.sampling import SampledShots, gather_samples
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.sample_set import SampleSet
 
@@ -29,7 +29,7 @@ def write_transfer(
     output: Path,
     form: Form = "matrix",
     progress: Progress = silent,
-    tell: Callable[[Sampled], None] = lambda sampled: None,
+    tell: Callable[[SampledShots], None] = lambda sampled: None,
 ) -> FittedTransfer:
     """Fit the transfer from the RAW of one camera to another's, and write it (.json).
 
@@ -52,7 +52,7 @@ def write_transfer(
     return FittedTransfer(*names, len(x), {kind: transfer.error for kind, transfer in fitted.items()})
 
 
-def _of_one_camera(path: Path, progress: Progress, tell: Callable[[Sampled], None]) -> SampleSet:
+def _of_one_camera(path: Path, progress: Progress, tell: Callable[[SampledShots], None]) -> SampleSet:
     samples = gather_samples(path, progress, tell).samples
     if len(set(samples.camera.tolist())) != 1:
         raise SampleError(f"{path}: samples of several cameras; give those of one")

@@ -14,14 +14,14 @@ from lutforge.model.raw_transfer import chained, load_transfer
 from lutforge.model.response_profile import is_response_alone
 from lutforge.model.transform import Transform
 from lutforge.pipeline.evaluation import as_profile
-from lutforge.pipeline.left_side import developer_of
 from lutforge.pipeline.outputs import one_of
+from lutforge.pipeline.sample_origin import developer_of
 
 KINDS = ("render", "linearize", "refinish", "match")
 
 
 @dataclass(frozen=True)
-class Wanted:
+class TransformRequest:
     """The options that ask for a transform.
 
     kind: "render" (RAW → JPEG), "linearize" (JPEG → scene), "refinish" (JPEG → JPEG) or "match" (camera → camera).
@@ -54,7 +54,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class DescribedTransform:
     """A transform with its description. title: what it is; notes: for the user; comments: its held-out errors."""
 
     transform: Transform
@@ -79,15 +79,15 @@ def transform(
 ) -> Transform:
     """Return the transform of a profile that words ask for: a function of colours (…, 3), exact to the model.
 
-    The options are those of `Wanted`; JPEG values are encoded, RAW and scenes linear, with 1 = full scale.
+    The options are those of `TransformRequest`; JPEG values are encoded, RAW and scenes linear, with 1 = full scale.
     Raises SettingsError where a setting is missing or unknown, or an option does not go with the kind.
     """
     beside = Path(look) if isinstance(look, str) else look
-    wanted = Wanted(kind, source, target, ev, space, model, beside, tuple(map(Path, transfers)))
+    wanted = TransformRequest(kind, source, target, ev, space, model, beside, tuple(map(Path, transfers)))
     return choose_transform(as_profile(profile), wanted).transform
 
 
-def choose_transform(camera: CameraProfile, wanted: Wanted) -> Chosen:
+def choose_transform(camera: CameraProfile, wanted: TransformRequest) -> DescribedTransform:
     """Return the transform that the words ask for. Raises SettingsError where a setting is missing or unknown."""
     kind, space = one_of("transform", wanted.kind, KINDS), _space_named(wanted.space)
     if space == "raw" and kind == "linearize" and is_response_alone(camera):
@@ -117,7 +117,7 @@ def choose_transform(camera: CameraProfile, wanted: Wanted) -> Chosen:
         for profile, setting, direction in ((camera, source, "linearize"), (end, target, "render"))
         if setting and f"{direction}_mean" in (figures := profile.styles[profile.selector(setting).style].errors)
     ]
-    return Chosen(made, kind, space, title, tuple(notes), tuple(errors))
+    return DescribedTransform(made, kind, space, title, tuple(notes), tuple(errors))
 
 
 def _fed_to(camera: CameraProfile) -> str:

@@ -73,13 +73,13 @@ def error_tables(own: str, evaluation: Evaluation) -> Iterator[Block]:
             tuple(map(_refinish_cells, evaluation.refinish)),
             frozenset(index for index, row in enumerate(evaluation.refinish) if row.method == own),
         )
-    if evaluation.linearisation:
+    if evaluation.linearization:
         yield Table(
             "Two exposures of one scene: how far their linearized JPEGs differ, beyond the exposure",
             ("style", "method", "pairs", "R", "G", "B"),
             tuple(
                 (entry.style, entry.method, str(entry.pairs), *(f"{value:.4f}" for value in entry.delta))
-                for entry in evaluation.linearisation
+                for entry in evaluation.linearization
             ),
         )
 

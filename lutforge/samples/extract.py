@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.samples.balance import balance
 from lutforge.samples.chart import detector_note, find_chart, sample_chart
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
+from lutforge.samples.even_choice import choose_evenly
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.tiles import LEVELS, agreement, cell_size, flatness, jpeg_cells
 from lutforge.shots.cells import raw_on_jpeg_cells
@@ -87,7 +87,7 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     rows, columns = np.nonzero(is_flat & agrees)
     centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
     places = places_in_picture(shot, centres)
-    kept = balance(jpeg.mean[rows, columns], places, flat.level[rows, columns], flat.roughness[rows, columns])
+    kept = choose_evenly(jpeg.mean[rows, columns], places, flat.level[rows, columns], flat.roughness[rows, columns])
     rejected = {
         "outside the RAW": int(np.count_nonzero(~inside)),
         "not flat": int(np.count_nonzero(usable & ~is_flat)),

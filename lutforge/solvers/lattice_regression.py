@@ -19,7 +19,7 @@ from lutforge.interpolation import Interpolation, Levels, interpolate
 from lutforge.solvers.conjugate_gradients import Operator, conjugate_gradients
 from lutforge.solvers.multigrid import Multigrid
 from lutforge.solvers.normal_equations import NormalEquations, normal_equations
-from lutforge.solvers.smoothness import ThinPlate, thin_plate
+from lutforge.solvers.penalties import ThinPlate, thin_plate
 from lutforge.solvers.solution import Status
 from lutforge.solvers.stencil import from_planar, planar
 

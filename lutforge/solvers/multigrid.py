@@ -17,8 +17,8 @@ from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
 from lutforge.solvers.chebyshev import first_step, second_step
 from lutforge.solvers.cholesky import factor, solve
+from lutforge.solvers.coarsening import COARSEST, coarse_count, coarse_stencil, coarsen_axis, prolong_add, restrict
 from lutforge.solvers.stencil import COUPLINGS, FAR, add_product, couple, damp, planar, run_planes, steps
-from lutforge.solvers.transfer import COARSEST, coarse_count, coarse_stencil, coarsen_axis, prolong_add, restrict
 from lutforge.threads import cores, run, slabs
 
 

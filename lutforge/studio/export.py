@@ -7,7 +7,7 @@ from pathlib import Path
 from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.configs import write_checked_config
 from lutforge.pipeline.reports import report
-from lutforge.pipeline.transforms import Wanted
+from lutforge.pipeline.transforms import TransformRequest
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet
 
@@ -19,7 +19,7 @@ class Export:
     command: str
     profile: Path
     output: Path
-    wanted: Wanted | None = None
+    wanted: TransformRequest | None = None
     samples: SampleSet | None = None
     table: Path | None = None
 
@@ -36,9 +36,9 @@ class Export:
         return shlex.join([*words, "-o", str(self.output)])
 
 
-def wanted_lut(kind: str, source: str, target: str, ev: float) -> Wanted:
+def wanted_lut(kind: str, source: str, target: str, ev: float) -> TransformRequest:
     """The transform of a LUT, with the options that its kind takes."""
-    return Wanted(
+    return TransformRequest(
         kind,
         source if kind != "render" else None,
         target if kind != "linearize" else None,

@@ -20,7 +20,7 @@ PLOTS = {
     "srgb_raw": "sRGB against RAW",
     "transformed": "Transformed RAW against sRGB",
     "both_linear": "Transformed RAW against linearised sRGB",
-    "linearisation": "Linearisation",
+    "linearization": "Linearization",
 }
 COLOURS = ("exposure pair", "own colour", "shot", "residual")
 _NONE: tuple[Array, ...] = ()
@@ -52,7 +52,7 @@ class Points:
 
 def points(workspace: Workspace, plot: str, channel: int) -> Points:
     """The points of one plot and channel, all of them."""
-    if plot in ("srgb_btf", "raw_btf", "linearisation"):
+    if plot in ("srgb_btf", "raw_btf", "linearization"):
         return _of_pairs(workspace, plot, channel)
     return _of_samples(workspace, plot, channel)
 

@@ -10,9 +10,9 @@ import panel as pn
 from bokeh.models import ColumnDataSource
 from numpy.typing import NDArray
 
+from lutforge.apply.baked_grades import BakedGrades
 from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.candidates import read_small
-from lutforge.apply.gradings import Gradings
 from lutforge.apply.source_settings import choose_camera, source_selector
 from lutforge.arrays import Array, Pixels
 from lutforge.errors import SettingsError
@@ -45,7 +45,7 @@ class Preview:
     def __init__(self, profile: CameraProfile, pixels: Pixels) -> None:
         self.profile = profile
         self.pixels = pixels
-        self._gradings = Gradings()
+        self._baked_grades = BakedGrades()
 
     @staticmethod
     def kelvins(profile: CameraProfile) -> tuple[float, float] | None:
@@ -64,7 +64,7 @@ class Preview:
         profile = self.profile
         given, wanted = profile.selector(source), profile.selector(target)
         if ev or str(given) != str(wanted):
-            _, processor = self._gradings.refinish(profile, given, profile, wanted, ev)
+            _, processor = self._baked_grades.refinish(profile, given, profile, wanted, ev)
             return _shown(_codes(apply_to_pixels(processor, self.pixels)), overlay, began)
         return _shown(self.original(), overlay, began)
 

@@ -17,7 +17,7 @@ from lutforge.apply.inputs import find_inputs
 from lutforge.colour.rgb_spaces import NAME, adobe_rgb_profile
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
-from lutforge.luts.ends import ends_of, read_ends
+from lutforge.luts.input_and_output import input_and_output_of, read_input_and_output
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
@@ -152,17 +152,17 @@ def test_raw_files_of_a_folder_are_rendered_unless_their_picture_is_there(tmp_pa
 @pytest.mark.parametrize("suffix", [".clf", ".ctf", ".cube", ".csp"])
 @pytest.mark.parametrize(("kind", "space"), [("render", "raw"), ("linearize", "acescg"), ("refinish", "raw")])
 def test_a_lut_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, suffix: str, kind: str, space: str) -> None:
-    ends, levels = ends_of(kind, space), uniform_levels(2)
+    ends, levels = input_and_output_of(kind, space), uniform_levels(2)
     Lut((Cube(grid(levels)),), "x", ("LutForge 1", *ends.comments)).write(tmp_path / f"a{suffix}")
-    assert read_ends(tmp_path / f"a{suffix}") == ends
-    assert read_ends(tmp_path / "none") is None
-    assert read_ends(write_cube(tmp_path / "other.cube")) is None
+    assert read_input_and_output(tmp_path / f"a{suffix}") == ends
+    assert read_input_and_output(tmp_path / "none") is None
+    assert read_input_and_output(write_cube(tmp_path / "other.cube")) is None
 
 
 def test_scene_linear_light_in_eight_bits_is_told(tmp_path: Path) -> None:
     levels = uniform_levels(2)
     for kind in ("render", "linearize", "refinish"):
-        comments = ("LutForge 1", *ends_of(kind, "raw").comments)
+        comments = ("LutForge 1", *input_and_output_of(kind, "raw").comments)
         Lut((Cube(grid(levels)),), comments=comments).write(tmp_path / f"{kind}.clf")
     write_picture(tmp_path / "a.jpg")
     write_picture(tmp_path / "a.tif", kind="uint16")

@@ -38,8 +38,8 @@ from lutforge.errors import LutForgeError
 from lutforge.evaluation.methods import LATTICE, fit_baselines
 from lutforge.images.raw import read_raw
 from lutforge.kits.kit import look_of
-from lutforge.pipeline.developing import left_side
 from lutforge.pipeline.kits import check_kit, compare_with_jpeg, write_kit
+from lutforge.pipeline.raw_substitutes import raw_substitute
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.samples.table import write_samples
 from lutforge.simulate.demo import DemoShots, demo_shots
@@ -62,7 +62,7 @@ class Photographs:
         """Samples of all photographs: of the RAW files, or of what a program develops of them."""
         table = self.keep / f"{developer or 'raw'}.csv"
         if not table.exists():
-            write_samples(table, gather_samples(self.files, left=left_side(developer)).samples)
+            write_samples(table, gather_samples(self.files, substitute=raw_substitute(developer)).samples)
         return lf.read_samples(table)
 
     def left_out(self) -> "Iterator[LeftOut]":

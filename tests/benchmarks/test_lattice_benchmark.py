@@ -195,9 +195,9 @@ def test_published_pairs(benchmark: BenchmarkFixture, shared_data: Path, tmp_pat
             ours = CalibrationOptions(size=size)
             lattice(tmp_path, ours)(x[::3], y[::3])  # compiled before it is timed
             note("LutForge", size, held_out(lattice(tmp_path, ours), x, y))
-            note("LutForge, plain", size, held_out(lattice(tmp_path, replace(ours, response=False)), x, y))
+            note("LutForge, plain", size, held_out(lattice(tmp_path, replace(ours, output_curve=False)), x, y))
             if size <= 33:
-                thesis = replace(ours, preset="thesis", response=False)
+                thesis = replace(ours, preset="thesis", output_curve=False)
                 note("thesis preset", size, held_out(lattice(tmp_path, thesis), x, y))
             if peer:
                 note("camera-match", size, held_out_camera_match(size, x, y))
@@ -238,7 +238,7 @@ def test_small_lattices(benchmark: BenchmarkFixture, tmp_path: Path, count: int,
     fits: list[Callable[[], object]] = [
         lambda: camera_match(size)(x, y),
         lambda: lattice(tmp_path, CalibrationOptions(size=size))(x, y),
-        lambda: lattice(tmp_path, CalibrationOptions(size=size, response=False))(x, y),
+        lambda: lattice(tmp_path, CalibrationOptions(size=size, output_curve=False))(x, y),
         lambda: fit_base(x, y),
         lambda: continuation(base, x, y, inverse=False, size=size, curve=curve),
         lambda: fit_lattice(x, y, uniform_levels(size), Regularisation(0.01, 0.01, 0.0, 0.0), tolerance=1e-5),

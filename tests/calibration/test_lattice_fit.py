@@ -36,22 +36,22 @@ def colours_in_gamut(count: int, seed: int) -> tuple[Array, Array]:
 
 
 def fit(
-    x: Array, y: Array, size: int, *, inverse: bool = False, shots: int = 10, response: bool = True
+    x: Array, y: Array, size: int, *, inverse: bool = False, shots: int = 10, with_curve: bool = True
 ) -> LatticeResult:
     groups = np.array([f"shot {row % shots}" for row in range(len(x))])
     base = fit_base(y, x) if inverse else fit_base(x, y)
     guess = continuation(base, x, y, inverse=inverse)
     curve = None if inverse else output_curve(base.response)
-    options = CalibrationOptions(size=size, response=response)
+    options = CalibrationOptions(size=size, output_curve=with_curve)
     return fit_samples(x, y, groups, guess, options, clips=not inverse, curve=curve)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("response", [True, False])
-def test_unseen_colours_of_the_simulated_camera(response: bool) -> None:
+@pytest.mark.parametrize("with_curve", [True, False])
+def test_unseen_colours_of_the_simulated_camera(with_curve: bool) -> None:
     x, y = colours_in_gamut(5000, 1)
     unseen, wanted = colours_in_gamut(10_000, 2)
-    lattice = fit(x, y, 33, response=response).lattice
+    lattice = fit(x, y, 33, with_curve=with_curve).lattice
     difference = delta_e_2000(np.clip(lattice(unseen), 0, 1), wanted)
     assert difference.mean() <= 0.35
     assert np.quantile(difference, 0.95) <= 0.8
@@ -66,16 +66,16 @@ def test_there_and_back() -> None:
     assert error.mean() < 0.003 and np.quantile(error, 0.95) < 0.012
 
 
-@pytest.mark.parametrize("response", [True, False])
-def test_ends_and_grey_axis(response: bool) -> None:
+@pytest.mark.parametrize("with_curve", [True, False])
+def test_ends_and_grey_axis(with_curve: bool) -> None:
     x, y = colours_in_gamut(3000, 5)
     x[:300] = np.random.default_rng(0).uniform(0.005, 0.9, (300, 1))
     y[:300] = render(x[:300])
-    lattice = fit(x, y, 33, response=response).lattice
+    lattice = fit(x, y, 33, with_curve=with_curve).lattice
     grey = lattice(AXIS)
     np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-12)
     assert np.ptp(grey, axis=1).max() < 0.02
-    assert np.diff(grey, axis=0).min() >= (-1e-6 if response else -2e-4)
+    assert np.diff(grey, axis=0).min() >= (-1e-6 if with_curve else -2e-4)
     everywhere = lattice(np.random.default_rng(1).random((20_000, 3)))
     assert everywhere.min() >= 0.0 and everywhere.max() <= 1.0 + 1e-15  # weights sum to 1 within rounding
     assert np.abs(grey - render(AXIS))[10:470].max() < 0.02
@@ -86,7 +86,7 @@ def test_plain_nodes_leave_their_bounds_only_where_these_cost_accuracy() -> None
     x, y = colours_in_gamut(3000, 10)
     unseen, wanted = colours_in_gamut(3000, 11)
     for size, inside in ((5, False), (33, True)):
-        lattice = fit(x, y, size, response=False).lattice
+        lattice = fit(x, y, size, with_curve=False).lattice
         assert bool(np.all((lattice.values >= 0.0) & (lattice.values <= 1.0))) is inside
         clamped = Lattice(lattice.levels, np.clip(lattice.values, 0.0, 1.0))
         error, cut = (np.linalg.norm(np.clip(one(unseen), 0, 1) - wanted, axis=1).mean() for one in (lattice, clamped))
@@ -126,18 +126,18 @@ WEAK = {
 
 
 @pytest.mark.parametrize("size", [9, 33])
-@pytest.mark.parametrize("response", [True, False])
+@pytest.mark.parametrize("with_curve", [True, False])
 @pytest.mark.parametrize("name", WEAK)
-def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int, response: bool) -> None:
+def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int, with_curve: bool) -> None:
     x = WEAK[name]
     y = np.round(render(x) * 255) / 255
-    lattice = fit(x, y, size, shots=3, response=response).lattice
+    lattice = fit(x, y, size, shots=3, with_curve=with_curve).lattice
     assert np.linalg.norm(lattice(x) - y, axis=1).max() < 0.04
     grey = np.clip(lattice(AXIS), 0, 1)
     assert np.diff(grey, axis=0).min() > -2e-3  # between the points that the fit is held at
     assert np.ptp(grey, axis=1).max() < 0.15
     everywhere = lattice(RNG.random((2000, 3)))
-    assert np.all((everywhere >= 0) & (everywhere <= 1)) if response else np.all(np.abs(everywhere - 0.5) < 0.75)
+    assert np.all((everywhere >= 0) & (everywhere <= 1)) if with_curve else np.all(np.abs(everywhere - 0.5) < 0.75)
     np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-12)
 
 

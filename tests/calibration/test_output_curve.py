@@ -18,16 +18,18 @@ def curve(request: pytest.FixtureRequest) -> OutputCurve:
 
 def test_there_and_back(curve: OutputCurve) -> None:
     encoded = np.random.default_rng(0).random((1000, 3))
-    np.testing.assert_allclose(curve.leave(curve.enter(encoded)), encoded, atol=1e-12)
+    np.testing.assert_allclose(curve.to_encoded(curve.to_values(encoded)), encoded, atol=1e-12)
     ends = np.array([[0.0] * 3, [1.0] * 3])
-    np.testing.assert_array_equal(curve.enter(ends), ends)
-    np.testing.assert_array_equal(curve.leave(np.array([[-0.5] * 3, [1.7] * 3])), ends)
+    np.testing.assert_array_equal(curve.to_values(ends), ends)
+    np.testing.assert_array_equal(curve.to_encoded(np.array([[-0.5] * 3, [1.7] * 3])), ends)
 
 
 def test_slope_is_the_derivative_and_bounded(curve: OutputCurve) -> None:
     encoded = np.random.default_rng(1).random((200, 3))
     low, high = np.clip(encoded - 1 / 255, 0, 1), np.clip(encoded + 1 / 255, 0, 1)
-    np.testing.assert_allclose(curve.slope(encoded) * (curve.enter(high) - curve.enter(low)), high - low, atol=1e-12)
+    np.testing.assert_allclose(
+        curve.slope(encoded) * (curve.to_values(high) - curve.to_values(low)), high - low, atol=1e-12
+    )
     assert np.all(curve.slope(encoded) <= 9)  # 1 + the bound of 8 on f'
 
 
@@ -45,4 +47,4 @@ def test_it_is_the_response_between_the_ends() -> None:
     curve = output_curve(Response(np.repeat(SRGB[:, None], 3, axis=1)))
     linear = np.random.default_rng(2).random((500, 3))
     wanted = np.interp(linear, SRGB, CODES)
-    np.testing.assert_allclose(curve.leave(curve.continued(linear)), wanted, atol=4e-3)  # PCHIP between 33 knots
+    np.testing.assert_allclose(curve.to_encoded(curve.continued(linear)), wanted, atol=4e-3)  # PCHIP between 33 knots

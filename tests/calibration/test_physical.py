@@ -9,7 +9,7 @@ from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_sta
 from lutforge.calibration.physical.unsaturated import untouched
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style_data import unclipped
-from lutforge.evaluation.linearisation import model_delta
+from lutforge.evaluation.linearization import model_delta
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.white_balance import WhiteBalance

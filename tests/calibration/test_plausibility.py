@@ -60,7 +60,7 @@ def test_five_thousand_samples_are_judged_in_a_moment() -> None:
 def test_a_profile_keeps_what_was_found_and_blames_no_shot(sets: dict[str, SampleSet]) -> None:
     words, spoil = CASES["RAW white-balanced already"]
     spoilt = spoil(sets["D40"], np.random.default_rng(1))
-    profile = lf.calibrate(spoilt, lf.CalibrationOptions(size=5, response=False))
+    profile = lf.calibrate(spoilt, lf.CalibrationOptions(size=5, output_curve=False))
     assert words in profile.diagnoses[0].cause
     assert not any("leave out" in note for note in profile.notes)
     report = build_report(profile)
@@ -70,7 +70,7 @@ def test_a_profile_keeps_what_was_found_and_blames_no_shot(sets: dict[str, Sampl
 
 def test_diagnoses_survive_the_profile_file(sets: dict[str, SampleSet], tmp_path) -> None:  # type: ignore[no-untyped-def]
     spoilt = CASES["red and blue of the JPEG swapped"][1](sets["D40"], np.random.default_rng(1))
-    profile = lf.calibrate(spoilt, lf.CalibrationOptions(size=5, response=False))
+    profile = lf.calibrate(spoilt, lf.CalibrationOptions(size=5, output_curve=False))
     profile.save(tmp_path / "camera.npz")
     assert lf.load_profile(tmp_path / "camera.npz").diagnoses == profile.diagnoses
 

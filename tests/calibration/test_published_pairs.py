@@ -99,7 +99,7 @@ def test_with_a_curve_behind(d40_pairs: PublishedPairs, rbf_maxima: dict[int, fl
 
 @pytest.mark.parametrize(("size", "mean"), [(17, 0.0043), (24, 0.0037), (33, 0.0031)])
 def test_plain(d40_pairs: PublishedPairs, rbf_maxima: dict[int, float], size: int, mean: float) -> None:
-    middle, ratio = middle_error(d40_pairs, rbf_maxima, CalibrationOptions(size=size, response=False))
+    middle, ratio = middle_error(d40_pairs, rbf_maxima, CalibrationOptions(size=size, output_curve=False))
     assert middle <= mean
     assert ratio <= 1.2
 
@@ -129,7 +129,7 @@ def test_farther_out_than_any_sample(d40_pairs: PublishedPairs, where: str, mean
 
 def test_plain_nodes_are_colours(d40_pairs: PublishedPairs) -> None:
     x, y, _, _ = split(d40_pairs, 1)
-    values = fit(x, y, CalibrationOptions(size=24, response=False)).lattice.values
+    values = fit(x, y, CalibrationOptions(size=24, output_curve=False)).lattice.values
     assert values.min() >= 0.0 and values.max() <= 1.0
 
 
@@ -141,8 +141,8 @@ def test_tetrahedral_is_as_good(d40_pairs: PublishedPairs) -> None:
 @pytest.mark.parametrize(
     ("options", "wanted"),
     [
-        (CalibrationOptions(preset="thesis", size=17, response=False), 0.0056),
-        (CalibrationOptions(size=17, response=False), 0.0050),
+        (CalibrationOptions(preset="thesis", size=17, output_curve=False), 0.0056),
+        (CalibrationOptions(size=17, output_curve=False), 0.0050),
         (CalibrationOptions(size=17), 0.0038),
     ],
 )

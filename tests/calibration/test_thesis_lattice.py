@@ -7,7 +7,7 @@ from lutforge.calibration.lattice.node_levels import BINS, error_histogram
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.thesis.lattice import THESIS, fit_uniform
 from lutforge.solvers.lattice_regression import Regularisation, fit_lattice
-from lutforge.solvers.smoothness import thin_plate
+from lutforge.solvers.penalties import thin_plate
 from tests.solvers.dense_lattice import interpolation_weights, random_levels
 
 
@@ -28,7 +28,7 @@ def test_the_thin_plate_alone_is_minimised() -> None:
 def test_the_uniform_baseline_fits_and_smoothness_helps_it_where_samples_are_few() -> None:
     rng = np.random.default_rng(1)
     x, unseen = rng.random((2000, 3)) ** 2, rng.random((2000, 3)) ** 2
-    options = CalibrationOptions(size=9, preset="thesis", response=False)
+    options = CalibrationOptions(size=9, preset="thesis", output_curve=False)
     errors = []
     for fitted in (fit_uniform(x, np.sqrt(x), options), fit_uniform(x, np.sqrt(x), options, THESIS)):
         assert np.all(np.isfinite(fitted.lattice.values))

@@ -69,8 +69,8 @@ def test_the_full_model_has_the_least_raw_error(plain: Evaluation) -> None:
 
 
 def test_delta_is_of_points_that_no_fit_had_seen(plain: Evaluation) -> None:
-    assert {"rbf", "f and T, no h", "lattice"} <= {row.method for row in plain.linearisation}
-    for row in plain.linearisation:
+    assert {"rbf", "f and T, no h", "lattice"} <= {row.method for row in plain.linearization}
+    for row in plain.linearization:
         assert row.held_out and row.pairs > 100
         # Of vivid's one bracket each shot lies beyond what the others reach.
         if row.method == "rbf" and row.style == "standard":
@@ -127,7 +127,7 @@ def test_two_shots_on_the_thesis_preset_without_exposure_pairs() -> None:
     found = evaluate(profile, samples, tables=True, sizes=(5,))  # the search for α takes long on larger ones
     assert "rbf" in {row.method for row in found.rows}
     assert any("f from RAW/JPEG pairs" in note for note in found.notes)
-    assert found.linearisation == ()
+    assert found.linearization == ()
 
 
 def test_the_json_has_the_keys_that_are_documented(tables: Evaluation, plain: Evaluation) -> None:
@@ -135,7 +135,7 @@ def test_the_json_has_the_keys_that_are_documented(tables: Evaluation, plain: Ev
     described = evaluation_module.__doc__ or ""
     entries = re.findall(r"^    (\w+) {2,}", described, flags=re.MULTILINE)
     assert set(document) == {*entries, "version", "tables"}
-    for name in ("rows", "raw", "linearisation", "refinish"):
+    for name in ("rows", "raw", "linearization", "refinish"):
         assert document[name]
         for key in document[name][0]:
             assert re.search(rf"\b{key}\b", described), (name, key)

@@ -54,7 +54,7 @@ def test_preimages_are_exact(method: Interpolation) -> None:
 
 def test_what_the_render_never_makes_leaves_a_residual() -> None:
     whole = clipping_render()
-    half = BakedRender(whole.levels, 0.5 * whole.values, True, whole.response)
+    half = BakedRender(whole.levels, 0.5 * whole.values, True, whole.output_curve)
     assert preimages(half, np.full((1, 3), 0.9), np.full((1, 3), 0.5))[1].min() > 0.1
 
 
@@ -63,7 +63,7 @@ def test_a_margin_takes_clipped_channels_beyond_the_end(render: BakedRender) -> 
     jpeg = render(raw)
     jpeg = jpeg[np.any(jpeg == 0, axis=1) & np.all(jpeg < 1, axis=1)]
     found, residual = preimages(render, jpeg, raw_colours(1, 0)[:1].repeat(len(jpeg), axis=0), margin=0.01)
-    beyond = -render.inner(found)[jpeg == 0]
+    beyond = -render.cube_values(found)[jpeg == 0]
     assert residual.max() < 2e-3
     assert np.median(beyond) > 0.0099
 
@@ -122,7 +122,7 @@ def test_a_render_without_a_response_comes_back_where_it_clips() -> None:
 def test_a_lut_of_levels_cube_and_response_is_a_render_and_others_are_none(render: BakedRender) -> None:
     axis = np.rint(render.levels[0] * 4095) / 4095
     levels = shaper((axis, axis, axis), 4096)
-    lut = Lut((levels, Cube(render.values), Curve(render.response)))
+    lut = Lut((levels, Cube(render.values), Curve(render.output_curve)))
     raw = np.random.default_rng(3).random((500, 3))
     np.testing.assert_allclose(BakedRender.of(lut)(raw), np.clip(lut(raw), 0, 1), atol=1e-6)
     for ops in ((Matrix(np.eye(3)), *lut.ops), (Curve(levels.outputs**2), *lut.ops[1:])):

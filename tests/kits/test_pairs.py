@@ -15,7 +15,7 @@ from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.model.camera_profile import load_profile
 from lutforge.pipeline.calibration import calibrate as calibrate_profile
-from lutforge.pipeline.developing import left_side, sample_pairs
+from lutforge.pipeline.raw_substitutes import raw_substitute, sample_pairs
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
@@ -68,8 +68,8 @@ def test_raw_is_not_taken_for_what_a_program_developed(
 ) -> None:
     """A profile of developed pictures, and RAW or its samples: each step says so."""
     profile = calibrate(s40_samples, CalibrationOptions(size=9)).profile
-    left = {"raw_space": "linear-prophoto", "developer": "pictures in prophoto"}
-    replace(profile, options={**profile.options, **left}).save(tmp_path / "developed.npz")
+    origin = {"raw_space": "linear-prophoto", "developer": "pictures in prophoto"}
+    replace(profile, options={**profile.options, **origin}).save(tmp_path / "developed.npz")
     write_samples(tmp_path / "samples.csv", s40_samples)
     raw = shared_data / "canon_powershot_s40" / "CRW_0101.CRW"
     for words in (
@@ -110,19 +110,19 @@ def test_what_does_not_fit_is_one_line(folders: tuple[Path, Path], tmp_path: Pat
     with pytest.raises(ShotError, match="no picture of one has the name of a picture of the other"):
         sample_pairs(before, tmp_path / "empty", "srgb")
     with pytest.raises(SettingsError, match="--developed-space"):
-        left_side(developed=before)
+        raw_substitute(developed=before)
     with pytest.raises(SettingsError, match="not both"):
-        left_side("darktable", before, "srgb")
+        raw_substitute("darktable", before, "srgb")
     with pytest.raises(SettingsError, match="it runs darktable, rawtherapee"):
-        left_side("lightroom")
+        raw_substitute("lightroom")
 
 
 def test_of_several_pictures_of_one_name_the_tiff_is_taken(folders: tuple[Path, Path], tmp_path: Path) -> None:
     (tmp_path / "FRAME.TIF").write_bytes((folders[0] / "a.tif").read_bytes())
     (tmp_path / "frame.jpg").write_bytes(b"no picture")
-    left = left_side(developed=tmp_path, developed_space="srgb")
-    assert left is not None
-    assert left(Path("frame.CR2")).pixels.shape == (480, 640, 3)
+    substitute = raw_substitute(developed=tmp_path, developed_space="srgb")
+    assert substitute is not None
+    assert substitute(Path("frame.CR2")).pixels.shape == (480, 640, 3)
 
 
 @pytest.mark.slow
@@ -142,11 +142,11 @@ def test_a_picture_of_any_size_or_turn_is_paired_and_a_cropped_one_is_one_line(
         buffer = OpenImageIO.ImageBuf(shape)
         buffer.set_pixels(OpenImageIO.ROI(), np.ascontiguousarray(pixels, dtype=np.float32))
         assert buffer.write(str(tmp_path / name / "CRW_0101.tif"))
-        left = left_side(developed=tmp_path / name, developed_space="srgb")
+        substitute = raw_substitute(developed=tmp_path / name, developed_space="srgb")
         if fits:
-            assert len(gather_samples([raw], left=left).samples) > 50, name
+            assert len(gather_samples([raw], substitute=substitute).samples) > 50, name
             continue
         with pytest.raises(LutForgeError) as raised:
-            gather_samples([raw], left=left)
+            gather_samples([raw], substitute=substitute)
         (line,) = str(raised.value).splitlines()
         assert f"{pixels.shape[1]} × {pixels.shape[0]}, must be the whole frame" in line

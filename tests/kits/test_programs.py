@@ -16,8 +16,8 @@ from lutforge.errors import LutForgeError, ShotError
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
-from lutforge.pipeline.developing import left_side
 from lutforge.pipeline.kits import check_kit, write_kit
+from lutforge.pipeline.raw_substitutes import raw_substitute
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.samples.sample_set import SampleSet
 
@@ -62,7 +62,10 @@ def test_what_a_program_cannot_read_is_one_line(
     broken = tmp_path / "broken.CRW"
     broken.write_bytes(b"no camera wrote this" * 100)
     kit = write_kit(developed_profile if program == "darktable" else raw_profile, "standard/auto", tmp_path / "kit")
-    for attempt in (lambda: gather_samples([broken], left=left_side(program)), lambda: check_kit(kit, [broken])):
+    for attempt in (
+        lambda: gather_samples([broken], substitute=raw_substitute(program)),
+        lambda: check_kit(kit, [broken]),
+    ):
         with pytest.raises(LutForgeError) as raised:
             attempt()
         assert len(str(raised.value).splitlines()) == 1
@@ -144,7 +147,7 @@ def test_a_processing_profile_works_by_hand(
 def test_a_missing_program_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "/nowhere")
     with pytest.raises(ShotError, match="apt install darktable"):
-        left_side("darktable")
+        raw_substitute("darktable")
 
 
 def test_blender_renders_with_the_config(raw_profile: CameraProfile, tmp_path: Path) -> None:

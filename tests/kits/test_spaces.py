@@ -18,7 +18,7 @@ from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.sequence import read_lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.baking import bake_files
-from lutforge.pipeline.transforms import Wanted, transform
+from lutforge.pipeline.transforms import TransformRequest, transform
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.spectra import surface_reflectances
@@ -164,11 +164,11 @@ def test_legal_ranges_are_kept(space: str, profile: CameraProfile) -> None:
 def test_a_developer_is_not_given_a_lut_of_camera_raw(program: str, profile: CameraProfile, tmp_path: Path) -> None:
     suffix = ".png" if program in ("RawTherapee", "art") else ".cube"
     with pytest.raises(SettingsError, match="lutforge kit"):
-        bake_files(profile, Wanted("render", target=SETTING), [tmp_path / f"look{suffix}"], program=program)
+        bake_files(profile, TransformRequest("render", target=SETTING), [tmp_path / f"look{suffix}"], program=program)
     assert not list(tmp_path.iterdir())
 
 
 def test_check_says_who_feeds_no_camera_raw(profile: CameraProfile, tmp_path: Path) -> None:
-    bake_files(profile, Wanted("render", target=SETTING), [tmp_path / "look.clf"])
+    bake_files(profile, TransformRequest("render", target=SETTING), [tmp_path / "look.clf"])
     readers = check_lut(tmp_path / "look.clf").readers
     assert any("lutforge kit" in text for text in readers.values())

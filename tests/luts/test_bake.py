@@ -22,7 +22,7 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.published_model import import_published
 from lutforge.model.response import Response
-from lutforge.model.transform import Clip, Decode, Encode, Gain, Linear, Stage, Transform
+from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Stage, Transform
 
 Array = NDArray[np.float64]
 
@@ -48,11 +48,11 @@ def gamut_map(seed: int, strength: float = 0.02) -> GamutMap:
 
 
 def render(gain: Array = GAIN) -> Transform:
-    return Transform((Gain(gain), Clip(), Linear(MATRIX), gamut_map(1), Encode(response())))
+    return Transform((Gain(gain), Clip(), MatrixStage(MATRIX), gamut_map(1), Encode(response())))
 
 
 def linearize() -> Transform:
-    return Transform((Clip(), Decode(response()), gamut_map(2), Linear(np.linalg.inv(MATRIX) / GAIN[:, None])))
+    return Transform((Clip(), Decode(response()), gamut_map(2), MatrixStage(np.linalg.inv(MATRIX) / GAIN[:, None])))
 
 
 def refinish(exposure: float = 0.8) -> Transform:
@@ -106,7 +106,7 @@ def test_no_output_leaves_the_range_of_the_function() -> None:
 def test_a_lattice_is_baked_as_it_stands() -> None:
     axis = snap_levels(np.linspace(0, 1, 9) ** 2, SHAPER_SIZE)
     lattice = Lattice((axis, axis, axis), np.random.default_rng(0).random((9, 9, 9, 3)), "trilinear")
-    transform = of_lattice(lattice, Linear(MATRIX))
+    transform = of_lattice(lattice, MatrixStage(MATRIX))
     lut = bake(transform)
     np.testing.assert_allclose(lut(points()), transform(points()), atol=1e-12)
     assert bake(transform, size=17).size == 17
@@ -142,7 +142,7 @@ def test_a_lattice_with_a_white_balance_is_near_in_any_form(tmp_path: Path, form
     """The gain is a matrix, or moves the nodes by less than a step of the shaper."""
     axis = snap_levels(np.linspace(0, 1, 33) ** 2, SHAPER_SIZE)
     levels = (axis, axis, axis)
-    transform = of_lattice(Lattice(levels, look(grid(levels)), "trilinear"), Linear(MATRIX))
+    transform = of_lattice(Lattice(levels, look(grid(levels)), "trilinear"), MatrixStage(MATRIX))
     lut = bake(transform, form=form)
     x = points()
     assert np.abs(lut(x) - transform(x)).max() < (1e-12 if form == "full" else 1e-3)
@@ -239,7 +239,7 @@ def test_lattices_in_steps_are_the_model(tmp_path: Path) -> None:
     r, g, b = levels
     back = Lattice((r, g, b), rng.random((9, 9, 9, 3)), "trilinear")
     forth = Lattice((r, g, b), rng.random((9, 9, 9, 3)), "tetrahedral")
-    transform = Transform((Clip(), back, Linear(np.diag(1.3 / GAIN)), *of_lattice(forth).stages))
+    transform = Transform((Clip(), back, MatrixStage(np.diag(1.3 / GAIN)), *of_lattice(forth).stages))
     lut = bake_steps(transform, title="a look")
     x = points()
     np.testing.assert_allclose(lut(x), transform(x), atol=1e-9)

@@ -61,7 +61,7 @@ def _with_response() -> CameraProfile:
     name, style = next(iter(profile.styles.items()))
     assert style.render is not None
     table = np.linspace(0.0, 1.0, 65)[:, None] ** np.array([0.4, 0.5, 0.6])
-    render = replace(style.render, response=table, plain=style.render)
+    render = replace(style.render, output_curve=table, plain=style.render)
     return replace(profile, styles={**profile.styles, name: replace(style, render=render)})
 
 
@@ -74,7 +74,7 @@ def test_a_response_and_the_plain_form_come_back(tmp_path: Path) -> None:
         assert wanted is not None and got is not None
         x = np.random.default_rng(0).random((100, 3))
         np.testing.assert_array_equal(got(x), wanted(x))
-        assert (got.response is None) == (wanted.response is None)
+        assert (got.output_curve is None) == (wanted.output_curve is None)
         if wanted.plain is not None:
             assert got.plain is not None
             np.testing.assert_array_equal(got.plain(x), wanted.plain(x))

@@ -8,7 +8,7 @@ from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, ModelName, match
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
-from lutforge.model.transform import Clip, Encode, Gain, Linear, Transform, checked_colours
+from lutforge.model.transform import Clip, Encode, Gain, MatrixStage, Transform, checked_colours
 from lutforge.model.white_balance import WhiteBalance
 from tests.model.profiles_synthetic import GAMMA, MATRIX, gamma_response, identity_map, small_profile
 
@@ -81,7 +81,7 @@ def test_match_goes_through_the_scene() -> None:
 def test_lattice_transform_gains_clamps_and_multiplies() -> None:
     lattice = small_profile().styles["standard"].render
     assert lattice is not None
-    transform = Transform((Gain(np.array([2.0, 1.0, 3.0])), Clip(), lattice, Linear(MATRIX)))
+    transform = Transform((Gain(np.array([2.0, 1.0, 3.0])), Clip(), lattice, MatrixStage(MATRIX)))
     x = np.random.default_rng(4).uniform(size=(50, 3))
     np.testing.assert_allclose(transform(x), lattice(np.clip(x * [2, 1, 3], 0, 1)) @ MATRIX.T)
 

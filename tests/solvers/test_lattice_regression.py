@@ -9,7 +9,7 @@ from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.solvers.lattice_regression import Prior, Regularisation, fit_lattice, predict, solve_lattice
 from lutforge.solvers.normal_equations import normal_equations
-from lutforge.solvers.smoothness import thin_plate
+from lutforge.solvers.penalties import thin_plate
 from lutforge.solvers.solution import Status
 from tests.solvers.dense_lattice import (
     interpolation_weights,

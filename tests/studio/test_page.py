@@ -233,7 +233,7 @@ def test_from_samples_to_exports(visit: Visit, folder: Path) -> None:
 
     visit.view("Data & outliers")
     visit.choose("Left plot", "Transformed RAW against sRGB")
-    visit.choose("Right plot", "Linearisation")
+    visit.choose("Right plot", "Linearization")
     visit.open("mine.workspace", f"mine.workspace: {len(samples):,} samples of 18 shots")
     kept = replace(Filters(), saturation=0.4)
     marked = Workspace(samples, filters=kept).outliers | (samples.patch == "none")

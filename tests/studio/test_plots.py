@@ -70,7 +70,7 @@ def test_the_model_puts_neutral_colours_on_its_curve(workspace: Workspace) -> No
         mine = (np.rint(100 * stops) == ratio) & (workspace.chroma[transfers.row] < 0.1)
         off = [np.median(np.abs(np.interp(transfers.x[mine], *one) - transfers.y[mine])) for one in transfers.curves]
         assert min(off) < 0.01 < max(off)
-    linear = points(workspace, "linearisation", 1)
+    linear = points(workspace, "linearization", 1)
     near = workspace.chroma[linear.row] < 0.1
     assert np.median(np.abs(linear.y[near] - linear.x[near])) < 0.01
 

@@ -18,7 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 import lutforge as lf
-from lutforge.apply.gradings import Gradings
+from lutforge.apply.baked_grades import BakedGrades
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.inverse.linearization import InverseOptions
 from lutforge.luts.programs import target_of
@@ -61,7 +61,7 @@ class Ways:
 def measured(profile: CameraProfile, folder: Path, count: int, inverse: InverseOptions | None = None) -> Iterator[Ways]:
     """The first `count` combinations of a profile's settings, in a fixed order; a config of it is made in `folder`."""
     config = OCIO.Config.CreateFromFile(str(write_config([profile], folder / "config", inverse=inverse)))
-    camera, gradings = name_cameras([profile])[0], Gradings()
+    camera, grades = name_cameras([profile])[0], BakedGrades()
     named = [(style, balance) for style in profile.styles for balance in profile.white_balances]
     pairs = [(source, target) for source in named for target in named if source != target]
     np.random.default_rng(0).shuffle(pairs)
@@ -70,7 +70,7 @@ def measured(profile: CameraProfile, folder: Path, count: int, inverse: InverseO
         ev = STOPS[number % len(STOPS)]
         given, wanted = profile.selector("/".join(source)), profile.selector("/".join(target))
         transform = profile.refinish(given, wanted, ev)
-        made = {"apply": _codes(gradings.refinish(profile, given, profile, wanted, ev)[1], colours)}
+        made = {"apply": _codes(grades.refinish(profile, given, profile, wanted, ev)[1], colours)}
         made["clf"] = _codes(bake_steps(transform).processor(), colours)
         shaped = lf.bake(transform, form="shaper", size=target_of(Path("x.resolve.cube")).default)
         made["cube"] = _codes(shaped.processor(), colours)

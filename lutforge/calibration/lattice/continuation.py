@@ -52,7 +52,7 @@ class Continuation:
     def __call__(self, x: Array) -> Array:
         """The guess at x (…, 3): encoded, or RAW."""
         values = self.values(x)
-        return values if self.curve is None else self.curve.leave(values)
+        return values if self.curve is None else self.curve.to_encoded(values)
 
     def values(self, x: Array) -> Array:
         """What a cube should hold at x (…, 3): values before the curve, or RAW; not clipped."""
@@ -141,7 +141,7 @@ class Continuation:
         """e of linear light (n, 3), what r should be there (n, 3), and how much its error counts (n,)."""
         source = to_even(linear, OFFSET)
         if self.curve is not None:
-            return source, self.curve.enter(y) - self.curve.continued(linear), np.ones(len(y))
+            return source, self.curve.to_values(y) - self.curve.continued(linear), np.ones(len(y))
         wanted = y @ self.base.matrix.T
         slope = 1.0 / even_slope(wanted, OFFSET).mean(axis=1)  # errors count in linear light
         return source, to_even(wanted, OFFSET) - source, (slope / np.median(slope)) ** 2

@@ -71,13 +71,13 @@ def fit_samples(
 
     clips: the camera clips in this direction (render), so values that the guess clips are held there, and the thesis's
     boundary term applies. curve: what comes behind the cube, in the output's encoding; errors count after it. With
-    options.response off, the result is the plain form of that fit.
+    options.output_curve off, the result is the plain form of that fit.
     smoothness: λ_S where it is known already; else it is cross-validated over the groups.
     tolerance: relative residual of the last solve; that of the options where None.
     """
     if options.preset == "thesis":
         return fit_thesis(x, y, options, clips=clips)
-    target = y if curve is None else curve.enter(y)
+    target = y if curve is None else curve.to_values(y)
     weight = np.ones(len(x)) if curve is None else curve_weights(curve, y)
     chosen = options.lattice.smoothness if smoothness is None else smoothness
     problem = LatticeProblem(x, y, target, weight, guess, options, clips, chosen, curve)
@@ -89,7 +89,7 @@ def fit_samples(
         problem = replace(problem, smoothness=search.smoothness)
     found = _search(search, levels)
     lattice = _final_fit(problem, found, found.error if search.x is problem.x else None, tolerance)
-    if curve is not None and not options.response:
+    if curve is not None and not options.output_curve:
         return fit_plain(x, y, lattice, options, problem.smoothness)
     return result(lattice, x, y, problem.smoothness)
 

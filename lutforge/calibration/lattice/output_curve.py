@@ -13,7 +13,7 @@ from scipy.interpolate import PchipInterpolator
 
 from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
-from lutforge.interpolation import through
+from lutforge.interpolation import apply_curve
 from lutforge.model.response import Response
 
 
@@ -29,19 +29,19 @@ class OutputCurve:
     values: Array
     ends: Array
 
-    def enter(self, encoded: Array) -> Array:
+    def to_values(self, encoded: Array) -> Array:
         """I (…, 3) in [0, 1] → v, through the table as files hold it."""
         points = np.ascontiguousarray(encoded, dtype=np.float64)
         return np.asarray(_enter(self.table, self.values, points.reshape(-1, 3))).reshape(points.shape)
 
-    def leave(self, values: Array) -> Array:
+    def to_encoded(self, values: Array) -> Array:
         """v (…, 3) → I in [0, 1]."""
-        return through(self.table, values)
+        return apply_curve(self.table, values)
 
     def slope(self, encoded: Array) -> Array:
         """dI/dv at I (…, 3), over two codes."""
         low, high = np.clip(encoded - 1 / 255, 0.0, 1.0), np.clip(encoded + 1 / 255, 0.0, 1.0)
-        return np.asarray((high - low) / (self.enter(high) - self.enter(low)))
+        return np.asarray((high - low) / (self.to_values(high) - self.to_values(low)))
 
     def continued(self, linear: Array) -> Array:
         """v of linear light (…, 3), which runs on straight where the camera clips."""

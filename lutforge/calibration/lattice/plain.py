@@ -17,9 +17,9 @@ from lutforge.calibration.lattice.result import LatticeResult, result, snapped
 from lutforge.calibration.options import SEARCH_SIZE, CalibrationOptions
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice, resized_levels
-from lutforge.solvers.bounded import solve_bounded
 from lutforge.solvers.lattice_regression import LatticeFit, Prior
 from lutforge.solvers.normal_equations import InterpolationMatrix, NormalEquations
+from lutforge.solvers.projected_gauss_seidel import solve_bounded
 from lutforge.solvers.robust_weights import lawson
 
 Bounds = tuple[float, float]

@@ -14,7 +14,7 @@ from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_level
 from lutforge.calibration.lattice.output_curve import OutputCurve
 from lutforge.calibration.lattice.rising_axis import with_rising_axis
 from lutforge.calibration.options import SEARCH_SIZE, CalibrationOptions, LatticeFitOptions
-from lutforge.interpolation import Levels, interpolate, through
+from lutforge.interpolation import Levels, apply_curve, interpolate
 from lutforge.model.gamut_map import from_even
 from lutforge.model.lattice import Lattice, grid
 from lutforge.solvers.lattice_regression import LatticeFit, Prior, Regularisation, solve_lattice
@@ -30,7 +30,7 @@ def outlier_weights(squared_error: Array, options: LatticeFitOptions) -> Array:
 def curve_weights(curve: OutputCurve, y: Array) -> Array:
     """Return how much an error of the cube counts behind the curve at y (n, 3), (n,); 1 in the median."""
     codes = np.linspace(0.0, 1.0, 511)[:, None].repeat(3, axis=1)  # two codes of 255 a step
-    slope = through(curve.slope(codes), y)  # tabulated: y may hold millions
+    slope = apply_curve(curve.slope(codes), y)  # tabulated: y may hold millions
     square = squares(slope)
     return np.asarray(square / np.median(square))
 
@@ -104,7 +104,7 @@ class LatticeProblem:
     def grey(self) -> Array:
         """What the cube should give on GREY: neutral, as bright as the guess makes it on average."""
         values = np.clip(self.guess(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
-        return values if self.curve is None else self.curve.enter(values)
+        return values if self.curve is None else self.curve.to_values(values)
 
     @property
     def grey_weight(self) -> Array:
@@ -156,7 +156,7 @@ class PlacedProblem:
         elif isinstance(problem.guess, Continuation):
             values = np.clip(problem.guess.values(positions), -1.0, 2.0)  # the curve clamps to [0, 1]
         else:
-            values = problem.curve.enter(np.clip(problem.guess(positions), 0.0, 1.0))
+            values = problem.curve.to_values(np.clip(problem.guess(positions), 0.0, 1.0))
         hold, firm = np.full_like(values, problem.options.lattice.prior_weight), 1e3
         values[0, 0, 0], hold[0, 0, 0] = 0.0, firm  # no sample can lie there, nor where the camera clips all channels
         if problem.clips:
@@ -242,4 +242,4 @@ class PlacedProblem:
     def _output(self, values: Array) -> Array:
         """(n, 3): what node values make of the samples, behind the curve."""
         between, curve = self.matrix @ values, self.problem.curve
-        return between if curve is None else curve.leave(between)
+        return between if curve is None else curve.to_encoded(between)

@@ -6,7 +6,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.interpolation import Levels, through
+from lutforge.interpolation import Levels, apply_curve
 from lutforge.model.lattice import Lattice, snap_levels
 from lutforge.solvers.normal_equations import InterpolationMatrix
 
@@ -36,6 +36,6 @@ def result(lattice: Lattice, x: Array, y: Array, smoothness: float) -> LatticeRe
     matrix = InterpolationMatrix(x, lattice.levels, lattice.interpolation)
     coverage = matrix.normal_equations(np.ones_like(x)).right[..., 0]
     values = matrix @ lattice.values
-    difference = (values if lattice.response is None else through(lattice.response, values)) - y
+    difference = (values if lattice.output_curve is None else apply_curve(lattice.output_curve, values)) - y
     rms = float(np.sqrt(np.einsum("nc,nc->", difference, difference) / len(y)))
     return LatticeResult(lattice, np.ascontiguousarray(coverage), smoothness, rms)

@@ -71,7 +71,7 @@ def shrinkable(
         target = np.clip(between_nodes(base.response, lattice.levels) @ np.linalg.inv(base.matrix).T, -1.0, 2.0)
     else:
         samples, places = base.render(balanced), base.render(nodes)
-        curve = None if lattice.response is None else output_curve(base.response)
+        curve = None if lattice.output_curve is None else output_curve(base.response)
         continued = None if curve is None else Continuation(base, curve).values(nodes)
         target = (
             places if continued is None else np.clip(continued, -1.0, 2.0)

@@ -217,7 +217,7 @@ def _log_ratio(one: _Exposure, other: _Exposure, both: Mask, from_raw: bool) -> 
         return None
     logs = np.log(other.raw[bright] / one.raw[bright])
     middle = float(np.median(logs))
-    # Where RAW is known: the surfaces of one scene have one RAW ratio, within this spread of its logarithm
+    # All surfaces of one scene have the same RAW ratio; a wider spread of its logarithm means another scene.
     return middle if float(np.median(np.abs(logs - middle))) < 0.12 else None
 
 

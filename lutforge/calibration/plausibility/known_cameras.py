@@ -81,7 +81,7 @@ def _stops_covariance() -> Array:
 
 
 def _matrix_covariance(chain: ColourChain) -> Array:
-    """Of the entries of Ts off the diagonal (6, 6), from that of A: Ts = A diag(A⁻¹ 1)."""
+    """Return the covariance (6, 6) of the off-diagonal entries of Ts = A diag(A⁻¹ 1), from that of the entries of A."""
     inverse, neutral = np.linalg.inv(chain.matrix), chain.neutral
     rows = []
     for place in range(9):

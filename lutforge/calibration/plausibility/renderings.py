@@ -24,7 +24,11 @@ LEAST_OF_SHOT = 16
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Of a half of each shot's samples: products of terms (m, k, k), with what is left (m, k, 3), its squares (m,)."""
+    """Sums over half of the samples of each of m shots, for a least-squares fit of their residuals on k terms.
+
+    products: of terms with terms (m, k, k); cross: of terms with residuals (m, k, 3); squares: of residuals (m,);
+    count: of samples (m,).
+    """
 
     products: Array
     cross: Array

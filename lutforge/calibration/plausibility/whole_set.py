@@ -19,7 +19,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.diagnosis import Diagnosis
 
 LEAST_GAIN = 3.5
-"""By how much (natural logarithm) a cause must be the likelier, so that of good sets one in a hundred is accused."""
+"""Least log-likelihood ratio (natural) at which a cause is named; at this one, one good set in a hundred is accused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Colours:
         return np.asarray(inside.all(axis=1) if self.inside is None else inside.all(axis=1) & self.inside)
 
     def changed(self, raw: Array | None = None, encoded: Array | None = None, by: Array | None = None) -> "Colours":
-        """The same with other values."""
+        """Return the colours with the given columns replaced."""
         return Colours(
             self.raw if raw is None else raw,
             self.encoded if encoded is None else encoded,

@@ -24,9 +24,9 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.gauss_newton import gauss_newton
 
 SIGNIFICANCE = 0.005
-"""Odds at which a lens without falloff is taken to have one (one-sided) …"""
+"""Largest p-value, one-sided, of a falloff that is taken out. Its corners must differ by LEAST_EV as well."""
 LEAST_EV = 0.03
-"""… if the corners also differ by more than this, which moves a bright colour by a code."""
+"""Least difference between corners and centre, in stops, that is taken out. It moves a bright colour by a code."""
 FARTHEST_CENTRE, CENTRE_SPREAD = 0.15, 0.04
 """Bounds of the centre in each direction, and the standard deviation of its prior around the middle of the picture."""
 
@@ -75,7 +75,7 @@ def at_the_centre(samples: SampleSet, falloffs: Sequence[Falloff]) -> SampleSet:
 
 
 def falloff_stops(samples: SampleSet, falloffs: Sequence[Falloff]) -> Array:
-    """By how many stops JPEGs are brighter at the places of samples than where lenses lose no light, (n,)."""
+    """Return, for each sample (n,), by how many stops the JPEG is brighter there than where the lens loses no light."""
     stops = np.zeros(len(samples))
     for setting in _settings(samples) if falloffs else ():
         falloff = falloff_of(falloffs, setting.lens, setting.focal_mm, setting.aperture)

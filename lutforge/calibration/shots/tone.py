@@ -137,7 +137,7 @@ def without_departures(samples: SampleSet, multipliers: Array, tones: Sequence[S
 
 
 def _cells(samples: SampleSet, multipliers: Array, most: int = 1500) -> _Cells:
-    """As fine as they may be while they are not too many."""
+    """Average the samples over cells of shot, place and colour: the finest division with at most `most` cells."""
     y = np.log2((samples.raw * multipliers).sum(axis=1)) - np.log2(1e-4 + _light(samples.srgb))
     names, shot = np.unique(samples.shot, return_inverse=True)
     part = np.clip(np.nan_to_num(1.5 * (samples.position + 1.0), nan=0.0), 0, 2).astype(np.intp) @ [1, 3]
@@ -173,7 +173,7 @@ def _matern(distance: Array) -> Array:
 
 
 def _covariance(cells: _Cells) -> Array:
-    """Of y between cells (n, n), of a camera whose rendering is fixed.
+    """Return the covariance (n, n) of y between cells under a fixed rendering.
 
     λ departs from a plane by half a stop over 90 codes.
     """
@@ -192,13 +192,16 @@ def _own_covariance(cells: _Cells) -> Array:
 
 
 def _distance(cells: _Cells) -> Array:
-    """Between the JPEG colours of cells, (n, n)."""
+    """Return the distances (n, n) between the JPEG colours of cells."""
     square = (cells.encoded**2).sum(axis=1)
     return np.asarray(np.sqrt(np.maximum(square[:, None] + square - 2.0 * cells.encoded @ cells.encoded.T, 0.0)))
 
 
 def _departures(cells: _Cells, covariance: Array, freed: Mapping[int, Array]) -> list[_Departure]:
-    """Each shot beside what the others predict; the freed ones depart by columns (m, k) of their own, up to stops."""
+    """Return how each shot departs from what the others predict.
+
+    freed: for some shots, columns (m, k) along which they may depart by stops without weighing on the others.
+    """
     total = covariance.copy()
     for place, columns in freed.items():
         mine = np.flatnonzero(cells.shot == place)
@@ -218,7 +221,7 @@ def _departures(cells: _Cells, covariance: Array, freed: Mapping[int, Array]) ->
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """One shot's departure: of its tones, then of its places.
+    """The departure of one shot, split into a tone curve and a map over the picture.
 
     tone: (3,); stops: what that makes of its cells, (m,); maps: (18,); local: what these make of its cells, (m,).
     gains: by how much each lowers the misfit, χ² of 3 and 18 degrees of freedom; misfit: what is left per cell.
@@ -232,7 +235,7 @@ class _Fit:
     misfit: float
 
     def odds(self, scale: float) -> tuple[float, float]:
-        """Of gains as large by chance, where misfits are `scale`."""
+        """Return the p-values of the two gains in fit, in units of the usual misfit `scale`."""
         return float(chi2.sf(self.gains[0] / scale, 3)), float(chi2.sf(self.gains[1] / scale, 18))
 
 

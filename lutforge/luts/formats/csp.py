@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.luts.formats.text import MAX_CURVE, MAX_SIZE, Lines, plain, red_fastest, red_first, rows, write_text
+from lutforge.luts.formats.text import MAX_CURVE, MAX_SIZE, Lines, cube_of_rows, plain, rows, rows_of_cube, write_text
 from lutforge.luts.ops import Cube, Curve, Op
 from lutforge.luts.sequence import FileFormat, Lut, register
 from lutforge.luts.shaper import node_levels
@@ -25,7 +25,7 @@ def write(lut: Lut, path: Path) -> None:
         x, y = (np.array([0.0, 1.0]),) * 2 if curve is None else _knots(curve, cube, channel)
         lines += [str(len(x)), " ".join(f"{v:.9f}" for v in x), " ".join(f"{v:.9f}" for v in y)]
     lines += ["", f"{cube.size} {cube.size} {cube.size}"]
-    write_text(path, "\n".join(lines) + "\n" + rows(red_first(cube.values)))
+    write_text(path, "\n".join(lines) + "\n" + rows(rows_of_cube(cube.values)))
 
 
 def _knots(curve: Curve, cube: Cube, channel: int) -> tuple[Array, Array]:
@@ -69,7 +69,7 @@ def read(path: Path, data: bytes) -> Lut:
         if len(words) != 3:
             raise lines.wrong(index, "expected three sizes")
         r, g, b = lines.integers(index, words, 2, MAX_SIZE, "the size")
-        ops.append(Cube(red_fastest(lines.table(index + 1, r * g * b, 3, "the cube"), (r, g, b))))
+        ops.append(Cube(cube_of_rows(lines.table(index + 1, r * g * b, 3, "the cube"), (r, g, b))))
     return Lut(tuple(ops), "", tuple(notes), {"format": ".csp"})
 
 

@@ -16,11 +16,11 @@ from lutforge.luts.formats.text import (
     MAX_SIZE,
     Lines,
     comment_lines,
+    cube_of_rows,
     is_numeric,
     plain,
-    red_fastest,
-    red_first,
     rows,
+    rows_of_cube,
     write_text,
 )
 from lutforge.luts.ops import Cube, Curve, Matrix, Op
@@ -37,7 +37,7 @@ def write(lut: Lut, path: Path) -> None:
     parts = lut.shaper_and_cube()
     assert parts is not None
     curve, cube = parts
-    table = rows(red_first(cube.values))
+    table = rows(rows_of_cube(cube.values))
     if lut.cube is None and curve is not None:
         table = ""
         header = [
@@ -100,7 +100,7 @@ def read(path: Path, data: bytes) -> Lut:
     if size:
         between = np.array([[0.0] * 3, [1.0] * 3]) if entries else domain
         ops += _to_unit(ranges.get("LUT_3D_INPUT_RANGE", between))
-        ops.append(Cube(red_fastest(lines.table(index + entries, size**3, 3, "the 3D table"), (size, size, size))))
+        ops.append(Cube(cube_of_rows(lines.table(index + entries, size**3, 3, "the 3D table"), (size, size, size))))
     if len(lines) > index + entries + size**3:
         raise lines.wrong(index + entries + size**3, f"more rows than the {entries + size**3} that the header says")
     return Lut(tuple(ops), title, tuple(lines.comments), {"format": ".cube", "keywords": " ".join(keywords)})

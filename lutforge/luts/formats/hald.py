@@ -13,7 +13,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import LutError, one_line
-from lutforge.luts.formats.text import plain, red_fastest, red_first
+from lutforge.luts.formats.text import cube_of_rows, plain, rows_of_cube
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import FileFormat, Lut, register
 
@@ -31,7 +31,7 @@ def _write(lut: Lut, path: Path) -> None:
     parts = lut.shaper_and_cube()
     assert parts is not None
     side = isqrt(lut.size) ** 3
-    codes = np.rint(np.clip(red_first(parts[1].values), 0.0, 1.0) * 65535).astype(np.uint16).reshape(side, side, 3)
+    codes = np.rint(np.clip(rows_of_cube(parts[1].values), 0.0, 1.0) * 65535).astype(np.uint16).reshape(side, side, 3)
     spec = oiio.ImageSpec(side, side, 3, oiio.UINT16)
     spec["ImageDescription"] = "; ".join(plain(text) for text in (lut.title, *lut.comments) if plain(text))
     output = oiio.ImageOutput.create(str(path))
@@ -75,7 +75,7 @@ def read(path: Path, data: bytes) -> Lut:
     if not np.all(np.isfinite(table)):
         raise LutError(f"{path}: a pixel is not a finite number")
     size = level * level
-    cube = Cube(red_fastest(table, (size, size, size)), "trilinear")
+    cube = Cube(cube_of_rows(table, (size, size, size)), "trilinear")
     return Lut((cube,), title, (), {"format": "Hald image", **({"bits": str(bits)} if bits else {})})
 
 

@@ -5,7 +5,16 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.formats.text import MAX_CURVE, MAX_SIZE, Lines, is_numeric, red_fastest, red_first, rows, write_text
+from lutforge.luts.formats.text import (
+    MAX_CURVE,
+    MAX_SIZE,
+    Lines,
+    cube_of_rows,
+    is_numeric,
+    rows,
+    rows_of_cube,
+    write_text,
+)
 from lutforge.luts.ops import Cube, Curve, Op
 from lutforge.luts.sequence import FileFormat, Lut, register
 
@@ -28,7 +37,7 @@ def write(lut: Lut, path: Path) -> None:
         f"Length\t\t{length}",
         "LUT:",
     ]
-    text, table = "\n".join(lines) + "\n", rows(red_first(cube.values))
+    text, table = "\n".join(lines) + "\n", rows(rows_of_cube(cube.values))
     if curve is None:
         text += " {\n" + table + "}\n"
     else:
@@ -81,7 +90,7 @@ def read(path: Path, data: bytes) -> Lut:
         ops.append(Curve(np.repeat(lines.table(body[0], entries, 1, "Pre"), 3, axis=1), low, high))
     elif domain != (0.0, 1.0):
         ops.append(Curve(np.repeat([[0.0], [1.0]], 3, axis=1), low, high))
-    ops.append(Cube(red_fastest(lines.table(body[entries], size**3, 3, "3D"), (size, size, size))))
+    ops.append(Cube(cube_of_rows(lines.table(body[entries], size**3, 3, "3D"), (size, size, size))))
     return Lut(tuple(ops), metadata={"format": "Houdini .lut"})
 
 

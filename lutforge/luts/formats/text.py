@@ -167,13 +167,13 @@ class Lines:
         )
 
 
-def red_fastest(table: Array, size: tuple[int, int, int]) -> Array:
+def cube_of_rows(table: Array, size: tuple[int, int, int]) -> Array:
     """Rows whose red index advances first → (N_r, N_g, N_b, 3)."""
     r, g, b = size
     return np.ascontiguousarray(table.reshape(b, g, r, 3).transpose(2, 1, 0, 3))
 
 
-def red_first(values: Array) -> Array:
+def rows_of_cube(values: Array) -> Array:
     """Node values (N_r, N_g, N_b, 3) as rows (n, 3) whose red index advances first."""
     return np.ascontiguousarray(values.transpose(2, 1, 0, 3)).reshape(-1, 3)
 

@@ -10,9 +10,9 @@ from lutforge.luts.formats.text import (
     MAX_SIZE,
     Lines,
     comment_lines,
-    red_fastest,
-    red_first,
+    cube_of_rows,
     rows,
+    rows_of_cube,
     write_text,
 )
 from lutforge.luts.ops import Cube, Curve, Op
@@ -35,7 +35,7 @@ def write(lut: Lut, path: Path) -> None:
         "",
         "# InputLUT",
     ]
-    shaper, table = rows(curve.outputs * (cube.size - 1)), rows(red_first(cube.values))
+    shaper, table = rows(curve.outputs * (cube.size - 1)), rows(rows_of_cube(cube.values))
     write_text(path, "\n".join(header) + "\n" + shaper + "\n# Cube\n" + table + "\n# end\n")
 
 
@@ -64,7 +64,7 @@ def read(path: Path, data: bytes) -> Lut:
     if entries:
         nodes = np.array([r - 1, g - 1, b - 1], dtype=np.float64)
         ops.append(Curve(lines.table(0, entries, 3, "InputLUT") / nodes))
-    ops.append(Cube(red_fastest(lines.table(entries, r * g * b, 3, "Cube"), (r, g, b))))
+    ops.append(Cube(cube_of_rows(lines.table(entries, r * g * b, 3, "Cube"), (r, g, b))))
     return Lut(tuple(ops), "", tuple(lines.comments), {"format": "Truelight .cub"})
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.luts.formats.text import Lines, red_fastest, write_text
+from lutforge.luts.formats.text import Lines, cube_of_rows, write_text
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import FileFormat, Lut, register
 
@@ -35,7 +35,7 @@ def read(path: Path, data: bytes) -> Lut:
     wrong = np.any((table < 0) | (table > TOP) | (table != np.rint(table)), axis=1)
     if wrong.any():
         raise lines.wrong(1 + int(np.flatnonzero(wrong)[0]), f"a .vlt holds whole numbers from 0 to {TOP}")
-    cube = Cube(red_fastest(table / TOP, (SIZE, SIZE, SIZE)))
+    cube = Cube(cube_of_rows(table / TOP, (SIZE, SIZE, SIZE)))
     return Lut((cube,), "", tuple(lines.comments), {"format": ".vlt", "bits": "12"})
 
 

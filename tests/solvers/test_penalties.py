@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lutforge.solvers.smoothness import keys_cubic, second_difference, thin_plate
+from lutforge.solvers.penalties import keys_cubic, second_difference, thin_plate
 
 Array = NDArray[np.float64]
 

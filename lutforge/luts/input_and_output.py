@@ -16,7 +16,7 @@ RAW = "linear camera RAW, black 0, saturation 1, before white balance"
 
 
 @dataclass(frozen=True)
-class Ends:
+class InputAndOutput:
     """Input and output of a LUT in words: ENCODED, RAW, or scene-linear or scene-referred and the space's name.
 
     title: what else its file says at its beginning, its title among it.
@@ -38,7 +38,7 @@ class Ends:
 
     @property
     def comments(self) -> tuple[str, str]:
-        """The two comment lines of a file, for people and for `read_ends`."""
+        """The two comment lines of a file, for people and for `read_input_and_output`."""
         taken = f"{self.input}; not for JPEGs" if self.takes_linear else self.input
         given = (
             f"{self.output}; keep it in half or float files, 8 bits would show bands"
@@ -52,14 +52,14 @@ def _is_linear(end: str) -> bool:
     return end == RAW or end.startswith("scene-linear")
 
 
-def ends_of(kind: str, space: str) -> Ends:
-    """Name the ends of a render, linearize, refinish or match; space: of the scene's side, "raw" or a name."""
+def input_and_output_of(kind: str, space: str) -> InputAndOutput:
+    """Name input and output of a render, linearize, refinish or match; space: of the scene's side, "raw" or a name."""
     linear = space == "raw" or rgb_space(space).is_linear
     scene = RAW if space == "raw" else f"scene-{'linear' if linear else 'referred'} {space}"
-    return Ends(scene if kind == "render" else ENCODED, scene if kind == "linearize" else ENCODED)
+    return InputAndOutput(scene if kind == "render" else ENCODED, scene if kind == "linearize" else ENCODED)
 
 
-def read_ends(path: Path) -> Ends | None:
+def read_input_and_output(path: Path) -> InputAndOutput | None:
     """What a LUT file says of itself; None where it does not, or is not there."""
     try:
         with path.open("rb") as file:
@@ -69,4 +69,4 @@ def read_ends(path: Path) -> Ends | None:
     found = [re.search(rf"\b{end}: ([^;\n<]+)", unescape(head)) for end in ("input", "output")]
     if "LutForge" not in head or found[0] is None or found[1] is None:
         return None
-    return Ends(found[0][1].strip(), found[1][1].strip(), head.partition(found[0][0])[0])
+    return InputAndOutput(found[0][1].strip(), found[1][1].strip(), head.partition(found[0][0])[0])

@@ -1,4 +1,4 @@
-"""The linearisation error δ over exposure pairs (thesis 4.3.1, equation 4.11), with and without the gamut map."""
+"""The linearization error δ over exposure pairs (thesis 4.3.1, equation 4.11), with and without the gamut map."""
 
 from dataclasses import asdict, dataclass
 
@@ -12,7 +12,7 @@ from lutforge.model.profile_data import PhysicalModel
 
 
 @dataclass(frozen=True)
-class LinearisationError:
+class LinearizationError:
     """δ per channel (r, g, b) of one style, in linear sRGB, 1 = full scale.
 
     pairs: points counted; held_out: whether each point was linearised by a fit that had not seen its shot.
@@ -35,7 +35,7 @@ def delta(first: Array, second: Array, ratio: Array) -> tuple[float, float, floa
     return (r, g, b)
 
 
-def linearisation_errors(style: str, predictions: Predictions, matrix: Array) -> tuple[LinearisationError, ...]:
+def linearization_errors(style: str, predictions: Predictions, matrix: Array) -> tuple[LinearizationError, ...]:
     """δ of all exposure pairs of a style by method, each shot linearised by the fit that has not seen it.
 
     matrix: Ts (3, 3), the same for all methods, takes what a method says of Tw E to linear sRGB: with the full model
@@ -54,7 +54,7 @@ def linearisation_errors(style: str, predictions: Predictions, matrix: Array) ->
             used = np.concatenate([pairs.first_row[said], pairs.second_row[said]])
             held_out = bool(np.all(predictions.held_out[used]))
             error = delta(first[said], second[said], ratio[said])
-            result.append(LinearisationError(style, method, held_out, int(said.sum()), error))
+            result.append(LinearizationError(style, method, held_out, int(said.sum()), error))
     return tuple(result)
 
 

@@ -18,7 +18,7 @@ from lutforge.model.profile_data import PictureStyle
 from lutforge.progress import Progress
 
 
-def with_held_out_errors(calibration: Calibration, options: CalibrationOptions, progress: Progress) -> CameraProfile:
+def measured_and_shrunk(calibration: Calibration, options: CalibrationOptions, progress: Progress) -> CameraProfile:
     """Return the calibrated profile with the errors of its styles on shots left out, and notes on what makes them weak.
 
     Where the left-out shots ask for it, its lattices are shrunk towards matrix and response away from their samples.

@@ -8,7 +8,7 @@ import numpy as np
 
 from lutforge.arrays import Array, Index, Single
 from lutforge.compiled import compiled
-from lutforge.solvers.smoothness import bending
+from lutforge.solvers.penalties import bending
 from lutforge.solvers.stencil import FAR
 
 COARSEST = 3

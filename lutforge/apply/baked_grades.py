@@ -20,7 +20,7 @@ from lutforge.model.transform import Transform, through_stages
 from lutforge.settings import Selector
 
 
-class Gradings:
+class BakedGrades:
     """LUTs of refinishes and renders, each linearize and render step baked once for all white balances."""
 
     def __init__(self) -> None:

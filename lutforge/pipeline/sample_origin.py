@@ -5,7 +5,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.sample_set import SampleSet
 
 
-def left_side_of(samples: SampleSet) -> dict[str, str]:
+def origin_of(samples: SampleSet) -> dict[str, str]:
     """Name the space and the program of pictures that stand in the place of RAW; empty for RAW.
 
     Raises CalibrationError where samples of several spaces or programs are mixed.
@@ -28,9 +28,9 @@ def space_of(profile: CameraProfile) -> str:
     return str(profile.options.get("raw_space") or "raw")
 
 
-def require_same_left_side(profile: CameraProfile, samples: SampleSet) -> None:
+def require_same_origin(profile: CameraProfile, samples: SampleSet) -> None:
     """Raise CalibrationError, with what helps, where samples are not of what a profile was calibrated on."""
-    given = left_side_of(samples)
+    given = origin_of(samples)
     if space_of(profile) != given.get("raw_space", "raw"):
         option = "--developed DIR --developed-space SPACE " if developer_of(profile) else ""
         raise CalibrationError(

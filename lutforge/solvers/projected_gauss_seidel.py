@@ -10,11 +10,11 @@ import numpy as np
 from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
 from lutforge.interpolation import Levels
+from lutforge.solvers.coarsening import coarsen_axis
 from lutforge.solvers.lattice_regression import LatticeFit, Prior
 from lutforge.solvers.normal_equations import NormalEquations
 from lutforge.solvers.solution import Status
 from lutforge.solvers.stencil import COUPLINGS, FAR, couple, from_planar, planar, steps
-from lutforge.solvers.transfer import coarsen_axis
 
 
 def solve_bounded(

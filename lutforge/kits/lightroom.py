@@ -31,7 +31,7 @@ _REC2020, _SRGB_GAMMA, _CLIP = 4, 1, 0
 
 
 @dataclass(frozen=True)
-class CameraRawKit:
+class LightroomKit:
     """A profile of RAW files becomes a .dcp, one of pictures that Camera Raw exported an XMP profile."""
 
     program: str = "lightroom"

@@ -5,10 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.interpolation import Levels
-from lutforge.solvers.normal_equations import normal_equations
-from lutforge.solvers.smoothness import second_difference
-from lutforge.solvers.stencil import from_planar, planar
-from lutforge.solvers.transfer import (
+from lutforge.solvers.coarsening import (
     COARSEST,
     coarse_count,
     coarse_stencil,
@@ -17,6 +14,9 @@ from lutforge.solvers.transfer import (
     prolong_add,
     restrict,
 )
+from lutforge.solvers.normal_equations import normal_equations
+from lutforge.solvers.penalties import second_difference
+from lutforge.solvers.stencil import from_planar, planar
 from tests.solvers.dense_lattice import interpolation_weights, random_levels
 
 Array = NDArray[np.float64]

@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 
 from lutforge.interpolation import Levels, interpolate
 from lutforge.model.lattice import grid
-from lutforge.solvers.bounded import solve_bounded
 from lutforge.solvers.lattice_regression import Prior, Regularisation, solve_lattice
 from lutforge.solvers.normal_equations import NormalEquations, normal_equations
+from lutforge.solvers.projected_gauss_seidel import solve_bounded
 from lutforge.solvers.solution import Status
 
 Array = NDArray[np.float64]

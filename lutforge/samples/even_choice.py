@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array
 
 
-def balance(
+def choose_evenly(
     codes: Array,
     places: Array,
     level: NDArray[np.intp],

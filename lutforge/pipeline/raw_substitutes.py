@@ -9,8 +9,8 @@ from lutforge.developers.rawtherapee import RawTherapee
 from lutforge.errors import SettingsError, ShotError
 from lutforge.images.development import Development
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.left_side import developer_of
-from lutforge.pipeline.sampling import LeftSide, Sampled, sample_each
+from lutforge.pipeline.sample_origin import developer_of
+from lutforge.pipeline.sampling import RawSubstitute, SampledShots, sample_each
 from lutforge.progress import Progress, silent
 from lutforge.shots.pair import read_pair
 from lutforge.shots.shot import Shot
@@ -23,9 +23,9 @@ PICTURE_SUFFIXES = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 """Kinds of pictures that are paired, the best first."""
 
 
-def left_side(
+def raw_substitute(
     developer: str | None = None, developed: str | Path | None = None, developed_space: str | None = None
-) -> LeftSide | None:
+) -> RawSubstitute | None:
     """Return the function that gives the picture to use instead of a RAW file; None where the RAW itself is used.
 
     developer: a program that is run on each RAW file. developed: a folder of pictures, one a shot with its stem, in
@@ -61,15 +61,15 @@ def left_side(
     return read
 
 
-def left_side_of_profile(profile: CameraProfile) -> LeftSide | None:
+def raw_substitute_of(profile: CameraProfile) -> RawSubstitute | None:
     """What stands in the place of RAW for a profile: what its program develops. None for RAW, or exported pictures."""
     program = developer_of(profile).split(" ")[0]
-    return left_side(program) if program in DEVELOPERS else None
+    return raw_substitute(program) if program in DEVELOPERS else None
 
 
 def sample_pairs(
     from_folder: str | Path, to_folder: str | Path, from_space: str, progress: Progress = silent
-) -> Sampled:
+) -> SampledShots:
     """Sample two renderings of the same frames: pictures of the same stem in two folders.
 
     from_space: the space that the pictures of the first folder are encoded in; those of the second are sRGB. Raises
