@@ -3,8 +3,8 @@
 Colours from the whole cube of JPEG values are inverted exactly, one by one (`preimage`), and the table is fitted to the
 RAW found for them by lattice regression, behind the inverse of the render's output curve, so that only the bends of the
 render's lattice are left to it. Errors count as the render shows them. From fit to fit the largest errors count more
-(C. L. Lawson, 1961; Rice & Usow, Math. Comp. 22, 1968, https://doi.org/10.1090/S0025-5718-1968-0225469-7), which brings
-the maximum down. Beyond the colours that the render makes the table continues smoothly.
+(Lawson's algorithm, see `solvers/robust_weights.py`), which brings the maximum down. Beyond the colours that the render
+makes the table continues smoothly.
 """
 
 from collections.abc import Callable

@@ -3,8 +3,8 @@
 A robust loss gives large residuals less weight, so that outliers do not bend a fit. Holland & Welsch, "Robust
 regression using iteratively reweighted least-squares", Communications in Statistics 6 (1977),
 https://doi.org/10.1080/03610927708827533. An Lp norm of p > 2 gives them more, so that a fit comes nearer to the least
-maximum error: Lawson's algorithm (1961), as in Rice & Usow, Mathematics of Computation 22 (1968),
-https://doi.org/10.1090/S0025-5718-1968-0223063-7.
+maximum error: Lawson's algorithm (1961), as in J. R. Rice and K. H. Usow, "The Lawson algorithm and extensions",
+Mathematics of Computation 22 (101), 1968, pages 118–127.
 
 To add a loss, write its weight function of the ratio residual / scale here, and name it where a `RobustWeights` is
 made: `calibration/lattice/weights.py` (the last fit of a lattice), `calibration/lattice/continuation.py`,
