@@ -9,7 +9,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.arrays import Array, Real
 from lutforge.errors import LutError, one_line
-from lutforge.luts.input_and_output import RAW
+from lutforge.luts.input_and_output import RAW, InputAndOutput, read_input_and_output
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.reader_habits import Colour, readers_of
@@ -60,7 +60,8 @@ def check_lut(path: str | Path) -> LutReport:
     black, white = (_triple(colour) for colour in lut(np.array(domain)))
     found = _through_opencolorio(path, lut, domain)
     found |= {"other programs": "many refuse the byte order mark"} if marked else readers_of(lut, dialect, domain)
-    if any(RAW in comment and comment.startswith("input: ") for comment in lut.comments):
+    said = read_input_and_output(path)
+    if _takes_raw(said):
         found |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
     return LutReport(
         path=path,
@@ -73,7 +74,7 @@ def check_lut(path: str | Path) -> LutReport:
         falling=falling,
         black=black,
         white=white,
-        problems=(*([MARKED] if marked else []), *_problems(lut, dialect, falling, beyond)),
+        problems=(*([MARKED] if marked else []), *_problems(lut, dialect, falling, beyond, said)),
         readers=found,
     )
 
@@ -151,14 +152,15 @@ def _falling(cube: Array) -> float:
     return float(np.mean(np.concatenate([(step < -FALL).ravel() for step in steps])))
 
 
-def _problems(lut: Lut, dialect: str, falling: float, beyond: bool) -> list[str]:
+def _problems(lut: Lut, dialect: str, falling: float, beyond: bool, said: InputAndOutput | None) -> list[str]:
     found = []
     for number, op in enumerate(lut.ops, 1):
         if isinstance(op, Curve):
             found += _curve_problems("curve" if len(lut.ops) == 1 else f"curve (operation {number})", op)
     if lut.cube is not None:
-        found += _cube_problems(lut.cube.values, falling)
-    if beyond:
+        # Equal numbers of RAW before white balance are no grey.
+        found += _cube_problems(lut.cube.values, falling, not _takes_raw(said) and _darkens_grey(lut))
+    if beyond and not (said is not None and said.gives_linear):
         found.append("outputs leave [0, 1]: programs with integers clip them, others pass them on")
     if lut.metadata.get("bits") == "8":
         found.append("8 bits per channel: gradients will show bands; 16 are usual")
@@ -171,10 +173,20 @@ def _problems(lut: Lut, dialect: str, falling: float, beyond: bool) -> list[str]
     return found
 
 
-def _cube_problems(cube: Array, falling: float) -> list[str]:
+def _takes_raw(said: InputAndOutput | None) -> bool:
+    return said is not None and said.input.startswith(RAW)
+
+
+def _darkens_grey(lut: Lut) -> bool:
+    low, high = _domain(lut)
+    share = np.linspace(0.0, 1.0, 257)[:, None]
+    grey = lut((1.0 - share) * max(low) + share * min(high) + np.zeros(3))
+    return bool(np.any(np.diff(grey.mean(axis=1)) < -FALL))
+
+
+def _cube_problems(cube: Array, falling: float, darkens_grey: bool) -> list[str]:
     found = []
-    diagonal = cube[tuple(np.arange(min(cube.shape[:3])) for _ in range(3))]
-    if np.any(np.diff(diagonal.mean(axis=1)) < -FALL):
+    if darkens_grey:
         found.append("grey becomes darker somewhere where the input becomes lighter")
     # Cameras press strong colours into their gamut, where one channel makes room for another.
     if falling > 0.1:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from lutforge.errors import LutError
 from lutforge.luts.check import check_lut, report_lines
+from lutforge.luts.input_and_output import input_and_output_of
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut, read_lut
 from lutforge.model.lattice import grid, uniform_levels
@@ -73,6 +74,14 @@ def test_a_title_in_a_shaper_cube(tmp_path: Path) -> None:
     assert report.readers["OpenColorIO, Nuke"].startswith("refuses it")
     assert any("TITLE" in problem for problem in report.problems)
     assert any("TITLE" in line for line in report_lines(report))
+
+
+def test_equal_numbers_of_raw_are_not_taken_for_grey(tmp_path: Path) -> None:
+    falls = Cube(1.0 - grid(uniform_levels(5)))
+    comments = input_and_output_of("render", "raw").comments
+    problems = [check_lut(Lut((falls,), comments=said).write(tmp_path / "a.cube")).problems for said in ((), comments)]
+    assert any("grey becomes darker" in problem for problem in problems[0])
+    assert not any("grey becomes darker" in problem for problem in problems[1])
 
 
 def test_figures_of_a_bad_cube(tmp_path: Path) -> None:
