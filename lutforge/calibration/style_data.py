@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.errors import CalibrationError
+from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
 
 LEAST_SAMPLES = 10
-CODE = 1.0 / 255.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,16 +35,8 @@ class StyleData:
 
 
 def unclipped(samples: SampleSet, multipliers: Array) -> Mask:
-    """Return the mask (n,) of unclipped samples: no JPEG channel at 0 or 255, RAW neither black nor saturated.
-
-    RAW must stay below 1 after white balance, too.
-    """
-    usable: Mask = (
-        np.all((samples.srgb >= 0.5 * CODE) & (samples.srgb <= 1 - 0.5 * CODE), axis=1)
-        & np.all((samples.raw > 0.0) & (samples.raw < 0.999), axis=1)
-        & np.all(samples.raw * multipliers < 1.0, axis=1)
-    )
-    return usable
+    """Return the mask (n,) of samples that are not clipped, nor after white balance by multipliers (n, 3)."""
+    return np.asarray(unclipped_colours(samples.srgb, samples.raw) & np.all(samples.raw * multipliers < 1.0, axis=1))
 
 
 def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[Mask, tuple[str, ...]]:

@@ -1,4 +1,4 @@
-"""The clipping limits of sampling: beyond them a JPEG or RAW pixel no longer tells what the scene was."""
+"""The clipping limits of areas and of samples: beyond them a JPEG or RAW pixel no longer tells what the scene was."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -59,6 +59,16 @@ def clipping(jpeg: Extremes, raw: Extremes, saturation: Array) -> Clipping:
         raw_white=_in_any_channel(raw.maximum >= 0.98 * saturation),
         raw_black=_in_any_channel(raw.minimum <= 0),
     )
+
+
+def unclipped_colours(encoded: Array, raw: Array) -> Mask:
+    """Return the mask (n,) of colours no channel of which is clipped.
+
+    encoded: (n, 3) in [0, 1], half a code inside 0 and 255; raw: (n, 3) on [0, 1], neither black nor saturated.
+    """
+    half_code = 0.5 / 255.0
+    inside = (encoded >= half_code) & (encoded <= 1.0 - half_code) & (raw > 0.0) & (raw < 0.999)
+    return np.asarray(np.all(inside, axis=1))
 
 
 def _in_any_channel(mask: Mask) -> Mask:

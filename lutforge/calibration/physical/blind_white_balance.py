@@ -10,8 +10,10 @@ from scipy.optimize import lsq_linear
 
 from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
+from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 KNOTS = 17
+ROBUST = RobustWeights(cauchy, multiple=4.0, least=2.0 / 255.0)
 
 
 def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
@@ -29,9 +31,8 @@ def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
         codes = np.linspace(0.0, 1.0, KNOTS)
         rendered = np.interp(raw @ matrix.T, table, codes)
         residual = np.linalg.norm(rendered - encoded, axis=1)
-        scale = max(4.0 * float(np.median(residual)), 2.0 / 255.0)
         slope = np.interp(encoded, codes, np.gradient(table, codes))
-        weight = 1.0 / np.maximum(slope, 0.05) / np.sqrt(1.0 + (residual / scale) ** 2)[:, None]
+        weight = np.sqrt(ROBUST(residual))[:, None] / np.maximum(slope, 0.05)
     neutral = np.linalg.solve(matrix, np.ones(3))
     if not np.all(neutral > 0) or not np.all((neutral[1] / neutral > 0.1) & (neutral[1] / neutral < 10)):
         raise CalibrationError("the colours contradict any white balance: is the JPEG the camera's own?")

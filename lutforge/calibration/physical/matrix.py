@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array
 from lutforge.calibration.options import Preset
 from lutforge.errors import CalibrationError
+from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
 
 ROUNDS = 10
+ROBUST = RobustWeights(geman_mcclure, multiple=3.0, least=2e-3)
 LEAST_COLOURS = 8
 LEAST_CONDITION = 8e-3
 """The chromaticities (shares of r, g, b) of the unsaturated colours must spread in two directions by this much."""
@@ -69,9 +71,7 @@ def fit_matrix(
         level = np.maximum(np.linalg.norm(tw * raw, axis=1), 0.005)
         residual = np.linalg.norm(linear @ inverse.T - tw * raw, axis=1) / np.sqrt(level)
         if preset == "lutforge" and turn < ROUNDS - 1:
-            # three times the median counts a quarter (Geman-McClure)
-            scale = max(3.0 * float(np.median(residual[trusted >= 0.5 * trusted.max()])), 2e-3)
-            weight = trusted / (1.0 + (residual / scale) ** 2) ** 2 / level
+            weight = trusted * ROBUST(residual, residual[trusted >= 0.5 * trusted.max()]) / level
     weight = weight / weight.max()
     if not known:  # R of (4.6): neutral stays neutral
         neutral = inverse @ (np.ones(3) if neutral is None else neutral)

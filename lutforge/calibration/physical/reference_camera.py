@@ -25,9 +25,11 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
+from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
-CODE = 1.0 / 255.0
+ROBUST = RobustWeights(cauchy, multiple=2.0, least=1.0 / 255.0)
 LEAST_COLOURS = 12
 MOST_RESIDUAL = 0.08
 """Median error of the trusted colours through f and Tz, 1 = full scale, above which no fixed rendering explains them:
@@ -54,8 +56,7 @@ def fit_reference_matrix(fit: MatrixAndResponse, x: Array, encoded: Array) -> Ar
     matrix = fit.matrix
     for _ in range(10):
         residual = encoded_residual(fit.response, matrix, x, encoded)
-        scale = max(2.0 * float(np.median(residual[sure])), CODE)
-        matrix = matrix_between(x, linear, trust / (1.0 + (residual / scale) ** 2), slope)
+        matrix = matrix_between(x, linear, trust * ROBUST(residual, residual[sure]), slope)
     error = float(np.median(encoded_residual(fit.response, matrix, x, encoded)[sure]))
     if error > MOST_RESIDUAL or np.linalg.cond(matrix) > 30.0:
         raise CalibrationError(
@@ -73,10 +74,7 @@ def calibrate_by_reference(
     samples: `raw` holds the reference camera's values of the same patches. Refinishing works on such a profile;
     linearize to the camera's own RAW does not. Raises CalibrationError, in one line with what to shoot.
     """
-    usable = np.all((samples.srgb >= 0.5 * CODE) & (samples.srgb <= 1 - 0.5 * CODE), axis=1) & np.all(
-        (samples.raw > 0.0) & (samples.raw < 0.999), axis=1
-    )
-    inside = samples.select(usable)
+    inside = samples.select(unclipped_colours(samples.srgb, samples.raw))
     if len(inside) < LEAST_COLOURS:
         raise CalibrationError(
             f"{len(inside)} samples are unclipped in both the JPEG and the reference camera's RAW: expose less"

@@ -17,6 +17,7 @@ from lutforge.calibration.plausibility.known_cameras import STOPS, TONES, log_li
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.model.diagnosis import Diagnosis
+from lutforge.samples.clipping import unclipped_colours
 
 LEAST_GAIN = 3.5
 """Least log-likelihood ratio (natural) at which a cause is named; at this one, one good set in a hundred is accused."""
@@ -38,8 +39,8 @@ class Colours:
 
     def usable(self) -> Mask:
         """(n,): neither side clipped or below black, now and as it was given."""
-        inside = (self.encoded >= 0.5 * CODE) & (self.encoded <= 1 - 0.5 * CODE) & (self.raw > 0) & (self.raw < 0.999)
-        return np.asarray(inside.all(axis=1) if self.inside is None else inside.all(axis=1) & self.inside)
+        inside = unclipped_colours(self.encoded, self.raw)
+        return inside if self.inside is None else np.asarray(inside & self.inside)
 
     def changed(self, raw: Array | None = None, encoded: Array | None = None, by: Array | None = None) -> "Colours":
         """Return the colours with the given columns replaced."""
