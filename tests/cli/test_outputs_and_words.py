@@ -1,18 +1,25 @@
 """What the commands write is refused before the work where it cannot be, and their words are forgiving."""
 
+import inspect
+import re
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.bake import PROGRAMS as LISTED
+from lutforge.cli.console import DeveloperName
+from lutforge.cli.kit import kit
 from lutforge.cli.main import main
 from lutforge.luts.programs import PROGRAMS
 from lutforge.pipeline.calibration import calibrate
+from lutforge.pipeline.kits import KITS
+from lutforge.pipeline.raw_substitutes import DEVELOPERS
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
 from tests.calibration.samples_of_today import spread_over_picture, with_gamma
@@ -153,3 +160,10 @@ def test_inspect_shows_what_a_camera_did_to_shots(lutforge: CommandLine, tmp_pat
     write_samples(tmp_path / "other.csv", replace(again, style=np.full(len(again), "sepia")))
     refusal = lutforge("inspect", "--scene", "camera.npz", "other.csv", cwd=tmp_path)
     assert refusal.returncode == 2 and "not in the profile" in refusal.stderr
+
+
+def test_help_lists_every_program() -> None:
+    """The lists stand in the help by hand, since what knows them takes a second to load."""
+    parameters = inspect.signature(kit, eval_str=True).parameters
+    for told, known in ((get_args(parameters["program"].annotation), KITS), (get_args(DeveloperName), DEVELOPERS)):
+        assert set(known) <= set(re.findall(r"\w+", told[-1].help))
