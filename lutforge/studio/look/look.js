@@ -1,0 +1,441 @@
+// --- Scopes ------------------------------------------------------------------------------------------------------------
+
+const SCOPE = 256;
+
+function plotted(canvas, counts, height, tint) {
+  const width = canvas.width = counts.length / height / 3;
+  canvas.height = height;
+  const image = new ImageData(width, height);
+  let most = 1;
+  for (const count of counts) most = Math.max(most, count);
+  for (let n = 0; n < width * height; n++) {
+    for (let c = 0; c < 3; c++) image.data[4 * n + c] = Math.min(255, 900 * Math.sqrt(counts[3 * n + c] / most) * tint);
+    image.data[4 * n + 3] = 255;
+  }
+  canvas.getContext("2d").putImageData(image, 0, 0);
+}
+
+// Codes over the width of the picture: red, green and blue over each other.
+function waveform(canvas, pixels, width) {
+  const counts = new Uint32Array(3 * width * SCOPE);
+  for (let n = 0; n < pixels.length / 4; n++) {
+    for (let c = 0; c < 3; c++) counts[3 * ((255 - pixels[4 * n + c]) * width + n % width) + c] += 1;
+  }
+  plotted(canvas, counts, SCOPE, 0.5);
+  const context = canvas.getContext("2d");
+  context.fillStyle = "rgba(255,255,255,.28)";
+  for (const share of [0, 0.25, 0.5, 0.75, 1]) context.fillRect(0, Math.round(share * (SCOPE - 1)), width, 1);
+}
+
+const colourDifference = (r, g, b) => {
+  const y = 0.2126 * r + 0.7152 * g + 0.0722 * b;  // ITU-R BT.709
+  return [(b - y) / 1.8556, (r - y) / 1.5748];
+};
+
+// Cb to the right, Cr upward, with the places of the primaries and secondaries at 75 % and the line of skin.
+function vectorscope(canvas, pixels) {
+  const counts = new Uint32Array(3 * SCOPE * SCOPE);
+  for (let n = 0; n < pixels.length; n += 4) {
+    const [cb, cr] = colourDifference(pixels[n], pixels[n + 1], pixels[n + 2]);
+    const at = 3 * (Math.round(127.5 - cr) * SCOPE + Math.round(127.5 + cb));
+    for (let c = 0; c < 3; c++) counts[at + c] += (pixels[n + c] + 40) / 64;
+  }
+  plotted(canvas, counts, SCOPE, 0.6);
+  const context = canvas.getContext("2d");
+  context.strokeStyle = context.fillStyle = "rgba(255,255,255,.5)";
+  context.font = "11px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.beginPath();
+  context.arc(127.5, 127.5, 127, 0, 2 * Math.PI);
+  context.moveTo(117, 127.5); context.lineTo(138, 127.5); context.moveTo(127.5, 117); context.lineTo(127.5, 138);
+  context.moveTo(127.5, 127.5);
+  context.lineTo(127.5 - 127 * Math.cos(57 * Math.PI / 180), 127.5 - 127 * Math.sin(57 * Math.PI / 180));  // +I
+  context.stroke();
+  for (const [name, ...rgb] of [["R", 1, 0, 0], ["Y", 1, 1, 0], ["G", 0, 1, 0], ["C", 0, 1, 1], ["B", 0, 0, 1], ["M", 1, 0, 1]]) {
+    const [cb, cr] = colourDifference(...rgb.map(value => 0.75 * 255 * value));
+    context.strokeRect(127.5 + cb - 4, 127.5 - cr - 4, 8, 8);
+    context.fillText(name, 127.5 + cb * 1.14, 131.5 - cr * 1.14);
+  }
+}
+
+// --- The page's part ---------------------------------------------------------------------------------------------------
+
+function make(tag, properties = {}, ...children) {
+  const { data, style, ...others } = properties, element = document.createElement(tag);
+  for (const [name, value] of Object.entries(others)) {
+    if (name in element && !name.startsWith("aria")) element[name] = value; else element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+const KEYS = "Wheel, + and −: zoom. 0: whole picture, 1: single pixels, or double click. Drag or arrows: move. " +
+  "[ and ]: wipe. G, O, W, S: graded, original, wipe, side by side. B: keep as B. C: clipping. U: unsure colours. " +
+  "H: scopes. P: pipette at the middle, arrows move it, Escape lifts it. Page keys: other pictures.";
+
+export function render({ model, el }) {
+  // Elements
+  const canvas = make("canvas", { className: "picture", tabIndex: 0, role: "application", "aria-roledescription": "picture",
+    "aria-describedby": "keys" });
+  const line = make("div", { className: "line", tabIndex: 0, role: "slider", "aria-label": "Wipe", "aria-valuemin": 0,
+    "aria-valuemax": 100 }, make("span", { "aria-hidden": "true" }));
+  const left = make("div", { className: "side left" }), right = make("div", { className: "side right" });
+  const cross = make("div", { className: "cross", hidden: true });
+  const empty = make("p", { className: "empty" }, "No picture yet.");
+  const stage = make("div", { className: "stage" }, canvas, left, right, line, cross, empty);
+  const values = make("output", { className: "values", "aria-live": "off", "aria-label": "Pipette" });
+  const news = make("span", { className: "news", role: "status" });
+  const scopes = make("aside", { className: "scopes", "aria-label": "Scopes" });
+  const scope = name => {
+    const drawing = make("canvas", { role: "img", "aria-label": name });
+    scopes.append(make("figure", {}, make("figcaption", {}, name), drawing));
+    return drawing;
+  };
+  const waves = scope("Waveform"), vectors = scope("Vectorscope"), shares = make("p", {});
+  scopes.append(shares);
+  const strip = make("nav", { className: "strip", "aria-label": "Pictures", hidden: true });
+  const bar = make("div", { className: "bar", role: "toolbar", "aria-label": "Look" });
+  const root = make("div", { className: "look" }, bar, make("div", { className: "middle" }, stage, scopes), strip,
+    make("div", { className: "foot" }, values, news), make("p", { id: "keys", className: "hidden" }, KEYS));
+
+  const buttons = {};
+  const button = (name, words, title, action) => {
+    const made = make("button", { type: "button", title }, words);
+    made.addEventListener("click", action);
+    buttons[name] = made;
+    return made;
+  };
+  const group = (...made) => bar.append(make("div", { className: "group" }, ...made));
+  const MODES = { graded: "Graded", original: "Original", wipe: "Wipe", side: "Side by side" };
+  group(...Object.entries(MODES).map(([mode, words]) =>
+    button(mode, words, `${words} (${words[0]})`, () => { model.mode = mode; })));
+  group(button("keep", "Keep as B", "Keep this setting as B, to compare others with (B)", () => { model.kept += 1; }),
+    button("beside", "Beside B", "On the left B, not the original", () => { model.beside_b = !model.beside_b; }));
+  group(button("clipping", "Clipping", "Stripes over clipped colours: orange white, violet black (C)",
+    () => { model.clipping = !model.clipping; }),
+  button("unsure", "Unsure", "Green stripes over colours that no calibration shot has shown (U)",
+    () => { model.unsure = !model.unsure; }),
+  button("scopes", "Scopes", "Waveform and vectorscope (H)", () => { model.scopes = !model.scopes; }));
+  group(button("fit", "Fit", "The whole picture (0)", () => fit()),
+    button("one", "100 %", "A pixel of the picture on a pixel of the screen (1)", () => zoomTo(1)));
+  const zoomed = make("span", { className: "zoomed" });
+  bar.append(zoomed, make("span", { className: "help", title: KEYS, tabIndex: 0, role: "note", "aria-label": KEYS }, "?"));
+
+  // The renderer
+  let grader;
+  try {
+    grader = new WebGLGrader(canvas);
+    model.renderer = "webgl";
+  } catch {
+    grader = new PictureGrader(canvas);
+    model.renderer = "python";
+  }
+  const live = model.renderer === "webgl";
+  const usual = live ? "" : "This browser has no WebGL2: Python grades the picture, which follows the sliders more slowly.";
+  news.textContent = usual;
+  canvas.addEventListener("webglcontextlost", event => { event.preventDefault(); });
+  canvas.addEventListener("webglcontextrestored", () => { grader = new WebGLGrader(canvas); open(); });
+
+  // What is seen: the centre in pixels of the picture, and how many pixels of the screen one of the picture has.
+  const view = { centre: [0, 0], zoom: 1, fitted: true };
+  let number = 0, loaded = false, images = {}, quality = 1, cost = 0, moved = 0, pending = null, settle, queued = false;
+  let pinned = null, hovered = null, scoped = 0;
+  const ratio = () => window.devicePixelRatio || 1;
+  let whole = () => [stage.clientWidth * ratio(), stage.clientHeight * ratio()].map(Math.round);
+  const seen = () => { const [w, h] = whole(); return model.mode === "side" ? [w / 2, h] : [w, h]; };
+  const other = () => model.beside_b && model.b.length ? "b" : "original";
+  const opsOf = side => live ? (side === "original" ? [] : model[side]) : images[side];
+  const nameOf = side => side === "original" ? "Original" : side === "a" ? model.a_name || "Graded" : `B: ${model.b_name}`;
+
+  function regions(width) {
+    const a = { left: 0, right: width, middle: width / 2, side: "a" }, b = { ...a, side: other() };
+    if (model.mode === "original") return [b];
+    if (model.mode === "graded") return [a];
+    if (model.mode === "wipe") {
+      const cut = Math.round(model.wipe * width);
+      return [{ ...b, right: cut }, { ...a, left: cut }];
+    }
+    const half = Math.round(width / 2);
+    return [{ ...b, right: half, middle: width / 4 }, { ...a, left: half, middle: width * 0.75 }];
+  }
+
+  function settleView() {
+    const [w, h] = seen(), size = grader.size;
+    const smallest = Math.min(w / size[0], h / size[1]);
+    view.zoom = view.fitted ? smallest : Math.min(32, Math.max(Math.min(smallest, 1), view.zoom));
+    [w, h].forEach((length, axis) => {
+      const half = length / 2 / view.zoom, inside = size[axis] > 2 * half;
+      view.centre[axis] = inside ? Math.min(Math.max(view.centre[axis], half), size[axis] - half) : size[axis] / 2;
+      // Whole pixels fall on whole pixels.
+      if (view.zoom === 1) view.centre[axis] = Math.round(view.centre[axis] - length / 2) + length / 2;
+    });
+    zoomed.textContent = `${(100 * view.zoom).toFixed(view.zoom < 0.1 ? 1 : 0)} %`;
+  }
+
+  // Draw at the screen's next frame; while much moves on a slow machine, with fewer pixels, and in full after it.
+  function draw(moving = true) {
+    if (moving) moved = performance.now();
+    if (!queued) { queued = true; requestAnimationFrame(paint); }
+  }
+
+  function paint() {
+    queued = false;
+    if (!loaded || !stage.clientWidth) return;
+    if (pending) { queued = true; requestAnimationFrame(watch); return; }
+    const moving = performance.now() - moved < 150, [w, h] = whole();
+    quality = moving && cost > 30 ? Math.max(0.25, Math.sqrt(25 / cost)) : 1;
+    const width = Math.max(1, Math.round(w * quality)), height = Math.max(1, Math.round(h * quality));
+    if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
+    settleView();
+    const style = getComputedStyle(root).getPropertyValue("--surround").trim();
+    const surround = [1, 3, 5].map(at => parseInt(style.slice(at, at + 2), 16) / 255);
+    const shrunk = { ...view, zoom: view.zoom * width / w, surround, clipping: model.clipping, nearest: view.zoom >= 1,
+      coverage: model.unsure && model.coverage.length ? model.coverage : null };
+    const parts = regions(width).map(part => ({ ...part, ops: opsOf(part.side), marks: part.side !== "original" }));
+    const began = performance.now();
+    pending = { fence: grader.draw(parts, shrunk), began, number: live ? model.number : number, full: quality === 1, area: width * height / (w * h) };
+    furnish(regions(w));
+    watch();
+  }
+
+  function watch() {
+    if (!pending) { queued = false; draw(false); return; }
+    if (!grader.done(pending.fence)) { setTimeout(watch, 1); return; }
+    const { began, area, full } = pending;
+    cost = (performance.now() - began) / area;
+    Object.assign(root.dataset, { drawn: pending.number, ms: (performance.now() - began).toFixed(1), full });
+    pending = null;
+    if (queued) { queued = false; draw(false); }
+    clearTimeout(settle);
+    settle = setTimeout(() => { if (!full) draw(false); measure(); }, 160);
+  }
+
+  // What lies over the picture: the line of the wipe, names of the sides, the pipette.
+  function furnish(parts) {
+    const share = 1 / ratio(), [first, second] = parts;
+    line.hidden = model.mode !== "wipe";
+    line.style.left = `${100 * model.wipe}%`;
+    line.setAttribute("aria-valuenow", Math.round(100 * model.wipe));
+    left.textContent = nameOf(first.side);
+    right.hidden = !second;
+    if (second) right.textContent = nameOf(second.side);
+    left.hidden = first.right * share < 60;
+    canvas.setAttribute("aria-label", `${model.title || "picture"}: ${parts.map(part => nameOf(part.side)).join(" beside ")}`);
+    cross.hidden = !pinned;
+    if (pinned) {
+      const part = parts.at(-1);
+      cross.style.left = `${((pinned[0] + 0.5 - view.centre[0]) * view.zoom + part.middle) * share}px`;
+      cross.style.top = `${((pinned[1] + 0.5 - view.centre[1]) * view.zoom + whole()[1] / 2) * share}px`;
+    }
+  }
+
+  function measure() {
+    if (!loaded || pending) return;
+    tell();
+    if (!model.scopes || !scopes.clientWidth) return;
+    const ops = opsOf(model.mode === "original" ? other() : "a"), width = SCOPE;
+    const height = Math.max(1, Math.round(width * grader.size[1] / grader.size[0]));
+    const pixels = grader.read(ops, width, height);
+    waveform(waves, pixels, width);
+    vectorscope(vectors, pixels);
+    let white = 0, black = 0;
+    for (let n = 0; n < pixels.length; n += 4) {
+      const codes = [pixels[n], pixels[n + 1], pixels[n + 2]];
+      white += codes.includes(255); black += codes.includes(0);
+    }
+    const share = count => `${(400 * count / pixels.length).toFixed(1)} %`;
+    shares.textContent = `${share(white)} clipped to white, ${share(black)} to black`;
+    root.dataset.scoped = ++scoped;
+  }
+
+  // The pipette
+  const inside = ([x, y]) => x >= 0 && y >= 0 && x < grader.size[0] && y < grader.size[1];
+  function placeOf(event) {
+    const box = stage.getBoundingClientRect(), x = (event.clientX - box.left) * ratio(), [w, h] = whole();
+    const part = regions(w).find(({ left, right }) => x >= left && x < right) || regions(w)[0];
+    const y = (event.clientY - box.top) * ratio();
+    return [view.centre[0] + (x - part.middle) / view.zoom, view.centre[1] + (y - h / 2) / view.zoom].map(Math.floor);
+  }
+  let probed = 0, lastProbe;
+  function tell() {
+    const at = pinned || hovered;
+    if (!at || !loaded || !inside(at)) { values.textContent = ""; lastProbe = ""; return; }
+    if (model.tells_raw && String(at) !== lastProbe && performance.now() - probed > 60) {
+      probed = performance.now(); lastProbe = String(at); model.probe = at;
+    }
+    const code = side => [...grader.read(opsOf(side), 1, 1, [at[0] + 0.5, at[1] + 0.5], 1)].slice(0, 3);
+    const sides = [["JPEG", "original"], ["A", "a"], ...(model.b.length ? [["B", "b"]] : [])];
+    const raw = model.raw.length === 5 && model.raw[0] === at[0] && model.raw[1] === at[1] ? model.raw.slice(2) : null;
+    values.replaceChildren(make("span", {}, `x ${at[0]}, y ${at[1]}`));
+    if (model.tells_raw) {
+      values.append(make("span", {}, make("b", {}, model.raw_name), " ", raw ? raw.map(v => v.toFixed(4)).join("  ") : "…"));
+    }
+    for (const [name, side] of sides) {
+      const codes = code(side), swatch = make("i", { "aria-hidden": "true" });
+      swatch.style.background = `rgb(${codes})`;
+      values.append(make("span", {}, swatch, make("b", {}, name), " ", codes.join("  ")));
+    }
+  }
+
+  // Moving and zooming; `at`: a place of the picture that stays where it is
+  function zoomTo(zoom, at = [...view.centre]) {
+    const [w, h] = seen(), smallest = Math.min(w / grader.size[0], h / grader.size[1]);
+    const next = Math.min(32, Math.max(Math.min(smallest, 1), zoom));
+    view.centre = view.centre.map((value, axis) => at[axis] + (value - at[axis]) * view.zoom / next);
+    view.fitted = next <= smallest && smallest < 1;
+    view.zoom = next;
+    draw();
+  }
+  function fit() { view.fitted = true; draw(); }
+  function pan(dx, dy) { view.centre = [view.centre[0] + dx / view.zoom, view.centre[1] + dy / view.zoom]; draw(); }
+  const wipe = share => { model.wipe = Math.min(1, Math.max(0, share)); };
+  const fits = () => { const [w, h] = seen(); return grader.size[0] * view.zoom <= w + 1 && grader.size[1] * view.zoom <= h + 1; };
+
+  let drag = null;
+  stage.addEventListener("pointerdown", event => {
+    if (event.button > 1) return;
+    const box = stage.getBoundingClientRect(), x = event.clientX - box.left;
+    const near = Math.abs(x - model.wipe * box.width) < 14;
+    drag = { x: event.clientX, y: event.clientY, far: 0, wipes: model.mode === "wipe" && event.button === 0 && (near || fits()) };
+    stage.setPointerCapture(event.pointerId);
+    (event.target.closest(".line") || canvas).focus({ preventScroll: true });
+  });
+  stage.addEventListener("pointermove", event => {
+    hovered = placeOf(event);
+    if (drag) {
+      const dx = event.clientX - drag.x, dy = event.clientY - drag.y, box = stage.getBoundingClientRect();
+      drag.far += Math.abs(dx) + Math.abs(dy);
+      Object.assign(drag, { x: event.clientX, y: event.clientY });
+      if (drag.wipes && drag.far > 2) wipe((event.clientX - box.left) / box.width);
+      else if (!drag.wipes) pan(-dx * ratio(), -dy * ratio());
+    } else if (!pinned && !pending) tell();
+  });
+  stage.addEventListener("pointerup", event => {
+    if (drag && drag.far < 3 && event.button === 0) { pinned = pinned ? null : placeOf(event); draw(false); tell(); }
+    drag = null;
+  });
+  stage.addEventListener("pointercancel", () => { drag = null; });
+  stage.addEventListener("pointerleave", () => { hovered = null; if (!drag) tell(); });
+  stage.addEventListener("dblclick", event => {
+    pinned = null;
+    if (view.fitted) { const at = placeOf(event); zoomTo(1, at); } else fit();
+  });
+  stage.addEventListener("wheel", event => {
+    event.preventDefault();
+    const at = placeOf(event).map(value => value + 0.5);
+    zoomTo(view.zoom * Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0015)), at);
+  }, { passive: false });
+
+  const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  const turn = step => { if (model.pictures.length) model.chosen = Math.min(model.pictures.length - 1, Math.max(0, model.chosen + step)); };
+  const ACTIONS = {
+    "+": () => zoomTo(view.zoom * 1.25), "=": () => zoomTo(view.zoom * 1.25), "-": () => zoomTo(view.zoom / 1.25),
+    0: fit, 1: () => zoomTo(1), "[": () => wipe(model.wipe - 0.02), "]": () => wipe(model.wipe + 0.02),
+    g: () => buttons.graded.click(), o: () => buttons.original.click(), w: () => buttons.wipe.click(),
+    s: () => buttons.side.click(), b: () => buttons.keep.click(), c: () => buttons.clipping.click(),
+    u: () => buttons.unsure.click(), h: () => buttons.scopes.click(), PageUp: () => turn(-1), PageDown: () => turn(1),
+    p: () => { pinned = view.centre.map(Math.floor); draw(false); tell(); },
+    Escape: () => { pinned = null; draw(false); tell(); },
+  };
+  stage.addEventListener("keydown", event => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const step = STEPS[event.key], far = event.shiftKey ? 10 : 1;
+    const act = step || ACTIONS[event.key] || ACTIONS[event.key.toLowerCase()];
+    if (!act) return;
+    event.preventDefault();
+    if (!step) act();
+    else if (event.target === line) wipe(model.wipe + 0.01 * far * (step[0] - step[1]));
+    else if (pinned) {
+      const next = [pinned[0] + far * step[0], pinned[1] + far * step[1]];
+      if (inside(next)) { pinned = next; draw(false); tell(); }
+    } else pan(60 * ratio() * step[0], 60 * ratio() * step[1]);
+  });
+
+  // The film strip
+  const addresses = [];
+  function film() {
+    addresses.splice(0).forEach(address => URL.revokeObjectURL(address));
+    strip.hidden = model.pictures.length < 2;
+    strip.replaceChildren(...model.pictures.map(({ name, thumbnail }, index) => {
+      const address = URL.createObjectURL(new Blob([thumbnail]));
+      addresses.push(address);
+      const made = make("button", { type: "button", title: name }, make("img", { src: address, alt: "" }), make("span", {}, name));
+      made.addEventListener("click", () => { model.chosen = index; });
+      return made;
+    }));
+    chosen();
+  }
+  function chosen() {
+    [...strip.children].forEach((made, index) => {
+      made.setAttribute("aria-current", index === model.chosen);
+      if (index === model.chosen) made.scrollIntoView({ block: "nearest", inline: "nearest" });
+    });
+  }
+
+  // What comes from Python
+  const decode = bytes => createImageBitmap(new Blob([bytes]), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+  let opening = 0;
+  async function open() {
+    const mine = ++opening;
+    empty.hidden = Boolean(model.picture && model.picture.byteLength);
+    if (!empty.hidden) { loaded = false; return; }
+    const began = performance.now();
+    try {
+      const bitmap = await decode(model.picture);
+      if (mine !== opening) return;
+      const [w, h] = grader.size, same = w === bitmap.width && h === bitmap.height;
+      await grader.load(bitmap);
+      if (!same) { view.fitted = true; pinned = null; }
+      loaded = true;
+      news.textContent = usual;
+      root.dataset.opened = `${bitmap.width} × ${bitmap.height} in ${(performance.now() - began).toFixed(0)} ms`;
+      draw(false);
+    } catch (error) {
+      news.textContent = "This picture cannot be shown: the browser does not decode it.";
+      console.warn(error);
+    }
+  }
+  let grading = 0;
+  async function graded() {
+    const mine = ++grading, sides = ["a", "b"].filter(side => model[`${side}_picture`]?.byteLength);
+    const found = await Promise.all(sides.map(side => decode(model[`${side}_picture`])));
+    if (mine !== grading) return;
+    images = Object.fromEntries(sides.map((side, index) => [side, found[index]]));
+    number = model.number;
+    draw();
+  }
+  function changed() {
+    if (!live) { graded(); return; }
+    grader.keep(model.a, model.b, model.coverage);
+    pressed(); draw();
+  }
+  function pressed() {
+    for (const mode of Object.keys(MODES)) buttons[mode].setAttribute("aria-pressed", model.mode === mode);
+    for (const [name, on] of [["beside", model.beside_b], ["clipping", model.clipping], ["unsure", model.unsure], ["scopes", model.scopes]]) {
+      buttons[name].setAttribute("aria-pressed", on);
+    }
+    buttons.beside.disabled = !model.b.length;
+    buttons.unsure.disabled = !live || !model.coverage.length;
+    buttons.clipping.disabled = !live;
+    root.dataset.theme = model.theme;
+    scopes.hidden = !model.scopes;
+    draw();
+  }
+  model.on("picture", open);
+  model.on(["a", "b", "coverage", "number"], changed);
+  model.on(["a_picture", "b_picture"], graded);
+  model.on("pictures", film);
+  model.on("chosen", chosen);
+  model.on("raw", tell);
+  model.on("wipe", () => draw());
+  model.on(["mode", "beside_b", "clipping", "unsure", "scopes", "theme", "a_name", "b_name", "title"], pressed);
+  const sizes = new ResizeObserver(([entry]) => {
+    const exact = entry.devicePixelContentBoxSize?.[0];  // not in Safari
+    if (exact) whole = () => [exact.inlineSize, exact.blockSize];
+    draw(false);
+  });
+  try { sizes.observe(stage, { box: "device-pixel-content-box" }); } catch { sizes.observe(stage); }
+  model.on("remove", () => sizes.disconnect());
+  film(); pressed(); changed(); open();
+  return root;
+}

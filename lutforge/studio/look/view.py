@@ -1,0 +1,165 @@
+"""The view of a picture that the browser grades: Python sends LUTs, and no pixels while sliders move."""
+
+from collections.abc import Callable, Sequence
+from hashlib import blake2b
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import param
+from panel.custom import JSComponent
+from PIL import Image, ImageOps
+
+from lutforge.apply.blocks import apply_to_pixels
+from lutforge.arrays import Array, Pixels
+from lutforge.errors import LutError
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
+from lutforge.luts.sequence import Lut
+
+HERE = Path(__file__).parent
+
+
+def packed(lut: Lut) -> list[dict[str, Any]]:
+    """The operations of a LUT as the page takes them: tables as float32 bytes, each with a key of its content.
+
+    Raises LutError on curves at free knots.
+    """
+    return [_packed(op) for op in lut.ops]
+
+
+def _packed(op: Op) -> dict[str, Any]:
+    match op:
+        case Matrix():
+            return {"kind": "matrix", "matrix": op.matrix.ravel().tolist(), "offset": op.offset.tolist()}
+        case Range():
+            return {"kind": "range", "low": op.low, "high": op.high}
+        case Curve() if op.inputs is None:
+            return {"kind": "curve", "low": op.low, "high": op.high, **_table(op.outputs)}
+        case Cube():
+            return {"kind": op.interpolation, **_table(op.values)}
+    raise LutError("LUT: the page has no curves at free knots; bake the transform anew")
+
+
+def _table(values: Array) -> dict[str, Any]:
+    table = np.ascontiguousarray(values, dtype=np.float32).tobytes()
+    key = f"{values.shape} {blake2b(table, digest_size=16).hexdigest()}"
+    return {"size": list(values.shape[:-1]), "key": key, "table": table}
+
+
+class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
+    """A picture with a look on it: wipe, zoom, pipette, scopes, overlays, a second setting beside the first.
+
+    `show` sets the picture, `grade` its look. The browser grades what is on the screen with WebGL2: each operation of
+    the LUT becomes a line of a shader, which interpolates in float32 as OpenColorIO does, so that a page shows what
+    `lut.processor()` gives, within rounding. Where there is no WebGL2, `renderer` is "python": the picture is then
+    graded here, averaged down to 2 million pixels, and sent as JPEG.
+
+    Parameters that the page changes, too: mode, wipe, beside_b, clipping, unsure, scopes, chosen. Those that it alone
+    sets: renderer; probe, the pixel under the pipette, while `raw_at` is set; kept, which counts "Keep as B" (`b`
+    and `b_name` are then those of `a`).
+    """
+
+    picture = param.Bytes(doc="The picture as a file that browsers read, JPEG or PNG; it is shown upright.")
+    title = param.String(doc="The picture's name.")
+    a = param.List(doc="The look, as of `packed`; empty: the picture as it is.")
+    b = param.List(doc="Another look, to compare with; empty: none.")
+    coverage = param.List(doc="A LUT whose third channel is below 0.5 for colours that no sample tells of; or empty.")
+    a_name = param.String(doc="What the look is called on the picture.")
+    b_name = param.String(doc="What the other look is called.")
+    a_picture = param.Bytes(doc="Without WebGL2: the picture with the look, as JPEG.")
+    b_picture = param.Bytes(doc="The same with the other look.")
+    number = param.Integer(0, doc="Counts the looks; the page says which one it shows in data-drawn.")
+    mode = param.Selector(default="wipe", objects=["graded", "original", "wipe", "side"])
+    wipe = param.Number(0.5, bounds=(0.0, 1.0), doc="Where the line is, as a share of the width.")
+    beside_b = param.Boolean(False, doc="On the left is B; else the original.")
+    clipping = param.Boolean(False, doc="Stripes over what clips in the graded picture.")
+    unsure = param.Boolean(False, doc="Stripes over what `coverage` says no sample tells of.")
+    scopes = param.Boolean(True, doc="Waveform and vectorscope beside the picture.")
+    theme = param.Selector(default="dark", objects=["dark", "light"], doc="Surround of 18 % or of 50 % grey.")
+    pictures = param.List(doc="The film strip: {name, thumbnail: bytes of a JPEG} each; shown from two on.")
+    chosen = param.Integer(0, doc="Which of `pictures` is shown; watch it, and call `show`.")
+    kept = param.Integer(0)
+    renderer = param.Selector(default="", objects=["", "webgl", "python"])
+    tells_raw = param.Boolean(False)
+    probe = param.List(doc="(x, y) of the upright picture.")
+    raw = param.List(doc="(x, y, R, G, B) there.")
+    raw_name = param.String("RAW")
+
+    _esm = "\n".join((HERE / name).read_text(encoding="utf-8") for name in ("grading.js", "look.js"))
+    _stylesheets = [(HERE / "look.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own way to declare it
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{"sizing_mode": "stretch_both", "min_height": 320, "margin": 0, **options})
+        self._luts: dict[str, Lut | None] = {"a": None, "b": None}
+        self._raw_at: Callable[[int, int], Array | None] | None = None
+        self.param.watch(self._keep, "kept")
+        self.param.watch(self._probe, "probe")
+        self.param.watch(lambda event: self._grade_here(), "renderer")
+
+    def show(self, picture: bytes, title: str = "") -> None:
+        """Show another picture, a JPEG or PNG file, with the look that is set."""
+        self.param.update(picture=picture, title=title, raw=[], probe=[])
+        self._grade_here()
+
+    def grade(self, lut: Lut | None, name: str = "", coverage: Lut | None = None) -> None:
+        """Set the look, a LUT of the picture's encoded RGB, or none; coverage: of the same colours, see the parameter.
+
+        Raises LutError on curves at free knots.
+        """
+        self._luts["a"] = lut
+        with param.parameterized.batch_call_watchers(self):
+            self.number += 1
+            self.a, self.a_name = [] if lut is None else packed(lut), name
+            self.coverage = [] if coverage is None else packed(coverage)
+            self._grade_here()
+
+    def compare(self, lut: Lut | None, name: str = "") -> None:
+        """Set the other look, B; none takes it away."""
+        self._luts["b"] = lut
+        with param.parameterized.batch_call_watchers(self):
+            self.b, self.b_name, self.beside_b = [] if lut is None else packed(lut), name, lut is not None
+            self._grade_here()
+
+    def film(self, pictures: Sequence[tuple[str, bytes]], chosen: int = 0) -> None:
+        """Set the film strip: a name and a small JPEG each."""
+        strip = [{"name": name, "thumbnail": thumbnail} for name, thumbnail in pictures]
+        self.param.update(pictures=strip, chosen=chosen)
+
+    @property
+    def raw_at(self) -> Callable[[int, int], Array | None] | None:
+        """(x, y) of the upright picture → RAW there, (3,), or none; what the pipette calls it is `raw_name`."""
+        return self._raw_at
+
+    @raw_at.setter
+    def raw_at(self, function: Callable[[int, int], Array | None] | None) -> None:
+        self._raw_at, self.tells_raw = function, function is not None
+
+    def _keep(self, event: Any) -> None:
+        self.compare(self._luts["a"], self.a_name or "kept")
+
+    def _probe(self, event: Any) -> None:
+        if self._raw_at is None or len(self.probe) != 2:
+            return
+        x, y = (int(value) for value in self.probe)
+        found = self._raw_at(x, y)
+        self.raw = [] if found is None else [x, y, *(float(value) for value in found)]
+
+    def _grade_here(self) -> None:
+        if self.renderer != "python" or not self.picture:
+            return
+        with Image.open(BytesIO(self.picture)) as file:
+            upright = ImageOps.exif_transpose(file.convert("RGB"))
+        upright.thumbnail((1732, 1732))
+        pixels = np.asarray(upright, dtype=np.float32) / np.float32(255)
+        self.param.update(**{f"{side}_picture": _jpeg(lut, pixels) for side, lut in self._luts.items()})
+
+
+def _jpeg(lut: Lut | None, pixels: Pixels) -> bytes:
+    if lut is None:
+        return b""
+    graded = apply_to_pixels(lut.processor(), pixels)
+    codes = (np.clip(graded, 0.0, 1.0) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+    buffer = BytesIO()
+    Image.fromarray(codes).save(buffer, format="JPEG", quality=95, subsampling=0)
+    return buffer.getvalue()

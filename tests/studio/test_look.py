@@ -1,0 +1,306 @@
+"""The look of a picture in headless Chromium: its pixels are OpenColorIO's, and all can be done by mouse and keyboard.
+
+WebGL2 is SwiftShader's, on the processor. With `-s` the times from a slider to the new picture are printed.
+"""
+
+import re
+import shutil
+import socket
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from functools import partial
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from lutforge.arrays import Array
+from lutforge.errors import LutError
+from lutforge.luts.ops import Cube, Curve, Matrix, Range
+from lutforge.luts.sequence import Lut
+from lutforge.model.lattice import grid, uniform_levels
+
+pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
+pytest.importorskip("playwright.sync_api", reason="playwright drives the browser: pip install playwright")
+import panel as pn
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from lutforge.studio.look.view import LookView, packed
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
+HEIGHT, WIDTH = 200, 300
+
+
+def colours() -> NDArray[np.uint8]:
+    """A picture of random colours, a quarter of them with a channel at 0 or 255, the first row grey."""
+    rng = np.random.default_rng(5)
+    codes = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    codes[: HEIGHT // 4] = np.where(rng.random((HEIGHT // 4, WIDTH, 3)) < 0.5, codes[: HEIGHT // 4], 255)
+    codes[0] = np.linspace(0, 255, WIDTH).astype(np.uint8)[:, None]
+    return codes
+
+
+def png(codes: NDArray[np.uint8]) -> bytes:
+    buffer = BytesIO()
+    Image.fromarray(codes).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def bent(ev: float = 0.4, seed: int = 1) -> Lut:
+    """Every kind of operation, with tables that no smaller ones stand for."""
+    rng, even = np.random.default_rng(seed), grid(uniform_levels(17))
+    front = np.sort(rng.random((4096, 3)), axis=0)
+    first = np.clip(even + rng.normal(0, 0.08, even.shape), 0, 2)
+    matrix = Matrix(np.eye(3) * 2.0**ev + rng.normal(0, 0.1, (3, 3)), np.array([0.01, 0.0, -0.02]))
+    last = np.clip(even + rng.normal(0, 0.05, even.shape), -0.1, 1.1)
+    back = Curve(np.linspace(0, 1, 2049)[:, None] ** np.array([0.9, 1.0, 1.1]), 0.0, 1.2)
+    return Lut((Curve(front), Cube(first, "trilinear"), matrix, Range(0.0, None), Range(), Cube(last), back))
+
+
+def floats(lut: Lut, codes: NDArray[np.uint8]) -> Array:
+    """What OpenColorIO makes of the codes, 255 = full scale."""
+    pixels = np.ascontiguousarray(codes, dtype=np.float32) / np.float32(255)
+    lut.processor().applyRGB(pixels)
+    return np.clip(pixels.astype(np.float64), 0, 1) * 255
+
+
+@pytest.fixture(scope="module")
+def browsers() -> Iterator[Callable[..., Browser]]:
+    with sync_playwright() as playwright:
+        opened: dict[tuple[str, ...], Browser] = {}
+
+        def browser(*more: str) -> Browser:
+            if more not in opened:
+                options = [
+                    "--no-sandbox",
+                    "--disable-dev-shm-usage",
+                    "--disable-gpu",
+                    "--force-color-profile=srgb",
+                    *more,
+                ]
+                opened[more] = playwright.chromium.launch(executable_path=CHROMIUM, args=options)
+            return opened[more]
+
+        yield browser
+        for each in opened.values():
+            each.close()
+
+
+class Served:
+    """A view, served alone, and a page that shows it."""
+
+    def __init__(self, page: Page, url: str, views: list[tuple[LookView, Any]]) -> None:
+        self.errors: list[str] = []
+        self.page = page
+        page.set_default_timeout(30_000)
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("console", lambda message: self.errors.append(message.text) if message.type == "error" else None)
+        page.goto(url)
+        self.root = page.locator(".look")
+        self.root.wait_for()
+        self.view, self._document = views[-1]
+        while not self.do(lambda view: view.renderer):  # the page has said what it draws with
+            page.wait_for_timeout(50)
+
+    def do(self, action: Callable[[LookView], Any]) -> Any:
+        """Act on the view as a callback of the server would; return what the action returns."""
+        done: Future[Any] = Future()
+        self._document.add_next_tick_callback(lambda: done.set_result(action(self.view)))
+        return done.result(30)
+
+    def drawn(self) -> None:
+        """Wait until the page shows the last look, in full."""
+        number = self.do(lambda view: view.number)
+        self.page.wait_for_timeout(200)
+        expect(self.root).to_have_attribute("data-drawn", str(number))
+        expect(self.root).to_have_attribute("data-full", "true")
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """The picture as the screen shows it at 100 %, (HEIGHT, WIDTH, 3)."""
+        self.drawn()
+        shot = np.asarray(Image.open(BytesIO(self.page.locator("canvas.picture").screenshot())).convert("RGB"))
+        top, left = (shot.shape[0] - HEIGHT) // 2, (shot.shape[1] - WIDTH) // 2
+        return shot[top : top + HEIGHT, left : left + WIDTH]
+
+    def press(self, *keys: str) -> None:
+        for key in keys:
+            self.page.locator("canvas.picture").press(key)
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[tuple[str, list[tuple[LookView, Any]]]]:
+    views: list[tuple[LookView, Any]] = []
+
+    def page() -> Any:
+        views.append((LookView(), pn.state.curdoc))
+        return views[-1][0]
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    server = pn.serve({"/": page}, port=port, address="127.0.0.1", show=False, threaded=True, verbose=False)
+    yield f"http://127.0.0.1:{port}/", views
+    server.stop()
+
+
+@pytest.fixture
+def look(browsers: Callable[..., Browser], served: tuple[str, list[tuple[LookView, Any]]]) -> Iterator[Served]:
+    """A view of the picture at 100 %, graded, with no scopes."""
+    page = browsers().new_page(viewport={"width": 900, "height": 640})
+    look = Served(page, *served)
+    look.do(lambda view: view.param.update(mode="graded", scopes=False))
+    look.do(lambda view: view.show(png(colours()), "colours.png"))
+    expect(look.root).to_have_attribute("data-opened", re.compile(f"{WIDTH} × {HEIGHT}"))
+    look.press("1")
+    yield look
+    assert look.errors == []
+    page.close()
+
+
+@needs_chromium
+def test_pixels_are_those_of_open_color_io(look: Served) -> None:
+    assert look.do(lambda view: view.renderer) == "webgl"
+    assert np.array_equal(look.pixels(), colours())  # no look yet
+    for lut in (bent(), bent(-0.7, seed=2), Lut((Cube(bent().ops[5].values, "trilinear"),))):  # type: ignore[union-attr]
+        look.do(partial(LookView.grade, lut=lut, name="bent"))
+        assert np.abs(look.pixels() - floats(lut, colours())).max() < 0.51
+
+
+@needs_chromium
+def test_wipe_and_sides(look: Served) -> None:
+    lut = bent()
+    look.do(lambda view: view.grade(lut, "bent"))
+    graded = np.rint(floats(lut, colours()))
+    look.press("w")
+    box = look.page.locator(".stage").bounding_box()
+    assert box is not None
+    look.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 300)
+    look.page.mouse.down()
+    look.page.mouse.move(box["x"] + 0.5 * box["width"] - 40, box["y"] + 300, steps=5)
+    look.page.mouse.up()
+    look.drawn()
+    assert look.do(lambda view: view.wipe) == pytest.approx(0.5 - 40 / box["width"], abs=0.003)
+    seen, cut = look.pixels(), WIDTH // 2 - 40
+    assert np.array_equal(seen[:60, : cut - 4], colours()[:60, : cut - 4])
+    assert np.abs(seen[:60, cut + 14 :] - graded[:60, cut + 14 :]).max() <= 1
+    line = look.page.get_by_role("slider", name="Wipe")
+    line.press("ArrowRight")
+    look.drawn()
+    assert look.do(lambda view: view.wipe) == pytest.approx(0.51 - 40 / box["width"], abs=0.003)
+
+    # Keep it as B, take another look, and see B on the left.
+    look.press("b")
+    expect(look.page.get_by_role("button", name="Beside B")).to_have_attribute("aria-pressed", "true")
+    other = bent(-1, seed=4)
+    look.do(lambda view: view.grade(other, "darker"))
+    expect(look.page.locator(".side.left")).to_have_text("B: bent")
+    expect(look.page.locator(".side.right")).to_have_text("darker")
+    look.press("o")
+    assert np.abs(look.pixels() - graded).max() <= 1
+    look.page.get_by_role("button", name="Beside B").click()
+    assert np.array_equal(look.pixels(), colours())
+    look.press("s")
+    look.drawn()
+    expect(look.page.locator(".side.right")).to_be_visible()
+
+
+@needs_chromium
+def test_pipette_zoom_and_pictures(look: Served) -> None:
+    lut = bent()
+    look.do(lambda view: view.grade(lut, "bent"))
+
+    def raw(view: LookView) -> None:
+        view.raw_at = lambda x, y: np.array([x / 1000, y / 1000, 0.5])
+
+    look.do(raw)
+    look.press("p", "ArrowLeft", "Shift+ArrowUp")
+    x, y = WIDTH // 2 - 1, HEIGHT // 2 - 10
+    values = look.page.locator(".values")
+    jpeg = "  ".join(map(str, colours()[y, x]))
+    codes = "  ".join(f"{value:.0f}" for value in np.rint(floats(lut, colours())[y, x]))
+    expect(values).to_contain_text(f"x {x}, y {y}")
+    expect(values).to_contain_text(f"RAW {x / 1000:.4f}  {y / 1000:.4f}  0.5000")
+    expect(values).to_contain_text(f"JPEG {jpeg}")
+    expect(values).to_contain_text(f"A {codes}")
+    look.press("Escape", "0")
+    expect(look.page.locator(".zoomed")).not_to_have_text("100 %")
+    box = look.page.locator(".stage").bounding_box()
+    assert box is not None
+    look.page.mouse.dblclick(box["x"] + 200, box["y"] + 200)
+    expect(look.page.locator(".zoomed")).to_have_text("100 %")
+    look.page.mouse.wheel(0, -600)
+    expect(look.page.locator(".zoomed")).to_have_text(re.compile("2[45]. %"))
+    thumbnail = png(colours()[:60, :90])
+    look.do(lambda view: view.film([("one.jpg", thumbnail), ("two.jpg", thumbnail), ("<b>three.jpg", thumbnail)]))
+    look.page.get_by_role("button", name="<b>three.jpg").click()
+    expect(look.page.get_by_role("button", name="<b>three.jpg")).to_have_attribute("aria-current", "true")
+    look.press("PageUp")
+    look.drawn()
+    assert look.do(lambda view: view.chosen) == 1
+
+
+@needs_chromium
+def test_overlays_and_scopes(look: Served) -> None:
+    look.do(lambda view: view.grade(Lut((Range(),)), "as it is", coverage=Lut((Matrix(np.eye(3)), Range()))))
+    look.press("c")
+    seen, codes = look.pixels().astype(int), colours()
+    orange = np.abs(seen - (230, 97, 1)).max(axis=2) <= 1
+    assert 0.4 < orange[(codes == 255).any(axis=2)].mean() < 0.6  # every second stripe
+    assert not orange[
+        ((codes > 0) & (codes < 255)).all(axis=2) & (np.abs(codes.astype(int) - (230, 97, 1)).max(2) > 2)
+    ].any()
+    look.press("c", "u")
+    green = np.abs(look.pixels().astype(int) - (0, 158, 115)).max(axis=2) <= 1
+    assert 0.4 < green[codes[..., 2] < 127].mean() < 0.6
+    assert green[codes[..., 2] > 128].mean() < 0.001
+    look.press("u", "h")
+    expect(look.root).to_have_attribute("data-scoped", re.compile(r"\d"))
+    clipped = 100 * (codes == 255).any(axis=2).mean()
+    told = look.page.locator(".scopes p").inner_text()
+    assert float(told.split(" %")[0]) == pytest.approx(clipped, abs=1.0)
+    lit = "c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(v => v > 40 && v < 255)"
+    for name in ("Waveform", "Vectorscope"):
+        assert look.page.get_by_role("img", name=name).evaluate(lit)
+
+
+@needs_chromium
+def test_controls_are_labelled_and_in_reach_of_the_keyboard(look: Served) -> None:
+    look.do(lambda view: view.param.update(theme="light"))
+    expect(look.root).to_have_attribute("data-theme", "light")
+    assert look.page.get_by_role("application", name=re.compile("colours.png")).count() == 1
+    named = "all => all.map(e => [e.textContent + (e.title || ''), e.tabIndex])"
+    buttons = look.page.get_by_role("button").evaluate_all(named)
+    assert len(buttons) >= 10 and all(name.strip() and place >= 0 for name, place in buttons)
+
+
+@needs_chromium
+def test_without_webgl_python_grades(
+    browsers: Callable[..., Browser], served: tuple[str, list[tuple[LookView, Any]]]
+) -> None:
+    page = browsers("--disable-software-rasterizer").new_page(viewport={"width": 900, "height": 640})
+    look, lut = Served(page, *served), bent()
+    look.do(lambda view: view.param.update(mode="graded", scopes=False))
+    look.do(lambda view: view.show(png(colours()), "colours.png"))
+    look.do(lambda view: view.grade(lut, "bent"))
+    look.press("1")
+    expect(look.page.locator(".news")).to_contain_text("no WebGL2")
+    assert look.do(lambda view: view.renderer) == "python"
+    expect(look.root).to_have_attribute("data-drawn", "1")
+    assert np.abs(look.pixels() - floats(lut, colours())).mean() < 4  # JPEG of random colours, no more
+    look.press("o")
+    assert np.array_equal(look.pixels(), colours())
+    assert look.errors == []
+    page.close()
+
+
+def test_what_the_page_cannot_draw_is_refused() -> None:
+    knots = np.linspace(0, 1, 4)[:, None] ** np.ones(3)
+    with pytest.raises(LutError, match="bake"):
+        packed(Lut((Curve(knots, inputs=knots),)))
+    same, other = packed(bent()), packed(bent(seed=2))
+    assert same == packed(bent())
+    assert same[0]["key"] != other[0]["key"]
