@@ -1,10 +1,21 @@
-"""Run a numba kernel on all cores: the work is cut into slabs, and their number does not change the result."""
+"""Run work on all cores.
+
+A numba kernel is cut into slabs, and their number does not change the result. Whole fits run beside each other, and
+each then keeps its kernels to its own thread, so that no core waits for another within a fit.
+"""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
+from threading import local
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Made = TypeVar("Made")
+
+_task = local()  # its attribute `beside` is there in a thread that runs one of several tasks
 
 
 @cache
@@ -39,8 +50,25 @@ if hasattr(os, "register_at_fork"):
 
 def run(task: Callable[[int, int], object], parts: Sequence[tuple[int, int]]) -> None:
     """Call task(start, stop) for each part: several parts in parallel on a thread pool, a single one in this thread."""
-    if len(parts) == 1:
-        task(*parts[0])
+    if len(parts) == 1 or hasattr(_task, "beside"):
+        for part in parts:
+            task(*part)
         return
     for done in [_pool().submit(task, *part) for part in parts]:
         done.result()
+
+
+def each(task: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
+    """Yield what a task makes of each item, in order. As many run beside each other as there are cores.
+
+    BLAS must have been limited to one thread by the caller: its limit is of the process, not of a thread.
+    """
+
+    def begin() -> None:
+        _task.beside = True
+
+    with ThreadPoolExecutor(cores(), thread_name_prefix="task", initializer=begin) as pool:
+        try:
+            yield from pool.map(task, items)
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)

@@ -17,6 +17,8 @@ from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.style_data import StyleData
 from lutforge.model.lattice import Lattice
+from lutforge.solvers.blas import one_blas_thread
+from lutforge.threads import each
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,7 @@ class StyleFit:
     linearize: LatticeResult
 
 
+@one_blas_thread
 def fit_style(
     data: StyleData,
     options: CalibrationOptions,
@@ -45,10 +48,15 @@ def fit_style(
     base = base or fit_base(data.balanced, data.encoded)
     chosen = smoothness or (None, None)
     guess = _guess(data, options, base, inverse=False)
-    render = _fit(data, options, guess, smoothness=chosen[0], tolerance=tolerance)
     if data.monochrome:
+        render = _fit(data, options, guess, smoothness=chosen[0], tolerance=tolerance)
         return StyleFit(guess.base, render, _linearize_greys(data, options, render))
-    linearize = fit_direction(data, options, base, inverse=True, smoothness=chosen[1], tolerance=tolerance)
+
+    def fitted(inverse: bool) -> LatticeResult:
+        own = _guess(data, options, base, inverse=True) if inverse else guess
+        return _fit(data, options, own, smoothness=chosen[inverse], tolerance=tolerance)
+
+    render, linearize = each(fitted, (False, True))
     return StyleFit(guess.base, render, linearize)
 
 
@@ -59,15 +67,18 @@ def fit_direction(
     *,
     inverse: bool,
     smoothness: float | None = None,
+    like: StyleFit | None = None,
     tolerance: float | None = None,
 ) -> LatticeResult:
     """Fit one lattice of a style: the one that linearizes where `inverse`, else the one that renders.
 
-    A black-and-white style is linearized by the inverse of the greys of its rendering.
+    A black-and-white style is linearized by the inverse of the greys of its rendering. smoothness: λ_S; like: a fit of
+    the style, whose λ_S and node levels are taken; without either they are searched.
     """
     of_greys = inverse and data.monochrome
     guess = _guess(data, options, base, inverse=inverse and not of_greys)
-    fitted = _fit(data, options, guess, smoothness=smoothness, tolerance=tolerance)
+    searched = None if like is None else like.linearize if inverse and not of_greys else like.render
+    fitted = _fit(data, options, guess, smoothness=smoothness, like=searched, tolerance=tolerance)
     return _linearize_greys(data, options, fitted) if of_greys else fitted
 
 
@@ -84,13 +95,14 @@ def _fit(
     *,
     smoothness: float | None,
     tolerance: float | None,
+    like: LatticeResult | None = None,
 ) -> LatticeResult:
     """Fit the lattice that follows a guess, in the direction of that guess."""
     inverse = guess.curve is None
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     return fit_samples(
         x, y, data.shot, guess, options,
-        clips=not inverse, curve=guess.curve, smoothness=smoothness, tolerance=tolerance,
+        clips=not inverse, curve=guess.curve, smoothness=smoothness, like=like, tolerance=tolerance,
     )  # fmt: skip
 
 

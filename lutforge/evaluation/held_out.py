@@ -16,10 +16,13 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, REACHES, chosen_reach
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
+from lutforge.calibration.style_fit import StyleFit
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import Fit, Fits, Fitter, Predictor, fit_baselines, fits_of_profile
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
+from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.cross_validation import leave_groups_out
+from lutforge.threads import each
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +74,14 @@ def predict(
     *,
     sizes: Sequence[int] = (),
     own_only: bool = False,
+    fitted: StyleFit | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Predictions:
     """Predict all samples of a style by all methods.
 
     sizes: of lattices, for all methods of the thesis's tables, whatever the profile holds; own_only: beside the
-    baselines, no model but the one that the options ask for. Raises CalibrationError where a part of the shots holds
-    too few samples for a fit.
+    baselines, no model but the one that the options ask for; fitted: the fit by the options to the seen shots, where
+    that was made. Raises CalibrationError where a part of the shots holds too few samples for a fit.
     """
     seen = np.isin(data.shot, seen_shots)
     fold, held_out = np.full(len(seen), -1), ~seen
@@ -87,15 +91,15 @@ def predict(
     as_is = ~seen if left_out else np.ones_like(seen)
     if seen.any() and not left_out:
         notes.append(f"{name}: one shot only; its error is on the samples that it was fitted to")
-    fitter = Fitter(name, style, options, notes, sizes=sizes, own=own_only)
+    inside, reaches = data.select(seen), (np.inf, np.inf)
+    fitter = Fitter(name, style, inside, options, notes, sizes=sizes, own=own_only, fitted=fitted)
     if as_is.any():
         others: dict[str, Fit] = {}
         if left_out and seen.sum() >= LEAST_SAMPLES:
-            others = fitter.fit(data.select(seen)).by_method if sizes else fit_baselines(data.select(seen))
+            others = fitter.fit(inside).by_method if sizes else fit_baselines(inside)
         for rows, model in _by_model(style.physical, data, as_is):
             fold[rows] = len(fits)
             fits.append({**others, **fits_of_profile(style, model)})
-    inside, reaches = data.select(seen), (np.inf, np.inf)
     if left_out:
         masks = leave_groups_out(inside.shot)
         refits = _without_each(inside, masks, fitter, progress)
@@ -118,32 +122,36 @@ def predict(
 
 
 def reaches_within_a_shot(
-    style: PictureStyle, name: str, data: StyleData, options: CalibrationOptions
+    style: PictureStyle, name: str, data: StyleData, options: CalibrationOptions, fitted: StyleFit
 ) -> tuple[float, float]:
     """Return the reaches (render, linearize) that colours of one shot ask for: quarters of them are left out in turn.
 
     The quarters are cut at the medians along the two principal axes of the colours, so that each fit has to predict
-    colours that lie away from its own, as another shot's do.
+    colours that lie away from its own, as another shot's do. fitted: the fit by the options to all of them.
     """
     axes = np.linalg.svd(data.encoded - data.encoded.mean(axis=0), full_matrices=False)[2]
     along = data.encoded @ axes[:2].T
     high = along > np.median(along, axis=0)
     masks = [np.all(high == quarter, axis=1) for quarter in ((0, 0), (0, 1), (1, 0), (1, 1))]
     masks = [mask for mask in masks if mask.any() and (~mask).sum() >= LEAST_SAMPLES]
-    fitter = Fitter(name, style, options, [], own=True)
+    fitter = Fitter(name, style, data, options, [], own=True, fitted=fitted)
     return _reaches(data, masks, _without_each(data, masks, fitter, lambda share: None))
 
 
+@one_blas_thread
 def _without_each(
     data: StyleData, masks: Sequence[Mask], fitter: Fitter, progress: Callable[[float], None]
 ) -> list[Fits]:
     """Fits to the samples that are not of each mask."""
+    if any((~mask).sum() < LEAST_SAMPLES for mask in masks):
+        raise CalibrationError("too few samples to leave a shot out: add shots")
+    progress(0.0)
+    fitter.search()
+    trains = (data.select(~mask) for mask in masks)
     refits = []
-    for index, mask in enumerate(masks):
-        progress(index / len(masks))
-        if (~mask).sum() < LEAST_SAMPLES:
-            raise CalibrationError("too few samples to leave a shot out: add shots")
-        refits.append(fitter.fit(data.select(~mask)))
+    for refit in each(fitter.fit, trains) if fitter.independent else map(fitter.fit, trains):
+        refits.append(refit)
+        progress(len(refits) / len(masks))
     return refits
 
 

@@ -43,10 +43,12 @@ def _measured(
         weak.append(f"only {len(data.shot)} samples: colours between them are guessed from the matrix and response")
     if len(shots) < 2:
         weak.append("one shot only: no shot is left to measure the error on; add another of other colours")
-        reaches = reaches_within_a_shot(model, name, data, options) if shrinks(data, options) else (np.inf, np.inf)
+        reaches = (np.inf, np.inf)
+        if shrinks(data, options):
+            reaches = reaches_within_a_shot(model, name, data, options, style.fit)
         return _shrunk(model, style, options, reaches), weak
     try:
-        found = predict(model, name, data, shots, options, own_only=True)
+        found = predict(model, name, data, shots, options, own_only=True, fitted=style.fit)
     except CalibrationError:
         weak.append("too few samples to leave a shot out: the error is not known")
         return model, weak

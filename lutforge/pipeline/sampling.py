@@ -15,7 +15,6 @@ from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import ShotSamples, extract
 from lutforge.samples.sample_set import SampleSet, concatenate
-from lutforge.samples.table import read_samples
 from lutforge.shots.discover import discover, jpegs_of
 from lutforge.shots.other_view import read_other_view
 from lutforge.shots.read import read_shot
@@ -164,8 +163,13 @@ def gather_samples(
     given = [Path(path) for path in several(paths)]
     if not given:
         raise SampleError("nothing given: name sample tables (.csv, .parquet) or RAW files")
-    parts = [read_samples(path) for path in given if path.suffix.lower() in TABLE_SUFFIXES]
-    others = [path for path in given if path.suffix.lower() not in TABLE_SUFFIXES]
+    tables = [path for path in given if path.suffix.lower() in TABLE_SUFFIXES]
+    others = [path for path in given if path not in tables]
+    parts = []
+    if tables:
+        from lutforge.samples.table import read_samples  # loads Polars
+
+        parts = [read_samples(path) for path in tables]
     if others:
         shots = sample_shots(others, progress, substitute)
         sampled = replace(shots, samples=concatenate([*parts, shots.samples]))

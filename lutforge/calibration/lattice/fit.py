@@ -65,6 +65,7 @@ def fit_samples(
     clips: bool,
     curve: OutputCurve | None = None,
     smoothness: float | None = None,
+    like: LatticeResult | None = None,
     tolerance: float | None = None,
 ) -> LatticeResult:
     """Fit a lattice to samples x (n, 3) → y (n, 3), both in [0, 1]; groups (n,): the shot of each sample.
@@ -72,23 +73,27 @@ def fit_samples(
     clips: the camera clips in this direction (render), so values that the guess clips are held there, and the thesis's
     boundary term applies. curve: what comes behind the cube, in the output's encoding; errors count after it. With
     options.output_curve off, the result is the plain form of that fit.
-    smoothness: λ_S where it is known already; else it is cross-validated over the groups.
+    smoothness: λ_S where it is known already; else it is cross-validated over the groups. like: a fit to samples of the
+    same camera, whose λ_S and node levels are taken; nothing is searched then.
     tolerance: relative residual of the last solve; that of the options where None.
     """
     if options.preset == "thesis":
         return fit_thesis(x, y, options, clips=clips)
     target = y if curve is None else curve.to_values(y)
     weight = np.ones(len(x)) if curve is None else curve_weights(curve, y)
-    chosen = options.lattice.smoothness if smoothness is None else smoothness
-    problem = LatticeProblem(x, y, target, weight, guess, options, clips, chosen, curve)
+    begin = options.lattice.smoothness if smoothness is None else smoothness
+    problem = LatticeProblem(x, y, target, weight, guess, options, clips, begin, curve)
     rows = search_rows(len(x), options.size)
     search = problem if len(rows) == len(x) else problem.select(rows, guess)
-    levels = search.levels(min(SEARCH_SIZE, options.size))
-    if smoothness is None:
-        search = replace(search, smoothness=choose_smoothness(search, groups[rows], levels))
-        problem = replace(problem, smoothness=search.smoothness)
-    found = _search(search, levels)
-    lattice = _final_fit(problem, found, found.error if search.x is problem.x else None, tolerance)
+    if like is not None:
+        found = _fit_at(replace(search, smoothness=like.smoothness), like.lattice.levels)
+    else:
+        levels = search.levels(min(SEARCH_SIZE, options.size))
+        if smoothness is None:
+            search = replace(search, smoothness=choose_smoothness(search, groups[rows], levels))
+        found = _search(search, levels)
+    problem = replace(problem, smoothness=found.smoothness)
+    lattice = _final_fit(problem, found, found.error if len(rows) == len(x) else None, tolerance)
     if curve is not None and not options.output_curve:
         return fit_plain(x, y, lattice, options, problem.smoothness)
     return result(lattice, x, y, problem.smoothness)
@@ -96,11 +101,23 @@ def fit_samples(
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """The result of the search: the best node levels; the last fit, at the levels before these; its squared errors."""
+    """The result of the search.
+
+    levels: the best node levels; fit: the last one, at the levels before these; error: its squared errors; smoothness:
+    its λ_S.
+    """
 
     levels: Levels
     fit: LatticeFit
     error: Array
+    smoothness: float
+
+
+def _fit_at(problem: LatticeProblem, levels: Levels, like: LatticeFit | None = None) -> _Search:
+    """Fit to the tolerance of the search, at levels that stay. like: a fit at other levels, to start from."""
+    placed = problem.at(levels)
+    fit = placed.fit(problem.first_robust, problem.options.lattice.search_tolerance, like)
+    return _Search(levels, fit, placed.squared_error(fit), problem.smoothness)
 
 
 def _search(problem: LatticeProblem, levels: Levels) -> _Search:
@@ -108,16 +125,14 @@ def _search(problem: LatticeProblem, levels: Levels) -> _Search:
 
     The levels of each follow the errors of the one before.
     """
-    options, fit = problem.options, None
+    options, found = problem.options, None
     for size in sorted({min(SEARCH_SIZE, options.size), options.size}):
         levels = resized_levels(levels, size) if options.nonuniform else uniform_levels(size)
-        placed = problem.at(levels)
-        fit = placed.fit(problem.first_robust, options.lattice.search_tolerance, fit)
-        error = placed.squared_error(fit)
+        found = _fit_at(problem, levels, None if found is None else found.fit)
         if options.nonuniform:
-            levels = problem.moved_levels(levels, error)
-    assert fit is not None
-    return _Search(levels, fit, error)
+            levels = problem.moved_levels(levels, found.error)
+    assert found is not None
+    return replace(found, levels=levels)
 
 
 def _final_fit(problem: LatticeProblem, found: _Search, error: Array | None, tolerance: float | None) -> Lattice:

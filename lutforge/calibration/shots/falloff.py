@@ -15,12 +15,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import ttest_1samp
+from scipy.special import stdtr
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.shots.partial_model import NOISE, PartialModel, partial_model
 from lutforge.model.falloff import DEGREE, Falloff, falloff_basis, falloff_of
 from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.gauss_newton import gauss_newton
 
 SIGNIFICANCE = 0.005
@@ -41,6 +42,7 @@ class _Setting:
     member: Mask
 
 
+@one_blas_thread
 def fit_falloffs(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[Falloff, ...]:
     """The falloffs of the lens settings where they are significant.
 
@@ -178,4 +180,6 @@ def _is_significant(model: PartialModel, y: Array, places: Array, shot: NDArray[
     enough = np.array(told) > 0.05 * np.median(told)  # quarters that hardly tell
     if np.count_nonzero(enough) < 3:
         return False
-    return bool(ttest_1samp(np.array(strengths)[enough], 0.0, alternative="greater").pvalue < SIGNIFICANCE)
+    told_of = np.array(strengths)[enough]
+    error_of_mean = max(float(told_of.std(ddof=1)), 1e-300) / np.sqrt(len(told_of))
+    return bool(stdtr(len(told_of) - 1, -told_of.mean() / error_of_mean) < SIGNIFICANCE)  # one-sided

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError
@@ -236,7 +236,8 @@ class _Fit:
 
     def odds(self, scale: float) -> tuple[float, float]:
         """Return the p-values of the two gains in fit, in units of the usual misfit `scale`."""
-        return float(chi2.sf(self.gains[0] / scale, 3)), float(chi2.sf(self.gains[1] / scale, 18))
+        tone, local = (max(gain, 0.0) / scale for gain in self.gains)
+        return float(chdtrc(3, tone)), float(chdtrc(18, local))
 
 
 def _fit(cells: _Cells, departure: _Departure) -> _Fit:
