@@ -86,8 +86,8 @@ class Fitter:
 
     What is searched in a fit serves all parts: λ_S and the node levels of a fit to all the shots, and the smoothness of
     the gamut map that the first part chose. Searched anew for each part, levels and λ_S give mean errors on left-out
-    shots that differ by 0 % in the median (S40, D40 and ten cameras' charts; -5 % to +5 %), in twice the time. notes: is
-    told what could not be done.
+    shots that differ by 0 % in the median (S40, D40 and ten cameras' charts; -5 % to +5 %), in twice the time. notes:
+    is told what could not be done.
     """
 
     def __init__(

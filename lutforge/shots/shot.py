@@ -26,6 +26,11 @@ class Registration:
     correlation: float
 
 
+def unreduced(found: Registration, factor: float) -> Registration:
+    """Convert from coordinates of a JPEG reduced by `factor` to its own; 1 / factor goes the other way."""
+    return Registration(found.scale / factor, found.offset_x, found.offset_y, found.correlation)
+
+
 @dataclass(frozen=True, eq=False)
 class Shot:
     """A RAW/JPEG pair, both oriented like the sensor.

@@ -1,0 +1,67 @@
+"""Luma without its shading, divided by its local contrast: what an unknown tone curve leaves of a picture as it is."""
+
+import numpy as np
+
+from lutforge.arrays import Single
+from lutforge.compiled import compiled
+
+DEVIATION = 6.0
+"""Standard deviation, in pixels, of what is taken for shading and tone: structure much coarser does not count."""
+
+
+def share(weight: Single) -> Single:
+    """How much of the weight around each pixel there is, (h, w)."""
+    return np.asarray(np.maximum(blurred(weight), np.float32(1e-6)))
+
+
+def structure(luma: Single, weight: Single, around: Single) -> Single:
+    """Local structure of luma (h, w). weight: of its pixels; around: `share` of it.
+
+    Structure below the noise of rounding to 8 bits is none.
+    """
+    detail = luma - blurred(luma * weight) / around
+    energy = blurred(detail * detail * weight) / around
+    floor = 0.5 * float(np.vdot(energy, weight)) / (float(weight.sum()) + 1e-12)
+    energy += np.float32(floor + (0.3 / 255) ** 2)
+    return np.asarray(detail / np.sqrt(energy) * weight)
+
+
+def blurred(image: Single) -> Single:
+    """Return the image (h, w) filtered by a Gaussian of DEVIATION, mirrored at its borders."""
+    taps = np.exp(-0.5 * (np.arange(4 * DEVIATION + 1) / DEVIATION) ** 2)
+    taps /= 2 * taps.sum() - taps[0]
+    out = np.empty_like(image)
+    _blur(np.ascontiguousarray(image), taps.astype(np.float32), out)
+    return out
+
+
+@compiled()
+def _mirrored(place: int, size: int) -> int:
+    """The place within 0 … size − 1 that lies there when the image is mirrored at both ends, again and again."""
+    inside = place % (2 * size)
+    return inside if inside < size else 2 * size - 1 - inside
+
+
+@compiled(fastmath={"contract"})
+def _blur(image: Single, taps: Single, out: Single) -> None:
+    """Fill `out` with the image, filtered by symmetric taps, of which the middle one is the first, along both axes."""
+    rows, columns = image.shape
+    reach = len(taps) - 1
+    line = np.empty(columns + 2 * reach, dtype=np.float32)
+    for y in range(rows):
+        middle, own, to = line[reach : reach + columns], image[y], out[y]
+        for x in range(columns):
+            middle[x] = taps[0] * own[x]
+        for k in range(1, reach + 1):
+            above, below = image[_mirrored(y - k, rows)], image[_mirrored(y + k, rows)]
+            for x in range(columns):
+                middle[x] += taps[k] * (above[x] + below[x])
+        for k in range(reach):
+            line[reach - 1 - k] = middle[_mirrored(-1 - k, columns)]
+            line[reach + columns + k] = middle[_mirrored(columns + k, columns)]
+        for x in range(columns):
+            to[x] = taps[0] * middle[x]
+        for k in range(1, reach + 1):
+            before, after = line[reach - k : reach - k + columns], line[reach + k : reach + k + columns]
+            for x in range(columns):
+                to[x] += taps[k] * (before[x] + after[x])

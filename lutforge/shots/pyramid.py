@@ -1,0 +1,178 @@
+"""Ever smaller copies of a RAW and of a JPEG: each step of a registration works on as few pixels as it needs."""
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from lutforge.arrays import Codes, Pixels, Real, Single
+from lutforge.errors import ShotError
+from lutforge.images.raw import RawImage
+from lutforge.shots.cells import area_weights, cell_edges
+from lutforge.shots.shot import Registration
+
+MIN_SIDE = 200
+"""A JPEG whose longer side is shorter than this is a thumbnail: its pixels average too much of the scene."""
+COARSE_SIDE = 192
+"""Pixels of the longer side of the copy that is searched."""
+_LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)  # ITU-R BT.601, as in JPEG
+
+
+@dataclass(frozen=True, eq=False)
+class RawLevel:
+    """RAW of one size. channels: (3, h, w), compressed; pixel_size: a pixel's side in full-resolution pixels."""
+
+    channels: Single
+    pixel_size: float
+
+    @cached_property
+    def luma(self) -> Single:
+        """The luma (h, w) of the channels as they are."""
+        return np.asarray(np.tensordot(_LUMA, self.channels, axes=1))
+
+
+@dataclass(frozen=True, eq=False)
+class RawPyramid:
+    """RAW in ever coarser copies, each with half the pixels a side of the one before, made when they are asked for."""
+
+    finest: RawLevel
+    _levels: dict[int, RawLevel] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, raw: RawImage, jpeg: Codes) -> "RawPyramid":
+        """Make the pyramid of a RAW, not finer than a registration of this JPEG (h, w, 3) needs.
+
+        The channels are brought to equal brightness (a grey-world white balance), then compressed by 1 / 2.2.
+        """
+        scale = max(raw.pixels.shape[:2]) * raw.pixel_size / max(jpeg.shape[:2]) * reduction(raw, jpeg)
+        halvings = _halvings(scale / raw.pixel_size)
+        pixels = np.moveaxis(raw.pixels, 2, 0)
+        for _ in range(halvings):
+            pixels = _halved(pixels)
+        means = pixels[:, ::4, ::4].mean(axis=(1, 2), dtype=np.float64)
+        factors = (0.25 / np.maximum(means, 1e-6)).astype(np.float32)
+        channels = np.ascontiguousarray(pixels) * factors[:, None, None]
+        np.power(np.maximum(channels, 0.0, out=channels), np.float32(1 / 2.2), out=channels)
+        return cls(RawLevel(channels, raw.pixel_size * 2**halvings))
+
+    def for_scale(self, scale: float) -> RawLevel:
+        """The coarsest copy for a JPEG whose pixels are `scale` full-resolution pixels wide."""
+        wanted = _halvings(scale / self.finest.pixel_size)
+        level = self.finest
+        for number in range(1, wanted + 1):
+            if number not in self._levels:
+                self._levels[number] = RawLevel(_halved(level.channels), 2 * level.pixel_size)
+            level = self._levels[number]
+        return level
+
+
+def _halvings(pixels: float) -> int:
+    """How often a RAW may be halved of which so many pixels lie along the side of a JPEG's pixel.
+
+    At least one and a quarter stay. Each counts by the area that is covered, so what is lost is a little sharpness, the
+    same on all sides.
+    """
+    return max(0, math.floor(math.log2(pixels / 1.25)))
+
+
+def _halved(planes: Single) -> Single:
+    """Means over 2 × 2 pixels of planes (3, h, w); an odd row or column is left out."""
+    height, width = planes.shape[1] // 2 * 2, planes.shape[2] // 2 * 2
+    rows = planes[:, :height:2, :width] + planes[:, 1:height:2, :width]
+    return np.asarray((rows[..., ::2] + rows[..., 1::2]) * np.float32(0.25))
+
+
+def on_jpeg_pixels(
+    plane: Single, pixel_size: float, place: Registration, shape: tuple[int, int]
+) -> tuple[Single, Single]:
+    """RAW values averaged over each JPEG pixel (h, w), and whether RAW covers it, 0 or 1."""
+    weights, covers = [], []
+    for axis, offset in ((0, place.offset_y), (1, place.offset_x)):
+        edges = cell_edges(place.scale, offset, shape[axis], 1, pixel_size)
+        weights.append(area_weights(edges, plane.shape[axis]).astype(np.float32))
+        covers.append((edges[:-1] >= 0) & (edges[1:] <= plane.shape[axis]))
+    sampled = (weights[1] @ (weights[0] @ plane).T).T
+    return np.ascontiguousarray(sampled), np.outer(*covers).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedJpeg:
+    """A JPEG's codes (h, w, 3) / 255, averaged over factor × factor pixels, and the weight of each pixel.
+
+    The weight is 0 where a pixel is clipped, or in a black bar.
+    """
+
+    codes: Single
+    weight: Single
+    factor: int
+
+    @classmethod
+    def of(cls, raw: RawImage, jpeg: Codes) -> "ReducedJpeg":
+        """Reduce a JPEG as far as `reduction` says. Raises ShotError for a thumbnail."""
+        height, width = jpeg.shape[:2]
+        if max(height, width) < MIN_SIDE or min(height, width) < MIN_SIDE // 2:
+            raise ShotError(f"only {width}×{height} pixels: a thumbnail, too small to register")
+        factor = reduction(raw, jpeg)
+        small = block_mean(jpeg, factor)
+        brightest = small.max(axis=2)
+        weight = np.where((brightest < 252) & (brightest > 4), _inside_bars(brightest), np.float32(0.0))
+        return cls(small / np.float32(255), weight, factor)
+
+    @cached_property
+    def luma(self) -> Single:
+        """The luma (h, w), 0 … 1."""
+        return np.asarray(self.codes @ _LUMA)
+
+    def halved(self, times: int) -> "ReducedJpeg":
+        """Reduced by 2^times more."""
+        if times == 0:
+            return self
+        weight = (block_mean(self.weight, 2**times) > 0.99).astype(np.float32)
+        return ReducedJpeg(block_mean(self.codes, 2**times), weight, self.factor * 2**times)
+
+    @property
+    def halvings(self) -> int:
+        """How often it is halved to become about as small as for the coarse search."""
+        return max(0, round(math.log2(max(self.luma.shape) / COARSE_SIDE)))
+
+    @property
+    def coarsest(self) -> "ReducedJpeg":
+        """It, about as small as for the coarse search."""
+        return self.halved(self.halvings)
+
+
+def reduction(raw: RawImage, jpeg: Codes) -> int:
+    """By what a JPEG is reduced: to at most a million pixels, not finer than RAW, whose blocks would be compared."""
+    height, width = jpeg.shape[:2]
+    factor: int = max(math.ceil(math.sqrt(height * width / 1e6)), math.ceil(max(height, width) / max(raw.pixels.shape)))
+    return factor
+
+
+def block_mean(image: Real | Codes, factor: int) -> Pixels:
+    """Means over blocks of factor × factor pixels of an image (h, w, …); a rest at the right and bottom is left out."""
+    if factor == 1:
+        return image.astype(np.float32)
+    height, width = image.shape[0] // factor, image.shape[1] // factor
+    kept = np.ascontiguousarray(image[: height * factor, : width * factor])
+    rows = kept.reshape(height, factor, -1).sum(axis=1, dtype=np.uint32 if image.dtype == np.uint8 else np.float32)
+    columns = rows.reshape(height, width, factor, *image.shape[2:])
+    total = np.asarray(columns[:, :, 0], dtype=np.float32)
+    for place in range(1, factor):
+        total = total + columns[:, :, place]
+    return np.asarray(total / np.float32(factor**2), dtype=np.float32)
+
+
+def _inside_bars(brightest: Single) -> Single:
+    """(h, w) 0 on the black bars that some cameras put around a preview of another aspect ratio, else 1."""
+    dark = brightest < 16
+    mask = np.ones(dark.shape, dtype=np.float32)
+    for axis in (0, 1):
+        lines = np.asarray(dark.mean(axis=1 - axis) > 0.99)
+        inside = np.flatnonzero(~lines)
+        if inside.size and len(lines) - inside.size < 0.4 * len(lines):
+            low, high = int(inside[0]), int(inside[-1]) + 1
+            index = np.arange(len(lines))
+            bar = (index < low + (2 if low else 0)) | (index >= high - (2 if high < len(lines) else 0))
+            mask *= (~bar)[:, None] if axis == 0 else (~bar)[None, :]
+    return mask
