@@ -52,6 +52,10 @@ class Predictions:
         """Return Tw E (m, 3) → I by the fits that predict the samples `rows` (m,); NaN where there is none."""
         return _by_fold(self.fits, self.fold[rows], method, "render", balanced)
 
+    def linearize(self, method: str, encoded: Array, rows: NDArray[np.intp]) -> Array:
+        """Return I (m, 3) → Tw E by the fits that predict the samples `rows` (m,); NaN where there is none."""
+        return _by_fold(self.fits, self.fold[rows], method, "linearize", encoded)
+
 
 def _by_fold(
     fits: Sequence[Mapping[str, Fit]], fold: NDArray[np.intp], method: str, direction: str, values: Array

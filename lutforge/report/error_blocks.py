@@ -16,10 +16,8 @@ from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
 from lutforge.evaluation.expected_error import by_distance, held_out_errors
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE
-from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.evaluation.refinish_errors import RefinishError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.coverage import linearizing_error
 from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import PictureStyle
 from lutforge.report.error_maps import error_maps, error_maps_figure
@@ -32,7 +30,7 @@ from lutforge.report.figures import (
 )
 from lutforge.report.gamut_slices import gamut_figure
 from lutforge.report.lattice_figures import lattice_figure, levels_on_errors, plane_destinations
-from lutforge.report.page import Block, Picture, Points, Table, Text
+from lutforge.report.page import Block, Picture, Table, Text
 from lutforge.report.sheets import DIRECTIONS
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
@@ -42,9 +40,9 @@ from lutforge.shots.read import read_shot
 TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW, white-balanced"}
 BASELINES = (COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE)
 MAPS_TEXT = (
-    "Each shot's RAW, rendered by fits that had not seen the shot, against the camera's own JPEG: the same scale "
-    "everywhere; grey: clipped, or outside the RAW. Above each map is its mean over the picture, edges and textures "
-    "included; the tables count the shot's even areas only."
+    "Each shot, predicted by fits that had not seen it: its JPEG from its RAW, and its white-balanced RAW from its "
+    "JPEG. Each direction has one scale in all maps; grey: clipped, or outside the RAW. Above each map is its mean "
+    "over the picture, edges and textures included; the tables count the shot's even areas only."
 )
 
 
@@ -169,17 +167,6 @@ def sample_blocks(samples: SampleSet, accounts: Sequence[ShotSamples]) -> Iterat
         rejected = "–" if account is None else str(sum(account.rejected.values()))
         rows.append((name, setting, exposure, str(len(part)), clipped, rejected))
     yield Table("Shots", ("shot", "setting", "exposure", "samples", "areas clipped", "areas rejected"), tuple(rows))
-
-
-def next_shots(data: Mapping[str, StyleData], styles: Mapping[str, PictureStyle]) -> Iterator[Block]:
-    """Say which colours to photograph next."""
-    for name, style in data.items():
-        gaps = colour_gaps(style.encoded, linearizing_error(styles[name]))
-        if gaps:
-            yield Text(f"{name}: of the colours that real surfaces have, these are known least:")
-            yield Points(tuple(str(gap) for gap in gaps))
-        else:
-            yield Text(f"{name}: the samples come near most colours that real surfaces have.")
 
 
 def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:

@@ -1,4 +1,4 @@
-"""Error maps of real shots: RAW rendered by fits that never saw the shot, against the camera's JPEG (Fig. 5.5)."""
+"""Error maps of real shots, in both directions, by fits that never saw the shot (thesis, Figs. 5.5 and 5.6)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,21 +22,23 @@ from lutforge.shots.shot import Shot
 class ErrorMaps:
     """The errors of one shot, pixel by pixel.
 
-    picture: the camera's JPEG, upright (h, w, 3), encoded; errors: by method the RGB error (h, w), NaN where clipped or
-    outside the RAW; held_out: whether the fits had not seen the shot.
+    picture: the camera's JPEG, upright (h, w, 3), encoded; rendered, linearized: by method the RGB error (h, w) of RAW
+    → JPEG, and of JPEG → RAW with white balance, NaN where clipped or outside the RAW; held_out: whether the fits had
+    not seen the shot.
     """
 
     shot: str
     setting: str
     picture: Array
-    errors: Mapping[str, Array]
+    rendered: Mapping[str, Array]
+    linearized: Mapping[str, Array]
     held_out: bool
 
 
 def error_maps(
     shot: Shot, predictions: Predictions, methods: Sequence[str], falloffs: Sequence[Falloff] = ()
 ) -> ErrorMaps:
-    """Render a shot, of which the predictions hold samples, by the fits that predict these samples.
+    """Predict a shot, of which the predictions hold samples, both ways by the fits that predict these samples.
 
     falloffs: of the profile, which brighten the RAW away from the middle as they did that of the samples.
     """
@@ -54,33 +56,39 @@ def error_maps(
     balanced, encoded = raw.mean[usable] * gain, jpeg.mean[usable] / 255.0
     fold = np.repeat(own[:1], len(balanced))
     turns = -TURNS.get(shot.raw.flip, 0)
-    errors = {}
-    for name in methods:
-        error = np.full(usable.shape, np.nan)
-        rendered = np.clip(predictions.render(name, balanced, fold), 0, 1)
-        error[usable] = np.linalg.norm(rendered - encoded, axis=1)
-        errors[name] = np.rot90(error, turns)
+
+    def error(predicted: Array, measured: Array) -> Array:
+        found = np.full(usable.shape, np.nan)
+        found[usable] = np.linalg.norm(np.clip(predicted, 0, 1) - measured, axis=1)
+        return np.rot90(found, turns)
+
+    rendered = {name: error(predictions.render(name, balanced, fold), encoded) for name in methods}
+    linearized = {name: error(predictions.linearize(name, encoded, fold), balanced) for name in methods}
     setting = f"{samples.style[own[0]]}/{samples.white_balance[own[0]]}"
     held_out = bool(predictions.held_out[own].all())
-    return ErrorMaps(shot.name, setting, np.rot90(jpeg.mean / 255.0, turns), errors, held_out)
+    return ErrorMaps(shot.name, setting, np.rot90(jpeg.mean / 255.0, turns), rendered, linearized, held_out)
 
 
 def error_maps_figure(maps: ErrorMaps) -> Figure:
-    """The photograph and the errors of each method beside it, on one scale."""
+    """The photograph, and beside it the errors of each method, a row and a scale for each direction."""
     height, width = maps.picture.shape[:2]
-    columns = 1 + len(maps.errors)
-    figure = Figure(figsize=(11, 11 / columns * height / width + 0.75), layout="compressed")
-    axes = figure.subplots(1, columns, squeeze=False)[0]
-    axes[0].imshow(np.clip(maps.picture, 0, 1))
-    axes[0].set_title("the camera's JPEG", fontsize=9)
-    drawn = None
-    for axis, (name, error) in zip(axes[1:], maps.errors.items(), strict=True):
-        drawn = axis.imshow(error, cmap=MAP, vmin=0, vmax=ERROR_SCALE, interpolation="nearest")
-        axis.set_facecolor("0.85")
-        axis.set_title(f"{name}: mean {np.nanmean(error):.4f}", fontsize=9)
-    for axis in axes:
+    columns = 1 + len(maps.rendered)
+    figure = Figure(figsize=(11, 22 / columns * height / width + 1.2), layout="compressed")
+    axes = figure.subplots(2, columns, squeeze=False)
+    axes[0, 0].imshow(np.clip(maps.picture, 0, 1))
+    axes[0, 0].set_title("the camera's JPEG", fontsize=9)
+    # Linear values are small where encoded ones are not: their errors are, too.
+    rows = (("RAW → JPEG", maps.rendered, ERROR_SCALE), ("JPEG → RAW", maps.linearized, 0.3 * ERROR_SCALE))
+    for row, (title, errors, scale) in zip(axes, rows, strict=True):
+        drawn = None
+        for axis, (name, error) in zip(row[1:], errors.items(), strict=True):
+            drawn = axis.imshow(error, cmap=MAP, vmin=0, vmax=scale, interpolation="nearest")
+            axis.set_facecolor("0.85")
+            axis.set_title(f"{title}\n{name}: mean {np.nanmean(error):.4f}", fontsize=8)
+        if drawn is not None:
+            figure.colorbar(drawn, ax=row, shrink=0.8, extend="max", aspect=20, pad=0.01)
+    for axis in axes.flat:
         axis.set(xticks=[], yticks=[])
         axis.spines[:].set_visible(False)
-    if drawn is not None:
-        figure.colorbar(drawn, ax=axes, shrink=0.6, extend="max", aspect=30, orientation="horizontal", pad=0.02)
+    axes[1, 0].set_visible(False)
     return figure

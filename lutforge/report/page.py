@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -77,12 +77,13 @@ class Section:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """A page: its title, the line below it, what it says in short, and its sections."""
+    """A page: its title, the line below it, what it says in short, its sections, and answers that come before them."""
 
     title: str
     subtitle: str
     lead: tuple[str, ...] = ()
-    sections: tuple[Section, ...] = field(default_factory=tuple)
+    sections: tuple[Section, ...] = ()
+    answers: tuple[Section, ...] = ()
 
     @property
     def pictures(self) -> Sequence[Picture]:

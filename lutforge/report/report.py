@@ -1,6 +1,6 @@
-"""What is known of a calibrated camera, for reading: how good it is, what it rests on, what to shoot next."""
+"""What is known of a calibrated camera, for reading: plain answers first, what they rest on behind them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -8,19 +8,17 @@ import matplotlib
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.style_data import StyleData
 from lutforge.evaluation.error_shares import ErrorShares
-from lutforge.evaluation.errors_table import visibility
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.diagnosis import told
 from lutforge.progress import Progress, part, silent
+from lutforge.report.answers import answers
 from lutforge.report.error_blocks import (
     error_map_pictures,
     error_pictures,
     error_tables,
     exposure_blocks,
-    next_shots,
     sample_blocks,
     setting_tables,
     style_pictures,
@@ -44,7 +42,8 @@ def build_report(
     accounts: of the shots that the samples are from; files: the RAW file of each shot by name, for error maps.
     Raises CalibrationError where the samples hold none of the profile's styles.
     """
-    lead, notes = _lead_of_profile(profile), (*told(profile.diagnoses), *profile.notes)
+    notes, own = profile.notes, LATTICE
+    evaluation = None
     judged: list[Section] = []
     shown: list[Section] = []
     data: dict[str, StyleData] = {}
@@ -55,10 +54,8 @@ def build_report(
         own = _own(profile, evaluation)
         tones, shares = evaluation.tones, evaluation.shares
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
-        lead = tuple(_lead(own, evaluation)) or lead
         notes = tuple(dict.fromkeys((*notes, *evaluation.notes)))
         progress("error maps", 0.6)
-        judged.append(Section("What to shoot next", tuple(next_shots(data, profile.styles))))
         judged.append(Section("Errors", (*error_tables(own, evaluation), *error_pictures(own, evaluation))))
         judged.append(
             Section("Errors on real shots", tuple(error_map_pictures(own, evaluation, files or {}, profile.falloffs)))
@@ -75,7 +72,12 @@ def build_report(
     settings = Section("White balances and matrix", tuple(setting_tables(profile)))
     sections = tuple(section for section in (said, *judged, lens, settings, *models, *shown) if section.blocks)
     progress("done", 1.0)
-    return Report(f"{profile.camera}: calibration report", _subtitle(profile), lead, sections)
+    return Report(
+        f"{profile.camera}: calibration report",
+        _subtitle(profile),
+        sections=sections,
+        answers=answers(profile, own, evaluation, data),
+    )
 
 
 def _subtitle(profile: CameraProfile) -> str:
@@ -84,31 +86,6 @@ def _subtitle(profile: CameraProfile) -> str:
     return (
         f"Picture styles: {', '.join(profile.styles)}. White balances: {', '.join(profile.white_balances)}. "
         f"Shots: {len(profile.shots)}. Model: {model}, preset {options.preset}."
-    )
-
-
-def _lead_of_profile(profile: CameraProfile) -> tuple[str, ...]:
-    """Say in short how good a profile is, from the errors that it holds."""
-    return tuple(
-        _sentence(name, style.errors["render_mean"], style.errors["render_de00_mean"])
-        for name, style in profile.styles.items()
-        if "render_mean" in style.errors and "render_de00_mean" in style.errors
-    )
-
-
-def _lead(own: str, evaluation: Evaluation) -> Iterator[str]:
-    for row in evaluation.rows:
-        if row.method == own and row.shot.startswith("all") and row.figures.de00_mean is not None:
-            yield _sentence(row.style, row.figures.mean, row.figures.de00_mean, row.held_out)
-
-
-def _sentence(style: str, mean: float, de00: float, held_out: bool = True) -> str:
-    figures = f"the JPEG predicted from RAW is {mean:.4f} of full scale off in the mean, ΔE00 {de00:.2f}"
-    if held_out:
-        return f"{style}: on shots that it had not seen, {figures}: {visibility(de00)}."
-    return (
-        f"{style}: on the shots that it was fitted to, {figures}. How well it predicts other shots is not known: "
-        "calibrate from two shots or more."
     )
 
 

@@ -1,6 +1,7 @@
 """The report: what it says is what the tables say, it needs nothing else, and names cannot break it."""
 
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -15,13 +16,14 @@ from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.report.error_blocks import exposure_blocks
-from lutforge.report.page import Picture, Table, Text, write_figures, write_page
+from lutforge.report.page import Picture, Points, Report, Table, Text, write_figures, write_page
 from lutforge.report.report import build_report
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
 from tests.calibration.samples_simulated import chart_140, photograph_patches
 
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 HOSTILE = '<script>alert("$x$")</script>'
 
 
@@ -60,6 +62,20 @@ class Tags(HTMLParser):
         assert self.open.pop() == tag
 
 
+def answered(report: Report, question: int) -> str:
+    """All that the first page says to one of its questions."""
+    said: list[str] = []
+    for block in report.answers[question].blocks:
+        match block:
+            case Text():
+                said.append(block.text)
+            case Points():
+                said += block.points
+            case Table():
+                said += [cell for row in block.rows for cell in row]
+    return " ".join(said)
+
+
 @pytest.fixture(scope="module")
 def hostile() -> tuple[CameraProfile, SampleSet]:
     samples = shots(("a", "b", HOSTILE))
@@ -75,7 +91,10 @@ def test_tables_are_those_of_evaluate(hostile: tuple[CameraProfile, SampleSet]) 
     assert [row[2] for row in shown.rows] == [row.method for row in rows]
     assert [row[4] for row in shown.rows] == [f"{row.figures.mean:.4f}" for row in rows]
     own = next(row for row in rows if row.method == "rbf")
-    assert f"{own.figures.mean:.4f}" in report.lead[0]
+    assert f"{own.figures.mean:.4f}" in answered(report, 0)
+    assert f"ΔE00 {own.figures.de00_mean:.2f}" in answered(report, 1)
+    back = next(row for row in evaluate(profile, samples).rows if (row.direction, row.method) == ("linearize", "rbf"))
+    assert f"{back.figures.mean:.4f}" in answered(report, 0)
 
 
 def test_page_stands_alone_and_names_are_only_text(hostile: tuple[CameraProfile, SampleSet], tmp_path: Path) -> None:
@@ -93,6 +112,30 @@ def test_page_stands_alone_and_names_are_only_text(hostile: tuple[CameraProfile,
     assert len(ids) == len(set(ids))
     assert set(re.findall(r"url\(#([^)]+)\)", html)) <= set(ids)
     assert HOSTILE not in html
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
+def test_it_prints_on_a4_with_the_answers_on_the_first_page(
+    hostile: tuple[CameraProfile, SampleSet], tmp_path: Path
+) -> None:
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    write_page(build_report(*hostile), tmp_path / "report.html")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        context = browser.new_context(offline=True, viewport={"width": 688, "height": 1002})  # A4 within the margins
+        page, asked = context.new_page(), []
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto((tmp_path / "report.html").as_uri())
+        page.emulate_media(media="print")
+        headings = page.locator(".answer h2").all_inner_texts()
+        end = page.locator(".answer").last.evaluate("e => e.getBoundingClientRect().bottom")
+        width = page.evaluate("document.documentElement.scrollWidth")
+        pages = page.pdf(format="A4", prefer_css_page_size=True).count(b"/Type /Page\n")
+        browser.close()
+    assert headings == ["How good is it?", "What for?", "What to shoot next?"]
+    assert end < 1002 and width <= 688
+    assert pages >= 3
+    assert len(asked) == 1  # the file itself
 
 
 def test_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
@@ -121,8 +164,9 @@ def test_error_maps_of_real_files(demo: tuple[Path, str]) -> None:
     assert len(maps) == 1
     assert "not seen by the fits" in maps[0].caption
     titles = [axis.get_title() for axis in maps[0].figure.axes]
-    means = [float(title.rsplit(" ", 1)[1]) for title in titles if ": mean" in title]
-    assert means[0] < means[2], titles  # LutForge below matrix and response
+    for direction in ("RAW → JPEG", "JPEG → RAW"):
+        means = [float(title.rsplit(" ", 1)[1]) for title in titles if title.startswith(direction)]
+        assert len(means) == 3 and means[0] < means[2], titles  # LutForge below matrix and response
 
 
 def test_gaps_are_named_where_colours_are_missing() -> None:
@@ -139,9 +183,9 @@ def test_gaps_are_named_where_colours_are_missing() -> None:
 def test_one_shot_is_not_praised() -> None:
     """An error on the shot that was fitted says nothing about others, and the report says no more."""
     samples = shots(("only",))
-    lead = build_report(calibrate(samples, CalibrationOptions(size=9)), samples).lead
-    assert all("not known" in sentence and "eye" not in sentence for sentence in lead)
-    assert lead
+    report = build_report(calibrate(samples, CalibrationOptions(size=9)), samples)
+    for question in (0, 1):
+        assert "not known" in answered(report, question) and "eye" not in answered(report, question)
 
 
 def test_gaps_are_where_errors_are_expected() -> None:
