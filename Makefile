@@ -3,10 +3,15 @@ PYTHON ?= python3
 BIN := .venv/bin
 TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup --benchmark-disable
 
-.PHONY: demo test test-all check benchmark accuracy field clean
+.PHONY: demo docs test test-all check benchmark accuracy field clean
 
 demo: .venv/ready
 	$(BIN)/lutforge demo -o demo
+
+# The guide as a site that needs no network: site/index.html.
+docs: .venv/ready
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo "Open site/index.html."
 
 # Minutes: everything that does not take long.
 test: .venv/ready
@@ -43,4 +48,4 @@ field: .venv/ready
 	touch $@
 
 clean:
-	rm -rf .venv demo
+	rm -rf .venv demo site
