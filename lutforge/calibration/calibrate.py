@@ -7,13 +7,20 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
+from lutforge.calibration.physical.physical_model import GamutMaps
 from lutforge.calibration.physical.reference_camera import calibrate_by_reference
-from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances, with_fitted_gains
+from lutforge.calibration.physical.white_balance import (
+    complete_multipliers,
+    named_white_balances,
+    with_fitted_gains,
+    with_gains,
+    with_known_balances,
+)
 from lutforge.calibration.plausibility.check import implausible
 from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.shots.thin_samples import thin_colours, thin_settings
 from lutforge.calibration.shots.tone import shot_tones, tone_notes, without_departures
+from lutforge.calibration.stages import Stages, base_of, fit_camera_stages, stages_of
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.calibration.style_fit import StyleFit, fit_style, render_with_plain
 from lutforge.errors import CalibrationError
@@ -51,31 +58,38 @@ class Calibration:
 
 
 def calibrate(
-    samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = silent
+    samples: SampleSet,
+    options: CalibrationOptions | None = None,
+    progress: Progress = silent,
+    stages: CameraProfile | None = None,
 ) -> Calibration:
     """Fit the white balances, the matrix and, per style, the models that the options ask for.
 
     "lattice": the lattices of both directions; "rbf": the physical model of chapter 4, and the lattices beside it.
-    Samples with a reference camera's RAW get the physical model only (4.9). Raises CalibrationError, in one line with
-    what to do, where the samples do not determine it.
+    Samples with a reference camera's RAW get the physical model only (4.9). stages: a profile whose responses, matrix
+    and white balances are taken as they are (`calibrate_stages`). Raises CalibrationError, in one line with what to do,
+    where the samples do not determine the models.
     """
     options = options or CalibrationOptions()
     _check_one_camera(samples)
     if np.any(samples.raw_camera != samples.camera):
-        return Calibration(calibrate_by_reference(samples, options, progress))
-    multipliers, notes = complete_multipliers(samples)
-    enough, left_out = styles_with_enough(samples, multipliers)
-    even = _even(samples.select(enough), multipliers[enough], options)
-    physical = None
+        return Calibration(calibrate_by_reference(samples, options, progress, stages))
+    even, notes = _prepared(samples, options, stages)
+    physical, maps = None, dict[str, GamutMaps]()
     if options.model == "rbf":
         progress("response, matrix and white balances", 0.0)
-        physical = _fit_physical(even, options)
+        physical = _fit_stages(even, options, stages)
+        maps = physical.maps(even.samples, options)
         even = replace(even, multipliers=physical.multipliers)
     data, clipped = style_data(even.samples, even.multipliers)
-    notes = (*notes, *left_out, *even.notes, *_weaknesses(even.samples, data, clipped))
-    styles = _fit_styles(data, {} if physical is None else physical.maps, options, progress)
+    if stages is not None:
+        data = {name: replace(style, given=base_of(stages, name)) for name, style in data.items()}
+        notes = (*notes, "response and matrix were given: the held-out errors take them as they are")
+    notes = (*notes, *even.notes, *_weaknesses(even.samples, data, clipped))
+    styles = _fit_styles(data, maps, options, progress)
     progress("done", 1.0)
-    matrix = _matrix_of_most(styles) if physical is None else physical.matrix
+    given = physical or stages
+    matrix = _matrix_of_most(styles) if given is None else given.matrix
     matrix = matrix / matrix.sum(axis=1, keepdims=True)
     profile = CameraProfile(
         camera=str(samples.camera[0]),
@@ -90,6 +104,36 @@ def calibrate(
         tones=even.tones,
     )
     return Calibration(profile, styles)
+
+
+def calibrate_stages(
+    samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = silent
+) -> CameraProfile:
+    """Fit the responses, the matrix and the white balances alone: a profile whose gamut maps change nothing.
+
+    Raises CalibrationError where the samples do not determine them.
+    """
+    options = replace(options or CalibrationOptions(), model="rbf")
+    _check_one_camera(samples)
+    progress("response, matrix and white balances", 0.0)
+    if np.any(samples.raw_camera != samples.camera):
+        return calibrate_by_reference(samples, options, progress, gamut_maps=False)
+    even, notes = _prepared(samples, options)
+    stages = _fit_stages(even, options)
+    balances = named_white_balances(even.samples, stages.multipliers, stages.matrix)
+    progress("done", 1.0)
+    return CameraProfile(
+        camera=str(samples.camera[0]),
+        matrix=stages.matrix,
+        white_balances=balances,
+        styles=stages.styles(tuple(balances)),
+        shots=tuple(name for name, _ in even.samples.by_shot()),
+        options=options.as_json(),
+        notes=(*notes, *even.notes),
+        falloffs=even.falloffs,
+        diagnoses=even.diagnoses,
+        tones=even.tones,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +152,26 @@ class _Even:
         return (*(falloff.note for falloff in self.falloffs), *tone_notes(self.tones))
 
 
-def _even(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -> _Even:
+def _prepared(
+    samples: SampleSet, options: CalibrationOptions, stages: CameraProfile | None = None
+) -> tuple[_Even, tuple[str, ...]]:
+    """The samples of styles with enough of them, evened, with the white balances of given stages; and notes."""
+    if stages is not None:
+        samples = with_known_balances(samples, stages.white_balances)
+    multipliers, notes = complete_multipliers(samples)
+    enough, left_out = styles_with_enough(samples, multipliers)
+    return _even(samples.select(enough), multipliers[enough], options, stages), (*notes, *left_out)
+
+
+def _fit_stages(even: _Even, options: CalibrationOptions, stages: CameraProfile | None = None) -> Stages:
+    if stages is not None:
+        return stages_of(stages, even.samples, even.multipliers)
+    return fit_camera_stages(even.samples, even.multipliers, options)
+
+
+def _even(
+    samples: SampleSet, multipliers: Array, options: CalibrationOptions, stages: CameraProfile | None = None
+) -> _Even:
     """Take out what lens, setting and scene add to the brightness of JPEGs. The thesis knows settings' gains only.
 
     Where something is wrong with the whole set, no shot is blamed for it.
@@ -117,55 +180,16 @@ def _even(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -
     falloffs = () if thesis else fit_falloffs(samples, multipliers, unclipped(samples, multipliers))
     samples = at_the_centre(samples, falloffs)
     diagnoses = implausible(samples, multipliers)
-    multipliers = with_fitted_gains(samples, multipliers, unclipped(samples, multipliers))
+    if stages is None:
+        multipliers = with_fitted_gains(samples, multipliers, unclipped(samples, multipliers))
+    else:
+        multipliers = with_gains(samples, multipliers, stages.white_balances)
     blameless = thesis or any(diagnosis.whole_set for diagnosis in diagnoses)
     tones = () if blameless else shot_tones(samples, multipliers, unclipped(samples, multipliers))
     samples, multipliers = without_departures(samples, multipliers, tones)
     if tones:  # of what they explain nothing is left to diagnose
         diagnoses = implausible(samples, multipliers)
     return _Even(samples, multipliers, falloffs, diagnoses, tones)
-
-
-@dataclass(frozen=True, eq=False)
-class _Physical:
-    """Fit the physical stages. Return Ts (3, 3), the multipliers (n, 3) of all samples, and the gamut maps by style.
-
-    Black-and-white styles are left out.
-    """
-
-    matrix: Array
-    multipliers: Array
-    maps: dict[str, GamutMaps]
-
-
-def _fit_physical(even: _Even, options: CalibrationOptions) -> _Physical:
-    """Response, matrix and white balances together, then a gamut map per style."""
-    samples, multipliers = even.samples, even.multipliers
-    without = [name for name, style in style_data(samples, multipliers)[0].items() if style.monochrome]
-    usable = unclipped(samples, multipliers) & ~np.isin(samples.style, without)
-    if not usable.any():
-        raise CalibrationError(
-            f'style "{without[0]}" is black and white: its JPEGs hold no colour to fit the physical model to: '
-            'use the "lattice" model, or add shots in another style'
-        )
-    inside, known = samples.select(usable), np.all(np.isfinite(samples.wb), axis=1)
-    stages = fit_stages(inside, multipliers[usable], known[usable], options.preset)
-    completed = multipliers.copy()
-    completed[usable] = stages.multipliers
-    automatic = np.where(samples.white_balance == "auto", np.char.add("auto\x00", samples.shot), samples.white_balance)
-    for setting in np.unique(automatic[~known]):
-        fitted = ~known & (automatic == setting) & usable
-        if fitted.any():
-            completed[~known & (automatic == setting)] = completed[fitted][0]
-    balances = tuple(str(name) for name in np.unique(samples.white_balance))
-    maps = {}
-    for name, style in stages.styles.items():
-        rows = usable & (samples.style == name)
-        maps[name] = fit_gamut_maps(
-            samples.raw[rows] * completed[rows], samples.srgb[rows], samples.shot[rows], stages.matrix,
-            style.response, balances, preset=options.preset,
-        )  # fmt: skip
-    return _Physical(stages.matrix, completed, maps)
 
 
 def _weaknesses(samples: SampleSet, data: Mapping[str, StyleData], clipped: int) -> list[str]:

@@ -5,9 +5,10 @@ the mean and the largest error norm, encoded 0 … 1, medians over five splits. 
 0.015, of the plain form 0.0040 and 0.039.
 """
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Literal, get_args
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal, get_args
 
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
@@ -68,6 +69,38 @@ class LatticeFitOptions:
     follow_power: float = 1.25
 
 
+@dataclass(frozen=True)
+class PhysicalOptions:
+    """How response, matrix and gamut map are fitted (thesis, chapter 4).
+
+    beta: HSV saturation β below which a colour tells f and Ts. curves: of EMoR, of which f⁻¹ is made. weighting: tones
+    count by the number of their samples to the power of −weighting: 0 counts samples alike, 1 tones. centres: of the
+    gamut map, at most. rho: ρ of (4.8), its smoothness; None chooses it on held-out shots. without_pairs: names of
+    two shots each, whose exposure pairs do not tell f (preset "thesis").
+    Raises CalibrationError on values outside these.
+    """
+
+    beta: float = 0.3
+    curves: int = 15
+    weighting: float = 0.5
+    centres: int = 4000
+    rho: float | None = None
+    without_pairs: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0 < self.beta <= 1 or not 0 <= self.weighting <= 1:
+            raise CalibrationError("β lies above 0, up to 1, and the data weighting between 0 and 1")
+        if not 1 <= self.curves <= 15:
+            raise CalibrationError(f"{self.curves} curves; EMoR has 1 to 15")
+        if self.centres < 8 or (self.rho is not None and not self.rho >= 0):
+            raise CalibrationError("a gamut map needs 8 centres or more, and a ρ that is not negative")
+
+    @property
+    def nugget(self) -> float | None:
+        """8Nπρ of (4.8)."""
+        return None if self.rho is None else 8.0 * self.centres * math.pi * self.rho
+
+
 Preset = Literal["lutforge", "thesis"]
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 
@@ -86,7 +119,7 @@ class CalibrationOptions:
     weights by cross-validation over shots, and tells outliers by their residual. size: nodes per axis, 3 … 65.
     nonuniform: False keeps the node levels evenly spaced. output_curve: the lattice that renders has one behind
     it, which CLF and CTF files hold, and a plain form for other files (lutforge preset only). lattice: the numbers of
-    the lattice fit. Raises CalibrationError on values outside these.
+    the lattice fit; physical: those of response, matrix and gamut map. Raises CalibrationError on values outside these.
     """
 
     model: ModelName = "lattice"
@@ -97,6 +130,7 @@ class CalibrationOptions:
     shaper_size: int = SHAPER_SIZE
     output_curve: bool = True
     lattice: LatticeFitOptions = field(default_factory=LatticeFitOptions)
+    physical: PhysicalOptions = field(default_factory=PhysicalOptions)
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
@@ -113,7 +147,9 @@ class CalibrationOptions:
             raise CalibrationError(f"a shaper of {self.shaper_size} entries cannot hold {self.size} node levels")
 
     def as_json(self) -> dict[str, object]:
-        """The options as plain values, for the profile."""
+        """The options as plain values, for the profile; of the physical ones, those that are not the default."""
+        usual = asdict(PhysicalOptions())
+        physical = {name: value for name, value in asdict(self.physical).items() if value != usual[name]}
         return {
             "model": self.model,
             "preset": self.preset,
@@ -122,14 +158,19 @@ class CalibrationOptions:
             "nonuniform": self.nonuniform,
             "shaper_size": self.shaper_size,
             "output_curve": self.output_curve,
+            **({"physical": physical} if physical else {}),
         }
 
 
 def options_from_json(values: Mapping[str, object]) -> CalibrationOptions:
     """The options that a profile was calibrated with; what it does not say is the default."""
     names = {each.name for each in fields(CalibrationOptions)} - {"lattice"}
-    known = {name: value for name, value in values.items() if name in names}
+    known: dict[str, Any] = {name: value for name, value in values.items() if name in names}
     try:
-        return CalibrationOptions(**known)  # type: ignore[arg-type]  # checked by __post_init__, and TypeError here
-    except TypeError as error:
+        if "physical" in known:
+            physical = dict(known["physical"])
+            pairs = tuple((str(one), str(other)) for one, other in physical.pop("without_pairs", ()))
+            known["physical"] = PhysicalOptions(**physical, without_pairs=pairs)
+        return CalibrationOptions(**known)  # checked by __post_init__, and TypeError here
+    except (TypeError, ValueError) as error:
         raise CalibrationError(f"the profile's options cannot be read ({error})") from error

@@ -1,12 +1,15 @@
 """The samples that the fits of a style see: unclipped, and balanced by the multipliers of their setting."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
+from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice.monochrome import is_monochrome
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.errors import CalibrationError
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
@@ -18,7 +21,8 @@ LEAST_SAMPLES = 10
 class StyleData:
     """The fitting samples of one style. balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,); samples: their rows.
 
-    monochrome: the style is black and white.
+    monochrome: the style is black and white. given: matrix and response that its lattices follow, None where they are
+    fitted to the samples.
     """
 
     balanced: Array
@@ -26,12 +30,17 @@ class StyleData:
     shot: NDArray[np.str_]
     samples: SampleSet
     monochrome: bool = False
+    given: MatrixAndResponse | None = None
+
+    @cached_property
+    def base(self) -> MatrixAndResponse:
+        """The matrix and response that the lattices follow where there are no samples. Raises CalibrationError."""
+        return self.given or fit_base(self.balanced, self.encoded)
 
     def select(self, rows: Mask) -> "StyleData":
         """The rows of a mask."""
-        return StyleData(
-            self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows), self.monochrome
-        )
+        parts = (self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows))
+        return StyleData(*parts, self.monochrome, self.given)
 
 
 def unclipped(samples: SampleSet, multipliers: Array) -> Mask:

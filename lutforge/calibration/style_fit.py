@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice.continuation import Continuation, continuation
 from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
@@ -43,9 +42,9 @@ def fit_style(
 ) -> StyleFit:
     """Fit both lattices of a style.
 
-    smoothness: λ_S of (render, linearize); None chooses them. base: matrix and response; None fits them.
+    smoothness: λ_S of (render, linearize); None chooses them. base: matrix and response; None takes the data's.
     """
-    base = base or fit_base(data.balanced, data.encoded)
+    base = base or data.base
     chosen = smoothness or (None, None)
     guess = _guess(data, options, base, inverse=False)
     if data.monochrome:
@@ -124,8 +123,7 @@ def uniform_lattice_errors(
 ) -> tuple[Array, Array, Array]:
     """Per axis the histogram, which node levels follow, of the squared error that a uniform lattice makes (5.6)."""
     uniform = replace(options, nonuniform=False)
-    base = fit_base(data.balanced, data.encoded)
-    lattice = fit_direction(data, uniform, base, inverse=inverse, tolerance=MEASURING_TOLERANCE).lattice
+    lattice = fit_direction(data, uniform, data.base, inverse=inverse, tolerance=MEASURING_TOLERANCE).lattice
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     return error_histogram(x, np.sum((lattice(x) - y) ** 2, axis=1))
 
@@ -136,10 +134,19 @@ def refit_physical(
     white_balances: tuple[str, ...],
     nuggets: tuple[float | None, float | None] = (None, None),
 ) -> GamutMaps:
-    """Fit the physical model of one style to these samples. nuggets: smoothness of h and h⁻¹; None chooses it."""
-    known = np.ones(len(data.shot), dtype=np.bool_)
-    stages = fit_stages(data.samples, data.balanced / data.samples.raw, known, options.preset)
-    response = next(iter(stages.styles.values())).response
+    """Fit the physical model of one style to these samples, around matrix and response where these are given.
+
+    nuggets: smoothness of h and h⁻¹; None chooses it.
+    """
+    if data.given is not None:
+        matrix, response = data.given.matrix, data.given.response
+    else:
+        known = np.ones(len(data.shot), dtype=np.bool_)
+        stages = fit_stages(
+            data.samples, data.balanced / data.samples.raw, known, options.preset, options.physical
+        )  # fmt: skip
+        matrix, response = stages.matrix, next(iter(stages.styles.values())).response
     return fit_gamut_maps(
-        data.balanced, data.encoded, data.shot, stages.matrix, response, white_balances, nuggets, options.preset
-    )
+        data.balanced, data.encoded, data.shot, matrix, response, white_balances, nuggets, options.preset,
+        options.physical.centres,
+    )  # fmt: skip

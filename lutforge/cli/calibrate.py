@@ -53,6 +53,19 @@ def calibrate(
         ),
     ] = None,
     interpolation: Annotated[str, typer.Option(help="trilinear or tetrahedral: what will read the LUT.")] = "trilinear",
+    inliers: Annotated[
+        list[Path] | None,
+        typer.Option(help="Samples that response, matrix and white balances are fitted to, instead of all."),
+    ] = None,
+    beta: Annotated[float, typer.Option(help="β, the saturation below which colours tell the response.")] = 0.3,
+    curves: Annotated[int, typer.Option(help="Curves of EMoR that the response is made of, 1 to 15.")] = 15,
+    weighting: Annotated[float, typer.Option(help="0 counts samples alike in the response, 1 tones.")] = 0.5,
+    centres: Annotated[int, typer.Option(help="Centres of the gamut map, at most.")] = 4000,
+    rho: Annotated[float | None, typer.Option(help="ρ, the gamut map's smoothness, if not by held-out shots.")] = None,
+    without_pair: Annotated[
+        list[str] | None,
+        typer.Option(help='"SHOT|SHOT": their exposure pairs do not tell the response (preset thesis); may repeat.'),
+    ] = None,
     uniform: Annotated[bool, typer.Option("--uniform", help="Keep the node levels evenly spaced.")] = False,
     learning_curve: Annotated[
         bool,
@@ -65,14 +78,16 @@ def calibrate(
     from_space: FromSpace = "srgb",
 ) -> None:
     """Calibrate a camera, and print the error on shots that were held out."""
+    from lutforge.calibration.options import PhysicalOptions
     from lutforge.pipeline.calibration import calibrate as fit
-    from lutforge.pipeline.calibration import calibration_options, smallest_size
+    from lutforge.pipeline.calibration import calibrate_stages, calibration_options, pair_of_shots, smallest_size
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
     from lutforge.pipeline.raw_substitutes import raw_substitute, sample_pairs
     from lutforge.pipeline.sampling import gather_samples
 
-    check_output(output, PROFILE_SUFFIXES, sources or ())
-    options = calibration_options(model, preset, size, tolerance, interpolation, not uniform)
+    check_output(output, PROFILE_SUFFIXES, [*(sources or ()), *(inliers or ())])
+    physical = PhysicalOptions(beta, curves, weighting, centres, rho, tuple(map(pair_of_shots, without_pair or ())))
+    options = calibration_options(model, preset, size, tolerance, interpolation, not uniform, physical)
     if pairs is not None and sources:
         raise SettingsError("give --pairs or shots, not both")
     with progress_bar("sampling") as report:
@@ -86,7 +101,8 @@ def calibrate(
             options = replace(options, size=smallest_size(samples, tolerance, options, report))
         say(f"{options.size} nodes per axis are the fewest that reach a mean error of {tolerance:g} on held-out shots")
     with progress_bar("calibrating") as report:
-        profile = fit(samples, options, report)
+        stages = calibrate_stages(inliers, options) if inliers else None
+        profile = fit(samples, options, report, stages=stages)
     for text in (*told(profile.diagnoses), *profile.notes):
         note(text)
     print_held_out(profile)

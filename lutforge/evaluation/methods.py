@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.base import fit_base, with_matrix_of_all
+from lutforge.calibration.lattice.base import with_matrix_of_all
 from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, Shrinkable, shrinkable
 from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
@@ -65,7 +65,7 @@ def fits_of_profile(style: PictureStyle, model: PhysicalModel | None) -> dict[st
 def fit_baselines(train: StyleData, base: MatrixAndResponse | None = None) -> dict[str, Fit]:
     """Return the plain methods, fitted to samples; base: their matrix and response, where that is known."""
     x, y = train.balanced, train.encoded
-    base = with_matrix_of_all(base or fit_base(x, y), x, y)
+    base = with_matrix_of_all(base or train.base, x, y)
     return {
         MATRIX_AND_RESPONSE: Fit(base.render, base.linearize),
         CHANNEL_POLYNOMIALS: Fit(channel_polynomials(x, y), mixed_channel_polynomials(y, x)),
@@ -117,12 +117,13 @@ class Fitter:
                 self.lattices[method] = replace(options, size=size, nonuniform=nonuniform)
         self.own_physical = bool(style.physical)
         self.physical = self.own_physical or bool(sizes)
-        self.nuggets: tuple[float | None, float | None] = (None, None)
+        nugget = options.physical.nugget
+        self.nuggets: tuple[float | None, float | None] = (nugget, nugget)
 
     def fit(self, train: StyleData) -> Fits:
         """Return all methods, fitted to these samples."""
         self.search()
-        base = fit_base(train.balanced, train.encoded)
+        base = train.base
         fits, own = {}, None
         for method, options in self.lattices.items():
             fits[method], pair = _lattices(train, options, base, self._fitted[method], len(np.unique(self.data.shot)))
@@ -168,7 +169,7 @@ class _TimedFit:
 
 def _timed_fit(data: StyleData, options: CalibrationOptions) -> _TimedFit:
     """Fit both lattices, with what they search and the time that takes."""
-    base, fits, seconds = fit_base(data.balanced, data.encoded), [], []
+    base, fits, seconds = data.base, [], []
     for inverse in (False, True):
         start = time.perf_counter()
         fits.append(fit_direction(data, options, base, inverse=inverse, tolerance=MEASURING_TOLERANCE))

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import fit_direction
@@ -53,9 +52,8 @@ def smallest_size(
 
 def _smoothness(style: StyleData, options: CalibrationOptions) -> float:
     """λ_S for all sizes, chosen on one that shows what the largest would choose."""
-    base = fit_base(style.balanced, style.encoded)
     middle = replace(options, size=17)
-    return fit_direction(style, middle, base, inverse=False, tolerance=MEASURING_TOLERANCE).smoothness
+    return fit_direction(style, middle, style.base, inverse=False, tolerance=MEASURING_TOLERANCE).smoothness
 
 
 def _held_out(style: StyleData, options: CalibrationOptions, smoothness: float) -> float:
@@ -63,9 +61,8 @@ def _held_out(style: StyleData, options: CalibrationOptions, smoothness: float) 
 
     def rendered(train: Mask, test: Mask) -> Array:
         part = style.select(train)
-        base = fit_base(part.balanced, part.encoded)
         fit = fit_direction(
-            part, options, base, inverse=False, smoothness=smoothness, tolerance=MEASURING_TOLERANCE
+            part, options, part.base, inverse=False, smoothness=smoothness, tolerance=MEASURING_TOLERANCE
         ).lattice
         return np.clip(fit(style.balanced[test]), 0.0, 1.0)
 

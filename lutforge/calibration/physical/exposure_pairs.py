@@ -59,6 +59,15 @@ class ExposurePairs:
         )  # fmt: skip
         return replace(self, **{name: getattr(self, name)[rows] for name in by_pair})
 
+    def without(self, names: Iterable[tuple[str, str]]) -> "ExposurePairs":
+        """The pairs of other shots than those that are named two by two, in either order."""
+        index = {name: place for place, name in enumerate(self.shots)}
+        keep = np.ones(len(self), dtype=np.bool_)
+        for one, other in names:
+            ends = {index.get(one, -1), index.get(other, -1)}
+            keep &= ~(np.isin(self.first_shot, list(ends)) & np.isin(self.second_shot, list(ends)))
+        return self.select(keep)
+
 
 @dataclass(frozen=True, eq=False)
 class _Exposure:

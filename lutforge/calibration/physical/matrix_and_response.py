@@ -37,9 +37,9 @@ class RobustFitOptions:
     """How colours count in a fit of f.
 
     beta: HSV saturation at which a colour counts half (thesis: 0.3). reach: colours beyond so many times that do not
-    count. multiple: of the median residual of like tones, at which a colour counts half; least: but not below this
-    (1 = full scale). balance: tones count by their number to the power of −balance. settled: mean change of the weights
-    that ends the rounds. most_samples: as many are fitted at most.
+    count. curves: of EMoR in the first rounds. multiple: of the median residual of like tones, at which a colour counts
+    half; least: but not below this (1 = full scale). balance: tones count by their number to the power of −balance.
+    settled: mean change of the weights that ends the rounds. most_samples: as many are fitted at most.
 
     Chosen among some sixty settings on the sets that they are measured on, so the figures flatter them. Mean error
     of f and Ts on unsaturated colours of all tones, fitted to sets of which 70 % are dark: simulated cameras
@@ -50,6 +50,7 @@ class RobustFitOptions:
 
     beta: float = 0.3
     reach: float = 3.0
+    curves: int = 15
     multiple: float = 2.0
     least: float = 0.5 / 255.0
     balance: float = 0.5
@@ -100,7 +101,7 @@ def fit_matrix_and_response(
     beta = max(options.beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
     rows = _some(chroma < options.reach * beta, options.most_samples)
     tones = Tones(encoded[rows].mean(axis=1), untouched_odds(chroma[rows], beta), options)
-    found = _rounds(x[rows], encoded[rows], tones, _Rounds(tones.prior), basis or emor_basis())
+    found = _rounds(x[rows], encoded[rows], tones, _Rounds(tones.prior), basis or emor_basis(options.curves))
     if basis is None:
         common = found.response.inverse.mean(axis=1)
         found = _rounds(x[rows], encoded[rows], tones, found, spline_basis(common))

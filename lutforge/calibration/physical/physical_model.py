@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.options import Preset
+from lutforge.calibration.options import PhysicalOptions, Preset
+from lutforge.calibration.physical.curve_basis import log_emor_basis
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.gamut_map import GamutMapFit, GamutMapOptions, fit_gamut_map
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, fit_matrix, hue_spread
-from lutforge.calibration.physical.matrix_and_response import encoding_slope, fit_matrix_and_response
+from lutforge.calibration.physical.matrix_and_response import RobustFitOptions, encoding_slope, fit_matrix_and_response
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
-from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturation, starting_beta, untouched
+from lutforge.calibration.physical.unsaturated import check_tones, saturation, starting_beta, untouched
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import even_slope, identity_gamut_map
 from lutforge.model.profile_data import PhysicalModel
@@ -48,7 +49,13 @@ class CameraStages:
     styles: Mapping[str, StyleStages]
 
 
-def fit_stages(samples: SampleSet, multipliers: Array, known: Mask, preset: Preset = "lutforge") -> CameraStages:
+def fit_stages(
+    samples: SampleSet,
+    multipliers: Array,
+    known: Mask,
+    preset: Preset = "lutforge",
+    physical: PhysicalOptions | None = None,
+) -> CameraStages:
     """f of every style, Ts and the unknown Tw, of unclipped samples of one camera.
 
     multipliers: (n, 3), good guesses where known (n,) is False. The "thesis" preset takes f from exposure pairs and all
@@ -66,7 +73,9 @@ def fit_stages(samples: SampleSet, multipliers: Array, known: Mask, preset: Pres
         trusted = np.zeros(len(samples))
         for name in names:
             rows = samples.style == name
-            stages[name] = _fit_style(samples.select(rows), multipliers[rows], name, preset)
+            stages[name] = _fit_style(
+                samples.select(rows), multipliers[rows], name, preset, physical or PhysicalOptions()
+            )
             linear[rows] = stages[name].response.linearize(samples.srgb[rows])
             trusted[rows] = stages[name].trusted
         given = {
@@ -108,27 +117,40 @@ def _neutral(samples: SampleSet, stages: Mapping[str, StyleStages]) -> Array:
     return np.asarray(products / products.mean())
 
 
-def _fit_style(samples: SampleSet, multipliers: Array, name: str, preset: Preset) -> StyleStages:
+def _fit_style(
+    samples: SampleSet, multipliers: Array, name: str, preset: Preset, physical: PhysicalOptions
+) -> StyleStages:
     balanced = samples.raw * multipliers
     try:
         if preset == "thesis":
-            response = fit_response_to_exposures(pairs_of_samples(samples), preset).response
-            low = _unsaturated(samples.srgb, response)
+            response = response_of_exposures(samples, preset, physical)
+            low = _unsaturated(samples.srgb, response, physical.beta)
             response = _scaled_to_raw(response, balanced[low], samples.srgb[low])
             return StyleStages(response, low.astype(np.float64))
         chroma = saturation(samples.srgb)
-        check_tones(samples.srgb, chroma < starting_beta(chroma, preset))
-        fit = fit_matrix_and_response(balanced, samples.srgb)
+        check_tones(samples.srgb, chroma < starting_beta(chroma, preset, physical.beta))
+        fit = fit_matrix_and_response(balanced, samples.srgb, options=robust_options(physical))
     except CalibrationError as error:
         raise CalibrationError(f'style "{name}": {error}') from None
     return StyleStages(fit.response, fit.trust)
 
 
-def _unsaturated(encoded: Array, response: Response) -> Mask:
+def response_of_exposures(samples: SampleSet, preset: Preset, physical: PhysicalOptions) -> Response:
+    """f of one style from its exposure pairs, without those that the options leave out. Raises CalibrationError."""
+    pairs = pairs_of_samples(samples).without(physical.without_pairs)
+    return fit_response_to_exposures(pairs, preset, physical.beta, log_emor_basis(physical.curves)).response
+
+
+def robust_options(physical: PhysicalOptions) -> RobustFitOptions:
+    """The options of a robust fit of f and Ts."""
+    return RobustFitOptions(beta=physical.beta, curves=physical.curves, balance=physical.weighting)
+
+
+def _unsaturated(encoded: Array, response: Response, beta: float) -> Mask:
     """(n,) colours below β; where these are all alike, as on a small chart, below a larger one."""
     linear = response.linearize(encoded)
-    for beta in (BETA, 0.4, 0.5):
-        low = untouched(encoded, beta)
+    for limit in (beta, 0.4, 0.5):
+        low = untouched(encoded, limit)
         if hue_spread(linear[low]) >= LEAST_CONDITION:
             break
     return low
@@ -168,13 +190,14 @@ def fit_gamut_maps(
     white_balances: tuple[str, ...],
     nuggets: tuple[float | None, float | None] = (None, None),
     preset: Preset = "lutforge",
+    most_centres: int = PhysicalOptions.centres,
 ) -> GamutMaps:
     """h and h⁻¹ of one style, on all its unclipped samples, saturated colours included; all white balances together.
 
     balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,). nuggets: smoothness of h and h⁻¹; None chooses it on held-out
     shots. preset: "thesis" has h on linear values, "lutforge" on the even scale; h⁻¹ is on linear values.
     """
-    forward, back = fit_shared_gamut_maps(balanced @ matrix.T, encoded, shot, response, nuggets, preset)
+    forward, back = fit_shared_gamut_maps(balanced @ matrix.T, encoded, shot, response, nuggets, preset, most_centres)
     model = PhysicalModel(white_balances, matrix, response, forward.gamut_map, back.gamut_map)
     return GamutMaps(model, forward.nugget, back.nugget)
 
@@ -186,6 +209,7 @@ def fit_shared_gamut_maps(
     response: Response,
     nuggets: tuple[float | None, float | None] = (None, None),
     preset: Preset = "lutforge",
+    most_centres: int = PhysicalOptions.centres,
 ) -> tuple[GamutMapFit, GamutMapFit]:
     """h and h⁻¹ between linear (n, 3), the matrix's side, and f⁻¹(encoded) (n, 3).
 
@@ -196,13 +220,14 @@ def fit_shared_gamut_maps(
     forward = fit_gamut_map(
         linear,
         mapped,
-        GamutMapOptions(nugget=nuggets[0], offset=offset),
+        GamutMapOptions(most=most_centres, nugget=nuggets[0], offset=offset),
         groups=shot,
         importance=(slope / even_slope(mapped, offset)).mean(axis=1),
     )
     back = fit_gamut_map(
-        mapped, linear, GamutMapOptions(nugget=nuggets[1]), groups=shot, importance=np.sqrt(slope.mean(axis=1))
-    )
+        mapped, linear, GamutMapOptions(most=most_centres, nugget=nuggets[1]), groups=shot,
+        importance=np.sqrt(slope.mean(axis=1)),
+    )  # fmt: skip
     return forward, back
 
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, hue_spread
 from lutforge.calibration.physical.matrix_and_response import (
     MatrixAndResponse,
@@ -16,12 +15,16 @@ from lutforge.calibration.physical.matrix_and_response import (
     fit_matrix_and_response,
     matrix_between,
 )
-from lutforge.calibration.physical.physical_model import fit_shared_gamut_maps
-from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.physical.physical_model import (
+    fit_shared_gamut_maps,
+    response_of_exposures,
+    robust_options,
+)
 from lutforge.calibration.physical.unsaturated import BETA, saturation, untouched_odds
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_fitted_gains
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
@@ -67,12 +70,17 @@ def fit_reference_matrix(fit: MatrixAndResponse, x: Array, encoded: Array) -> Ar
 
 
 def calibrate_by_reference(
-    samples: SampleSet, options: CalibrationOptions, progress: Callable[[str, float], None]
+    samples: SampleSet,
+    options: CalibrationOptions,
+    progress: Callable[[str, float], None],
+    stages: CameraProfile | None = None,
+    gamut_maps: bool = True,
 ) -> CameraProfile:
     """A profile of a camera without RAW: per style f from exposure pairs, per white balance Tz, h and h⁻¹ over all.
 
     samples: `raw` holds the reference camera's values of the same patches. Refinishing works on such a profile;
-    linearize to the camera's own RAW does not. Raises CalibrationError, in one line with what to shoot.
+    linearize to the camera's own RAW does not. stages: a profile whose f and Tz are taken; gamut_maps:
+    whether h and h⁻¹ are fitted. Raises CalibrationError, in one line with what to shoot.
     """
     inside = samples.select(unclipped_colours(samples.srgb, samples.raw))
     if len(inside) < LEAST_COLOURS:
@@ -82,7 +90,10 @@ def calibrate_by_reference(
     styles: dict[str, PictureStyle] = {}
     for index, name in enumerate(np.unique(inside.style)):
         progress(f"{name}: fitting", index / len(np.unique(inside.style)))
-        styles[str(name)] = PictureStyle(physical=_fit_style(inside.select(inside.style == name), str(name), options))
+        own = inside.select(inside.style == name)
+        given = stages.styles[str(name)].physical if stages is not None and name in stages.styles else ()
+        models = given or _without_gamut_maps(own, str(name), options)
+        styles[str(name)] = PictureStyle(physical=_with_gamut_maps(models, own, options) if gamut_maps else models)
     progress("done", 1.0)
     names = [str(name) for name in np.unique(inside.white_balance)]
     return CameraProfile(
@@ -97,30 +108,42 @@ def calibrate_by_reference(
     )
 
 
-def _fit_style(samples: SampleSet, name: str, options: CalibrationOptions) -> tuple[PhysicalModel, ...]:
-    """One physical model a white balance; they share f, h and h⁻¹."""
+def _without_gamut_maps(samples: SampleSet, name: str, options: CalibrationOptions) -> tuple[PhysicalModel, ...]:
+    """One physical model a white balance; they share f. h and h⁻¹ change nothing."""
     blind = replace(samples, wb=np.full_like(samples.wb, np.nan))  # the file's are of the camera, not of the reference
     multipliers = complete_multipliers(blind)[0]
     multipliers = with_fitted_gains(samples, multipliers, np.ones(len(samples), dtype=np.bool_))
     x = samples.raw * multipliers
-    fit = fit_matrix_and_response(x, samples.srgb)
+    fit = fit_matrix_and_response(x, samples.srgb, options=robust_options(options.physical))
     if options.preset == "thesis":
-        response = fit_response_to_exposures(pairs_of_samples(samples), options.preset).response
+        response = response_of_exposures(samples, options.preset, options.physical)
         fit = replace(fit, response=_scaled(response, fit))
-    matrices, mixed = {}, np.zeros_like(x)
+    models, none = [], identity_gamut_map()
     for balance in np.unique(samples.white_balance):
         rows = samples.white_balance == balance
         try:
             own = fit_reference_matrix(fit, x[rows], samples.srgb[rows])
         except CalibrationError as error:
             raise CalibrationError(f'style "{name}", white balance "{balance}": {error}') from None
-        matrices[str(balance)] = own * np.median(multipliers[rows], axis=0)
-        mixed[rows] = samples.raw[rows] @ matrices[str(balance)].T
-    forward, back = fit_shared_gamut_maps(mixed, samples.srgb, samples.shot, fit.response, preset=options.preset)
-    return tuple(
-        PhysicalModel((balance,), matrix, fit.response, forward.gamut_map, back.gamut_map)
-        for balance, matrix in matrices.items()
-    )
+        matrix = own * np.median(multipliers[rows], axis=0)
+        models.append(PhysicalModel((str(balance),), matrix, fit.response, none, none))
+    return tuple(models)
+
+
+def _with_gamut_maps(
+    models: tuple[PhysicalModel, ...], samples: SampleSet, options: CalibrationOptions
+) -> tuple[PhysicalModel, ...]:
+    """The models with h and h⁻¹, which they share, fitted to the samples of their white balances."""
+    mixed = np.full_like(samples.raw, np.nan)
+    for model in models:
+        rows = np.isin(samples.white_balance, model.white_balances)
+        mixed[rows] = samples.raw[rows] @ model.matrix.T
+    known, nugget = np.isfinite(mixed[:, 0]), options.physical.nugget
+    forward, back = fit_shared_gamut_maps(
+        mixed[known], samples.srgb[known], samples.shot[known], models[0].response, (nugget, nugget), options.preset,
+        options.physical.centres,
+    )  # fmt: skip
+    return tuple(replace(model, gamut_map=forward.gamut_map, inverse_gamut_map=back.gamut_map) for model in models)
 
 
 def _scaled(response: Response, fit: MatrixAndResponse) -> Response:

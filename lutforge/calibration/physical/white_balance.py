@@ -1,6 +1,7 @@
 """White-balance multipliers of samples whose files do not tell them (thesis 4.2.2)."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,6 +69,15 @@ def with_fitted_gains(samples: SampleSet, multipliers: Array, usable: Mask) -> A
 def with_gains(samples: SampleSet, multipliers: Array, white_balances: Mapping[str, WhiteBalance]) -> Array:
     """Tw (n, 3): multipliers (n, 3) with green = 1 times the gains that a profile knows of the settings."""
     return _times(samples, multipliers, {name: balance.gain for name, balance in white_balances.items()})
+
+
+def with_known_balances(samples: SampleSet, white_balances: Mapping[str, WhiteBalance]) -> SampleSet:
+    """Return the samples with the multipliers of named white balances, where their files tell none."""
+    multipliers = samples.wb.copy()
+    unknown = ~np.all(np.isfinite(multipliers), axis=1)
+    for name, balance in white_balances.items():
+        multipliers[unknown & (samples.white_balance == name)] = balance.multipliers
+    return replace(samples, wb=multipliers)
 
 
 def _times(samples: SampleSet, multipliers: Array, gains: Mapping[str, float]) -> Array:

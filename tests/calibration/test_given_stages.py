@@ -1,0 +1,98 @@
+"""Stages that were fitted by themselves: what gamut map and lattice are then fitted with, and what a profile holds."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from lutforge.calibration.options import CalibrationOptions, PhysicalOptions, options_from_json
+from lutforge.cli.main import app
+from lutforge.errors import CalibrationError
+from lutforge.pipeline.calibration import calibrate, calibrate_stages
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import write_samples
+from tests.studio.shots_for_the_studio import chart_samples
+
+
+@pytest.fixture(scope="module")
+def samples() -> SampleSet:
+    return chart_samples(patches=45)
+
+
+@pytest.fixture(scope="module")
+def inliers(samples: SampleSet) -> SampleSet:
+    chroma = 1 - samples.srgb.min(axis=1) / np.maximum(samples.srgb.max(axis=1), 1e-6)
+    return samples.select(chroma < 0.4)
+
+
+def test_given_stages_are_those_of_the_model(samples: SampleSet, inliers: SampleSet) -> None:
+    options = CalibrationOptions(model="rbf", size=5)
+    stages = calibrate_stages(inliers, options)
+    profile = calibrate(samples, options, stages=stages)
+    plain = calibrate(samples, options)
+    np.testing.assert_array_equal(profile.matrix, stages.matrix / stages.matrix.sum(axis=1, keepdims=True))
+    for name, style in profile.styles.items():
+        given = stages.styles[name].physical[0].response.inverse
+        np.testing.assert_array_equal(style.physical[0].response.inverse, given)
+        assert not np.array_equal(plain.styles[name].physical[0].response.inverse, given)
+        assert len(style.physical[0].gamut_map.centres) > 8
+    assert "response and matrix were given" in " ".join(profile.notes)
+
+
+def test_a_lattice_follows_given_stages_where_it_has_no_samples(samples: SampleSet) -> None:
+    """A response of half the light, given, moves the lattice; on the samples themselves it stays."""
+    options = CalibrationOptions(size=5)
+    dark = samples.select(samples.srgb.max(axis=1) < 0.55)
+    stages, whole = calibrate_stages(dark, options), calibrate_stages(samples, options)
+    one, other = (calibrate(dark, options, stages=given).render("standard/daylight") for given in (stages, whole))
+    assert not np.array_equal(one(np.full((1, 3), 0.5)), other(np.full((1, 3), 0.5)))
+    shown = dark.select((dark.style == "standard") & (dark.white_balance == "daylight"))
+    assert np.abs(one(shown.raw) - other(shown.raw)).mean() < 0.005
+
+
+def test_a_camera_without_raw_takes_given_stages(samples: SampleSet) -> None:
+    other = replace(samples, raw_camera=np.full(len(samples), "Reference"), wb=np.full((len(samples), 3), np.nan))
+    stages = calibrate_stages(other, CalibrationOptions())
+    models = stages.styles["standard"].physical
+    assert len(models) == 3 and len(models[0].gamut_map.centres) == 1  # which changes nothing
+    profile = calibrate(other, CalibrationOptions(physical=PhysicalOptions(centres=50)), stages=stages)
+    for before, after in zip(models, profile.styles["standard"].physical, strict=True):
+        np.testing.assert_array_equal(before.matrix, after.matrix)
+        assert 8 <= len(after.gamut_map.centres) <= 50
+
+
+def test_the_command_line_fits_stages_to_inliers(samples: SampleSet, inliers: SampleSet, tmp_path: Path) -> None:
+    write_samples(tmp_path / "all.parquet", samples)
+    write_samples(tmp_path / "inliers.parquet", inliers)
+    words = ["calibrate", str(tmp_path / "all.parquet"), "--inliers", str(tmp_path / "inliers.parquet"), "--size", "5"]
+    result = CliRunner().invoke(app, [*words, "--beta", "0.25", "-o", str(tmp_path / "theirs.npz")])
+    assert result.exit_code == 0, result.output
+    options = CalibrationOptions(size=5, physical=PhysicalOptions(beta=0.25))
+    calibrate(samples, options, stages=calibrate_stages(inliers, options)).save(tmp_path / "mine.npz")
+    assert (tmp_path / "mine.npz").read_bytes() == (tmp_path / "theirs.npz").read_bytes()
+
+
+def test_options_of_the_stages_come_back_from_a_profile() -> None:
+    physical = PhysicalOptions(beta=0.2, curves=5, rho=1e-6, without_pairs=(("a", "b"),))
+    options = CalibrationOptions(physical=physical)
+    assert options_from_json(options.as_json()).physical == physical
+    assert "physical" not in CalibrationOptions().as_json()
+    for wrong in ({"beta": 0.0}, {"curves": 0}, {"weighting": 2.0}, {"centres": 1}, {"rho": -1.0}):
+        with pytest.raises(CalibrationError):
+            PhysicalOptions(**wrong)
+
+
+def test_pairs_that_are_left_out_do_not_tell_the_response(samples: SampleSet) -> None:
+    standard = samples.select((samples.style == "standard") & (samples.white_balance == "daylight"))
+    options = CalibrationOptions(preset="thesis", model="rbf")
+    dark, middle, bright = (f"shot standard daylight {stops}" for stops in ("-2.5", "-1.5", "-0.5"))
+    fewer = replace(options, physical=PhysicalOptions(without_pairs=((middle, dark), (dark, bright))))
+    curves = [
+        calibrate_stages(standard, each).styles["standard"].physical[0].response.inverse for each in (options, fewer)
+    ]
+    assert not np.array_equal(curves[0], curves[1])
+    everything = tuple((one, other) for one in (dark, middle, bright) for other in (dark, middle, bright))
+    with pytest.raises(CalibrationError):
+        calibrate_stages(standard, replace(options, physical=PhysicalOptions(without_pairs=everything)))
