@@ -88,9 +88,8 @@ def calibrate(
     notes = (*notes, *even.notes, *_weaknesses(even.samples, data, clipped))
     styles = _fit_styles(data, maps, options, progress)
     progress("done", 1.0)
-    given = physical or stages
-    matrix = _matrix_of_most(styles) if given is None else given.matrix
-    matrix = matrix / matrix.sum(axis=1, keepdims=True)
+    matrix = _matrix_of_most(styles) if physical is None else physical.matrix
+    matrix = matrix / matrix.sum(axis=1, keepdims=True) if stages is None else stages.matrix
     profile = CameraProfile(
         camera=str(samples.camera[0]),
         matrix=matrix,
@@ -124,7 +123,7 @@ def calibrate_stages(
     progress("done", 1.0)
     return CameraProfile(
         camera=str(samples.camera[0]),
-        matrix=stages.matrix,
+        matrix=stages.matrix / stages.matrix.sum(axis=1, keepdims=True),
         white_balances=balances,
         styles=stages.styles(tuple(balances)),
         shots=tuple(name for name, _ in even.samples.by_shot()),

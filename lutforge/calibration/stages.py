@@ -79,14 +79,15 @@ def fit_camera_stages(samples: SampleSet, multipliers: Array, options: Calibrati
 
 def stages_of(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> Stages:
     """Take the stages of a profile for samples with multipliers Tw (n, 3). Raises CalibrationError: it has none."""
-    responses = {name: style.physical[0].response for name, style in profile.styles.items() if style.physical}
+    models = {name: style.physical[0] for name, style in profile.styles.items() if style.physical}
+    responses = {name: model.response for name, model in models.items()}
     usable = unclipped(samples, multipliers) & np.isin(samples.style, list(responses))
     if not usable.any():
         raise CalibrationError(
             f"the given response and matrix are of the styles {', '.join(responses) or 'none'}; the samples are of "
             f"{', '.join(np.unique(samples.style))}"
         )
-    return Stages(profile.matrix, multipliers, usable, responses)
+    return Stages(next(iter(models.values())).matrix, multipliers, usable, responses)
 
 
 def base_of(profile: CameraProfile, style: str) -> MatrixAndResponse | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from lutforge.evaluation.evaluate import evaluate as evaluate_profile
@@ -26,11 +27,13 @@ def evaluate(
     progress: Progress = silent,
     *,
     tables: bool = False,
+    sizes: Sequence[int] = (13, 17, 24),
 ) -> Evaluation:
     """Measure the errors of a profile on samples, beside plain baselines.
 
     A shot that the profile was calibrated from is left out and predicted by a refit without it; any other is predicted
-    by the profile as it is. tables: every method of the thesis's error tables, with times.
+    by the profile as it is. tables: every method of the thesis's error tables, with times; sizes: nodes
+    per axis of its lattices.
     Raises CalibrationError where the samples hold none of the profile's styles, or are of RAW where it is not.
     """
     camera = as_profile(profile)
@@ -38,4 +41,4 @@ def evaluate(
         samples = gather_samples(samples, substitute=raw_substitute_of(camera)).samples
     require_same_origin(camera, samples)
     with telling_of_compilation(progress) as telling:
-        return evaluate_profile(camera, with_setting_names(samples), telling, tables=tables)
+        return evaluate_profile(camera, with_setting_names(samples), telling, tables=tables, sizes=sizes)

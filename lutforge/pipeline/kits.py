@@ -96,6 +96,18 @@ def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str 
     return Path(folder)
 
 
+def kits_of(profile: CameraProfile, to: str) -> list[str]:
+    """The programs that a kit of a look can be for. Raises SettingsError on an unknown look."""
+    look, programs = look_of(profile, to), []
+    for name, kit in KITS.items():
+        try:
+            require_source(kit, look)
+        except SettingsError:
+            continue
+        programs.append(name)
+    return programs
+
+
 def check_kit(
     folder: str | Path, shots: Sequence[str | Path], progress: Progress = silent
 ) -> tuple[list[KitCheck], list[str]]:

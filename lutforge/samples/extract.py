@@ -4,18 +4,37 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
+from lutforge.colour.srgb import srgb_encode
 from lutforge.samples.chart import detector_note, find_chart, sample_chart
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
 from lutforge.samples.even_choice import choose_evenly
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.tiles import LEVELS, agreement, cell_size, flatness, jpeg_cells
 from lutforge.shots.cells import raw_on_jpeg_cells
+from lutforge.shots.read import TURNS
 from lutforge.shots.shot import Shot
 
 FEW_TILES = 100
 """A shot with fewer tiles within the first two limits may use the hard bound, and is told about charts."""
+
+
+FATES = ("kept", "clipped", "outside the RAW", "not flat", "RAW and JPEG disagree", "colour already covered")
+"""What can become of a cell of a shot."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShotCells:
+    """A shot in small, upright, a pixel a cell: 8-bit JPEG and RAW (h, w, 3), RAW balanced and encoded as in a JPEG.
+
+    fate: (h, w) what became of each cell, an index into FATES.
+    """
+
+    jpeg: NDArray[np.uint8]
+    raw: NDArray[np.uint8]
+    fate: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +42,7 @@ class ShotSamples:
     """The samples of one shot and the account of its areas.
 
     tiles, patches: kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a
-    line each.
+    line each. cells: the shot in small.
     """
 
     shot: str
@@ -33,6 +52,7 @@ class ShotSamples:
     clipped: dict[str, int]
     rejected: dict[str, int]
     notes: tuple[str, ...]
+    cells: ShotCells | None = None
 
     @property
     def kept(self) -> int:
@@ -62,7 +82,7 @@ def extract(shot: Shot) -> ShotSamples:
     if len(samples) == 0:
         notes.insert(0, _why_nothing(clipped, tiles.rejected))
     return ShotSamples(
-        shot.name, samples, len(tiles.samples), len(patches.samples), clipped, tiles.rejected, tuple(notes)
+        shot.name, samples, len(tiles.samples), len(patches.samples), clipped, tiles.rejected, tuple(notes), tiles.cells
     )
 
 
@@ -94,10 +114,22 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
         "RAW and JPEG disagree": int(np.count_nonzero(is_flat & ~agrees)),
         "colour already covered": len(rows) - len(kept),
     }
+    fate = np.select([~inside, clip.any, ~is_flat, ~agrees], [2, 1, 3, 4], 5).astype(np.uint8)
     rows, columns = rows[kept], columns[kept]
+    fate[rows, columns] = 0
     names = [f"tile_{x * cell:04d}_{y * cell:04d}" for y, x in zip(rows, columns, strict=True)]
     samples = _sample_set(shot, names, raw.mean[rows, columns], jpeg.mean[rows, columns], places[kept])
-    return ShotSamples(shot.name, samples, len(samples), 0, clip.counts(inside), rejected, tuple(notes))
+    small = _cells(shot, jpeg.mean, raw.mean, fate)
+    return ShotSamples(shot.name, samples, len(samples), 0, clip.counts(inside), rejected, tuple(notes), small)
+
+
+def _cells(shot: Shot, jpeg: Array, raw: Array, fate: NDArray[np.uint8]) -> ShotCells:
+    """The shot in small, of the means of its cells: JPEG codes and RAW, (h, w, 3)."""
+    multipliers = np.ones(3) if shot.metadata.multipliers is None else shot.metadata.multipliers
+    balanced = np.clip(np.nan_to_num(raw) * multipliers, 0.0, 1.0)
+    turns = -TURNS.get(shot.raw.flip, 0)
+    jpeg8, raw8 = (np.rint(values).astype(np.uint8) for values in (jpeg, 255 * srgb_encode(balanced)))
+    return ShotCells(np.rot90(jpeg8, turns), np.rot90(raw8, turns), np.rot90(fate, turns))
 
 
 def _patches(shot: Shot, saturation: Array) -> ShotSamples:

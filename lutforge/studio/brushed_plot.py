@@ -6,30 +6,30 @@ import numpy as np
 from bokeh.events import SelectionGeometry, Tap
 from bokeh.models import ColumnDataSource, LassoSelectTool
 
-from lutforge.studio.elements import extent, frame, plot
+from lutforge.studio.elements import LINE, extent, frame, plot
 from lutforge.studio.plots import Points, colours, drawn, inside_polygon, nearest, rows_at
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Workspace
 
-SELECT = "lasso_select,box_select,pan,wheel_zoom,reset"
+SELECT = "lasso_select,box_select,pan,wheel_zoom,reset,save"
 
 
 class BrushedPlot:
     """A scatter plot of samples whose points can be selected; the session hears of it, and tells all others."""
 
-    def __init__(self, session: Session, title: str, width: int, height: int, **options: Any) -> None:
+    def __init__(self, session: Session, title: str = "", **options: Any) -> None:
         self.session = session
         self.points: Points | None = None
         self.framed: object = ""
         self.chosen = np.zeros(0, dtype=np.intp)
         self.source = ColumnDataSource({name: [] for name in ("x", "y", "colour", "marker", "size")})
         self.lines = ColumnDataSource({"xs": [], "ys": []})
-        self.figure = plot(title, width, height, SELECT, **options)
-        self.figure.multi_line("xs", "ys", source=self.lines, color="#1c2024", width=1.4)
+        self.figure = plot(title, SELECT, **options)
+        self.figure.multi_line("xs", "ys", source=self.lines, color=LINE, width=1.6)
         marks = self.figure.scatter(
             "x", "y", source=self.source, marker="marker", size="size", color="colour", line_width=0.8, fill_alpha=0.7
         )
-        marks.selection_glyph = marks.glyph.clone(line_color="#000000", line_width=1.4, fill_alpha=1.0, size=8)
+        marks.selection_glyph = marks.glyph.clone(line_color=LINE, line_width=1.6, fill_alpha=1.0, size=8)
         marks.nonselection_glyph = marks.glyph.clone(fill_alpha=0.18, line_alpha=0.25)
         self.figure.toolbar.active_drag = self.figure.select_one(LassoSelectTool)
         self.figure.on_event(SelectionGeometry, session.guarded(self._geometry))

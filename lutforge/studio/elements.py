@@ -1,187 +1,97 @@
-"""Elements of the page that Panel has not in this form: a slider with a real label, a wipe, text that is only text."""
+"""What pages are made of: controls by their labels, tables, text that is only text, plots that can be saved."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 import panel as pn
-import param
-from bokeh.models import Range1d
+import panel_material_ui as pmui
+from bokeh.models import CustomAction, CustomJS, Range1d
 from bokeh.plotting import figure
-from panel.custom import JSComponent
 
-CSS = """
-body { margin: 0; background: #f4f5f6; font-family: system-ui, sans-serif; }
-"""
+LINE = "#8c8c8c"
+"""A grey that stands out from the plots of both themes."""
+CHANNELS = (("Red", "#e0503c", "solid"), ("Green", "#2f9e63", "dashed"), ("Blue", "#4f83e0", "dotted"))
+"""Name, colour and line style of each channel: the style tells them apart where the colours do not."""
+FILL = {"sizing_mode": "stretch_both", "margin": 0}
+WIDE = {"sizing_mode": "stretch_width", "margin": (4, 8)}
+TOGETHER = {"sizing_mode": "stretch_width", "margin": 0}
+"""Of a column of controls."""
+
 TEXT = """
-:host { font: 13px/1.35 system-ui, sans-serif; color: #1c2024; }
+:host { font: 0.875rem/1.4 system-ui, sans-serif; color: var(--mui-palette-text-primary); }
 table { border-collapse: collapse; width: 100%; }
-th, td { text-align: right; padding: 2px 6px; border-bottom: 1px solid #e3e5e8; font-variant-numeric: tabular-nums; }
-th:first-child, td:first-child { text-align: left; }
-h2 { font-size: 13px; margin: 4px 0; }
-p { margin: 3px 0; }
+th, td { text-align: right; padding: 2px 8px; border-bottom: 1px solid var(--mui-palette-divider);
+  font-variant-numeric: tabular-nums; }
+th { font-weight: 600; } th:first-child, td:first-child { text-align: left; }
+h2 { font-size: 0.9375rem; margin: 6px 0 2px; } p { margin: 3px 0; }
+code { font-size: 0.8125rem; overflow-wrap: anywhere; }
+a { color: inherit; }
 """
-NARROW = {"margin": (2, 5)}
-WIDTH = 236
-"""Pixels of a column of controls."""
-
-
-class Slider(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
-    """A native range input with its label and value: reached and moved by the keyboard."""
-
-    label = param.String()
-    value = param.Number(0.0)
-    start = param.Number(0.0)
-    end = param.Number(1.0)
-    step = param.Number(0.01)
-    digits = param.Integer(2)
-    unit = param.String()
-    greatest = param.String(doc="Shown in place of the greatest value.")
-    disabled = param.Boolean(False)
-    awaited = param.Boolean(False, doc="Whether a move waits until the one before has been dealt with.")
-    dealt_with = param.Integer(0)
-
-    _stylesheets = [  # noqa: RUF012 - Panel's own way to declare it
-        """
-        label { display: block; font: 12px system-ui, sans-serif; color: #1c2024; }
-        label span { float: right; font-variant-numeric: tabular-nums; }
-        input { width: 100%; margin: 2px 0 0; accent-color: #0072b2; }
-        """
-    ]
-    _esm = """
-    export function render({ model }) {
-      const label = document.createElement("label");
-      const name = document.createTextNode(model.label);
-      const shown = document.createElement("span");
-      const input = document.createElement("input");
-      input.type = "range";
-      label.append(name, shown, input);
-      const say = () => {
-        const value = Number(input.value);
-        const last = model.greatest && value >= model.end - 1e-9;
-        shown.textContent = last ? model.greatest : value.toFixed(model.digits) + model.unit;
-        input.setAttribute("aria-valuetext", shown.textContent);
-      };
-      let sent = model.value;
-      const set = () => {
-        input.min = model.start; input.max = model.end; input.step = model.step;
-        input.value = model.value; input.disabled = model.disabled; say(); sent = model.value;
-      };
-      let busy = false, timer;
-      const free = () => { clearTimeout(timer); busy = false; send(); };
-      const send = () => {
-        const value = Number(input.value);
-        if (busy || value === sent) return;
-        busy = true; sent = value; model.value = value;
-        timer = setTimeout(free, model.awaited ? 5000 : 40);
-      };
-      model.on("dealt_with", free);
-      input.addEventListener("input", () => { say(); send(); });
-      for (const name of ["start", "end", "step", "value", "disabled"]) model.on(name, set);
-      set();
-      return label;
-    }
-    """
-
-    def __init__(self, label: str, value: float = 0.0, **options: Any) -> None:
-        super().__init__(**{"label": label, "value": value, "width": WIDTH, **NARROW, **options})
-
-    def on_move(
-        self, guarded: Callable[[Callable[..., None]], Callable[..., None]], callback: Callable[[], None]
-    ) -> None:
-        """Call back when the slider has moved; while that takes its time, moves between are left out."""
-
-        def moved(event: Any) -> None:
-            try:
-                callback()
-            finally:
-                self.dealt_with += 1
-
-        self.awaited = True
-        self.param.watch(guarded(moved), "value")
-
-
-class Wipe(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
-    """Two pictures on top of each other: left of the wipe the first, right of it the second."""
-
-    before = param.String()
-    after = param.String()
-    wipe = param.Number(0.5)
-    number = param.Integer(0, doc="Counts the pictures, so that the page can tell that it shows the latest.")
-    width_px = param.Integer(940)
-    height_px = param.Integer(600)
-
-    _esm = """
-    export function render({ model }) {
-      const box = document.createElement("div");
-      box.style.cssText = `position:relative;background:#2b2e31;overflow:hidden;` +
-        `width:${model.width_px}px;height:${model.height_px}px`;
-      const fill = "position:absolute;inset:0;width:100%;height:100%;object-fit:contain;";
-      const after = document.createElement("img"), before = document.createElement("img");
-      const line = document.createElement("div");
-      after.alt = "after: the photograph with the target settings";
-      before.alt = "before: the photograph as it is";
-      after.style.cssText = fill; before.style.cssText = fill;
-      line.style.cssText = "position:absolute;top:0;bottom:0;width:2px;background:#fff;opacity:.8";
-      box.append(after, before, line);
-      const cut = () => {
-        const share = 100 * model.wipe;
-        before.style.clipPath = `inset(0 ${100 - share}% 0 0)`;
-        line.style.left = `${share}%`;
-      };
-      const show = (image, data) => {
-        image.style.visibility = data ? "visible" : "hidden";
-        if (data) image.src = data;
-      };
-      const after_set = () => show(after, model.after), before_set = () => show(before, model.before);
-      model.on("after", after_set); model.on("before", before_set); model.on("wipe", cut);
-      after.addEventListener("load", () => { after.dataset.number = model.number; });
-      after_set(); before_set(); cut();
-      return box;
-    }
-    """
 
 
 def text(html: str = "", **options: Any) -> pn.pane.HTML:
     """A pane of HTML that is made here; whatever comes from files goes through `escape`."""
-    return pn.pane.HTML(html, stylesheets=[TEXT], **{"margin": (2, 5), **options})
+    return pn.pane.HTML(html, stylesheets=[TEXT], **{**WIDE, **options})
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:
     """An HTML table; all cells are escaped."""
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
+    head = "".join(f"<th scope='col'>{escape(cell) or '&nbsp;'}</th>" for cell in header)
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     title = f"<h2>{escape(caption)}</h2>" if caption else ""
     return f"{title}<table><tr>{head}</tr>{body}</table>"
 
 
-def select(name: str, options: Any, **more: Any) -> pn.widgets.Select:
-    """A list to choose from, with its label."""
-    return pn.widgets.Select(name=name, options=options, **{"width": WIDTH, **NARROW, **more})
+def slider(label: str, value: float, start: float, end: float, step: float = 0.01, **more: Any) -> pmui.FloatSlider:
+    """A slider that the keyboard moves, too."""
+    return pmui.FloatSlider(label=label, value=value, start=start, end=end, step=step, size="small", **{**WIDE, **more})
 
 
-def entry(name: str, **more: Any) -> pn.widgets.TextInput:
-    """A line to write into, with its label."""
-    return pn.widgets.TextInput(name=name, **{"width": WIDTH, **NARROW, **more})
+def select(label: str, options: Any, **more: Any) -> pmui.Select:
+    """A list to choose from."""
+    return pmui.Select(label=label, options=options, size="small", **{**WIDE, "margin": (8, 8), **more})
 
 
-def button(name: str, **options: Any) -> pn.widgets.Button:
-    """A button, as narrow as its words."""
-    return pn.widgets.Button(name=name, **{"margin": (3, 3), "button_type": "default", **options})
+def entry(label: str, **more: Any) -> pmui.TextInput:
+    """A line to write into."""
+    return pmui.TextInput(label=label, size="small", **{**WIDE, "margin": (8, 8), **more})
 
 
-def plot(title: str, width: int, height: int, tools: str = "pan,wheel_zoom,box_zoom,reset", **options: Any) -> Any:
-    """An empty Bokeh figure in the studio's look."""
+def ticks(label: str, options: Any = None, **more: Any) -> pmui.CheckBoxGroup:
+    """A list of which any can be ticked."""
+    return pmui.CheckBoxGroup(label=label, options=options or [], **{**WIDE, **more})
+
+
+def sections(**parts: Any) -> pmui.Accordion:
+    """Controls by the titles of folds, closed at first."""
+    named = [(title.replace("_", " "), part) for title, part in parts.items()]
+    return pmui.Accordion(*named, disable_gutters=True, **{**WIDE, "margin": (4, 4)})
+
+
+_SAVE_SVG = """
+const view = Bokeh.index.find_one_by_id(drawing.id);
+view.export("svg").to_blob().then((blob) => {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = `${(drawing.title.text || "plot").replace(/[^\\w-]+/g, "_")}.svg`;
+  link.click();
+});
+"""
+
+
+def plot(title: str, tools: str = "pan,wheel_zoom,box_zoom,reset,save", **options: Any) -> Any:
+    """An empty Bokeh figure that fills its place and is saved as PNG or SVG by its tools."""
     # Ranges are set by `frame`: an empty plot has no range of its own.
     ranges = {"x_range": Range1d(0, 1), "y_range": Range1d(0, 1), **options}
-    drawing = figure(title=title, width=width, height=height, tools=tools, toolbar_location="right", **ranges)
+    drawing = figure(
+        title=title, tools=tools, toolbar_location="right", sizing_mode="stretch_both", min_width=160, min_height=140,
+        min_border=4, **ranges,
+    )  # fmt: skip
     drawing.toolbar.logo = None
-    drawing.title.text_font_size = "12px"
-    drawing.xaxis.axis_label_text_font_size = drawing.yaxis.axis_label_text_font_size = "11px"
-    drawing.xaxis.axis_label_text_font_style = drawing.yaxis.axis_label_text_font_style = "normal"
-    drawing.grid.grid_line_color = "#eceef0"
-    drawing.min_border = 4
+    svg = CustomJS(args={"drawing": drawing}, code=_SAVE_SVG)
+    drawing.add_tools(CustomAction(description="Save as SVG", icon="text_align_left", callback=svg))
     return drawing
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.errors import LutForgeError
+from lutforge.shots.discover import RAW_SUFFIXES
 
 
 class FolderError(LutForgeError):
@@ -56,6 +57,11 @@ class Folders:
                         if len(found) >= 500:  # more would make a list that nobody reads
                             return found
         return list(dict.fromkeys(found))
+
+    def with_shots(self) -> list[str]:
+        """The folders that hold RAW files, as a visitor may name them."""
+        found = {(self.roots[0] / name).parent for name in self.files(RAW_SUFFIXES)}
+        return sorted(self.name(folder) for folder in found)
 
     def name(self, path: Path) -> str:
         """A path as a visitor would name it: relative to the first folder where it lies there."""

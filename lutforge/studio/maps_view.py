@@ -10,13 +10,13 @@ from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PictureStyle
-from lutforge.report.figures import CHANNELS
 from lutforge.report.gamut_slices import gamut_slice
-from lutforge.studio.elements import Slider, extent, frame, plot, select, text
+from lutforge.studio.elements import CHANNELS, FILL, LINE, extent, frame, plot, select, slider, text
 from lutforge.studio.session import Session
 
 PALETTE = "Cividis256"
 DIRECTIONS = {"RAW → JPEG": "render", "JPEG → RAW": "linearize"}
+NARROW: dict[str, Any] = {"sizing_mode": "fixed", "width": 230}
 
 
 class _Slice:
@@ -24,7 +24,7 @@ class _Slice:
 
     def __init__(self) -> None:
         self.mapper = LinearColorMapper(palette=PALETTE, low=0.0, high=0.1)
-        self.figure = plot("", 405, 300)
+        self.figure = plot("")
         frame(self.figure, (-0.8, 0.9), (-0.8, 0.95))
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = "R − Y", "B − Y"
         self.arrows = ColumnDataSource({name: [] for name in ("x0", "y0", "x1", "y1", "change")})
@@ -32,9 +32,8 @@ class _Slice:
         colour = {"field": "change", "transform": self.mapper}
         self.figure.segment("x0", "y0", "x1", "y1", source=self.arrows, color=colour, line_width=1.8)
         self.figure.scatter("x1", "y1", source=self.arrows, color=colour, size=3)
-        self.figure.scatter("x", "y", source=self.controls, color="#c23b22", size=3, legend_label="control points")
-        self.figure.legend.update(location="bottom_left", label_text_font_size="10px", padding=2, margin=4)
-        self.figure.legend.background_fill_alpha = 0.7
+        self.figure.scatter("x", "y", source=self.controls, color="#e0503c", size=3, legend_label="control points")
+        self.figure.legend.update(location="bottom_left", padding=2, margin=4)
         self.figure.add_layout(ColorBar(color_mapper=self.mapper, width=8), "right")
 
     def show(self, title: str, one: Any) -> None:
@@ -51,53 +50,72 @@ class _Slice:
         self.controls.data = {"x": one.control_points[:, 0], "y": one.control_points[:, 1]}
 
 
-class MapsView:
-    """The page's third view."""
+class GamutView:
+    """Slices of the gamut map of constant luminance, one a style."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.direction = select("Direction", DIRECTIONS, width=190)
-        self.luminance = Slider("Luminance Y of the slices", 0.25, start=0.02, end=0.9, width=190)
-        self.style = select("Style of the lattice", [""], width=190)
-        self.channel = select("Plane of", {"Red": 0, "Green": 1, "Blue": 2}, value=2, width=190)
-        self.level = Slider("at its level", 0.4, width=190)
-        session.watch(self._draw, self.luminance, self.level, self.direction, self.style, self.channel)
-        self._quiet = False
+        self.direction = select("Direction", DIRECTIONS, **NARROW)
+        self.luminance = slider("Luminance Y of the slices", 0.25, 0.02, 0.9, **NARROW)
+        session.watch(self.refresh, self.direction, self.luminance)
         self.slices = [_Slice() for _ in range(3)]
-        self.plane = plot("", 405, 275)
+        figures = pn.Row(*(one.figure for one in self.slices), **FILL)
+        self.layout = pn.Column(pn.Row(self.direction, self.luminance), figures, **FILL)
+
+    def refresh(self) -> None:
+        """Everything, from the session's profile."""
+        profile, direction = _mapped_profile(self.session), self.direction.value
+        shown = [] if profile is None else [(name, _map_of(style, direction)) for name, style in profile.styles.items()]
+        shown = [(name, one) for name, one in shown if one is not None]
+        for place, drawing in enumerate(self.slices):
+            drawing.figure.visible = place < max(1, len(shown))
+            if place < len(shown):
+                name, one = shown[place]
+                drawing.show(f"{name}, Y = {self.luminance.value:.2f}", gamut_slice(one, self.luminance.value))
+            else:
+                drawing.show("" if shown else "no gamut map: compute the model “Gamut map”", None)
+
+
+class LatticeView:
+    """Where a plane of the lattice goes, its node levels over the error that they follow, and what samples cover."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.direction = select("Direction", DIRECTIONS, **NARROW)
+        self.style = select("Style", [""], **NARROW)
+        self.channel = select("Plane of", {"Red": 0, "Green": 1, "Blue": 2}, value=2, **NARROW)
+        self.level = slider("at its level", 0.4, 0.0, 1.0, **NARROW)
+        session.watch(self._draw, self.level, self.direction, self.style, self.channel)
+        self.plane = plot("")
         self.net = [ColumnDataSource({"xs": [], "ys": []}) for _ in range(2)]
         self.net_lines = [self.plane.multi_line("xs", "ys", source=net, line_width=0.9, alpha=0.8) for net in self.net]
-        self.levels = plot("", 405, 275, y_range=Range1d(-0.25, 1.05))
+        self.levels = plot("", y_range=Range1d(-0.25, 1.05))
         self.levels.xaxis.axis_label = "input value"
         self.levels.yaxis.visible = False
         self.error = ColumnDataSource({"x": [], "y": []})
-        self.levels.varea("x", 0, "y", source=self.error, fill_color="#0072b2", fill_alpha=0.35)
+        self.levels.varea("x", 0, "y", source=self.error, fill_color="#4f83e0", fill_alpha=0.5)
         self.ticks = ColumnDataSource({"x": []})
-        self.levels.segment("x", -0.2, "x", -0.03, source=self.ticks, color="#1c2024")
-        self.coverage = plot("", 405, 275)
+        self.levels.segment("x", -0.2, "x", -0.03, source=self.ticks, color=LINE)
+        self.coverage = plot("")
         self.coverage.xaxis.axis_label, self.coverage.yaxis.axis_label = "red node, share", "green node, share"
         self.seen = ColumnDataSource({"image": []})
         self.seen_mapper = LinearColorMapper(palette=PALETTE, low=0.0, high=1.0)
         self.coverage.image(image="image", x=0, y=0, dw=1, dh=1, source=self.seen, color_mapper=self.seen_mapper)
-        self.gaps = text(width=250, height=52, styles={"overflow": "auto"})
+        self.gaps = text()
         self.layout = pn.Column(
-            pn.Row(self.direction, self.luminance, self.style, self.channel, self.level, self.gaps),
-            pn.Row(*(one.figure for one in self.slices)),
-            pn.Row(self.plane, self.levels, self.coverage),
-        )
+            pn.Row(self.direction, self.style, self.channel, self.level), self.gaps,
+            pn.Row(self.plane, self.levels, self.coverage, **FILL), **FILL,
+        )  # fmt: skip
 
     def refresh(self) -> None:
         """Everything, from the session's profile."""
         if not self.session.has_profile:
-            for one in self.slices:
-                one.show("compute a gamut map, or open a profile", None)
+            self.gaps.object = "<p>Compute a model, or open a profile.</p>"
             return
         profile = self.session.profile
-        self._quiet = True
         self.style.options = list(profile.styles)
         if self.style.value not in profile.styles:
             self.style.value = next(iter(profile.styles))
-        self._quiet = False
         if self.session.history is not None:
             workspace = self.session.workspace
             gaps = colour_gaps(workspace.samples.srgb[workspace.fitting_rows("lattice")])
@@ -108,34 +126,13 @@ class MapsView:
         self._draw()
 
     def _draw(self) -> None:
-        if self._quiet or not self.session.has_profile:
-            return
-        profile = self._mapped_profile()
-        shown = [
-            (name, style) for name, style in profile.styles.items() if _map_of(style, self.direction.value) is not None
-        ]
-        for place, drawing in enumerate(self.slices):
-            drawing.figure.visible = place < max(1, len(shown))
-            if place >= len(shown):
-                drawing.show("" if shown else "this model has no gamut map: compute it under Models", None)
-                continue
-            name, style = shown[place]
-            drawing.show(
-                f"{name}, Y = {self.luminance.value:.2f}",
-                gamut_slice(_map_of(style, self.direction.value), self.luminance.value),
-            )
-        style = self.session.profile.styles[self.style.value]
-        self._draw_lattice(style, style.lattices.get(self.direction.value))
-
-    def _mapped_profile(self) -> CameraProfile:
-        """The profile in use, or the last one with a gamut map."""
-        if self.session.history is not None and "rbf" in self.session.workspace.models:
-            return self.session.workspace.models["rbf"].profile
-        return self.session.profile
+        if self.session.has_profile and self.style.value in self.session.profile.styles:
+            style = self.session.profile.styles[self.style.value]
+            self._draw_lattice(style, style.lattices.get(self.direction.value))
 
     def _draw_lattice(self, style: PictureStyle, lattice: Lattice | None) -> None:
         if lattice is None:
-            self.plane.title.text = "this model has no lattice: compute one under Models"
+            self.plane.title.text = "this model has no lattice: compute one"
             self.levels.title.text = self.coverage.title.text = ""
             for net in self.net:
                 net.data = {"xs": [], "ys": []}
@@ -181,10 +178,17 @@ class MapsView:
         self.plane.yaxis.axis_label = f"{CHANNELS[second][0]} of the output"
 
 
+def _mapped_profile(session: Session) -> CameraProfile | None:
+    """The profile in use, or the last one with a gamut map; None where there is none."""
+    if session.history is not None and "rbf" in session.workspace.models:
+        return session.workspace.models["rbf"].profile
+    return session.profile if session.has_profile else None
+
+
 def _map_of(style: PictureStyle, direction: str) -> Any:
     """h or h⁻¹ where it maps anything."""
     if not style.physical:
         return None
     model = style.physical[0]
     gamut_map = model.gamut_map if direction == "render" else model.inverse_gamut_map
-    return gamut_map if len(gamut_map.centres) else None
+    return gamut_map if len(gamut_map.centres) > 1 else None  # one centre: it changes nothing

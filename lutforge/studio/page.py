@@ -1,73 +1,121 @@
-"""The page of one visitor: a bar with five views, of which one is shown; laid out for 1280 × 720 pixels."""
+"""The page of one visitor: five steps with their states, of which one is shown, in the whole window."""
 
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import panel as pn
+import panel_material_ui as pmui
 
-from lutforge.studio.data_view import DataView
-from lutforge.studio.elements import NARROW, text
-from lutforge.studio.export_view import ExportView
+from lutforge.studio.elements import FILL, text
 from lutforge.studio.folders import Folders
-from lutforge.studio.maps_view import MapsView
-from lutforge.studio.models_view import ModelsView
-from lutforge.studio.preview_view import PreviewView
-from lutforge.studio.session import Session
+from lutforge.studio.session import STEPS, Session
+from lutforge.studio.shots_page import ShotsPage
+from lutforge.studio.theme import TEMPLATE, THEME
 
-VIEWS = ("Data & outliers", "Models", "Maps", "Preview", "Export")
+ICONS = {"done": "check_circle", "to do": "radio_button_unchecked", "stale": "sync_problem"}
+
+
+def _samples(session: Session) -> Any:
+    from lutforge.studio.samples_page import SamplesPage
+
+    return SamplesPage(session)
+
+
+def _model(session: Session) -> Any:
+    from lutforge.studio.model_page import ModelPage
+
+    return ModelPage(session)
+
+
+def _look(session: Session) -> Any:
+    from lutforge.studio.look_page import LookPage
+
+    return LookPage(session)
+
+
+def _export(session: Session) -> Any:
+    from lutforge.studio.export_page import ExportPage
+
+    return ExportPage(session)
+
+
+# Imported when first shown: the first paint does not wait for what only later steps draw.
+PAGES: dict[str, Callable[[Session], Any]] = dict(
+    zip(STEPS, (ShotsPage, _samples, _model, _look, _export), strict=True)
+)
 
 
 class Page:
-    """Views are drawn when they are looked at, and again when the workspace has changed since."""
+    """Steps are made when they are first looked at, and drawn again when the session has changed since."""
 
     def __init__(self, folders: Folders, inputs: tuple[Path, ...]) -> None:
         self.session = Session(folders)
-        data, preview = DataView(self.session), PreviewView(self.session)
-        self.views: dict[str, Any] = {
-            "Data & outliers": data,
-            "Models": ModelsView(self.session),
-            "Maps": MapsView(self.session),
-            "Preview": preview,
-            "Export": ExportView(self.session, preview),
-        }
-        self._stale = set(VIEWS)
-        self.shown = VIEWS[0]
-        self.session.on_change = self._changed
-        self.session.on_select = data.mark
-        self.tabs = {name: self.session.button(name, partial(self.show, name)) for name in VIEWS}
-        self.undo = self.session.button("Undo", self.session.undo)
-        self.redo = self.session.button("Redo", self.session.redo)
-        heading = text("<b>LutForge studio</b>", width=130, margin=(9, 4, 4, 10))
-        self.body = pn.Column(self.views[self.shown].layout, margin=0)
-        bar = pn.Row(heading, *self.tabs.values(), pn.Spacer(width=30), self.undo, self.redo, **NARROW)
-        news = pn.Row(self.session.status, self.session.progress, self.session.cancel, width=1260, height=30)
-        self.layout = pn.Column(bar, news, self.body, width=1270, margin=0)
-        self._buttons()
+        self.pages: dict[str, Any] = {}
+        self.shown = STEPS[0]
+        self._stale = set(STEPS)
+        self.session.on_change, self.session.on_look = self._changed, self._tell
+        self.session.on_select = self._selected
+        self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12))
+        self.steps.param.watch(self.session.guarded(lambda event: self.show(STEPS[event.new])), "active")
+        self.undo = self.session.button("Undo", self.session.undo, variant="text")
+        self.redo = self.session.button("Redo", self.session.redo, variant="text")
+        self.next = text(margin=(6, 12))
+        bar = pn.Row(self.steps, self.undo, self.redo, sizing_mode="stretch_width")
+        news = pn.Row(
+            self.session.status, self.session.progress, self.session.cancel, sizing_mode="stretch_width", height=40
+        )
+        self.controls = pn.Column(sizing_mode="stretch_width")
+        self.body = pn.Column(**FILL)
+        self.layout = pmui.Page(
+            title="LutForge studio", header=[bar], sidebar=[self.controls],
+            main=[pn.Column(self.next, news, self.body, **FILL)], sidebar_variant="permanent", sidebar_width=290,
+            sidebar_resizable=False, busy_indicator=None, theme="dark", theme_config=THEME, template=TEMPLATE,
+        )  # fmt: skip
+        self.layout.param.watch(self.session.guarded(lambda event: self._theme()), "dark_theme")
+        self.show(self.shown)
         if inputs:
             self.session.guarded(self.session.open)(inputs)
 
     def show(self, name: str) -> None:
-        """Look at a view."""
+        """Look at a step."""
         self.shown = name
-        for other, tab in self.tabs.items():
-            tab.button_type = "primary" if other == name else "default"
-        self.body[:] = [self.views[name].layout]
+        if name not in self.pages:
+            self.pages[name] = PAGES[name](self.session)
+            self._theme()
+        page = self.pages[name]
+        self.controls[:], self.body[:] = page.controls, [page.main]
+        if self.steps.active != STEPS.index(name):
+            self.steps.active = STEPS.index(name)
         self._refresh()
+
+    def _theme(self) -> None:
+        if "Look" in self.pages:
+            self.pages["Look"].view.theme = "dark" if self.layout.dark_theme else "light"
 
     def _changed(self) -> None:
-        self._stale = set(VIEWS)
+        self._stale = set(STEPS)
         self._refresh()
 
-    def _refresh(self) -> None:
-        self._buttons()
-        # The preview's settings are taken over by the export, whenever that is looked at.
-        if self.shown in self._stale or self.shown in ("Preview", "Export"):
-            self._stale.discard(self.shown)
-            self.views[self.shown].refresh()
+    def _selected(self) -> None:
+        if "Samples" in self.pages:
+            self.pages["Samples"].mark()
 
-    def _buttons(self) -> None:
+    def _refresh(self) -> None:
+        self._tell()
+        if self.shown in self._stale or self.shown == "Export":
+            self._stale.discard(self.shown)
+            self.session.refreshing = True
+            try:
+                self.pages[self.shown].refresh()
+            finally:
+                self.session.refreshing = False
+
+    def _tell(self) -> None:
+        """The steps' states, and what to do next in this one."""
+        states = self.session.states()
+        self.steps.items = [{"label": f"{step}: {states[step][0]}", "icon": ICONS[states[step][0]]} for step in STEPS]
+        self.next.object = f"<b>{self.shown}.</b> {states[self.shown][1]}"
         history = self.session.history
         self.undo.disabled = history is None or not history.past
         self.redo.disabled = history is None or not history.future
-        self.tabs[self.shown].button_type = "primary"

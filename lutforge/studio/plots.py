@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.colour.srgb import D65, SRGB_TO_XYZ, srgb_decode
+from lutforge.colour.srgb import D65, SRGB_TO_XYZ
 from lutforge.model.emor import mean_response
 from lutforge.model.response import Response
 from lutforge.studio.workspace import FittedModel, Workspace
@@ -49,6 +49,13 @@ class Points:
     def __len__(self) -> int:
         return len(self.x)
 
+    def select(self, keep: Mask) -> "Points":
+        """The points of a mask (n,)."""
+        if keep.all():
+            return self
+        parts = {name: getattr(self, name)[keep] for name in ("x", "y", "row", "partner", "pair")}
+        return replace(self, **parts)
+
 
 def points(workspace: Workspace, plot: str, channel: int) -> Points:
     """The points of one plot and channel, all of them."""
@@ -85,6 +92,7 @@ def _of_pairs(workspace: Workspace, plot: str, channel: int) -> Points:
     pairs, fitted, response = workspace.pairs, workspace.fitted, workspace.response
     if pairs is None:
         return _nothing("no two shots show the same patches at different exposures")
+    pairs = pairs.without(workspace.unticked)
     first, second = pairs.first_row, pairs.second_row
     number = pairs.first_shot * len(pairs.shots) + pairs.second_shot
     if plot == "srgb_btf":
@@ -113,11 +121,7 @@ def _nothing(missing: str) -> Points:
 
 
 def _finite(all_points: Points) -> Points:
-    keep = np.isfinite(all_points.x) & np.isfinite(all_points.y)
-    if keep.all():
-        return all_points
-    parts = {name: getattr(all_points, name)[keep] for name in ("x", "y", "row", "partner", "pair")}
-    return replace(all_points, **parts)
+    return all_points.select(np.isfinite(all_points.x) & np.isfinite(all_points.y))
 
 
 def _brightness_transfer(response: Response, channel: int, ratio: float) -> Array:
@@ -208,9 +212,9 @@ def nearest(all_points: Points, x: float, y: float, reach: float) -> Mask:
 # --- colours in space -----------------------------------------------------------------------------------------------
 
 
-def chromaticities(encoded: Array) -> Array:
-    """CIE 1931 xy (n, 2) of encoded sRGB (n, 3); black lies at the white point."""
-    xyz = tristimulus(encoded)
+def chromaticities(linear: Array) -> Array:
+    """CIE 1931 xy (n, 2) of linear sRGB (n, 3); black lies at the white point."""
+    xyz = tristimulus(linear)
     total = xyz.sum(axis=1, keepdims=True)
     dark = total[:, 0] < 1e-6
     xy = xyz[:, :2] / np.where(dark[:, None], 1.0, total)
@@ -218,9 +222,9 @@ def chromaticities(encoded: Array) -> Array:
     return np.asarray(xy)
 
 
-def tristimulus(encoded: Array) -> Array:
-    """CIE XYZ (n, 3) of encoded sRGB, Y of white 1."""
-    return np.asarray(srgb_decode(np.clip(encoded, 0.0, 1.0)) @ SRGB_TO_XYZ.T)
+def tristimulus(linear: Array) -> Array:
+    """CIE XYZ (n, 3) of linear sRGB, Y of white 1."""
+    return np.asarray(linear @ SRGB_TO_XYZ.T)
 
 
 def projected(xyz: Array, azimuth: float, elevation: float) -> Array:
@@ -233,7 +237,7 @@ def projected(xyz: Array, azimuth: float, elevation: float) -> Array:
 
 
 def cube_edges() -> tuple[Array, Array]:
-    """The twelve edges of sRGB's cube: encoded ends (12, 3) and (12, 3)."""
+    """The twelve edges of sRGB's cube: linear ends (12, 3) and (12, 3)."""
     corners = np.array([[r, g, b] for r in (0.0, 1.0) for g in (0.0, 1.0) for b in (0.0, 1.0)])
     ends = [(i, j) for i in range(8) for j in range(i) if np.abs(corners[i] - corners[j]).sum() == 1]
     first, second = np.array(ends).T

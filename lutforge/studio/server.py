@@ -9,10 +9,10 @@ import panel as pn
 from tornado.web import ErrorHandler
 
 from lutforge.errors import LutForgeError
-from lutforge.studio.elements import CSS
 from lutforge.studio.folders import Folders
 from lutforge.studio.jobs import warm_up
 from lutforge.studio.page import Page
+from lutforge.studio.theme import CSS
 
 LOCAL = "127.0.0.1"
 EVERYWHERE = "0.0.0.0"
@@ -61,7 +61,7 @@ def serve(
 
     Raises LutForgeError where the address or port cannot be had.
     """
-    pn.extension(raw_css=[CSS], notifications=False)
+    pn.extension(raw_css=[CSS], notifications=False, theme="dark")
 
     def page() -> Any:
         made = Page(folders, inputs)

@@ -1,23 +1,50 @@
-"""What one visitor has open: a workspace with its history, a selection, the work under way, a line of news."""
+"""What one visitor has open: a workspace with its history, a look, what was written, and the work under way."""
 
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import wraps
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import panel as pn
+import panel_material_ui as pmui
 
 from lutforge.arrays import Mask
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.studio.elements import Slider, button, text
+from lutforge.samples.extract import ShotSamples
+from lutforge.studio.elements import text
+from lutforge.studio.fits import fit_model
 from lutforge.studio.folders import Folders
 from lutforge.studio.jobs import Job
-from lutforge.studio.workspace import History, Workspace, WorkspaceError
+from lutforge.studio.workspace import MODELS, FittedModel, History, Workspace, WorkspaceError
 from lutforge.studio.workspace_file import Opened, open_paths, with_profile
+
+State = Literal["to do", "done", "stale"]
+STEPS = ("Shots", "Samples", "Model", "Look", "Export")
+
+
+@dataclass(frozen=True)
+class Look:
+    """The look that was chosen. source, target: STYLE/WB, "" before; ev: exposure change in stops."""
+
+    source: str = ""
+    target: str = ""
+    ev: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """A file that was written. told: a line each; command: what does the same; of: what it was made from."""
+
+    what: str
+    path: Path
+    told: tuple[str, ...]
+    command: str
+    of: tuple[CameraProfile | None, Look]
 
 
 def _held(document: Any, work: Callable[[], None]) -> None:
@@ -28,31 +55,49 @@ def _held(document: Any, work: Callable[[], None]) -> None:
         document.unhold()
 
 
-class Session:
-    """Shared by the views of one page; each view refreshes itself when it is told to."""
+@dataclass(eq=False)
+class _Work:
+    """A job under way: what gets its result, and the callback that asks for it."""
 
-    def __init__(self, folders: Folders) -> None:
-        self.folders = folders
-        self.history: History | None = None
-        self.selected: Mask = np.zeros(0, dtype=np.bool_)
-        self.loaded_profile: CameraProfile | None = None
-        self.files: Mapping[str, Path] = {}
-        self.job: Job | None = None
-        self.on_change: Callable[[], None] = lambda: None
-        self.on_select: Callable[[], None] = lambda: None
-        self._done: Callable[[Any], None] = lambda result: None
-        self._poll: Any = None
-        self.status = text(sizing_mode="stretch_width", margin=(0, 8))
-        self.progress = pn.indicators.Progress(value=0, max=100, width=160, visible=False, margin=(6, 4))
+    job: Job
+    done: Callable[[Any], None]
+    poll: Any = None
+
+
+@dataclass(eq=False)
+class Session:
+    """Shared by the steps of one page, which are told of each change.
+
+    accounts: of the shots that were sampled; left_out: why others were not; files: by shot its RAW file; look: of the
+    Look step; written: by kind of export the last file.
+    """
+
+    folders: Folders
+    history: History | None = None
+    selected: Mask = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    loaded_profile: CameraProfile | None = None
+    accounts: tuple[ShotSamples, ...] = ()
+    left_out: tuple[str, ...] = ()
+    files: Mapping[str, Path] = field(default_factory=dict)
+    look: Look = field(default_factory=Look)
+    written: dict[str, Written] = field(default_factory=dict)
+    on_change: Callable[[], None] = lambda: None
+    on_look: Callable[[], None] = lambda: None
+    on_select: Callable[[], None] = lambda: None
+
+    def __post_init__(self) -> None:
+        self._work: _Work | None = None
+        self.refreshing = False
+        self.status = text(margin=(2, 12), height=22)
+        self.progress = text(visible=False, sizing_mode="fixed", width=200, height=24, margin=(4, 8))
         self.cancel = self.button("Cancel", self._cancel, visible=False)
-        self.say("Open a sample table, a folder of shots, a profile or a workspace.")
 
     # --- news ------------------------------------------------------------------------------------------------------
 
     def say(self, message: str, wrong: bool = False) -> None:
         """One line for the visitor, as text whatever it holds."""
         shown = escape(" ".join(message.split())[:400])
-        style = ' style="color:#a11a0e;font-weight:600"' if wrong else ""
+        style = ' style="color:var(--mui-palette-error-main);font-weight:600"' if wrong else ""
         self.status.object = f'<div role="{"alert" if wrong else "status"}"{style}>{shown}</div>'
 
     def guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
@@ -78,17 +123,29 @@ class Session:
 
         return guarded
 
-    def button(self, name: str, action: Callable[[], None], **options: Any) -> pn.widgets.Button:
+    def button(self, label: str, action: Callable[[], None], **options: Any) -> pmui.Button:
         """A button with what it does, guarded."""
-        return button(name, on_click=self.guarded(lambda event: action()), **options)
+        made = pmui.Button(label=label, size="small", **{"margin": (4, 4), "variant": "outlined", **options})
+        made.on_click(self.guarded(lambda event: action()))
+        return made
 
     def watch(self, callback: Callable[[], None], *widgets: Any) -> None:
-        """Call back, guarded, when a widget's value changes, or a slider has moved."""
+        """Call back, guarded, when widgets change, a slider while it moves; once for several changes at a time."""
+        waiting: list[bool] = []
+
+        def run() -> None:
+            waiting.clear()
+            callback()
+
+        soon = self.guarded(run)
+
+        def changed(event: Any) -> None:
+            if not waiting and not self.refreshing:  # what a page sets itself is no wish of the visitor
+                waiting.append(True)
+                soon()
+
         for widget in widgets:
-            if isinstance(widget, Slider):
-                widget.on_move(self.guarded, callback)
-            else:
-                widget.param.watch(self.guarded(lambda event: callback()), "value")
+            widget.param.watch(changed, "value")
 
     # --- state -----------------------------------------------------------------------------------------------------
 
@@ -96,7 +153,7 @@ class Session:
     def workspace(self) -> Workspace:
         """The present state. Raises WorkspaceError before samples are open."""
         if self.history is None:
-            raise WorkspaceError("no samples are open: open a sample table or a folder of shots first")
+            raise WorkspaceError("no samples are open: open a folder of shots or a sample table under Shots")
         return self.history.present
 
     @property
@@ -105,13 +162,53 @@ class Session:
         if self.history is not None and self.history.present.fitted is not None:
             return self.history.present.fitted.profile
         if self.loaded_profile is None:
-            raise WorkspaceError("no profile yet: compute a model, or open a profile (.npz)")
+            raise WorkspaceError("no profile yet: compute a model under Model, or open a profile (.npz)")
         return self.loaded_profile
 
     @property
     def has_profile(self) -> bool:
         """Whether `profile` is there."""
         return self.loaded_profile is not None or (self.history is not None and bool(self.history.present.model))
+
+    def states(self) -> dict[str, tuple[State, str]]:
+        """Each step's state, and in a sentence what to do next there."""
+        open_ = self.history is not None
+        stale = open_ and bool(self.workspace.model) and self.workspace.is_stale(self.workspace.model)
+        model: State = "stale" if stale else "done" if self.has_profile else "to do"
+        chosen: State = "to do" if not self.look.target or model == "to do" else "stale" if stale else "done"
+        made = (self.profile if self.has_profile else None, self.look)
+        old = stale or any(each.of[0] is not made[0] or each.of[1] != made[1] for each in self.written.values())
+        export: State = "to do" if not self.written else "stale" if old else "done"
+        shots: State = "done" if open_ or self.has_profile else "to do"
+        telling = {
+            "Shots": {
+                "to do": "Drop RAW files with their JPEGs here, or choose a folder; then press Sample.",
+                "done": "Click a shot to leave it out or take it back in; then look at the samples.",
+            }[shots],
+            "Samples": (
+                "Keep saturated and clipped colours from the response by the filters, or mark samples with the lasso."
+                if open_ else "Open shots or a sample table first."
+            ),
+            "Model": {
+                "to do": "Press Compute all, or fit stage by stage.",
+                "done": "The model is up to date: see its errors here, then choose a look.",
+                "stale": "Samples or options have changed since: press Compute all.",
+            }[model],
+            "Look": {
+                "to do": "Choose a photograph and the style and white balance that you want.",
+                "done": "The look is what the exports hold.",
+                "stale": "The model is not up to date: compute it again under Model.",
+            }[chosen],
+            "Export": {
+                "to do": "Name the files, and write what your program needs: a kit, a LUT, a config.",
+                "done": "Written as below; each line can be run again as a command.",
+                "stale": "Model or look have changed since: write again what you need.",
+            }[export],
+        }  # fmt: skip
+        states: dict[str, State] = {
+            "Shots": shots, "Samples": "done" if open_ else "to do", "Model": model, "Look": chosen, "Export": export,
+        }  # fmt: skip
+        return {step: (states[step], telling[step]) for step in STEPS}
 
     def change(self, workspace: Workspace) -> None:
         """Make this the present state of the workspace."""
@@ -142,42 +239,67 @@ class Session:
 
     def start(self, title: str, done: Callable[[Any], None], function: Callable[..., Any], *arguments: Any) -> None:
         """Work in another process; `done` gets its result. One at a time. Raises WorkspaceError while one runs."""
-        if self.job is not None:
-            raise WorkspaceError(f"{self.job.title} is still under way: cancel it, or wait")
-        self.job, self._done = Job(title, function, *arguments), done
+        if self._work is not None:
+            raise WorkspaceError(f"{self._work.job.title} is still under way: cancel it, or wait")
+        self._work = _Work(Job(title, function, *arguments), done)
         self.say(f"{title} …")
-        self.progress.value, self.progress.visible, self.cancel.visible = 0, True, True
+        self._share(0.0)
+        self.progress.visible = self.cancel.visible = True
         if pn.state.curdoc is not None:
-            self._poll = pn.state.add_periodic_callback(self.guarded(self.poll), period=120)
+            self._work.poll = pn.state.add_periodic_callback(self.guarded(self.poll), period=120)
 
     def poll(self) -> None:
         """Take over what the job has reported."""
-        if self.job is None:
+        if self._work is None:
             return
-        job, report = self.job, self.job.report
+        work, report = self._work, self._work.job.report
         if report.state == "running":
-            self.progress.value = int(100 * report.share)
-            self.say(f"{job.title}: {report.message}")
+            self._share(report.share)
+            self.say(f"{work.job.title}: {report.message}")
             return
-        self.job = None
+        self._work = None
         self.progress.visible = self.cancel.visible = False
-        if self._poll is not None:
-            self._poll.stop()
-            self._poll = None
+        if work.poll is not None:
+            work.poll.stop()
         if report.state == "done":
-            self._done(report.result)
+            work.done(report.result)
         else:
-            self.say(f"{job.title}: {report.message}", wrong=report.state == "failed")
+            self.say(f"{work.job.title}: {report.message}", wrong=report.state == "failed")
+
+    def _share(self, done: float) -> None:
+        self.progress.object = f"<progress aria-label='done' value='{done:.2f}' style='width:100%'></progress>"
+
+    @property
+    def job(self) -> Job | None:
+        """The job under way."""
+        return None if self._work is None else self._work.job
 
     def _cancel(self) -> None:
-        if self.job is not None:
-            self.job.cancel()
+        if self._work is not None:
+            self._work.job.cancel()
             self.poll()
 
     def close(self) -> None:
         """The visitor has gone."""
-        if self.job is not None:
-            self.job.cancel()
+        if self._work is not None:
+            self._work.job.cancel()
+
+    def fit(self, *kinds: str) -> None:
+        """Fit models one after the other, each on those before it."""
+        kind, *others = kinds
+        workspace = self.workspace
+        task = workspace.task(kind)
+
+        def done(fitted: FittedModel) -> None:
+            now = self.workspace
+            if now.samples is not workspace.samples:
+                raise WorkspaceError("other samples were opened meanwhile: compute again")
+            self.change(now.with_model(kind, replace(fitted, task=task)))
+            self.say(f"{MODELS[kind]}: fitted to {int(task.rows.sum()):,} samples")
+            if others:
+                self.fit(*others)
+
+        self.start(MODELS[kind], done, fit_model, task, workspace.samples)
 
     # --- opening ---------------------------------------------------------------------------------------------------
 
@@ -193,6 +315,7 @@ class Session:
             if opened.profile is None:
                 self.loaded_profile = None
             self.history, self.files = History(opened.workspace), opened.files
+            self.accounts, self.left_out = opened.accounts, opened.left_out
             self.selected = np.zeros(len(opened.workspace.samples), dtype=np.bool_)
             shots = len(np.unique(opened.workspace.samples.shot))
             self.say(f"{names}: {len(opened.workspace.samples):,} samples of {shots} shots")

@@ -12,16 +12,11 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import LutForgeError
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.camera_profile import CameraProfile, ModelName
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 
-MODELS = {
-    "response": "Response only",
-    "matrix": "Matrix and white balance",
-    "rbf": "Gamut map",
-    "lattice": "Lattice",
-}
+MODELS = {"matrix": "Response, matrix and white balance", "rbf": "Gamut map", "lattice": "Lattice"}
 """In the order of the calibration; each is kept as a camera profile."""
 MOST_GROUPS = 100
 
@@ -62,13 +57,31 @@ class Group:
 
 
 @dataclass(frozen=True, eq=False)
+class FitTask:
+    """What a fit takes: samples (n,), options, and the stages, fitted before, that it stands on.
+
+    stages: a model of the kind "matrix", whose response, matrix and white balances are taken; None fits them anew.
+    """
+
+    kind: str
+    rows: Mask
+    options: CalibrationOptions
+    stages: "FittedModel | None" = None
+
+    def same(self, other: "FitTask") -> bool:
+        """Whether both give the same model."""
+        alike = self.kind == other.kind and self.options == other.options and self.stages is other.stages
+        return alike and np.array_equal(self.rows, other.rows)
+
+
+@dataclass(frozen=True, eq=False)
 class FittedModel:
     """A model, and what it makes of every sample, all (n, 3).
 
     scene: Ts Tw E; transformed: what stands before the response f, h(Ts Tw E) (a lattice has no f: its JPEG value);
     predicted: the JPEG value; linearized: the JPEG value backward, to be compared with `scene`. uniform_error: by style
-    and direction, per axis the histogram of the squared error of a uniform lattice, where one was fitted. rows: (n,)
-    the samples that it was fitted to; None where it comes from a file.
+    and direction, per axis the histogram of the squared error of a uniform lattice, where one was fitted. task: what it
+    was fitted to; None where it comes from a file.
     """
 
     profile: CameraProfile
@@ -77,7 +90,7 @@ class FittedModel:
     predicted: Array
     linearized: Array
     uniform_error: Mapping[tuple[str, str], tuple[Array, Array, Array]] = field(default_factory=dict)
-    rows: Mask | None = None
+    task: FitTask | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +98,9 @@ class Workspace:
     """One state. samples: as loaded; pairs: their exposure pairs, None where there are none.
 
     hand: (n,) 1 for rows marked as outliers by hand, −1 for rows kept by hand whatever the filters say, else 0.
-    model: the name of the fitted model that plots and residuals use, "" before the first fit.
+    model: the name of the fitted model that plots and residuals use, "" before the first fit. out: the shots that take
+    no part; unticked: the exposure pairs that do not tell the response, by the names of their shots; own_stages:
+    whether gamut map and lattice stand on the response and matrix that were fitted before.
     """
 
     samples: SampleSet
@@ -96,6 +111,9 @@ class Workspace:
     models: Mapping[str, FittedModel] = field(default_factory=dict)
     model: str = ""
     options: CalibrationOptions = field(default_factory=CalibrationOptions)
+    out: frozenset[str] = frozenset()
+    unticked: frozenset[tuple[str, str]] = frozenset()
+    own_stages: bool = True
 
     def __post_init__(self) -> None:
         if len(self.hand) == 0:
@@ -145,19 +163,30 @@ class Workspace:
 
     @cached_property
     def removed(self) -> Mask:
-        """(n,): rows that take part in no fit: marked by hand, or in an active group."""
+        """(n,): rows that take part in no fit: marked by hand, in an active group, or of a shot that is out."""
         rows = self.hand > 0
         for group in self.groups.values():
             rows = rows | (group.rows & group.active)
-        return np.asarray(rows & (self.hand >= 0))
+        return np.asarray((rows & (self.hand >= 0)) | np.isin(self.samples.shot, list(self.out)))
 
     @cached_property
     def outliers(self) -> Mask:
-        """(n,): rows that take no part in the fits of response, matrix and white balance: removed, or filtered."""
-        rows = self.removed.copy()
-        for mask in self.filtered.values():
-            rows |= mask
-        return np.asarray(rows & (self.hand >= 0))
+        """(n,): rows that take no part in the fits of response, matrix and white balance.
+
+        They are removed, found by a filter, or in none of the exposure pairs that are ticked, where some are not.
+        """
+        rows = np.logical_or.reduce([*self.filtered.values(), self.in_no_pair]) & (self.hand >= 0)
+        return np.asarray(rows | self.removed)
+
+    @cached_property
+    def in_no_pair(self) -> Mask:
+        """(n,): rows in none of the ticked exposure pairs; none where all are ticked."""
+        rows = np.zeros(len(self.samples), dtype=np.bool_)
+        if self.pairs is not None and self.unticked:
+            ticked = self.pairs.without(self.unticked)
+            rows[:] = True
+            rows[ticked.first_row] = rows[ticked.second_row] = False
+        return rows
 
     def fitting_rows(self, model: str) -> Mask:
         """(n,): the samples that a fit of this model takes.
@@ -166,21 +195,35 @@ class Workspace:
         find for themselves what is clipped: for them the saturation limit does not count, a clipping limit where it was
         moved, and the residual where it is that of such a model.
         """
-        if model in ("response", "matrix"):
+        if model == "matrix":
             return ~self.outliers
         rows, limits, usual = self.removed, self.filters, Filters()
         if replace(limits, saturation=usual.saturation, residual=None) != usual:
             rows = rows | self.filtered["clipping"]
         if self.model in ("rbf", "lattice"):
             rows = rows | self.filtered["residual"]
-        return np.asarray(~rows | (self.hand < 0))
+        return np.asarray(~rows | ((self.hand < 0) & ~self.removed))
+
+    def task(self, kind: str) -> FitTask:
+        """What a fit of this kind would take now."""
+        physical = replace(self.options.physical, without_pairs=tuple(sorted(self.unticked)))
+        model: ModelName = "lattice" if kind == "lattice" else "rbf"
+        stages = self.models.get("matrix") if self.own_stages and kind != "matrix" else None
+        return FitTask(kind, self.fitting_rows(kind), replace(self.options, model=model, physical=physical), stages)
+
+    def is_stale(self, kind: str) -> bool:
+        """Whether a model was fitted to other samples, options or stages than would be taken now."""
+        task = self.models[kind].task
+        if task is None:
+            return False
+        return not task.same(self.task(kind)) or (task.stages is not None and self.is_stale("matrix"))
 
     @property
     def fitted_rows(self) -> Mask:
         """(n,): the samples that the model in use was fitted to; before a fit, those that a lattice would take."""
-        if self.fitted is None or self.fitted.rows is None:
+        if self.fitted is None or self.fitted.task is None:
             return self.fitting_rows(self.model or "lattice")
-        return self.fitted.rows
+        return self.fitted.task.rows
 
     def mark(self, rows: Mask, outlier: bool) -> "Workspace":
         """Return the workspace with these rows marked by hand as outliers, or kept by hand."""

@@ -24,10 +24,20 @@ from lutforge.model.profile_file import save_profile
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress
+from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.studio.fits import evaluate_on
-from lutforge.studio.workspace import MODELS, MOST_GROUPS, Filters, Group, Workspace, WorkspaceError
+from lutforge.studio.workspace import (
+    MODELS,
+    MOST_GROUPS,
+    Filters,
+    FitTask,
+    FittedModel,
+    Group,
+    Workspace,
+    WorkspaceError,
+)
 
 SUFFIX = ".workspace"
 DOCUMENT, SAMPLES, MARKS = "workspace.json", "samples.parquet", "marks.npy"
@@ -40,17 +50,20 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
         raise WorkspaceError(f"{path}: a workspace file ends in {SUFFIX}")
     document = {
         "format": "lutforge-workspace",
-        "version": 1,
+        "version": 2,
         "filters": vars(workspace.filters),
         "groups": [{"name": name, "active": group.active} for name, group in workspace.groups.items()],
         "models": list(workspace.models),
         "model": workspace.model,
         "options": workspace.options.as_json(),
+        "out": sorted(workspace.out),
+        "unticked": sorted(workspace.unticked),
+        "own_stages": workspace.own_stages,
     }
     # A column for the marks of the hand, one for each group, and one for the rows that each model was fitted to.
     every = np.ones(len(workspace.samples), dtype=np.bool_)
     masks = [group.rows for group in workspace.groups.values()]
-    masks += [every if model.rows is None else model.rows for model in workspace.models.values()]
+    masks += [every if model.task is None else model.task.rows for model in workspace.models.values()]
     marks = np.stack([workspace.hand, *(mask.astype(np.int8) for mask in masks)], axis=1)
     with (
         scratch_folder() as folder,
@@ -79,13 +92,16 @@ def open_workspace(path: str | Path) -> Workspace:
             str(entry["name"])[:60]: Group(marks[:, index] != 0, bool(entry["active"]))
             for index, entry in enumerate(document["groups"], start=1)
         }
-        models = {
-            name: replace(evaluate_on(profile, name, samples), rows=marks[:, index] != 0)
-            for index, (name, profile) in enumerate(profiles.items(), start=1 + len(groups))
-        }
+        models: dict[str, FittedModel] = {}
+        for index, (name, profile) in enumerate(profiles.items(), start=1 + len(groups)):
+            stages = models.get("matrix") if document["own_stages"] and name != "matrix" else None
+            task = FitTask(name, marks[:, index] != 0, options_from_json(profile.options), stages)
+            models[name] = replace(evaluate_on(profile, name, samples), task=task)
         return Workspace(
             samples, filters=Filters(**document["filters"]), hand=marks[:, 0], groups=groups, models=models,
             model=str(document["model"]), options=options_from_json(document["options"]),
+            out=frozenset(map(str, document["out"])), own_stages=bool(document["own_stages"]),
+            unticked=frozenset((str(one), str(other)) for one, other in document["unticked"]),
         )  # fmt: skip
 
 
@@ -95,8 +111,8 @@ def _document(archive: zipfile.ZipFile) -> dict[str, Any]:
     document = json.loads(archive.read(DOCUMENT))
     if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
         raise WorkspaceError("not a LutForge workspace")
-    if document.get("version") != 1:
-        raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 1")
+    if document.get("version") != 2:
+        raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 2")
     if len(document["groups"]) > MOST_GROUPS or not set(document["models"]) <= set(MODELS):
         raise WorkspaceError("it names models or groups that no workspace has")
     return document
@@ -119,11 +135,12 @@ def _marks(marks: NDArray[Any], document: dict[str, Any]) -> NDArray[np.int8]:
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """What was opened. workspace: None where it was profiles alone; files: by shot its RAW file; notes: a line each."""
+    """What was opened. workspace: None where it was profiles alone; files: by shot its RAW file; accounts: of shots."""
 
     workspace: Workspace | None
     profile: CameraProfile | None = None
-    notes: tuple[str, ...] = ()
+    accounts: tuple[ShotSamples, ...] = ()
+    left_out: tuple[str, ...] = ()
     files: Mapping[str, Path] = field(default_factory=dict)
 
 
@@ -148,8 +165,7 @@ def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
     workspace = Workspace(sampled.samples, find_pairs(sampled.samples))
     if profile is not None:
         workspace = with_profile(workspace, profile)
-    notes = (*(account.summary for account in sampled.shots), *sampled.left_out)
-    return Opened(workspace, profile, notes, sampled.files)
+    return Opened(workspace, profile, sampled.shots, sampled.left_out, sampled.files)
 
 
 def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:

@@ -1,6 +1,7 @@
-"""The studio as a visitor uses it, in headless Chromium: from samples to exports that equal the command line's.
+"""The studio as a visitor uses it, in headless Chromium: from shots to exports that equal the command line's.
 
-With LUTFORGE_SCREENSHOTS=DIR the pictures of the README are written to DIR: studio_data.png and so on.
+With LUTFORGE_SCREENSHOTS=DIR the pictures of the guide are written to DIR: studio_samples.png and so on, and each step
+in three sizes and both themes.
 """
 
 import os
@@ -12,7 +13,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlparse
 
@@ -22,10 +22,13 @@ from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 pytest.importorskip("playwright.sync_api", reason="playwright drives the browser: pip install playwright")
+from platformdirs import user_cache_path
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
+from lutforge.simulate.demo import demo_shots
+from lutforge.studio.session import STEPS
 from lutforge.studio.workspace import Filters, Workspace
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -34,6 +37,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is install
 MOST_MS = 300_000  # a config of two weak styles is fitted for a minute and a half where nothing else runs
 SCREENSHOTS = os.environ.get("LUTFORGE_SCREENSHOTS")
 SIZE = 17 if SCREENSHOTS else 9
+SIZES = ((1280, 720), (1920, 1080), (3840, 2160))
 HOSTILE = "<script>document.title='broken'</script>"
 
 
@@ -77,10 +81,16 @@ def url(folder: Path) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     with sync_playwright() as playwright:
-        options = ["--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu"]
+        options = ["--no-sandbox", "--disable-dev-shm-usage", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=options)
         yield browser
         browser.close()
+
+
+_SET = """(input, value) => {
+  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
+  for (const name of ["input", "change"]) input.dispatchEvent(new Event(name, { bubbles: true }));
+}"""
 
 
 class Visit:
@@ -93,13 +103,17 @@ class Visit:
         self.page.on("console", lambda message: self.errors.append(message.text) if message.type == "error" else None)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(url)
-        self.reads("Open a sample table")
+        self.reads("Drop RAW files with their JPEGs here")
 
-    def view(self, name: str) -> None:
-        self.page.get_by_role("button", name=name, exact=True).click()
+    def step(self, name: str) -> None:
+        self.page.get_by_role("tab", name=re.compile("^" + name)).click()
+        expect(self.page.locator("b", has_text=f"{name}.")).to_be_visible()
 
     def press(self, name: str) -> None:
         self.page.get_by_role("button", name=name, exact=True).click()
+
+    def fold(self, name: str) -> None:
+        self.page.get_by_role("button", name=name).first.click()
 
     def write(self, label: str, text: str) -> None:
         box = self.page.get_by_label(label, exact=True)
@@ -107,17 +121,19 @@ class Visit:
         box.press("Enter")
 
     def slide(self, label: str, value: float) -> None:
-        self.page.get_by_label(re.compile("^" + re.escape(label))).fill(f"{value:g}")
+        slider = self.page.get_by_role("slider", name=re.compile("^" + re.escape(label)))
+        slider.evaluate(_SET, f"{value:g}")
 
     def choose(self, label: str, option: str) -> None:
-        self.page.get_by_label(label, exact=True).select_option(option)
+        self.page.get_by_label(label, exact=True).first.click()
+        self.page.locator(".MuiMenuItem-root").filter(has_text=re.compile(f"^{re.escape(option)}$")).click()
 
     def reads(self, text: str) -> None:
         expect(self.page.get_by_text(text).first).to_be_visible(timeout=MOST_MS)
 
     def open(self, path: str, then: str) -> None:
         self.write("or its path", path)
-        self.press("Open")
+        self.press("Sample")
         self.reads(then)
 
     def picture(self, name: str) -> None:
@@ -159,11 +175,62 @@ def expected(samples: SampleSet, filters: Filters) -> str:
 
 
 @pytest.mark.slow
-def test_from_samples_to_exports(visit: Visit, folder: Path) -> None:
+def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
+    """No path is typed, and no file dialog opened: shots, samples, model, look, kit; as the command line makes it."""
+    demo_shots(folder / "shots", lambda name: None)
+    visit.press("List again")
+    visit.choose("Folder or file", "shots")
+    visit.press("Sample")
+    visit.reads("samples of 15 shots")
+    cards = visit.page.locator(".grid button")
+    assert cards.count() == 15 and cards.first.locator("img").count() == 2
+    visit.picture("shots")
+    visit.choose("Shown", "tiles")
+    visit.reads("colour already covered")
+    cards.nth(5).click()
+    visit.reads("1 shots left out")
+    cards.nth(5).click()
+    visit.reads("all shots take part")
+    visit.step("Model")
+    visit.fold("Options")
+    visit.slide("Nodes per axis", 9)
+    visit.press("Compute")
+    visit.reads("Lattice: fitted to")
+    visit.step("Look")
+    visit.choose("Photograph in the folders", "shots/LF0015-vivid-cloudy-still-life.JPG")
+    visit.press("Show")
+    visit.reads("taken as vivid/cloudy, as its metadata say")
+    visit.choose("Wanted: style", "standard")
+    visit.choose("Wanted: white balance", "daylight")
+    visit.reads("From vivid/cloudy to standard/daylight")
+    visit.picture("look")
+    visit.step("Export")
+    visit.write("Name of the files", "mine")
+    visit.press("Save profile")
+    visit.reads("profile: written")
+    visit.choose("Program of the kit", "rawtherapee")
+    visit.press("Write kit")
+    visit.reads("read README.md first")
+    visit.press("Bake LUT")
+    visit.reads("read back, against the model")
+    visit.picture("export")
+    command_line("calibrate", "mine.parquet", "--size", "9", "-o", "theirs.npz", folder=folder)
+    assert (folder / "mine.npz").read_bytes() == (folder / "theirs.npz").read_bytes()
+    kit = ["--to", "standard/daylight", "--for", "rawtherapee", "-o", "their_kit"]
+    command_line("kit", "mine.npz", *kit, folder=folder)
+    made = sorted(path.name for path in (folder / "mine_rawtherapee_kit").iterdir())
+    assert made == sorted(path.name for path in (folder / "their_kit").iterdir()) and "README.md" in made
+    for name in made:
+        assert (folder / "mine_rawtherapee_kit" / name).read_bytes() == (folder / "their_kit" / name).read_bytes()
+
+
+@pytest.mark.slow
+def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: Path) -> None:
     samples = read_samples(folder / "samples.csv")
-    visit.choose("File in the folders", "samples.csv")
-    visit.press("Open")
+    visit.choose("Folder or file", "samples.csv")
+    visit.press("Sample")
     visit.reads(f"samples.csv: {len(samples):,} samples of 18 shots")
+    visit.step("Samples")
     visit.reads(expected(samples, Filters()))
 
     # Filter, undo, redo; lasso all points of the second plot; mark by hand what rows name.
@@ -173,77 +240,81 @@ def test_from_samples_to_exports(visit: Visit, folder: Path) -> None:
     visit.reads(expected(samples, Filters()))
     visit.press("Redo")
     visit.reads(expected(samples, Filters(saturation=0.4)))
-    visit.lasso(1, [(0.108, 0.095), (0.935, 0.095), (0.935, 0.845), (0.108, 0.845)])
+    visit.lasso(1, [(0.13, 0.13), (0.9, 0.13), (0.9, 0.77), (0.13, 0.77)])
     visit.reads(f"{len(samples):,} selected")
     visit.write("Select row, shot or patch", "0-5")
     visit.reads("6 selected")
-    visit.press("Mark outliers")
+    visit.press("Outliers")
     visit.reads("6 samples marked as outliers")
     visit.write("Outlier group", "by hand")
     visit.press("Save group")
     visit.reads("outlier group by hand: 6 samples, in effect")
+    visit.picture("samples")
 
-    visit.view("Models")
+    visit.step("Model")
+    visit.fold("Options")
     visit.slide("Nodes per axis", SIZE)
-    for model in ("Response only", "Matrix and white balance", "Gamut map", "Lattice"):
+    for model in ("Response, matrix and white balance", "Lattice"):
         visit.choose("Model", model)
         visit.press("Compute")
         visit.reads(f"{model}: fitted to")
-        if model == "Gamut map":
-            visit.picture("models")
+    visit.reads("It stands on the response, matrix and white balances that were fitted.")
     visit.reads("Matrix: white-balanced camera RGB → linear sRGB")
-    visit.view("Maps")
+    visit.picture("model")
+    for view, words in (("Gamut map", "Luminance Y of the slices"), ("Comparison", "Compare on shots left out")):
+        visit.press(view)
+        visit.reads(words)
+    visit.press("Lattice")
     visit.reads("Colours to shoot next")
-    visit.picture("maps")
+    visit.picture("lattice")
 
-    visit.view("Preview")
-    visit.write("or its path", "picture.jpg")
+    visit.step("Look")
+    visit.choose("Photograph in the folders", "picture.jpg")
     visit.press("Show")
-    visit.choose("Taken as", "standard/tungsten")
-    visit.choose("Wanted style", "vivid")
-    visit.choose("Wanted white balance", "daylight")
+    visit.reads("picture.jpg does not tell how it was taken")
+    visit.choose("Taken as: white balance", "tungsten")
+    visit.choose("Wanted: style", "vivid")
+    visit.choose("Wanted: white balance", "daylight")
     visit.slide("Exposure", 0.8)
-    after = visit.page.get_by_alt_text("after: the photograph with the target settings")
-    expect(after).to_have_attribute("src", re.compile("^data:image/jpeg"))
-    before_overlay = after.get_attribute("src")
-    visit.choose("Clipping", "marked orange and violet")
-    expect(after).not_to_have_attribute("src", before_overlay or "")
-    visit.reads("clipped to white")
-    visit.choose("Clipping", "as it is")
-    visit.picture("preview")
+    visit.reads("From standard/tungsten to vivid/daylight, +0.8 EV.")
 
-    visit.view("Export")
-    visit.write("Name of the files", "mine")
+    visit.step("Export")
+    visit.write("Name of the files", "filtered")
     for button, news in (
-        ("Save samples in the fit", "as the model in use was fitted to"),
-        ("Save profile", "profile of Simulated"),
-        ("Save workspace", "the whole workspace"),
-        ("Bake LUT", "bake: written"),
+        ("Save profile", "profile: written"),
+        ("Bake LUT", "LUT, refinish: written"),
         ("Write config", "config: written"),
+        ("Save workspace", "workspace: written"),
     ):
         visit.press(button)
         visit.reads(news)
-    visit.picture("export")
-    command_line("calibrate", "mine.parquet", "--size", str(SIZE), "-o", "theirs.npz", folder=folder)
+    inliers = ["--inliers", "filtered_inliers.parquet"]
+    command_line(
+        "calibrate", "filtered.parquet", *inliers, "--size", str(SIZE), "-o", "filtered2.npz", folder=folder
+    )  # fmt: skip
+    assert (folder / "filtered.npz").read_bytes() == (folder / "filtered2.npz").read_bytes()
     setting = ["--from", "standard/tungsten", "--to", "vivid/daylight", "--ev", "0.8"]
-    command_line("bake", "theirs.npz", "refinish", "-o", "theirs.clf", *setting, folder=folder)
-    assert len(read_samples(folder / "mine.parquet")) == len(samples) - 6
-    assert (folder / "mine.npz").read_bytes() == (folder / "theirs.npz").read_bytes()
-    assert (folder / "mine_refinish.clf").read_bytes() == (folder / "theirs.clf").read_bytes()
+    command_line("bake", "filtered2.npz", "refinish", "-o", "filtered2.clf", *setting, folder=folder)
+    assert (folder / "filtered_refinish.clf").read_bytes() == (folder / "filtered2.clf").read_bytes()
+    assert len(read_samples(folder / "filtered.parquet")) == len(samples) - 6
 
-    visit.view("Data & outliers")
-    visit.choose("Left plot", "Transformed RAW against sRGB")
-    visit.choose("Right plot", "Linearization")
-    visit.open("mine.workspace", f"mine.workspace: {len(samples):,} samples of 18 shots")
-    kept = replace(Filters(), saturation=0.4)
-    marked = Workspace(samples, filters=kept).outliers | (samples.patch == "none")
-    marked[:6] = True
-    visit.reads(f"{int((~marked).sum()):,} of {len(samples):,} samples are inliers")
-    visit.choose("Left plot", "sRGB BTF")
-    visit.choose("Right plot", "sRGB against RAW")
-    visit.write("Select row, shot or patch", "30-44")
-    visit.reads("15 selected")
-    visit.picture("data")
+    visit.step("Samples")
+    visit.slide("Saturation limit", 0.5)
+    expect(visit.page.get_by_role("tab", name="Model: stale")).to_be_visible()
+    expect(visit.page.get_by_role("tab", name="Export: stale")).to_be_visible()
+    visit.step("Shots")
+    visit.open("filtered.workspace", f"filtered.workspace: {len(samples):,} samples of 18 shots")
+    expect(visit.page.get_by_role("tab", name="Model: done")).to_be_visible()
+
+
+@pytest.mark.slow
+def test_dropped_files_are_sampled(visit: Visit, folder: Path) -> None:
+    if not (folder / "shots").is_dir():
+        demo_shots(folder / "shots", lambda name: None)
+    files = sorted((folder / "shots").glob("LF0001*"))
+    visit.page.locator("input[type=file]").set_input_files(files)
+    visit.reads("samples of 1 shots")
+    assert visit.page.locator(".grid button").count() == 1
 
 
 @pytest.mark.slow
@@ -253,16 +324,17 @@ def test_files_and_paths_that_do_harm(visit: Visit, folder: Path) -> None:
     visit.open("wide.csv", "wide.csv: line 1: no header")
     visit.open("nan.csv", "nan.csv: line 3:")
     visit.open("hostile.csv", "hostile.csv: 162 samples of 18 shots")
+    visit.step("Samples")
     visit.write("Outlier group", HOSTILE)
     visit.write("Select row, shot or patch", "3")
     visit.press("Save group")
     visit.reads(f"outlier group {HOSTILE}: 1 samples")
     visit.reads(f"shot {HOSTILE}")
-    visit.view("Models")
-    visit.choose("Model", "Matrix and white balance")
+    visit.step("Model")
+    visit.choose("Model", "Response, matrix and white balance")
     visit.press("Compute")
-    visit.reads("Matrix and white balance: fitted to")
-    visit.view("Export")
+    visit.reads("Response, matrix and white balance: fitted to")
+    visit.step("Export")
     visit.write("Name of the files", "../../tmp/outside")
     visit.press("Save profile")
     visit.reads("outside the folders of this studio")
@@ -276,14 +348,15 @@ def test_two_visitors_do_not_mix_and_a_fit_can_be_cancelled(browser: Browser, ur
     other = Visit(context, url)
     visit.open("samples.csv", "samples.csv: 810 samples" if not SCREENSHOTS else "samples.csv: 1,080 samples")
     other.open("hostile.csv", "hostile.csv: 162 samples")
-    visit.view("Models")
+    visit.step("Model")
     visit.choose("Model", "Gamut map")
     visit.press("Compute")
     # While one fits, the other, and the fitting page itself, go on.
+    other.step("Samples")
     other.slide("Saturation limit", 0.5)
     other.reads("of 162 samples are inliers")
-    visit.view("Export")
-    visit.reads("Each export is a command")
+    visit.step("Export")
+    visit.reads("Name the files")
     visit.press("Cancel")
     visit.reads("Gamut map: cancelled")
     expect(other.page.get_by_text("cancelled")).to_have_count(0)
@@ -291,31 +364,96 @@ def test_two_visitors_do_not_mix_and_a_fit_can_be_cancelled(browser: Browser, ur
     context.close()
 
 
-NAMES_AND_PLACES = """controls => controls.map(e => [
-  (e.innerText || "") + [...(e.labels || [])].map(label => label.innerText).join("")
-    + (e.getAttribute("aria-label") || "") + (e.title || ""),
+NAMES_AND_PLACES = """controls => controls.filter(e => e.checkVisibility({visibilityProperty: true})).map(e => [
+  (e.innerText || "") + [...(e.labels || [])].map(label => label.innerText).join("") + (e.title || "")
+    + (e.getAttribute("aria-label") || "") + (e.getAttribute("aria-labelledby") || ""),
   e.tabIndex,
   e.outerHTML,
 ])"""
 
 
+@pytest.mark.slow
 def test_every_control_is_labelled_and_reached_by_the_keyboard(visit: Visit) -> None:
-    for view, text in (
-        ("Data & outliers", "Residual distance"),
-        ("Models", "Nodes per axis"),
-        ("Maps", "Luminance Y"),
-        ("Preview", "Wanted style"),
-        ("Export", "Name of the files"),
-    ):
-        tab = visit.page.get_by_role("button", name=view, exact=True)
-        tab.focus()
-        tab.press("Enter")
-        visit.reads(text)
+    visit.open("hostile.csv", "hostile.csv: 162 samples")
+    tab = visit.page.get_by_role("tab", name=re.compile("^Shots"))
+    tab.focus()
+    for step in STEPS[1:]:
+        visit.page.keyboard.press("ArrowRight")
+        visit.page.keyboard.press("Enter")
+        expect(visit.page.locator("b", has_text=f"{step}.")).to_be_visible()
         for role in ("textbox", "combobox", "slider", "checkbox", "button"):
             controls = visit.page.get_by_role(role).evaluate_all(NAMES_AND_PLACES)
-            assert [html for name, place, html in controls if not name.strip() or place < 0] == [], (view, role)
+            assert [html for name, place, html in controls if not name.strip() or place < 0] == [], (step, role)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}")
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_every_step_fills_the_window_and_nothing_more(
+    browser: Browser, url: str, size: tuple[int, int], theme: str
+) -> None:
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]})
+    visit = Visit(context, url)
+    if theme == "light":
+        visit.page.locator("header button").last.click()
+    visit.open("samples.csv", "samples.csv: ")
+    for step in STEPS:
+        visit.step(step)
+        visit.page.wait_for_timeout(300)
         inside = visit.page.evaluate("[document.documentElement.scrollWidth, document.documentElement.scrollHeight]")
-        assert inside[0] <= 1280 and inside[1] <= 720, (view, inside)
+        assert inside[0] <= size[0] and inside[1] <= size[1], (step, inside)
+        for place in visit.page.locator(".bk-Figure").all():
+            box = place.bounding_box()
+            assert box is not None and box["width"] >= 150 and box["height"] >= 130, (step, box)
+            assert box["x"] + box["width"] <= size[0] + 1 and box["y"] + box["height"] <= size[1] + 1, (step, box)
+        visit.picture(f"{step.lower()}_{size[0]}_{theme}")
+    assert visit.errors == []
+    context.close()
+
+
+@pytest.fixture(scope="module")
+def axe() -> str:
+    """The source of axe-core, of the npm registry; kept in the user's cache."""
+    home = user_cache_path("lutforge") / "axe"
+    script = home / "node_modules" / "axe-core" / "axe.min.js"
+    if not script.is_file():
+        if shutil.which("npm") is None:
+            pytest.skip("axe-core needs npm")
+        install = ["npm", "install", "--prefix", str(home), "--no-audit", "--no-fund", "axe-core@4"]
+        done = subprocess.run(install, capture_output=True, text=True, timeout=120, check=False)
+        if done.returncode:
+            pytest.skip("axe-core cannot be fetched here")
+    return script.read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_axe_finds_no_serious_fault(visit: Visit, axe: str, theme: str) -> None:
+    if theme == "light":
+        visit.page.locator("header button").last.click()
+    visit.open("samples.csv", "samples.csv: ")
+    visit.page.evaluate(axe)
+    for step in STEPS:
+        visit.step(step)
+        visit.page.wait_for_timeout(500)
+        found = visit.page.evaluate("axe.run()")["violations"]
+        serious = [
+            (fault["id"], [node["html"][:160] for node in fault["nodes"]][:4])
+            for fault in found
+            if fault["impact"] in ("serious", "critical")
+        ]
+        assert serious == [], (step, theme)
+
+
+@pytest.mark.slow
+def test_something_is_painted_at_once(browser: Browser, url: str) -> None:
+    paints = []
+    for _ in range(3):
+        context = browser.new_context()
+        visit = Visit(context, url)
+        paints.append(visit.page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime"))
+        context.close()
+    assert min(paints) < 1500
 
 
 @pytest.mark.parametrize("host", ["", "evil.example"], ids=["by its address", "by a name that resolves to it"])

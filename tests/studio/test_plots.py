@@ -1,14 +1,15 @@
 """What the plots show is what the samples and the models say; what is drawn is thinned, what is picked is not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.studio.shots_for_the_studio import chart_samples
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.colour.srgb import srgb_decode
 from lutforge.samples.sample_set import SampleSet
-from lutforge.studio.data_view import find_rows
 from lutforge.studio.fits import fit_model
 from lutforge.studio.plots import (
     COLOURS,
@@ -23,7 +24,8 @@ from lutforge.studio.plots import (
     rows_at,
     tristimulus,
 )
-from lutforge.studio.thumbnails import shot_picture
+from lutforge.studio.samples_page import find_rows
+from lutforge.studio.shot_pictures import cards, swatches
 from lutforge.studio.workspace import Workspace, WorkspaceError
 from lutforge.studio.workspace_file import find_pairs
 
@@ -38,8 +40,7 @@ def silent(what: str, share: float) -> None:
 def workspace() -> Workspace:
     samples = chart_samples(patches=45)
     fresh = Workspace(samples, find_pairs(samples))
-    rows = fresh.fitting_rows("matrix")
-    return fresh.with_model("matrix", fit_model("matrix", samples, rows, CalibrationOptions(), None, silent))
+    return fresh.with_model("matrix", fit_model(fresh.task("matrix"), samples, silent))
 
 
 def test_pairs_show_one_patch_at_two_exposures(workspace: Workspace) -> None:
@@ -112,7 +113,7 @@ def test_a_point_of_a_pair_selects_both_samples(workspace: Workspace) -> None:
 
 
 def test_colours_lie_where_cie_says() -> None:
-    encoded = np.array([[1.0, 1, 1], [1, 0, 0], [0, 0, 0]])
+    encoded = srgb_decode(np.array([[1.0, 1, 1], [1, 0, 0], [0, 0, 0]]))
     xy = chromaticities(encoded)
     assert np.allclose(xy, [[0.3127, 0.3290], [0.64, 0.33], [0.3127, 0.3290]], atol=2e-4)
     assert np.allclose(tristimulus(encoded)[0], [0.9505, 1.0, 1.089], atol=2e-3)
@@ -129,9 +130,19 @@ def test_rows_are_found_by_number_and_name(workspace: Workspace) -> None:
             find_rows(samples, words)
 
 
-def test_names_in_a_picture_of_a_shot_are_text(workspace: Workspace) -> None:
+def test_a_shot_without_files_shows_the_colours_of_its_samples(workspace: Workspace) -> None:
     samples: SampleSet = chart_samples(patches=9, names=(HOSTILE, HOSTILE))
-    shot = str(samples.shot[0])
-    html = shot_picture(samples, samples.shot == shot, shot, {})
-    assert "<script" not in html and "&lt;script&gt;" in html
-    assert html.count("stroke-width='2'") == 9
+    (card, *others) = cards(samples, {}, None, "JPEG and RAW")
+    assert len(others) == 17 and card["name"].startswith(HOSTILE)  # the page sets it as text
+    assert card["facts"][0].startswith("standard/cloudy") or card["facts"][0].startswith("standard/daylight")
+    picture = swatches(samples.srgb[:9])
+    assert np.array_equal(picture.reshape(-1, 3)[:9], np.rint(255 * samples.srgb[:9]).astype(np.uint8))
+
+
+def test_unticked_pairs_are_not_drawn(workspace: Workspace) -> None:
+    assert workspace.pairs is not None
+    names = [name for name in workspace.pairs.shots if name.startswith("shot standard")]
+    fewer = replace(workspace, unticked=frozenset((one, other) for one in names for other in names))
+    all_points, shown = points(workspace, "srgb_btf", 1), points(fewer, "srgb_btf", 1)
+    assert 0 < len(shown) < len(all_points)
+    assert (fewer.samples.style[shown.row] == "vivid").all()

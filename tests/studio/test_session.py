@@ -11,29 +11,38 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from tests.studio.job_functions import broken, doubled, endless, killed, wrong
 from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
+from bokeh.events import SelectionGeometry
+
 from lutforge.apply.batch import apply_batch
+from lutforge.apply.blocks import grade_codes
 from lutforge.apply.candidates import read_small
 from lutforge.apply.profile_recipe import ProfileRecipe
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.cli.main import app
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
+from lutforge.settings import Selector
+from lutforge.shots.picture_settings import software_tag
 from lutforge.studio.export import Export, run, wanted_lut
-from lutforge.studio.export_view import ExportView
+from lutforge.studio.export_page import ExportPage
+from lutforge.studio.fits import evaluate_on
 from lutforge.studio.folders import FolderError, Folders
 from lutforge.studio.jobs import Job
-from lutforge.studio.preview_view import Preview, PreviewView
+from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
+from lutforge.studio.page import Page
 from lutforge.studio.server import origins
-from lutforge.studio.session import Session
-from lutforge.studio.workspace import WorkspaceError
+from lutforge.studio.session import STEPS, Look
+from lutforge.studio.workspace import History, Workspace, WorkspaceError
+from lutforge.studio.workspace_file import with_profile
 
 
 def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
@@ -88,7 +97,14 @@ def profile() -> CameraProfile:
     return calibrate(chart_samples(patches=45), CalibrationOptions(size=9))
 
 
-def test_the_preview_is_what_apply_makes(profile: CameraProfile, tmp_path: Path) -> None:
+def opened(folder: Path, profile: CameraProfile | None = None) -> Page:
+    """The page of a visit with a folder and a profile, without a browser."""
+    page = Page(Folders.of([folder]), ())
+    page.session.loaded_profile = profile
+    return page
+
+
+def test_what_the_look_shows_is_what_apply_makes(profile: CameraProfile, tmp_path: Path) -> None:
     photograph(tmp_path / "picture.png", 120, 180)
     pixels = read_small(tmp_path / "picture.png", 2_100_000)
     assert pixels.shape == (120, 180, 3) and pixels.dtype == np.float32
@@ -96,36 +112,73 @@ def test_the_preview_is_what_apply_makes(profile: CameraProfile, tmp_path: Path)
     write_image(tmp_path / "burnt.png", pixels, read_image(tmp_path / "picture.png"))
     profile.save(tmp_path / "camera.npz")
     for ev in (-0.7, 0.0, 0.7):
-        shown = Preview(profile, read_small(tmp_path / "burnt.png", 2_100_000)).show(
-            "standard/tungsten", "vivid/4500K+5", ev
-        )
+        lut = look_lut(profile, Look("standard/tungsten", "vivid/4500K+5", ev))
+        assert lut is not None
         recipe = ProfileRecipe((tmp_path / "camera.npz",), "standard/tungsten", "vivid/4500K+5", ev)
         apply_batch(recipe, [tmp_path / "burnt.png"], tmp_path / "out")
-        applied = np.rint(read_image(tmp_path / "out" / "burnt.png").pixels * 255)
-        assert np.abs(shown.pixels - applied).max() <= 1
-        assert np.ptp(shown.pixels[0, 0].astype(int)) <= 12  # white stays white
-    assert shown.histogram.sum(axis=0) == pytest.approx([1, 1, 1])
-    marked = Preview(profile, pixels).show("standard/tungsten", "standard/daylight", ev=3.0, overlay=True)
-    assert marked.clipped[0] > 0.05
-    assert (marked.pixels == (230, 97, 1)).all(axis=2).mean() == pytest.approx(marked.clipped[0], abs=0.02)
+        canvas = np.dstack([np.rint(pixels * 255), np.full((120, 180), 255)]).astype(np.uint8)
+        grade_codes(lut.processor(codes=True), canvas, None)
+        assert np.array_equal(canvas[..., :3], np.rint(read_image(tmp_path / "out" / "burnt.png").pixels * 255))
+        assert np.ptp(canvas[0, 0, :3].astype(int)) <= 12  # white stays white
+    assert look_lut(profile, Look("standard/daylight", "standard/daylight")) is None
 
 
-def test_a_camera_without_raw_has_a_preview() -> None:
-    samples = chart_samples(patches=120)
+def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp_path: Path) -> None:
+    """As apply reads them, not the first setting of the list; a picture that tells nothing asks."""
+    for name, make in (("tells.jpg", "Simulated"), ("silent.jpg", "")):
+        photograph(tmp_path / name, 60, 90)
+        if make:
+            exif = Image.Exif()
+            exif[0x010F], exif[0x0110], exif[0x0131] = make, make, software_tag(make, "vivid/tungsten")
+            Image.open(tmp_path / name).save(tmp_path / name, exif=exif)
+    page = opened(tmp_path, profile)
+    page.show("Look")
+    look = page.pages["Look"]
+    look.path.value = "tells.jpg"
+    look._open()
+    assert "taken as vivid/tungsten" in page.session.status.object
+    look.wanted.style.value, look.wanted.balance.value = "standard", "daylight"
+    assert page.session.look == Look("vivid/tungsten", "standard/daylight")
+    look.path.value = "silent.jpg"
+    look._open()
+    assert "does not tell how it was taken" in page.session.status.object
+
+
+def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfile) -> None:
+    control = SettingControl("Wanted")
+    control.offer(profile)
+    taken = Selector("vivid", "tungsten")
+    for balance, expected in (
+        ("cloudy", "standard/cloudy"), (AS_SHOT, "standard/tungsten"), (BY_TEMPERATURE, "standard/4300K"),
+        (BY_MULTIPLIERS, "standard/2.1,1,1.4"),
+    ):  # fmt: skip
+        control.balance.value, control.kelvin.value, control.multipliers.value = balance, 4300, "2.1,1,1.4"
+        assert control.text(taken) == expected
+        profile.selector(control.text(taken))
+    control.balance.value, control.tint.value = "daylight", 5
+    assert control.text(None) == "standard/daylight+5"
+    control.balance.value = AS_SHOT
+    with pytest.raises(WorkspaceError, match="choose one"):
+        control.text(None)
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_a_profile_without_raw_works_in_every_step(step: str, tmp_path: Path) -> None:
+    samples = chart_samples(patches=45)
     reference = replace(samples, raw_camera=np.full(len(samples), "Reference"), wb=np.full((len(samples), 3), np.nan))
-    profile = calibrate(reference, CalibrationOptions())
-    pixels = np.random.default_rng(3).uniform(0.2, 0.8, (8, 8, 3)).astype(np.float32)
-    balances = list(profile.white_balances)
-    shown = Preview(profile, pixels).show(f"standard/{balances[0]}", f"standard/{balances[1]}", 0.3)
-    exact = profile.refinish(f"standard/{balances[0]}", f"standard/{balances[1]}", 0.3)(pixels)
-    assert np.abs(shown.pixels / 255 - exact).mean() < 0.01
+    page = opened(tmp_path, calibrate(reference, CalibrationOptions(physical=PhysicalOptions(centres=60))))
+    workspace = with_profile(Workspace(reference), page.session.profile)
+    for history in (None, History(workspace)):
+        page.session.history = history
+        page.show(step)
+    if step == "Look":
+        page.pages["Look"].wanted.style.value = "vivid"
+        assert look_lut(page.session.profile, page.session.look) is not None
+        assert page.session.look.target.startswith("vivid/")
 
 
-@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")
-def test_exports_ask_before_they_replace_a_file(profile: CameraProfile, tmp_path: Path) -> None:
-    session = Session(Folders.of([tmp_path]))
-    session.loaded_profile = profile
-    view = ExportView(session, PreviewView(session))
+def test_a_profile_does_not_replace_a_file_unasked(profile: CameraProfile, tmp_path: Path) -> None:
+    view = ExportPage(opened(tmp_path, profile).session)
     (tmp_path / "camera.npz").write_text("another's")
     view.name.value = "camera"
     with pytest.raises(WorkspaceError, match="press again"):
@@ -136,16 +189,72 @@ def test_exports_ask_before_they_replace_a_file(profile: CameraProfile, tmp_path
     view._save_profile()  # its own file
 
 
-def test_an_export_is_the_command_that_it_tells(profile: CameraProfile, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("command", "suffix"), [("bake", ".clf"), ("kit", "_kit"), ("config", ".ocioz"), ("report", ".html")]
+)
+def test_an_export_is_the_command_that_it_tells(
+    profile: CameraProfile, tmp_path: Path, command: str, suffix: str
+) -> None:
     profile.save(tmp_path / "camera.npz")
-    wanted = wanted_lut("refinish", "standard/tungsten", "vivid/daylight", 0.8)
-    export = Export("bake", tmp_path / "camera.npz", tmp_path / "mine.clf", wanted)
+    target = "vivid/daylight"
+    export = Export(
+        command, tmp_path / "camera.npz", tmp_path / f"mine{suffix}",
+        wanted_lut("refinish", "standard/tungsten", target, 0.8) if command == "bake" else None,
+        target if command == "kit" else "", "rawtherapee" if command == "kit" else "",
+    )  # fmt: skip
     lines = run(export, lambda what, share: None)
-    assert "read back" in lines[0]
-    words = shlex.split(str(export).replace("mine.clf", "theirs.clf"))
+    assert lines and all("\n" not in line for line in lines)
+    assert command != "bake" or "read back, against the model" in lines[0]
+    words = shlex.split(str(export).replace("mine", "theirs"))
     result = CliRunner().invoke(app, words[1:])
     assert result.exit_code == 0, result.output
-    assert (tmp_path / "mine.clf").read_bytes() == (tmp_path / "theirs.clf").read_bytes()
+    mine, theirs = (tmp_path / f"{name}{suffix}" for name in ("mine", "theirs"))
+    for file in sorted(mine.rglob("*")) if mine.is_dir() else [mine]:
+        other = theirs / file.relative_to(mine) if mine.is_dir() else theirs
+        assert file.read_bytes() == other.read_bytes(), file
+
+
+def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path)
+    session = page.session
+    assert [state for state, _ in session.states().values()] == ["to do"] * 5
+    samples = chart_samples(patches=9)
+    session.history = History(Workspace(samples))
+    task = session.workspace.task("lattice")
+    model = replace(evaluate_on(profile, "lattice", samples), task=task)
+    session.change(session.workspace.with_model("lattice", model))
+    assert [state for state, _ in session.states().values()] == ["done", "done", "done", "to do", "to do"]
+    page.show("Look")
+    page.show("Export")
+    page.pages["Export"].name.value = "mine"
+    page.pages["Export"]._save_profile()
+    assert [state for state, _ in session.states().values()] == ["done"] * 5
+    page.show("Look")
+    page.pages["Look"].ev.value = 1.0
+    assert session.states()["Export"][0] == "stale"
+    session.change(replace(session.workspace, out=frozenset({str(samples.shot[0])})))
+    assert [state for state, _ in session.states().values()] == ["done", "done", "stale", "stale", "stale"]
+    assert all(words.endswith(".") for _, words in session.states().values())
+    session.undo()
+    assert session.states()["Model"][0] == "done"
+
+
+def test_a_lasso_over_100000_samples_is_quick(tmp_path: Path) -> None:
+    few = chart_samples(patches=90)
+    many = few.select(np.resize(np.arange(len(few)), 100_000))
+    many = replace(many, patch=np.arange(len(many)).astype(np.str_))
+    page = opened(tmp_path)
+    page.session.history, page.session.selected = History(Workspace(many)), np.zeros(len(many), dtype=np.bool_)
+    page.show("Samples")
+    plot = page.pages["Samples"].right
+    shape = {"type": "poly", "x": [0.0, 0.9, 0.9, 0.0], "y": [0.0, 0.0, 0.95, 0.95]}
+    times = []
+    for _ in range(3):
+        began = time.process_time()
+        plot._geometry(SelectionGeometry(plot.figure, shape, final=True))
+        times.append(time.process_time() - began)
+    assert page.session.selected.sum() > 50_000
+    assert min(times) < 0.3
 
 
 def test_large_photographs_are_averaged_down(tmp_path: Path) -> None:

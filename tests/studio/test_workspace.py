@@ -11,14 +11,13 @@ import pytest
 from tests.studio.shots_for_the_studio import chart_samples
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
-from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.physical_model import fit_stages
+from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.model.profile_file import save_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.studio.fits import before, evaluate_on, fit_model, residuals
+from lutforge.studio.fits import before, evaluate_on, fit_model, held_out_error, residuals
 from lutforge.studio.workspace import Filters, History, Workspace, WorkspaceError
 from lutforge.studio.workspace_file import find_pairs, open_workspace, save_workspace
 
@@ -30,6 +29,12 @@ def silent(what: str, share: float) -> None:
 @pytest.fixture(scope="module")
 def samples() -> SampleSet:
     return chart_samples(patches=45)
+
+
+def fitted(workspace: Workspace, kind: str) -> Workspace:
+    """The workspace with a model of this kind, as a session computes it."""
+    task = workspace.task(kind)
+    return workspace.with_model(kind, replace(fit_model(task, workspace.samples, silent), task=task))
 
 
 def rows_of(workspace: Workspace, *rows: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -62,7 +67,7 @@ def test_the_hand_overrules_the_filters_and_groups(samples: SampleSet) -> None:
 
 def test_saturated_colours_are_kept_from_the_response_alone(samples: SampleSet) -> None:
     workspace = Workspace(samples, filters=Filters(saturation=0.3)).mark(np.arange(len(samples)) == 5, True)
-    assert workspace.fitting_rows("response").sum() == (~workspace.outliers).sum()
+    assert workspace.fitting_rows("matrix").sum() == (~workspace.outliers).sum()
     assert workspace.fitting_rows("lattice").sum() == len(samples) - 1
     assert not workspace.fitting_rows("rbf")[5]
     moved = replace(workspace, filters=Filters(saturation=0.3, brightest=200 / 255))
@@ -71,22 +76,59 @@ def test_saturated_colours_are_kept_from_the_response_alone(samples: SampleSet) 
     assert np.array_equal(~moved.fitting_rows("lattice"), bright | (np.arange(len(samples)) == 5))
 
 
-def test_a_gamut_map_stands_between_the_stages_that_were_fitted(samples: SampleSet) -> None:
-    options = CalibrationOptions()
-    workspace = Workspace(samples, filters=Filters(saturation=0.5))
-    stages = fit_model("matrix", samples, workspace.fitting_rows("matrix"), options, None, silent).profile
-    mapped = fit_model("rbf", samples, workspace.fitting_rows("rbf"), options, stages, silent)
-    assert np.array_equal(mapped.profile.matrix, stages.matrix)
+def test_gamut_map_and_lattice_stand_on_the_stages_that_were_fitted(samples: SampleSet) -> None:
+    """What the filters keep from the response is in no model that builds on it."""
+    options = CalibrationOptions(size=5)
+    workspace = fitted(Workspace(samples, filters=Filters(saturation=0.5), options=options), "matrix")
+    stages = workspace.models["matrix"].profile
+    assert workspace.models["matrix"].task is not None
+    assert workspace.models["matrix"].task.rows.sum() < len(samples)
+    mapped = fitted(workspace, "rbf")
+    np.testing.assert_array_equal(mapped.models["rbf"].profile.matrix, stages.matrix)
     for name, style in stages.styles.items():
-        kept = mapped.profile.styles[name].physical[0]
-        assert np.array_equal(kept.response.inverse, style.physical[0].response.inverse)
-        assert len(kept.gamut_map.centres)
+        kept = mapped.models["rbf"].profile.styles[name].physical[0]
+        np.testing.assert_array_equal(kept.response.inverse, style.physical[0].response.inverse)
+        assert len(kept.gamut_map.centres) > 8
     saturated = workspace.chroma > 0.5
     before, after = (
         np.linalg.norm(model.predicted - samples.srgb, axis=1)[saturated].mean()
-        for model in (evaluate_on(stages, "matrix", samples), mapped)
+        for model in (workspace.models["matrix"], mapped.models["rbf"])
     )
     assert after < 0.5 * before
+    lattice, alone = fitted(workspace, "lattice"), fitted(replace(workspace, own_stages=False), "lattice")
+    np.testing.assert_array_equal(lattice.models["lattice"].profile.matrix, stages.matrix)
+    assert not np.array_equal(alone.models["lattice"].profile.matrix, stages.matrix)
+
+
+def test_what_changes_upstream_makes_models_stale(samples: SampleSet) -> None:
+    workspace = fitted(
+        fitted(Workspace(samples, find_pairs(samples), options=CalibrationOptions(size=5)), "matrix"), "lattice"
+    )
+    assert not workspace.is_stale("matrix") and not workspace.is_stale("lattice")
+    marked = workspace.mark(rows_of(workspace, 3), True)
+    assert marked.is_stale("matrix") and marked.is_stale("lattice")
+    assert not marked.unmark(rows_of(workspace, 3)).is_stale("lattice")
+    out = replace(workspace, out=frozenset({str(samples.shot[0])}))
+    assert out.is_stale("lattice") and not out.fitting_rows("lattice")[samples.shot == samples.shot[0]].any()
+    assert replace(workspace, options=CalibrationOptions(size=7)).is_stale("lattice")
+    filtered = replace(workspace, filters=Filters(saturation=0.4))  # the lattice itself takes saturated colours
+    assert filtered.is_stale("matrix") and filtered.is_stale("lattice")
+    again = fitted(filtered, "matrix")
+    assert not again.is_stale("matrix") and again.is_stale("lattice")
+    assert not fitted(again, "lattice").is_stale("lattice")
+
+
+def test_samples_of_no_ticked_pair_do_not_tell_the_response(samples: SampleSet) -> None:
+    workspace = Workspace(samples, find_pairs(samples))
+    assert workspace.pairs is not None
+    shots = [name for name in workspace.pairs.shots if name.startswith("shot standard daylight")]
+    everything = frozenset((one, other) for one in shots for other in shots)
+    unticked = replace(workspace, unticked=everything)
+    mine = np.isin(samples.shot, shots)
+    assert unticked.outliers[mine].all() and not unticked.removed.any()
+    assert np.array_equal(unticked.fitting_rows("lattice"), workspace.fitting_rows("lattice"))
+    one = replace(workspace, unticked=frozenset({(shots[0], shots[1])}))
+    assert one.task("matrix").options.physical == PhysicalOptions(without_pairs=((shots[0], shots[1]),))
 
 
 def test_figures_are_those_of_the_profile_itself() -> None:
@@ -120,54 +162,42 @@ def test_filters_refuse_limits_that_mean_nothing(wrong: dict[str, float]) -> Non
 
 
 def test_models_tell_the_camera_ever_better(samples: SampleSet) -> None:
-    workspace = Workspace(samples, filters=Filters(saturation=0.6))
     options = CalibrationOptions(size=9)
-    start = before(samples)
-    assert start is not None
+    workspace = replace(Workspace(samples, filters=Filters(saturation=0.6), options=options), own_stages=False)
     everything = ~workspace.outliers
-    errors = [residuals(start, "before", samples, everything)]
-    for kind in ("response", "matrix", "lattice"):
-        fitted = fit_model(kind, samples, workspace.fitting_rows(kind), options, None, silent)
-        errors.append(residuals(fitted, kind, samples, everything))
-        workspace = workspace.with_model(kind, fitted)
+    errors = [residuals("before", before(samples), samples, everything)]
+    for kind in ("matrix", "lattice"):
+        workspace = fitted(workspace, kind)
+        errors.append(residuals(kind, workspace.models[kind].predicted, samples, everything))
     means = [error.mean for error in errors if error is not None]
-    assert len(means) == 4
-    assert means[2] < 0.5 * means[1] < 0.5 * means[0]
-    truth = nikon_d5100().matrix
-    assert np.abs(workspace.models["matrix"].profile.matrix - truth).max() < 0.05
-    assert workspace.models["lattice"].profile.styles["standard"].errors["render_mean"] == pytest.approx(
-        calibrate(samples, options).styles["standard"].errors["render_mean"], abs=0
-    )
-    # The stages are those of the physical model that the command line fits.
-    multipliers, known = samples.wb, np.ones(len(samples), dtype=np.bool_)
-    rows = workspace.fitting_rows("matrix")
-    usable = rows & np.all(samples.raw * multipliers < 1, axis=1) & np.all(samples.srgb < 1 - 0.5 / 255, axis=1)
-    stages = fit_stages(samples.select(usable), multipliers[usable], known[usable])
-    assert np.allclose(workspace.models["matrix"].profile.matrix, stages.matrix, atol=1e-9)
+    assert len(means) == 3
+    assert means[1] < 0.5 * means[0]
+    assert np.abs(workspace.models["matrix"].profile.matrix - nikon_d5100().matrix).max() < 0.05
+    own = [style.errors["render_mean"] for style in calibrate(samples, options).styles.values()]
+    assert held_out_error(workspace.models["lattice"].profile) == np.mean(own)
 
 
 def test_the_profile_is_the_one_of_the_command_line(samples: SampleSet, tmp_path: Path) -> None:
-    workspace = Workspace(samples).mark(np.arange(len(samples)) < 4, True)
-    options = CalibrationOptions(size=9)
-    rows = workspace.fitting_rows("lattice")
-    save_profile(fit_model("lattice", samples, rows, options, None, silent).profile, tmp_path / "studio.npz")
-    save_profile(calibrate(samples.select(rows), options), tmp_path / "command.npz")
+    workspace = Workspace(samples, options=CalibrationOptions(size=9)).mark(np.arange(len(samples)) < 4, True)
+    save_profile(fitted(workspace, "lattice").models["lattice"].profile, tmp_path / "studio.npz")
+    chosen = samples.select(workspace.fitting_rows("lattice"))
+    save_profile(calibrate(chosen, workspace.options), tmp_path / "command.npz")
     assert (tmp_path / "studio.npz").read_bytes() == (tmp_path / "command.npz").read_bytes()
 
 
 def test_a_file_brings_everything_back(samples: SampleSet, tmp_path: Path) -> None:
-    options = CalibrationOptions(size=9)
+    options = CalibrationOptions(size=5, physical=PhysicalOptions(beta=0.25))
     workspace = Workspace(samples, filters=Filters(saturation=0.4, residual=0.05), options=options)
     workspace = workspace.mark(np.arange(len(samples)) < 3, True).mark(np.arange(len(samples)) == 7, False)
     workspace = workspace.with_group("<b>odd</b>", np.arange(len(samples)) % 50 == 0)
     workspace = workspace.with_group("off", samples.style == "vivid").with_active_groups(["<b>odd</b>"])
-    for kind in ("response", "lattice"):
-        workspace = workspace.with_model(
-            kind, fit_model(kind, samples, workspace.fitting_rows(kind), options, None, silent)
-        )
+    workspace = replace(workspace, out=frozenset({str(samples.shot[-1])}), unticked=frozenset({("a", "b")}))
+    for kind in ("matrix", "lattice"):
+        workspace = fitted(workspace, kind)
     save_workspace(workspace, tmp_path / "all.workspace")
     again = open_workspace(tmp_path / "all.workspace")
     assert again.filters == workspace.filters and again.options == options and again.model == "lattice"
+    assert again.out == workspace.out and again.unticked == workspace.unticked
     assert np.array_equal(again.hand, workspace.hand)
     assert np.array_equal(again.outliers, workspace.outliers)
     assert np.array_equal(again.removed, workspace.removed)
@@ -175,16 +205,16 @@ def test_a_file_brings_everything_back(samples: SampleSet, tmp_path: Path) -> No
         assert np.array_equal(getattr(again.samples, name), getattr(samples, name))
     assert np.array_equal(again.residual, workspace.residual)
     assert np.array_equal(again.fitted_rows, workspace.fitted_rows)
-    assert np.array_equal(again.models["response"].linearized, workspace.models["response"].linearized)
+    assert np.array_equal(again.models["matrix"].linearized, workspace.models["matrix"].linearized)
+    for kind in ("matrix", "lattice"):
+        assert again.is_stale(kind) == workspace.is_stale(kind)
 
 
 def test_marks_after_a_fit_leave_what_it_was_fitted_to(samples: SampleSet) -> None:
-    workspace = Workspace(samples, filters=Filters(saturation=0.6))
-    rows = workspace.fitting_rows("response")
-    fitted = fit_model("response", samples, rows, CalibrationOptions(), None, silent)
-    later = workspace.with_model("response", fitted).mark(np.arange(len(samples)) < 9, True)
-    assert np.array_equal(later.fitted_rows, rows)
-    assert not np.array_equal(later.fitting_rows("response"), rows)
+    workspace = fitted(Workspace(samples, filters=Filters(saturation=0.6)), "matrix")
+    later = workspace.mark(np.arange(len(samples)) < 9, True)
+    assert np.array_equal(later.fitted_rows, workspace.fitting_rows("matrix"))
+    assert not np.array_equal(later.fitting_rows("matrix"), later.fitted_rows)
 
 
 def damaged(path: Path, kind: str) -> None:
@@ -204,7 +234,7 @@ def damaged(path: Path, kind: str) -> None:
             if name == "workspace.json":
                 document = json.loads(data)
                 document["models"] = ["../../etc/passwd"] if kind == "foreign model" else document["models"]
-                document["version"] = 99 if kind == "newer" else 1
+                document["version"] = 99 if kind == "newer" else 2
                 document["filters"]["saturation"] = "1" if kind == "text for a number" else 1.0
                 data = json.dumps(document).encode()
             if name == "marks.npy" and kind == "pickled marks":
@@ -231,12 +261,6 @@ def test_pairs_and_models_of_unknown_settings(samples: SampleSet) -> None:
     assert np.array_equal(pairs.first, samples.srgb[pairs.first_row])
     one = samples.select(samples.shot == samples.shot[0])
     assert find_pairs(one) is None
-    fitted = fit_model(
-        "response",
-        samples.select(samples.style == "standard"),
-        np.ones(540, dtype=np.bool_)[: (samples.style == "standard").sum()],
-        CalibrationOptions(),
-        None,
-        silent,
-    )
-    assert np.all(np.isnan(evaluate_on(fitted.profile, "response", samples).predicted[samples.style == "vivid"]))
+    standard = samples.select(samples.style == "standard")
+    profile = fitted(Workspace(standard), "matrix").models["matrix"].profile
+    assert np.all(np.isnan(evaluate_on(profile, "matrix", samples).predicted[samples.style == "vivid"]))

@@ -1,0 +1,108 @@
+"""The model beside a uniform lattice, RBFs and polynomials: figures, and error maps both ways (Figs. 5.5, 5.6)."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import panel as pn
+from bokeh.models import ColorBar, ColumnDataSource, LinearColorMapper
+
+from lutforge.arrays import Array
+from lutforge.colour.colour_difference import srgb_to_lab
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline.evaluation import evaluate
+from lutforge.progress import Progress
+from lutforge.report.figures import ERROR_SCALE
+from lutforge.samples.sample_set import SampleSet
+from lutforge.studio.elements import FILL, frame, plot, table, text
+from lutforge.studio.maps_view import DIRECTIONS, PALETTE
+from lutforge.studio.session import Session
+
+MOST_METHODS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class MethodErrors:
+    """What one method is off on shots left out. ab: CIE a*, b* of the JPEG colours (n, 2); error: (n,) norm of RGB."""
+
+    direction: str
+    method: str
+    ab: Array
+    error: Array
+
+
+def compare_methods(
+    profile: CameraProfile, samples: SampleSet, size: int, progress: Progress
+) -> tuple[MethodErrors, ...]:
+    """Measure all methods of the thesis's tables on shots left out, lattices with `size` nodes per axis."""
+    found = evaluate(profile, samples, progress, tables=True, sizes=(size,))
+    errors: dict[tuple[str, str], list[tuple[Array, Array]]] = {}
+    for predictions in found.predictions.values():
+        data = predictions.data
+        ab = srgb_to_lab(data.encoded)[:, 1:]
+        for direction, values, wanted in (
+            ("render", predictions.rendered, data.encoded), ("linearize", predictions.linearized, data.balanced)
+        ):  # fmt: skip
+            for method, predicted in values.items():
+                error = np.linalg.norm(np.clip(predicted, 0.0, 1.0) - wanted, axis=1)
+                known = np.isfinite(error)
+                errors.setdefault((direction, method), []).append((ab[known], error[known]))
+    return tuple(
+        MethodErrors(direction, method, *(np.concatenate(each) for each in zip(*parts, strict=True)))
+        for (direction, method), parts in errors.items()
+    )
+
+
+class ComparisonView:
+    """A table of all methods, and where the errors of four of them lie."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        compute = session.button("Compare on shots left out", self._compute)
+        self.told = text("<p>Fits every method once for each group of shots left out: this takes a while.</p>")
+        self.table = text(sizing_mode="stretch_height", width=520, styles={"overflow": "auto"})
+        self.mapper = LinearColorMapper(palette=PALETTE, low=0.0, high=ERROR_SCALE)
+        self.maps = [[self._map() for _ in range(MOST_METHODS)] for _ in DIRECTIONS]
+        rows = [pn.Row(*(drawing for drawing, _ in row), **FILL) for row in self.maps]
+        self.layout = pn.Column(
+            pn.Row(compute, self.told, sizing_mode="stretch_width"),
+            pn.Row(pn.Column(*rows, **FILL), self.table, **FILL), **FILL,
+        )  # fmt: skip
+
+    def _map(self) -> tuple[Any, ColumnDataSource]:
+        drawing, source = plot(""), ColumnDataSource({"x": [], "y": [], "error": []})
+        colour = {"field": "error", "transform": self.mapper}
+        drawing.scatter("x", "y", source=source, color=colour, size=4)
+        frame(drawing, (-80.0, 80.0), (-80.0, 90.0))
+        drawing.xaxis.axis_label, drawing.yaxis.axis_label = "a*", "b*"
+        drawing.add_layout(ColorBar(color_mapper=self.mapper, width=6), "right")
+        return drawing, source
+
+    def refresh(self) -> None:
+        """Nothing: what was compared stays until it is compared again."""
+
+    def _compute(self) -> None:
+        workspace, profile = self.session.workspace, self.session.profile
+        samples = workspace.samples.select(workspace.fitted_rows)
+        size = workspace.options.size
+        self.session.start("comparison", self._done, compare_methods, profile, samples, size)
+
+    def _done(self, found: tuple[MethodErrors, ...]) -> None:
+        rows = []
+        titles = {direction: title for title, direction in DIRECTIONS.items()}
+        for one in found:
+            q3, high = np.percentile(one.error, [75, 95])
+            figures = (one.error.mean(), q3, high, one.error.max())
+            rows.append((titles[one.direction], one.method, *(f"{value:.4f}" for value in figures)))
+        header = ("direction", "method", "mean", "Q3", "95 %", "max")
+        self.table.object = table(header, rows, "Errors on shots left out, norm of RGB")
+        for row, direction in zip(self.maps, DIRECTIONS.values(), strict=True):
+            for place, name in enumerate(("nonuniform", "uniform", "rbf", "polynomial of all")):
+                drawing, source = row[place]
+                drawing.title.text = f"{titles[direction]}: no {name}"
+                for one in [one for one in found if one.direction == direction and one.method.startswith(name)][:1]:
+                    drawing.title.text = f"{titles[direction]}: {one.method}"
+                    chosen = np.random.default_rng(0).permutation(len(one.error))[:2000]
+                    order = chosen[np.argsort(one.error[chosen])]  # the largest errors on top
+                    source.data = {"x": one.ab[order, 0], "y": one.ab[order, 1], "error": one.error[order]}
+        self.session.say("comparison: done")

@@ -1,0 +1,213 @@
+"""Export: profile, LUTs, kits, config, report, as files of the command line, each with its command and its error."""
+
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+import panel_material_ui as pmui
+import param
+from panel.custom import JSComponent
+
+from lutforge.atomic_write import require_writable
+from lutforge.colour.rgb_spaces import SPACES
+from lutforge.pipeline.kits import kits_of
+from lutforge.samples.table import write_samples
+from lutforge.studio.elements import FILL, TOGETHER, WIDE, entry, select
+from lutforge.studio.export import Export, calibration_command, run, wanted_lut
+from lutforge.studio.session import Session, Written
+from lutforge.studio.workspace import WorkspaceError
+from lutforge.studio.workspace_file import SUFFIX, save_workspace
+
+LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".3dl", ".png")
+
+
+class WrittenList(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
+    """What was written, an entry each: what, path, lines, the command with a button that copies it, and its state."""
+
+    entries = param.List(item_type=dict)
+
+    _stylesheets = [  # noqa: RUF012 - Panel's own way to declare it
+        """
+        :host { overflow: auto; color: var(--mui-palette-text-primary); font: 0.875rem/1.4 system-ui, sans-serif; }
+        section { margin: 8px; padding: 8px 12px; border: 1px solid var(--mui-palette-divider); border-radius: 4px; }
+        h2 { font-size: 0.9375rem; margin: 0 0 4px; } p { margin: 2px 0; overflow-wrap: anywhere; }
+        .line { display: flex; gap: 8px; align-items: start; }
+        code { flex: 1; padding: 6px; background: var(--mui-palette-background-default); overflow-wrap: anywhere;
+          font-size: 0.8125rem; }
+        button { font: inherit; color: inherit; background: none; border: 1px solid currentColor; border-radius: 4px;
+          padding: 4px 10px; cursor: pointer; }
+        button:focus-visible { outline: 3px solid currentColor; outline-offset: 2px; }
+        """
+    ]
+    _esm = """
+    export function render({ model }) {
+      const root = document.createElement("div");
+      root.style.width = "100%";
+      const words = (parent, tag, text) => {
+        const node = document.createElement(tag); node.textContent = text; parent.append(node); return node;
+      };
+      const draw = () => {
+        root.replaceChildren();
+        for (const entry of model.entries) {
+          const box = document.createElement("section"), line = document.createElement("div");
+          line.className = "line";
+          words(box, "h2", `${entry.what}: ${entry.path}${entry.stale ? " (stale)" : ""}`);
+          for (const text of entry.told) words(box, "p", text);
+          if (entry.command) {
+            words(line, "code", entry.command);
+            const copy = words(line, "button", "Copy");
+            copy.setAttribute("aria-label", `Copy the command: ${entry.what}`);
+            copy.addEventListener("click", async () => {
+              await navigator.clipboard.writeText(entry.command);
+              copy.textContent = "Copied"; setTimeout(() => { copy.textContent = "Copy"; }, 1500);
+            });
+            box.append(line);
+          }
+          root.append(box);
+        }
+      };
+      model.on("entries", draw); draw();
+      return root;
+    }
+    """
+
+
+class ExportPage:
+    """The last step."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.name = entry("Name of the files", value="camera")
+        self.program = select("Program of the kit", {"choose a look first": ""})
+        self.check = pmui.Checkbox(label="Check the kit on the shots", **WIDE)
+        self.kind = select("Transform of the LUT", ["refinish", "render", "linearize"])
+        self.space = select("Scene of render and linearize", ["raw", *SPACES])
+        self.suffix = select("LUT file", list(LUT_SUFFIXES))
+        self.written: set[Path] = set()
+        self.asked: list[Path] = []
+        self.list = WrittenList(**FILL)
+        self.main = self.list
+
+        def button(label: str, action: Any, **more: Any) -> pmui.Button:
+            return session.button(label, action, **{**WIDE, **more})
+
+        self.controls = [
+            self.name,
+            button("Save profile", self._save_profile, variant="contained"),
+            pn.Column(self.program, self.check, button("Write kit", self._kit, variant="contained"), **TOGETHER),
+            pn.Column(
+                self.kind, self.space, self.suffix, button("Bake LUT", self._bake, variant="contained"), **TOGETHER
+            ),
+            button("Write config", self._config),
+            button("Write report", self._report),
+            button("Save parameters as text", self._parameters),
+            button("Save workspace", self._workspace),
+        ]
+
+    def refresh(self) -> None:
+        """What was written, and whether it is of the model and look as they are; the programs that a kit can be for."""
+        session = self.session
+        if session.has_profile and session.look.target:
+            self.program.options = kits_of(session.profile, session.look.target)
+        now = (session.profile if session.has_profile else None, session.look)
+        stale = session.states()["Model"][0] == "stale"
+        self.list.entries = [
+            {
+                "what": each.what, "path": str(each.path), "told": list(each.told), "command": each.command,
+                "stale": stale or each.of[0] is not now[0] or each.of[1] != now[1],
+            }
+            for each in reversed(session.written.values())
+        ]  # fmt: skip
+
+    def _paths(self, *suffixes: str) -> list[Path]:
+        """Return where files go, under one name. Raises WorkspaceError, once, where there are other files already."""
+        name = self.name.value_input or self.name.value
+        paths = [self.session.folders.inside(name + suffix) for suffix in suffixes]
+        for path in paths:
+            require_writable(path)
+        there = [path for path in paths if path.exists() and path not in self.written]
+        if there and there != self.asked:
+            self.asked = there
+            names = ", ".join(path.name for path in there)
+            raise WorkspaceError(f"{names}: there already; press again to replace, or choose another name")
+        self.written.update(paths)
+        return paths
+
+    def _tell(self, what: str, path: Path, told: tuple[str, ...], command: str) -> None:
+        now = (self.session.profile if self.session.has_profile else None, self.session.look)
+        self.session.written.pop(what, None)
+        self.session.written[what] = Written(what, path, told[:20], command, now)
+        self.session.say(f"{what}: written, {path.name}")
+        self.session.on_change()
+
+    def _workspace(self) -> None:
+        (path,) = self._paths(SUFFIX)
+        save_workspace(self.session.workspace, path)
+        self._tell("workspace", path, ("all of this page's work: open it under Shots",), "")
+
+    def _save_profile(self) -> None:
+        """The profile, and the samples that it was fitted to, so that the command line makes the same."""
+        profile = self.session.profile
+        task = None
+        if self.session.history is not None and self.session.workspace.fitted is not None:
+            task = self.session.workspace.fitted.task
+        if task is None:
+            (path,) = self._paths(".npz")
+            profile.save(path)
+            self._tell("profile", path, (f"profile of {profile.camera}",), "")
+            return
+        stages = task.stages.task if task.stages is not None else None
+        path, table, *others = self._paths(".npz", ".parquet", *(["_inliers.parquet"] if stages is not None else []))
+        samples = self.session.workspace.samples
+        profile.save(path)
+        write_samples(table, samples.select(task.rows))
+        if stages is not None:
+            write_samples(others[0], samples.select(stages.rows))
+        command = calibration_command(table, others[0] if others else None, task.options, path)
+        if task.kind == "matrix":  # no command fits the stages alone
+            command = ""
+        self._tell("profile", path, (f"profile of {profile.camera}, {int(task.rows.sum()):,} samples",), command)
+
+    def _run(self, what: str, export: Export) -> None:
+        def done(lines: tuple[str, ...]) -> None:
+            self._tell(what, export.output, lines, str(export))
+
+        self.session.profile.save(export.profile)
+        self.session.start(f"lutforge {export.command}", done, run, export)
+
+    def _wanted(self) -> str:
+        if not self.session.look.target:
+            raise WorkspaceError("no look yet: choose the style and white balance under Look")
+        return self.session.look.target
+
+    def _bake(self) -> None:
+        look, kind = self.session.look, self.kind.value
+        target = "" if kind == "linearize" else self._wanted()
+        wanted = wanted_lut(kind, look.source, target, look.ev, self.space.value)
+        profile, output = self._paths(".npz", f"_{kind}{self.suffix.value}")
+        self._run(f"LUT, {kind}", Export("bake", profile, output, wanted))
+
+    def _kit(self) -> None:
+        target, program = self._wanted(), self.program.value
+        profile, output = self._paths(".npz", f"_{program}_kit")
+        shots = tuple(self.session.files.values()) if self.check.value else ()
+        self._run(f"kit for {program}", Export("kit", profile, output, target=target, program=program, shots=shots))
+
+    def _config(self) -> None:
+        profile, output = self._paths(".npz", ".ocioz")
+        self._run("config", Export("config", profile, output))
+
+    def _parameters(self) -> None:
+        style = next(iter(self.session.profile.styles))
+        profile, output = self._paths(".npz", "_parameters")
+        self._run("parameters", Export("export-nus", profile, output, style=style))
+
+    def _report(self) -> None:
+        if self.session.history is None:
+            profile, output = self._paths(".npz", ".html")
+            self._run("report", Export("report", profile, output))
+            return
+        profile, output, table = self._paths(".npz", ".html", ".parquet")
+        samples = self.session.workspace.samples.select(self.session.workspace.fitted_rows)
+        write_samples(table, samples)
+        self._run("report", Export("report", profile, output, samples=samples, table=table))

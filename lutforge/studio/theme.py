@@ -1,0 +1,67 @@
+"""The page's looks: neutral greys, in which colours can be judged, dark or light; sizes that grow with the window."""
+
+from typing import Any
+
+SURROUND = "#767676"
+"""18 % grey, encoded: what pictures stand before in both themes."""
+
+_COMMON: dict[str, Any] = {
+    "typography": {"fontFamily": "system-ui, sans-serif", "fontSize": 13, "h3": {"fontSize": "0.95rem"}},
+    "shape": {"borderRadius": 4},
+    "components": {
+        "MuiButton": {
+            "styleOverrides": {"root": {"textTransform": "none"}}, "defaultProps": {"disableElevation": True},
+        },
+        "MuiToggleButton": {"styleOverrides": {"root": {"textTransform": "none", "whiteSpace": "nowrap"}}},
+        "MuiAppBar": {
+            "styleOverrides": {
+                "root": {
+                    "backgroundColor": "var(--mui-palette-background-default)", "backgroundImage": "none",
+                    "color": "var(--mui-palette-text-primary)", "boxShadow": "none",
+                    "borderBottom": "1px solid var(--mui-palette-divider)",
+                },
+            },
+        },
+        "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
+        "MuiStepLabel": {"styleOverrides": {"label": {"color": "var(--mui-palette-text-primary) !important"}}},
+    },
+}  # fmt: skip
+
+
+def _palette(ink: str, quiet: str, back: str, paper: str, error: str) -> dict[str, Any]:
+    return {
+        **_COMMON,
+        "palette": {
+            "primary": {"main": ink, "contrastText": back},
+            "text": {"primary": ink, "secondary": quiet},
+            "background": {"default": back, "paper": paper},
+            "error": {"main": error},
+        },
+    }
+
+
+THEME = {
+    "dark": _palette("#e6e6e6", "#bdbdbd", "#1c1c1c", "#262626", "#ff8a80"),
+    "light": _palette("#1c1c1c", "#454545", "#e8e8e8", "#f5f5f5", "#a11a0e"),
+}
+
+CSS = """
+html { font-size: clamp(16px, 0.75vw, 26px); }
+body { background: #262626; color: #e6e6e6; font-family: system-ui, sans-serif; }
+#first { position: fixed; inset: 0; z-index: -1; padding: 1.1rem 1.5rem; }
+#first b { font-size: 1.4rem; display: block; margin-bottom: 1.5rem; }
+"""
+
+TEMPLATE = """
+{% extends "base.html" %}
+{% block js_resources %}
+{{ (bokeh_js or "")
+   | replace('<script type="text/javascript" src', '<script defer type="text/javascript" src')
+   | replace('Bokeh.set_log_level("info");', '') }}
+{% endblock %}
+{% block loader %}
+<div id="first" aria-hidden="true"><b>LutForge studio</b>Opening …</div>
+<div id="loader"><div class="spinner"></div><div id="loader-error"></div></div>
+{% endblock %}
+"""
+"""The page as served: its scripts wait, so that something is painted before they are read."""
