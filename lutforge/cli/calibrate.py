@@ -35,42 +35,69 @@ Pairs = Annotated[
     typer.Option(help="Instead of shots, two folders: the same frames before and after, same stems."),
 ]
 FromSpace = Annotated[str, typer.Option("--from-space", help="The colour space of the first folder of --pairs.")]
+Model = Annotated[
+    str, typer.Option(help="lattice; or rbf: fits response, matrix and gamut map as stages of their own, too.")
+]
+Preset = Annotated[str, typer.Option(help="lutforge; or thesis: the published method as written.")]
+Size = Annotated[int | None, typer.Option(help="Nodes per axis of the lattices, 3 to 65; 33 unless given.")]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(
+        help="Instead of a size: the smallest one (9 to 65) that renders held-out shots with this mean error, the "
+        "norm of the RGB difference of encoded values 0 to 1 (0.0068 is one code of 255).",
+    ),
+]
+ForReaders = Annotated[str, typer.Option(help="trilinear or tetrahedral: what will read the LUT.")]
+STAGES = "Response, matrix and gamut map"
+Inliers = Annotated[
+    list[Path] | None,
+    typer.Option(
+        rich_help_panel=STAGES, help="Samples that response, matrix and white balances are fitted to, instead of all."
+    ),
+]
+Beta = Annotated[
+    float, typer.Option(rich_help_panel=STAGES, help="β, the saturation below which colours tell the response.")
+]
+Curves = Annotated[
+    int, typer.Option(rich_help_panel=STAGES, help="Curves of EMoR that the response is made of, 1 to 15.")
+]
+Weighting = Annotated[
+    float, typer.Option(rich_help_panel=STAGES, help="0 counts samples alike in the response, 1 tones.")
+]
+Centres = Annotated[int, typer.Option(rich_help_panel=STAGES, help="Centres of the gamut map, at most.")]
+Rho = Annotated[
+    float | None, typer.Option(rich_help_panel=STAGES, help="ρ, the gamut map's smoothness, if not by held-out shots.")
+]
+WithoutPairs = Annotated[
+    list[str] | None,
+    typer.Option(
+        rich_help_panel=STAGES,
+        help='"SHOT|SHOT": their exposure pairs do not tell the response (preset thesis); may repeat.',
+    ),
+]
+Uniform = Annotated[bool, typer.Option("--uniform", help="Keep the node levels evenly spaced.")]
+WithLearningCurve = Annotated[
+    bool, typer.Option("--learning-curve", help="Show, too, how the error falls with more shots: are they enough?")
+]
 
 
 def calibrate(
     sources: OptionalSources = None,
     output: ProfileOutput = Path("camera.npz"),
-    model: Annotated[
-        str, typer.Option(help="lattice; or rbf: fits response, matrix and gamut map as stages of their own, too.")
-    ] = "lattice",
-    preset: Annotated[str, typer.Option(help="lutforge; or thesis: the published method as written.")] = "lutforge",
-    size: Annotated[int | None, typer.Option(help="Nodes per axis of the lattices, 3 to 65; 33 unless given.")] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            help="Instead of a size: the smallest one (9 to 65) that renders held-out shots with this mean error, the "
-            "norm of the RGB difference of encoded values 0 to 1 (0.0068 is one code of 255).",
-        ),
-    ] = None,
-    interpolation: Annotated[str, typer.Option(help="trilinear or tetrahedral: what will read the LUT.")] = "trilinear",
-    inliers: Annotated[
-        list[Path] | None,
-        typer.Option(help="Samples that response, matrix and white balances are fitted to, instead of all."),
-    ] = None,
-    beta: Annotated[float, typer.Option(help="β, the saturation below which colours tell the response.")] = 0.3,
-    curves: Annotated[int, typer.Option(help="Curves of EMoR that the response is made of, 1 to 15.")] = 15,
-    weighting: Annotated[float, typer.Option(help="0 counts samples alike in the response, 1 tones.")] = 0.5,
-    centres: Annotated[int, typer.Option(help="Centres of the gamut map, at most.")] = 4000,
-    rho: Annotated[float | None, typer.Option(help="ρ, the gamut map's smoothness, if not by held-out shots.")] = None,
-    without_pair: Annotated[
-        list[str] | None,
-        typer.Option(help='"SHOT|SHOT": their exposure pairs do not tell the response (preset thesis); may repeat.'),
-    ] = None,
-    uniform: Annotated[bool, typer.Option("--uniform", help="Keep the node levels evenly spaced.")] = False,
-    learning_curve: Annotated[
-        bool,
-        typer.Option("--learning-curve", help="Show, too, how the error falls with more shots: are they enough?"),
-    ] = False,
+    model: Model = "lattice",
+    preset: Preset = "lutforge",
+    size: Size = None,
+    tolerance: Tolerance = None,
+    interpolation: ForReaders = "trilinear",
+    inliers: Inliers = None,
+    beta: Beta = 0.3,
+    curves: Curves = 15,
+    weighting: Weighting = 0.5,
+    centres: Centres = 4000,
+    rho: Rho = None,
+    without_pair: WithoutPairs = None,
+    uniform: Uniform = False,
+    learning_curve: WithLearningCurve = False,
     developer: DeveloperName = None,
     developed: DevelopedFolder = None,
     developed_space: DevelopedSpace = None,

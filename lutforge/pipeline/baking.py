@@ -80,15 +80,12 @@ def bake_files(
     camera = as_profile(profile)
     chosen = choose_transform(camera, wanted)
     camera_profiles = _camera_profiles(paths, camera, chosen, program)
-    paths = [path for path in paths if path not in camera_profiles]
-    if camera_profiles and not paths:
+    if camera_profiles and set(paths) <= set(camera_profiles):
         return BakedFiles(tuple(_bake_camera_profile(camera, wanted, path) for path in camera_profiles), ())
     _require_feeds(program, chosen, wanted.target)
-    named, notes = _files(paths, program, chosen.title, stages)
-    kind, ends = (
-        chosen.kind,
-        input_and_output_of(chosen.kind, space_of(camera) if chosen.space == "raw" else chosen.space),
-    )
+    named, notes = _files([path for path in paths if path not in camera_profiles], program, chosen.title, stages)
+    kind = chosen.kind
+    ends = input_and_output_of(kind, space_of(camera) if chosen.space == "raw" else chosen.space)
     scenes = kind == "render" and chosen.space != "raw" and rgb_space(chosen.space).is_linear
     targets = [target_of(path, reader, size, method, scenes) for path, reader in named.items()]
     comments = (f"LutForge {__version__}", *ends.comments, *chosen.comments)
