@@ -4,11 +4,11 @@ import logging
 import platform
 import re
 import time
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
-from itertools import islice
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -23,29 +23,50 @@ from lutforge.errors import LutForgeError
 def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterator[Outcome]:
     """The outcomes as they come.
 
-    An image whose worker dies is graded again by another, up to the scheduler's `allowed-failures`. Each result is
-    checked: the worker had this recipe, and the file that it tells of is here. Raises LutForgeError where Dask is not
-    installed, or no scheduler or worker answers.
+    Images are sent in batches. One whose worker dies is graded again by another, up to the scheduler's
+    `allowed-failures`; then its images are sent one by one, so that only the one that ends workers fails. Each result
+    is checked: the worker had this recipe, and the file that it tells of is here. Raises LutForgeError where Dask is
+    not installed, or no scheduler or worker answers.
     """
     with _connected(address) as (distributed, client):
         shared, key = _with_absolute_paths(recipe), recipe.key
-        waiting = iter(jobs)
-        running: dict[str, Job] = {}
+        threads = max(1, sum(client.nthreads().values()))
+        waiting = deque(_batches(jobs, threads))
+        running: dict[str, Sequence[Job]] = {}
 
-        def submit(count: int) -> list[Any]:
-            futures = []
-            for job in islice(waiting, count):
-                futures.append(client.submit(_run_there, shared, key, _with_absolute_paths(job), pure=False))
-                running[futures[-1].key] = job
-            return futures
+        def submit() -> Any:
+            batch = waiting.popleft()
+            future = client.submit(_run_there, shared, key, [_with_absolute_paths(job) for job in batch], pure=False)
+            running[future.key] = batch
+            return future
 
         # A few per thread wait at the workers, so that none is idle; not all, so that the scheduler stays small.
-        futures = submit(4 * max(1, sum(client.nthreads().values())))
+        futures = [submit() for _ in range(min(4 * threads, len(waiting)))]
         finished = distributed.as_completed(futures, loop=client.loop)
         for future in finished:
-            yield _outcome(running.pop(future.key), future)
-            for following in submit(1):
-                finished.add(following)
+            batch = running.pop(future.key)
+            if len(batch) > 1 and future.exception() is not None:
+                waiting.extend([job] for job in batch)
+            else:
+                yield from _outcomes(batch, future)
+            while waiting and len(running) < 4 * threads:
+                finished.add(submit())
+
+
+def _batches(jobs: Sequence[Job], threads: int) -> Iterator[list[Job]]:
+    """Cut jobs into tasks of about 16 MB of pictures, a second of work; at least eight a thread, to end together."""
+    sizes = [job.source.stat().st_size if job.source.exists() else 0 for job in jobs]
+    least = min(16e6, sum(sizes) / (8 * threads))
+    batch: list[Job] = []
+    filled = 0
+    for job, size in zip(jobs, sizes, strict=True):
+        batch.append(job)
+        filled += size
+        if filled >= least:
+            yield batch
+            batch, filled = [], 0
+    if batch:
+        yield batch
 
 
 @contextmanager
@@ -75,13 +96,21 @@ def _connected(address: str) -> Iterator[tuple[Any, Any]]:
         yield distributed, client
 
 
-def _outcome(job: Job, future: Any) -> Outcome:
-    """A worker's answer, checked against the files that are here."""
+def _outcomes(batch: Sequence[Job], future: Any) -> Iterator[Outcome]:
+    """A worker's answers, checked against the files that are here."""
     try:
-        outcome: Outcome = future.result()
+        answers: list[Outcome] = future.result()
     except Exception as error:  # whatever went wrong there: the other images are graded
-        line = " ".join(str(error).split())[:300]
-        return Outcome(job, reason=f"{job.source}: the cluster did not grade it ({type(error).__name__}: {line})")
+        line = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        for job in batch:
+            yield Outcome(job, reason=f"{job.source}: the cluster did not grade it ({line})")
+        return
+    for job, answer in zip(batch, answers, strict=True):
+        yield _checked(job, answer)
+
+
+def _checked(job: Job, outcome: Outcome) -> Outcome:
+    """A worker's answer for one image, whose files must be here."""
     if outcome.applied is None or outcome.record is None:
         return replace(outcome, job=job)
     # How long a file that another machine wrote may take to appear on this one, as on network file systems it does
@@ -109,15 +138,15 @@ _RECIPES: dict[str, Recipe] = {}
 _PREPARING = Lock()
 
 
-def _run_there(recipe: Recipe, key: str, job: Job) -> Outcome:
-    """Grade an image on a worker, whose threads share one prepared recipe."""
+def _run_there(recipe: Recipe, key: str, jobs: Sequence[Job]) -> list[Outcome]:
+    """Grade images on a worker, whose threads share one prepared recipe."""
     try:
         with _PREPARING:
             if key not in _RECIPES:
                 recipe.check()
                 if recipe.key != key:
                     raise LutForgeError(
-                        f"{job.source}: {platform.node()} has other versions of the recipe's files, of LutForge or of "
+                        f"{platform.node()} has other versions of the recipe's files, of LutForge or of "
                         "OpenColorIO than the machine that asks"
                     )
                 # A worker is one thread: codecs that took all cores would take them from the other workers.
@@ -127,5 +156,5 @@ def _run_there(recipe: Recipe, key: str, job: Job) -> Outcome:
                 _RECIPES[key] = recipe
             prepared = _RECIPES[key]
     except LutForgeError as error:
-        return Outcome(job, reason=str(error))
-    return run_job(prepared, job)
+        return [Outcome(job, reason=f"{job.source}: {error}") for job in jobs]
+    return [run_job(prepared, job) for job in jobs]

