@@ -407,7 +407,8 @@ export function render({ model, el }) {
   function changed() {
     if (!live) { graded(); return; }
     grader.keep(model.a, model.b, model.coverage);
-    pressed(); draw();
+    pressed();
+    if (!pending) queueMicrotask(() => { if (!pending) paint(); });  // a frame sooner; all that came with it is in place
   }
   function pressed() {
     for (const mode of Object.keys(MODES)) buttons[mode].setAttribute("aria-pressed", model.mode === mode);
