@@ -46,7 +46,9 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "
 
 def slider(label: str, value: float, start: float, end: float, step: float = 0.01, **more: Any) -> pmui.FloatSlider:
     """A slider that the keyboard moves, too."""
-    return pmui.FloatSlider(label=label, value=value, start=start, end=end, step=step, size="small", **{**WIDE, **more})
+    made = pmui.FloatSlider(label=label, value=value, start=start, end=end, step=step, size="small", **{**WIDE, **more})
+    made._debounce = 8  # ms instead of Panel's 50, which a picture would lag behind
+    return made
 
 
 def select(label: str, options: Any, **more: Any) -> pmui.Select:

@@ -11,9 +11,12 @@ import panel as pn
 from lutforge.apply.baked_grades import BakedGrades
 from lutforge.apply.candidates import read_small
 from lutforge.apply.source_settings import choose_camera, source_selector
-from lutforge.errors import SettingsError
+from lutforge.boundary import reading
+from lutforge.errors import ImageError, SettingsError
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.coverage import confidence
 from lutforge.model.white_balance import temperature_range
 from lutforge.settings import Selector
 from lutforge.shots.picture_settings import read_picture_settings
@@ -39,6 +42,25 @@ def look_lut(profile: CameraProfile, look: Look) -> Lut | None:
         return None
     lut, _ = grades_of(profile).refinish(profile, given, profile, wanted, look.ev)
     return lut
+
+
+@lru_cache(8)
+def coverage_lut(profile: CameraProfile, style: str) -> Lut:
+    """Encoded colours of a style → (confidence, unclipped, covered), as of `confidence`, without a wanted look."""
+    return Lut(lattice_ops(confidence(profile.styles[style])))
+
+
+def thumbnail(picture: bytes) -> bytes:
+    """A picture file in small, upright, as JPEG."""
+    from PIL import Image, ImageOps
+
+    with Image.open(BytesIO(picture)) as file:
+        file.draft("RGB", (232, 156))  # a JPEG is decoded at a fraction of its size
+        small = ImageOps.exif_transpose(file.convert("RGB"))
+    small.thumbnail((232, 156))
+    buffer = BytesIO()
+    small.save(buffer, format="JPEG")
+    return buffer.getvalue()
 
 
 def picture_bytes(path: Path) -> bytes:
@@ -115,13 +137,16 @@ class LookPage:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.taken: Taken | None = None
+        self._known: tuple[CameraProfile, Selector] | None = None  # what the pipette's RAW is of
+        self.opened: dict[Path, bytes] = {}  # the thumbnails of the film strip
         self.listed, self.path = select("Photograph in the folders", {"–": ""}), entry("or its path")
-        opening = session.button("Show", self._open, variant="contained", **WIDE)
+        opening = session.button("Show", self._open_named, variant="contained", **WIDE)
         self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as")
         self.ev = slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
         session.watch(self._change, self.ev, *self.wanted.widgets, *self.source.widgets)
         self.told = text()
-        self.view = LookView()
+        self.view = LookView(raw_name="RAW, by the model")
+        self.view.param.watch(session.guarded(lambda event: self._choose(event.new)), "chosen")
         self.main = self.view
         self.controls = [
             self.listed, self.path, opening, self.told, self.wanted.layout, self.ev, self.source.layout,
@@ -138,11 +163,21 @@ class LookPage:
             control.offer(self.session.profile)
         self._grade()
 
-    def _open(self) -> None:
-        path = self.session.folders.inside(self.path.value_input or self.path.value or self.listed.value)
+    def _open_named(self) -> None:
+        self._open(self.session.folders.inside(self.path.value_input or self.path.value or self.listed.value))
+
+    def _choose(self, index: int) -> None:
+        path = list(self.opened)[index]
+        if self.taken is None or self.taken.path != path:
+            self._open(path)
+
+    def _open(self, path: Path) -> None:
         profile = self.session.profile
-        settings = read_picture_settings(path)
-        self.view.show(picture_bytes(path), path.name)
+        settings, picture = read_picture_settings(path), picture_bytes(path)
+        if path not in self.opened:
+            with reading(path, "a picture", ImageError):
+                self.opened[path] = thumbnail(picture)
+        self.view.show(picture, path.name)
         notes: tuple[str, ...]
         try:
             choose_camera(path, settings, {profile.camera.lower(): profile}, asked=False)
@@ -155,6 +190,7 @@ class LookPage:
             if self.source.balance.value == AS_SHOT:
                 self.source.balance.value = next(iter(profile.white_balances))
             told = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
+        self.view.film([(each.name, small) for each, small in self.opened.items()], list(self.opened).index(path))
         self.session.say("; ".join([told, *settings.notes, *notes]))
         self._grade()
 
@@ -173,7 +209,12 @@ class LookPage:
             lut = look_lut(profile, look)
         except SettingsError as error:
             raise WorkspaceError(str(error)) from error
+        given = profile.selector(look.source)
         self.view.grade(lut, f"{look.target}{f' {look.ev:+g} EV' if look.ev else ''}")
+        if (profile, given) != self._known:
+            self._known = (profile, given)
+            self.view.cover(coverage_lut(profile, given.style))
+            self.view.raw_of = profile.linearize(given)
         self.told.object = f"<p>From {look.source} to {look.target}, {look.ev:+g} EV.</p>"
         if look != self.session.look:
             self.session.look = look

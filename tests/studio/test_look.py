@@ -214,7 +214,7 @@ def test_pipette_zoom_and_pictures(look: Served) -> None:
     look.do(lambda view: view.grade(lut, "bent"))
 
     def raw(view: LookView) -> None:
-        view.raw_at = lambda x, y: np.array([x / 1000, y / 1000, 0.5])
+        view.raw_of = lambda encoded: 0.25 * encoded
 
     look.do(raw)
     look.press("p", "ArrowLeft", "Shift+ArrowUp")
@@ -223,7 +223,7 @@ def test_pipette_zoom_and_pictures(look: Served) -> None:
     jpeg = "  ".join(map(str, colours()[y, x]))
     codes = "  ".join(f"{value:.0f}" for value in np.rint(floats(lut, colours())[y, x]))
     expect(values).to_contain_text(f"x {x}, y {y}")
-    expect(values).to_contain_text(f"RAW {x / 1000:.4f}  {y / 1000:.4f}  0.5000")
+    expect(values).to_contain_text("RAW " + "  ".join(f"{code / 1020:.4f}" for code in colours()[y, x]))
     expect(values).to_contain_text(f"JPEG {jpeg}")
     expect(values).to_contain_text(f"A {codes}")
     look.press("Escape", "0")
@@ -245,7 +245,8 @@ def test_pipette_zoom_and_pictures(look: Served) -> None:
 
 @needs_chromium
 def test_overlays_and_scopes(look: Served) -> None:
-    look.do(lambda view: view.grade(Lut((Range(),)), "as it is", coverage=Lut((Matrix(np.eye(3)), Range()))))
+    look.do(lambda view: view.grade(Lut((Range(),)), "as it is"))
+    look.do(lambda view: view.cover(Lut((Matrix(np.eye(3)), Range()))))
     look.press("c")
     seen, codes = look.pixels().astype(int), colours()
     orange = np.abs(seen - (230, 97, 1)).max(axis=2) <= 1

@@ -260,10 +260,11 @@ export function render({ model, el }) {
   function tell() {
     const at = pinned || hovered;
     if (!at || !loaded || !inside(at)) { values.textContent = ""; lastProbe = ""; return; }
-    if (model.tells_raw && String(at) !== lastProbe && performance.now() - probed > 60) {
-      probed = performance.now(); lastProbe = String(at); model.probe = at;
-    }
     const code = side => [...grader.read(opsOf(side), 1, 1, [at[0] + 0.5, at[1] + 0.5], 1)].slice(0, 3);
+    const asked = String([...at, model.a_name]);
+    if (model.tells_raw && asked !== lastProbe && performance.now() - probed > 60) {
+      probed = performance.now(); lastProbe = asked; model.probe = [...at, ...code("original")];
+    }
     const sides = [["JPEG", "original"], ["A", "a"], ...(model.b.length ? [["B", "b"]] : [])];
     const raw = model.raw.length === 5 && model.raw[0] === at[0] && model.raw[1] === at[1] ? model.raw.slice(2) : null;
     values.replaceChildren(make("span", {}, `x ${at[0]}, y ${at[1]}`));

@@ -56,7 +56,7 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     graded here, averaged down to 2 million pixels, and sent as JPEG.
 
     Parameters that the page changes, too: mode, wipe, beside_b, clipping, unsure, scopes, chosen. Those that it alone
-    sets: renderer; probe, the pixel under the pipette, while `raw_at` is set; kept, which counts "Keep as B" (`b`
+    sets: renderer; probe, the pixel under the pipette, while `raw_of` is set; kept, which counts "Keep as B" (`b`
     and `b_name` are then those of `a`).
     """
 
@@ -82,17 +82,18 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     kept = param.Integer(0)
     renderer = param.Selector(default="", objects=["", "webgl", "python"])
     tells_raw = param.Boolean(False)
-    probe = param.List(doc="(x, y) of the upright picture.")
-    raw = param.List(doc="(x, y, R, G, B) there.")
+    probe = param.List(doc="(x, y) of the upright picture, and its codes there.")
+    raw = param.List(doc="(x, y, R, G, B): RAW there.")
     raw_name = param.String("RAW")
 
+    _debounce = 8  # ms; what the page changes is told so late
     _esm = "\n".join((HERE / name).read_text(encoding="utf-8") for name in ("grading.js", "look.js"))
     _stylesheets = [(HERE / "look.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own way to declare it
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"sizing_mode": "stretch_both", "min_height": 320, "margin": 0, **options})
         self._luts: dict[str, Lut | None] = {"a": None, "b": None}
-        self._raw_at: Callable[[int, int], Array | None] | None = None
+        self._raw_of: Callable[[Array], Array] | None = None
         self.param.watch(self._keep, "kept")
         self.param.watch(self._probe, "probe")
         self.param.watch(lambda event: self._grade_here(), "renderer")
@@ -102,8 +103,8 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         self.param.update(picture=picture, title=title, raw=[], probe=[])
         self._grade_here()
 
-    def grade(self, lut: Lut | None, name: str = "", coverage: Lut | None = None) -> None:
-        """Set the look, a LUT of the picture's encoded RGB, or none; coverage: of the same colours, see the parameter.
+    def grade(self, lut: Lut | None, name: str = "") -> None:
+        """Set the look, a LUT of the picture's encoded RGB, or none.
 
         Raises LutError on curves at free knots.
         """
@@ -111,7 +112,6 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         with param.parameterized.batch_call_watchers(self):
             self.number += 1
             self.a, self.a_name = [] if lut is None else packed(lut), name
-            self.coverage = [] if coverage is None else packed(coverage)
             self._grade_here()
 
     def compare(self, lut: Lut | None, name: str = "") -> None:
@@ -121,29 +121,31 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
             self.b, self.b_name, self.beside_b = [] if lut is None else packed(lut), name, lut is not None
             self._grade_here()
 
+    def cover(self, lut: Lut | None) -> None:
+        """Set what `unsure` marks: a LUT of the picture's encoded RGB, see `coverage`; none takes it away."""
+        self.coverage = [] if lut is None else packed(lut)
+
     def film(self, pictures: Sequence[tuple[str, bytes]], chosen: int = 0) -> None:
         """Set the film strip: a name and a small JPEG each."""
         strip = [{"name": name, "thumbnail": thumbnail} for name, thumbnail in pictures]
         self.param.update(pictures=strip, chosen=chosen)
 
     @property
-    def raw_at(self) -> Callable[[int, int], Array | None] | None:
-        """(x, y) of the upright picture → RAW there, (3,), or none; what the pipette calls it is `raw_name`."""
-        return self._raw_at
+    def raw_of(self) -> Callable[[Array], Array] | None:
+        """Encoded RGB of the picture (3,) → RAW (3,), for the pipette, which calls it `raw_name`; or none."""
+        return self._raw_of
 
-    @raw_at.setter
-    def raw_at(self, function: Callable[[int, int], Array | None] | None) -> None:
-        self._raw_at, self.tells_raw = function, function is not None
+    @raw_of.setter
+    def raw_of(self, function: Callable[[Array], Array] | None) -> None:
+        self._raw_of, self.tells_raw, self.raw = function, function is not None, []
 
     def _keep(self, event: Any) -> None:
         self.compare(self._luts["a"], self.a_name or "kept")
 
     def _probe(self, event: Any) -> None:
-        if self._raw_at is None or len(self.probe) != 2:
-            return
-        x, y = (int(value) for value in self.probe)
-        found = self._raw_at(x, y)
-        self.raw = [] if found is None else [x, y, *(float(value) for value in found)]
+        if self._raw_of is not None and len(self.probe) == 5:
+            x, y, *codes = (int(value) for value in self.probe)
+            self.raw = [x, y, *map(float, self._raw_of(np.array(codes) / 255.0))]
 
     def _grade_here(self) -> None:
         if self.renderer != "python" or not self.picture:
