@@ -10,6 +10,8 @@ import panel_material_ui as pmui
 from bokeh.models import CustomAction, CustomJS, Range1d
 from bokeh.plotting import figure
 
+NOTHING = {"–": ""}
+"""Of a list from which nothing is chosen."""
 LINE = "#8c8c8c"
 """A grey that stands out from the plots of both themes."""
 CHANNELS = (("Red", "#e0503c", "solid"), ("Green", "#2f9e63", "dashed"), ("Blue", "#4f83e0", "dotted"))

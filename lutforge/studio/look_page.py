@@ -20,7 +20,7 @@ from lutforge.model.coverage import confidence
 from lutforge.model.white_balance import temperature_range
 from lutforge.settings import Selector
 from lutforge.shots.picture_settings import read_picture_settings
-from lutforge.studio.elements import TOGETHER, WIDE, entry, select, slider, text
+from lutforge.studio.elements import NOTHING, TOGETHER, WIDE, entry, select, slider, text
 from lutforge.studio.look.view import LookView
 from lutforge.studio.session import Look, Session
 from lutforge.studio.workspace import WorkspaceError
@@ -86,8 +86,8 @@ class SettingControl:
     """STYLE/WB by a preset, a temperature and tint, multipliers, or as the photograph was shot."""
 
     def __init__(self, title: str) -> None:
-        self.style = select(f"{title}: style", [""])
-        self.balance = select(f"{title}: white balance", [""])
+        self.style = select(f"{title}: style", NOTHING)
+        self.balance = select(f"{title}: white balance", NOTHING)
         self.kelvin = slider(f"{title}: temperature, K", 5200, 2000, 10000, 50)
         self.tint = slider(f"{title}: tint", 0, -50, 50, 1)
         self.multipliers = entry(f"{title}: multipliers r,g,b", placeholder="2.10,1,1.43")
@@ -102,8 +102,8 @@ class SettingControl:
             kelvins = None
         others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
         for widget, values in ((self.style, list(profile.styles)), (self.balance, [*profile.white_balances, *others])):
-            widget.options = values
-            widget.value = widget.value if widget.value in values else values[0]
+            chosen = widget.value if widget.value in values else values[0]
+            widget.options, widget.value = values, chosen
         if kelvins is not None:
             low, high = round(kelvins[0] + 50, -2), round(kelvins[1] - 50, -2)
             self.kelvin.param.update(start=low, end=high, value=min(max(self.kelvin.value, low), high))
@@ -139,7 +139,7 @@ class LookPage:
         self.taken: Taken | None = None
         self._known: tuple[CameraProfile, Selector] | None = None  # what the pipette's RAW is of
         self.opened: dict[Path, bytes] = {}  # the thumbnails of the film strip
-        self.listed, self.path = select("Photograph in the folders", {"–": ""}), entry("or its path")
+        self.listed, self.path = select("Photograph in the folders", NOTHING), entry("or its path")
         opening = session.button("Show", self._open_named, variant="contained", **WIDE)
         self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as")
         self.ev = slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
@@ -155,7 +155,7 @@ class LookPage:
     def refresh(self) -> None:
         """The settings of the session's profile, and the look with it."""
         names = self.session.folders.files(IMAGE_SUFFIXES)
-        self.listed.options = {"–": "", **{name: name for name in names}}
+        self.listed.options = {**NOTHING, **{name: name for name in names}}
         if not self.session.has_profile:
             self.told.object = "<p>Compute a model, or open a profile.</p>"
             return

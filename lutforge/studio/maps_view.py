@@ -11,7 +11,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PictureStyle
 from lutforge.report.gamut_slices import gamut_slice
-from lutforge.studio.elements import CHANNELS, FILL, LINE, extent, frame, plot, select, slider, text
+from lutforge.studio.elements import CHANNELS, FILL, LINE, NOTHING, extent, frame, plot, select, slider, text
 from lutforge.studio.session import Session
 
 PALETTE = "Cividis256"
@@ -82,7 +82,7 @@ class LatticeView:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.direction = select("Direction", DIRECTIONS, **NARROW)
-        self.style = select("Style", [""], **NARROW)
+        self.style = select("Style", NOTHING, **NARROW)
         self.channel = select("Plane of", {"Red": 0, "Green": 1, "Blue": 2}, value=2, **NARROW)
         self.level = slider("at its level", 0.4, 0.0, 1.0, **NARROW)
         session.watch(self._draw, self.level, self.direction, self.style, self.channel)

@@ -10,7 +10,7 @@ import panel_material_ui as pmui
 from lutforge.calibration.options import LARGEST, PRESETS, SMALLEST, CalibrationOptions, PhysicalOptions, Preset
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.studio.comparison_view import ComparisonView
-from lutforge.studio.elements import FILL, TOGETHER, WIDE, sections, select, slider, text, ticks
+from lutforge.studio.elements import FILL, NOTHING, TOGETHER, WIDE, sections, select, slider, text, ticks
 from lutforge.studio.fit_view import FitView
 from lutforge.studio.maps_view import GamutView, LatticeView
 from lutforge.studio.session import Session
@@ -27,7 +27,7 @@ class ModelPage:
         self.session = session
         self.kind = select("Model", {title: key for key, title in MODELS.items()}, value="lattice")
         self.own_stages = pmui.Checkbox(label="Build on the fitted response and matrix", value=True, **WIDE)
-        self.used = select("Model in use", [""])
+        self.used = select("Model in use", NOTHING)
         self.takes = text()
         compute = session.button("Compute", self._compute, variant="contained", **WIDE)
         session.watch(self._use, self.used)
@@ -81,7 +81,7 @@ class ModelPage:
         if self.session.history is not None:
             workspace = self.session.workspace
             names = {MODELS[name] + (" (stale)" if workspace.is_stale(name) else ""): name for name in workspace.models}
-            self.used.options = names or [""]
+            self.used.options = names or NOTHING
             self.used.value = workspace.model
             self._set_controls(workspace)
             self._count()

@@ -16,7 +16,7 @@ from lutforge.model.falloff import falloff_of
 from lutforge.samples.extract import FATES, ShotCells, ShotSamples
 from lutforge.samples.sample_set import SampleSet
 
-FATE_COLOURS = ("#2f9e63", "#e69f00", "#111111", "#8c8c8c", "#cc79a7", "#4f83e0")
+FATE_COLOURS = ("#ffffff", "#e69f00", "#111111", "#8c8c8c", "#cc79a7", "#4f83e0")
 """Of the fates of tiles, in their order."""
 
 
@@ -163,4 +163,4 @@ def cards(
     ]
 
 
-LEGEND = list(zip(FATES, FATE_COLOURS, strict=True))
+LEGEND = list(zip(("kept: in its own colour", *FATES[1:]), FATE_COLOURS, strict=True))

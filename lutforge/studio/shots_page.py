@@ -8,13 +8,12 @@ from typing import Any
 
 import panel_material_ui as pmui
 
-from lutforge.studio.elements import FILL, WIDE, entry, select, text
+from lutforge.studio.elements import FILL, NOTHING, WIDE, entry, select, text
 from lutforge.studio.session import Session
 from lutforge.studio.shot_pictures import LEGEND, ShotGrid, cards
 from lutforge.studio.workspace import WorkspaceError
 from lutforge.studio.workspace_file import OPENED_SUFFIXES
 
-NOTHING = "–"
 SHOWN = ("JPEG and RAW", "tiles")
 
 
@@ -27,7 +26,7 @@ class ShotsPage:
         self._drawn: object = None
         self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, **WIDE)
         self.drop.param.watch(session.guarded(lambda event: self._take()), "value")
-        self.listed = select("Folder or file", {NOTHING: ""})
+        self.listed = select("Folder or file", NOTHING)
         self.path = entry("or its path")
         self.shown = select("Shown", list(SHOWN))
         session.watch(self.refresh, self.shown)
@@ -44,7 +43,7 @@ class ShotsPage:
         """The folders with shots, and the files that can be opened, as they are now."""
         folders = self.session.folders
         names = (*folders.with_shots(), *folders.files(OPENED_SUFFIXES))
-        self.listed.options = {NOTHING: "", **{name: name for name in names}}
+        self.listed.options = {**NOTHING, **{name: name for name in names}}
 
     def _open(self) -> None:
         named = self.path.value_input or self.path.value or self.listed.value

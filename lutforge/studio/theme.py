@@ -12,18 +12,18 @@ _COMMON: dict[str, Any] = {
         "MuiButton": {
             "styleOverrides": {"root": {"textTransform": "none"}}, "defaultProps": {"disableElevation": True},
         },
-        "MuiToggleButton": {"styleOverrides": {"root": {"textTransform": "none", "whiteSpace": "nowrap"}}},
+        "MuiToggleButton": {"styleOverrides": {"root": {"textTransform": "none", "color": "inherit"}}},
+        "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
         "MuiAppBar": {
             "styleOverrides": {
                 "root": {
-                    "backgroundColor": "var(--mui-palette-background-default)", "backgroundImage": "none",
-                    "color": "var(--mui-palette-text-primary)", "boxShadow": "none",
-                    "borderBottom": "1px solid var(--mui-palette-divider)",
+                    "backgroundColor": "#1c1c1c", "backgroundImage": "none", "color": "#e6e6e6", "boxShadow": "none",
+                    "borderBottom": "1px solid #4a4a4a",
                 },
             },
         },
         "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
-        "MuiStepLabel": {"styleOverrides": {"label": {"color": "var(--mui-palette-text-primary) !important"}}},
+        "MuiStepLabel": {"styleOverrides": {"label": {"color": "#e6e6e6 !important"}}},
     },
 }  # fmt: skip
 

@@ -77,7 +77,7 @@ export function render({ model, el }) {
   // Elements
   const canvas = make("canvas", { className: "picture", tabIndex: 0, role: "application", "aria-roledescription": "picture",
     "aria-describedby": "keys" });
-  const line = make("div", { className: "line", tabIndex: 0, role: "slider", "aria-label": "Wipe", "aria-valuemin": 0,
+  const line = make("div", { className: "line", tabIndex: 0, role: "slider", "aria-label": "Wipe", "aria-valuenow": 50, "aria-valuemin": 0,
     "aria-valuemax": 100 }, make("span", { "aria-hidden": "true" }));
   const left = make("div", { className: "side left" }), right = make("div", { className: "side right" });
   const cross = make("div", { className: "cross", hidden: true });
