@@ -10,9 +10,11 @@ _COMMON: dict[str, Any] = {
     "shape": {"borderRadius": 4},
     "components": {
         "MuiButton": {
-            "styleOverrides": {"root": {"textTransform": "none"}}, "defaultProps": {"disableElevation": True},
+            "styleOverrides": {"root": {"textTransform": "none", "transition": "none"}},
+            "defaultProps": {"disableElevation": True},
         },
         "MuiToggleButton": {"styleOverrides": {"root": {"textTransform": "none", "color": "inherit"}}},
+        "MuiInputLabel": {"styleOverrides": {"root": {"transition": "none"}}},
         "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
         "MuiAppBar": {
             "styleOverrides": {
@@ -23,17 +25,22 @@ _COMMON: dict[str, Any] = {
             },
         },
         "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
-        "MuiStepLabel": {"styleOverrides": {"label": {"color": "#e6e6e6 !important"}}},
+        "MuiStepLabel": {
+            "styleOverrides": {
+                "label": {"color": "#e6e6e6 !important"},
+                "iconContainer": {"& .MuiIcon-root": {"color": "#e6e6e6 !important"}},
+            },
+        },
     },
 }  # fmt: skip
 
 
-def _palette(ink: str, quiet: str, back: str, paper: str, error: str) -> dict[str, Any]:
+def _palette(ink: str, quiet: str, faint: str, back: str, paper: str, error: str) -> dict[str, Any]:
     return {
         **_COMMON,
         "palette": {
             "primary": {"main": ink, "contrastText": back},
-            "text": {"primary": ink, "secondary": quiet},
+            "text": {"primary": ink, "secondary": quiet, "disabled": faint},
             "background": {"default": back, "paper": paper},
             "error": {"main": error},
         },
@@ -41,12 +48,12 @@ def _palette(ink: str, quiet: str, back: str, paper: str, error: str) -> dict[st
 
 
 THEME = {
-    "dark": _palette("#e6e6e6", "#bdbdbd", "#1c1c1c", "#262626", "#ff8a80"),
-    "light": _palette("#1c1c1c", "#454545", "#e8e8e8", "#f5f5f5", "#a11a0e"),
+    "dark": _palette("#e6e6e6", "#bdbdbd", "#a0a0a0", "#1c1c1c", "#262626", "#ff8a80"),
+    "light": _palette("#1c1c1c", "#454545", "#666666", "#e8e8e8", "#f5f5f5", "#a11a0e"),
 }
 
 CSS = """
-html { font-size: clamp(16px, 0.75vw, 26px); }
+html { font-size: clamp(16px, 0.7vw, 26px) !important; }
 body { background: #262626; color: #e6e6e6; font-family: system-ui, sans-serif; }
 #first { position: fixed; inset: 0; z-index: -1; padding: 1.1rem 1.5rem; }
 #first b { font-size: 1.4rem; display: block; margin-bottom: 1.5rem; }
