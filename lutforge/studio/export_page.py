@@ -15,6 +15,7 @@ from lutforge.samples.table import write_samples
 from lutforge.studio.elements import FILL, TOGETHER, WIDE, entry, select
 from lutforge.studio.export import Export, calibration_command, run, wanted_lut
 from lutforge.studio.session import Session, Written
+from lutforge.studio.steps import states_of
 from lutforge.studio.workspace import WorkspaceError
 from lutforge.studio.workspace_file import SUFFIX, save_workspace
 
@@ -110,7 +111,7 @@ class ExportPage:
         if session.has_profile and session.look.target:
             self.program.options = kits_of(session.profile, session.look.target)
         now = (session.profile if session.has_profile else None, session.look)
-        stale = session.states()["Model"][0] == "stale"
+        stale = states_of(session)["Model"][0] == "stale"
         self.list.entries = [
             {
                 "what": each.what, "path": str(each.path), "told": list(each.told), "command": each.command,

@@ -147,10 +147,10 @@ class LatticeView:
         if fitted is not None:
             histogram = fitted.uniform_error.get((self.style.value, self.direction.value))
         if histogram is None:
-            self.levels.title.text = f"Node levels, {name} (the error is known after a lattice fit)"
+            self.levels.title.text = f"Node levels, {name}"
             self.error.data = {"x": [], "y": []}
         else:
-            self.levels.title.text = f"Node levels, {name}, on the error of a uniform lattice"
+            self.levels.title.text = f"Node levels, {name}, over the error"
             density = histogram[channel].reshape(200, -1).sum(axis=1)
             self.error.data = {"x": (np.arange(200) + 0.5) / 200, "y": density / max(float(density.max()), 1e-12)}
         covered = style.coverage.get(self.direction.value)

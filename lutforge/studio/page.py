@@ -9,8 +9,9 @@ import panel_material_ui as pmui
 
 from lutforge.studio.elements import FILL, text
 from lutforge.studio.folders import Folders
-from lutforge.studio.session import STEPS, Session
+from lutforge.studio.session import Session
 from lutforge.studio.shots_page import ShotsPage
+from lutforge.studio.steps import STEPS, states_of
 from lutforge.studio.theme import TEMPLATE, THEME
 
 ICONS = {"done": "check_circle", "to do": "radio_button_unchecked", "stale": "sync_problem"}
@@ -113,7 +114,7 @@ class Page:
 
     def _tell(self) -> None:
         """The steps' states, and what to do next in this one."""
-        states = self.session.states()
+        states = states_of(self.session)
         self.steps.items = [{"label": f"{step}: {states[step][0]}", "icon": ICONS[states[step][0]]} for step in STEPS]
         self.next.object = f"<b>{self.shown}.</b> {states[self.shown][1]}"
         history = self.session.history

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import wraps
 from html import escape
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import panel as pn
@@ -22,9 +22,6 @@ from lutforge.studio.folders import Folders
 from lutforge.studio.jobs import Job
 from lutforge.studio.workspace import MODELS, FittedModel, History, Workspace, WorkspaceError
 from lutforge.studio.workspace_file import Opened, open_paths, with_profile
-
-State = Literal["to do", "done", "stale"]
-STEPS = ("Shots", "Samples", "Model", "Look", "Export")
 
 
 @dataclass(frozen=True)
@@ -169,46 +166,6 @@ class Session:
     def has_profile(self) -> bool:
         """Whether `profile` is there."""
         return self.loaded_profile is not None or (self.history is not None and bool(self.history.present.model))
-
-    def states(self) -> dict[str, tuple[State, str]]:
-        """Each step's state, and in a sentence what to do next there."""
-        open_ = self.history is not None
-        stale = open_ and bool(self.workspace.model) and self.workspace.is_stale(self.workspace.model)
-        model: State = "stale" if stale else "done" if self.has_profile else "to do"
-        chosen: State = "to do" if not self.look.target or model == "to do" else "stale" if stale else "done"
-        made = (self.profile if self.has_profile else None, self.look)
-        old = stale or any(each.of[0] is not made[0] or each.of[1] != made[1] for each in self.written.values())
-        export: State = "to do" if not self.written else "stale" if old else "done"
-        shots: State = "done" if open_ or self.has_profile else "to do"
-        telling = {
-            "Shots": {
-                "to do": "Drop RAW files with their JPEGs here, or choose a folder; then press Sample.",
-                "done": "Click a shot to leave it out or take it back in; then look at the samples.",
-            }[shots],
-            "Samples": (
-                "Keep saturated and clipped colours from the response by the filters, or mark samples with the lasso."
-                if open_ else "Open shots or a sample table first."
-            ),
-            "Model": {
-                "to do": "Press Compute all, or fit stage by stage.",
-                "done": "The model is up to date: see its errors here, then choose a look.",
-                "stale": "Samples or options have changed since: press Compute all.",
-            }[model],
-            "Look": {
-                "to do": "Choose a photograph and the style and white balance that you want.",
-                "done": "The look is what the exports hold.",
-                "stale": "The model is not up to date: compute it again under Model.",
-            }[chosen],
-            "Export": {
-                "to do": "Name the files, and write what your program needs: a kit, a LUT, a config.",
-                "done": "Written as below; each line can be run again as a command.",
-                "stale": "Model or look have changed since: write again what you need.",
-            }[export],
-        }  # fmt: skip
-        states: dict[str, State] = {
-            "Shots": shots, "Samples": "done" if open_ else "to do", "Model": model, "Look": chosen, "Export": export,
-        }  # fmt: skip
-        return {step: (states[step], telling[step]) for step in STEPS}
 
     def change(self, workspace: Workspace) -> None:
         """Make this the present state of the workspace."""

@@ -28,7 +28,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.simulate.demo import demo_shots
-from lutforge.studio.session import STEPS
+from lutforge.studio.steps import STEPS
 from lutforge.studio.workspace import Filters, Workspace
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

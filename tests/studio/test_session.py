@@ -40,7 +40,8 @@ from lutforge.studio.jobs import Job
 from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
 from lutforge.studio.page import Page
 from lutforge.studio.server import origins
-from lutforge.studio.session import STEPS, Look
+from lutforge.studio.session import Look
+from lutforge.studio.steps import STEPS, states_of
 from lutforge.studio.workspace import History, Workspace, WorkspaceError
 from lutforge.studio.workspace_file import with_profile
 
@@ -135,12 +136,12 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     page.show("Look")
     look = page.pages["Look"]
     look.path.value = "tells.jpg"
-    look._open()
+    look._open_named()
     assert "taken as vivid/tungsten" in page.session.status.object
     look.wanted.style.value, look.wanted.balance.value = "standard", "daylight"
     assert page.session.look == Look("vivid/tungsten", "standard/daylight")
     look.path.value = "silent.jpg"
-    look._open()
+    look._open_named()
     assert "does not tell how it was taken" in page.session.status.object
 
 
@@ -217,26 +218,26 @@ def test_an_export_is_the_command_that_it_tells(
 def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp_path: Path) -> None:
     page = opened(tmp_path)
     session = page.session
-    assert [state for state, _ in session.states().values()] == ["to do"] * 5
+    assert [state for state, _ in states_of(session).values()] == ["to do"] * 5
     samples = chart_samples(patches=9)
     session.history = History(Workspace(samples))
     task = session.workspace.task("lattice")
     model = replace(evaluate_on(profile, "lattice", samples), task=task)
     session.change(session.workspace.with_model("lattice", model))
-    assert [state for state, _ in session.states().values()] == ["done", "done", "done", "to do", "to do"]
+    assert [state for state, _ in states_of(session).values()] == ["done", "done", "done", "to do", "to do"]
     page.show("Look")
     page.show("Export")
     page.pages["Export"].name.value = "mine"
     page.pages["Export"]._save_profile()
-    assert [state for state, _ in session.states().values()] == ["done"] * 5
+    assert [state for state, _ in states_of(session).values()] == ["done"] * 5
     page.show("Look")
     page.pages["Look"].ev.value = 1.0
-    assert session.states()["Export"][0] == "stale"
+    assert states_of(session)["Export"][0] == "stale"
     session.change(replace(session.workspace, out=frozenset({str(samples.shot[0])})))
-    assert [state for state, _ in session.states().values()] == ["done", "done", "stale", "stale", "stale"]
-    assert all(words.endswith(".") for _, words in session.states().values())
+    assert [state for state, _ in states_of(session).values()] == ["done", "done", "stale", "stale", "stale"]
+    assert all(words.endswith(".") for _, words in states_of(session).values())
     session.undo()
-    assert session.states()["Model"][0] == "done"
+    assert states_of(session)["Model"][0] == "done"
 
 
 def test_a_lasso_over_100000_samples_is_quick(tmp_path: Path) -> None:
