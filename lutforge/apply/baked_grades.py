@@ -64,7 +64,7 @@ class BakedGrades:
         balanced = through_stages(stages, grid(levels) / before)
         gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
         exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
-        return Lut((*exposed, *self._baked(look.render(wanted).without_gain()).ops)).processor()
+        return Lut((*exposed, *self._baked(look.render_balanced(wanted)).ops)).processor()
 
     def _confidence(
         self,

@@ -7,8 +7,8 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.physical_model import GamutMaps
-from lutforge.calibration.physical.reference_camera import calibrate_by_reference
+from lutforge.calibration.physical.physical_model import GamutMaps, robust_options
+from lutforge.calibration.physical.reference_camera import own_raw
 from lutforge.calibration.physical.white_balance import (
     complete_multipliers,
     named_white_balances,
@@ -28,6 +28,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.diagnosis import Diagnosis
 from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import PictureStyle
+from lutforge.model.reference_raw import with_own_raw
 from lutforge.model.shot_tone import ShotTone
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
@@ -50,7 +51,7 @@ class CalibratedStyle:
 class Calibration:
     """A fitted profile that still lacks its held-out errors, and what these are measured with.
 
-    styles: data and fits by style name; empty for a camera that was calibrated through a reference camera.
+    styles: data and fits by style name.
     """
 
     profile: CameraProfile
@@ -66,14 +67,16 @@ def calibrate(
     """Fit the white balances, the matrix and, per style, the models that the options ask for.
 
     "lattice": the lattices of both directions; "rbf": the physical model of chapter 4, and the lattices beside it.
-    Samples with a reference camera's RAW get the physical model only (4.9). stages: a profile whose responses, matrix
-    and white balances are taken as they are (`calibrate_stages`). Raises CalibrationError, in one line with what to do,
-    where the samples do not determine the models.
+    Where a reference camera's RAW stands in (4.9), it is carried to the camera's own first. stages: a profile whose
+    responses, matrix and white balances are taken as they are (`calibrate_stages`). Raises CalibrationError, in one
+    line with what to do, where the samples do not determine the models.
     """
     options = options or CalibrationOptions()
     _check_one_camera(samples)
     if np.any(samples.raw_camera != samples.camera):
-        return Calibration(calibrate_by_reference(samples, options, progress, stages))
+        reference = _own_raw_of(samples, options, stages)
+        fitted = calibrate(reference.samples, options, progress, stages)
+        return replace(fitted, profile=reference.named(fitted.profile))
     even, notes = _prepared(samples, options, stages)
     physical, maps = None, dict[str, GamutMaps]()
     if options.model == "rbf":
@@ -116,7 +119,8 @@ def calibrate_stages(
     _check_one_camera(samples)
     progress("response, matrix and white balances", 0.0)
     if np.any(samples.raw_camera != samples.camera):
-        return calibrate_by_reference(samples, options, progress, gamut_maps=False)
+        reference = _own_raw_of(samples, options)
+        return reference.named(calibrate_stages(reference.samples, options, progress))
     even, notes = _prepared(samples, options)
     stages = _fit_stages(even, options)
     balances = named_white_balances(even.samples, stages.multipliers, stages.matrix)
@@ -133,6 +137,34 @@ def calibrate_stages(
         diagnoses=even.diagnoses,
         tones=even.tones,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Reference:
+    """Samples with the camera's own RAW, as far as a reference camera tells it: its name, Tc (3, 3), and notes."""
+
+    samples: SampleSet
+    name: str
+    transfer: Array
+    notes: tuple[str, ...]
+
+    def named(self, profile: CameraProfile) -> CameraProfile:
+        """The profile of these samples, as one through the reference camera."""
+        return replace(profile, raw_camera=self.name, raw_transfer=self.transfer, notes=(*self.notes, *profile.notes))
+
+
+def _own_raw_of(samples: SampleSet, options: CalibrationOptions, stages: CameraProfile | None = None) -> _Reference:
+    """Carry the reference camera's RAW to the camera's own, by the matrix of given stages, or by one that is fitted."""
+    name, count = str(samples.raw_camera[0]), len(samples)
+    if stages is not None and stages.raw_transfer is not None:
+        samples, transfer = with_own_raw(stages, samples), stages.raw_transfer
+    else:
+        carried = own_raw(samples, robust_options(options.physical))
+        samples, transfer = carried.samples, carried.transfer
+    notes = [f"RAW of {name} stands in: refinishing works, linearizing to the own RAW cannot"]
+    if len(samples) < count:
+        notes.append(f"{count - len(samples)} of {count} samples are clipped, in the JPEG or in that RAW")
+    return _Reference(samples, name, transfer, tuple(notes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,11 +275,9 @@ def _check_one_camera(samples: SampleSet) -> None:
 
 
 def data_by_style(samples: SampleSet) -> dict[str, StyleData]:
-    """The fitting samples of each style of one camera with RAW of its own. Raises CalibrationError."""
+    """The fitting samples of each style of one camera. Raises CalibrationError."""
     _check_one_camera(samples)
     if np.any(samples.raw_camera != samples.camera):
-        raise CalibrationError(
-            f"{samples.camera[0]} was sampled with another camera's RAW: its model has no lattice to choose a size of"
-        )
+        samples = own_raw(samples).samples
     even = _even(samples, complete_multipliers(samples)[0], CalibrationOptions())
     return style_data(even.samples, even.multipliers)[0]

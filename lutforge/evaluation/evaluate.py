@@ -16,17 +16,17 @@ from lutforge.calibration.shots.tone import tones_beside
 from lutforge.calibration.style_data import style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.error_shares import error_shares
-from lutforge.evaluation.errors_table import error_figures
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
 from lutforge.evaluation.held_out import Predictions, predict
 from lutforge.evaluation.linearization import linearization_errors
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import refinish_errors
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.reference_raw import with_own_raw
+from lutforge.model.response_profile import is_response_alone
 from lutforge.model.shot_tone import ShotTone, without_tones
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.sample_set import SampleSet
-from lutforge.settings import Selector
 
 
 def evaluate(
@@ -43,14 +43,17 @@ def evaluate(
     tables: every method of the thesis's tables, with its times, whatever the profile holds; sizes: nodes per axis of
     the lattices in these. Raises CalibrationError where the samples hold none of the profile's styles.
     """
-    samples = at_the_centre(samples, profile.falloffs)
+    if is_response_alone(profile):
+        raise CalibrationError(
+            f"the profile of {profile.camera} holds a response alone, found without RAW: samples of RAW cannot tell "
+            "its error; lutforge response prints it"
+        )
+    samples = at_the_centre(with_own_raw(profile, samples), profile.falloffs)
     multipliers, notes = complete_multipliers(samples)
     multipliers = with_gains(samples, multipliers, profile.white_balances)
     known, strange = _known_styles(profile, samples)
     samples, multipliers = samples.select(known), multipliers[known]
     samples = without_tones(samples, profile.tones)
-    if profile.raw_camera:
-        return _evaluate_by_reference(profile, samples)
     data, clipped = style_data(samples, multipliers)
     notes = (*notes, *strange, *styles_with_enough(samples, multipliers)[1])
     if clipped:
@@ -86,7 +89,7 @@ def unseen_tones(profile: CameraProfile, samples: SampleSet, multipliers: Array)
 
 def scene_tones(profile: CameraProfile, samples: SampleSet) -> tuple[ShotTone, ...]:
     """What the camera did to the tone of shots, of styles that the profile has, beyond its fixed rendering."""
-    samples = at_the_centre(samples, profile.falloffs)
+    samples = at_the_centre(with_own_raw(profile, samples), profile.falloffs)
     multipliers = with_gains(samples, complete_multipliers(samples)[0], profile.white_balances)
     return (*profile.tones, *unseen_tones(profile, samples, multipliers))
 
@@ -170,20 +173,3 @@ def _timed(rows: Iterable[EvaluationRow], predictions: dict[str, Predictions]) -
             took.append(time.perf_counter() - start)
         fit_seconds = float(np.median(known)) if known else None
         yield replace(row, fit_seconds=fit_seconds, seconds_per_megapixel=min(took[1:]) * 1e6 / len(pixels))
-
-
-def _evaluate_by_reference(profile: CameraProfile, samples: SampleSet) -> Evaluation:
-    """Rendering only: there is no own RAW to compare a linearized JPEG with."""
-    rows: list[EvaluationRow] = []
-    usable = np.all((samples.srgb > 0.5 / 255) & (samples.srgb < 1 - 0.5 / 255) & (samples.raw > 0), axis=1)
-    for name in np.unique(samples.style[usable]):
-        for setting in np.unique(samples.white_balance[usable & (samples.style == name)]):
-            if setting not in profile.white_balances:
-                continue
-            own = samples.select(usable & (samples.style == name) & (samples.white_balance == setting))
-            rendered = profile.render(Selector(str(name), str(setting)))(own.raw)
-            held_out = not bool(np.isin(own.shot, profile.shots).any())
-            figures = error_figures(rendered, own.srgb, display=True)
-            rows.append(EvaluationRow("render", str(name), f"all {setting}", RBF, held_out, figures))
-    note = f"{profile.camera} has no RAW of its own ({profile.raw_camera} stands in): only rendering can be measured"
-    return Evaluation(profile.camera, tuple(rows), (note,))

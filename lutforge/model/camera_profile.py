@@ -44,17 +44,12 @@ class CameraProfile(ProfileData):
         selector = parse_selector(text) if isinstance(text, str) else text
         if selector.style not in self.styles:
             raise SettingsError(f'unknown style "{selector.style}"; {self.camera} has {", ".join(sorted(self.styles))}')
-        if self.raw_camera and not isinstance(selector.white_balance, str):
-            raise SettingsError(
-                f"{self.camera} was calibrated through the RAW of {self.raw_camera}: name one of its white balances, "
-                f"{', '.join(sorted(self.white_balances))}"
-            )
         return replace(selector, white_balance=self._known_balance(selector.white_balance))
 
     def _known_balance(self, balance: str | Kelvin | Multipliers) -> str | Kelvin | Multipliers:
         """The white balance as it is, or the multipliers of a known one with a tint: "daylight+10"."""
         tint = re.fullmatch(r"(.+?)([+-]\d+(?:\.\d+)?)", balance) if isinstance(balance, str) else None
-        if tint is None or balance in self.white_balances or tint[1] not in self.white_balances or self.raw_camera:
+        if tint is None or balance in self.white_balances or tint[1] not in self.white_balances:
             resolve(balance, self.white_balances, self.matrix)
             return balance
         named = np.array(self.white_balances[tint[1]].multipliers)
@@ -66,7 +61,15 @@ class CameraProfile(ProfileData):
         return resolve(self.selector(text).white_balance, self.white_balances, self.matrix)
 
     def render(self, to: str | Selector, model: ModelName | None = None) -> Transform:
-        """RAW (before white balance) → the camera's JPEG, encoded [0, 1]."""
+        """RAW before white balance, of the reference camera if there is one → the camera's JPEG, encoded [0, 1]."""
+        own = self._render(to, model)
+        return own if self.raw_transfer is None else Transform((MatrixStage(self.raw_transfer), *own.stages))
+
+    def render_balanced(self, to: str | Selector, model: ModelName | None = None) -> Transform:
+        """White-balanced RAW → the camera's JPEG, encoded [0, 1]: the same for all white balances of a style."""
+        return self._render(to, model).without_gain()
+
+    def _render(self, to: str | Selector, model: ModelName | None) -> Transform:
         selector = self.selector(to)
         gain = self.multipliers(selector)
         style = self.styles[selector.style]
@@ -99,6 +102,10 @@ class CameraProfile(ProfileData):
             return linear
         return Transform((*linear.stages, EncodeRgb(rgb_space(space))))
 
+    def linearize_to_own_raw(self, source: str | Selector, model: ModelName | None = None) -> Transform:
+        """JPEG → the RAW, before white balance, that the camera has or would have: Tc of a reference camera's."""
+        return self._linearize(source, "raw", model)
+
     def _linearize(self, source: str | Selector, space: str, model: ModelName | None) -> Transform:
         selector = self.selector(source)
         gain = self.multipliers(selector)
@@ -110,10 +117,7 @@ class CameraProfile(ProfileData):
             return Transform((Clip(), style.linearize, MatrixStage(scene)))
         physical = self._physical(selector)
         to_balanced = np.linalg.inv(physical.matrix)
-        if space == "raw":
-            scene = to_balanced / gain[:, None]
-        else:
-            scene = from_linear_srgb(space) @ (np.eye(3) if self.raw_camera else self.matrix @ to_balanced)
+        scene = (np.diag(1 / gain) if space == "raw" else from_linear_srgb(space) @ self.matrix) @ to_balanced
         return Transform((Clip(), Decode(physical.response), physical.inverse_gamut_map, MatrixStage(scene)))
 
     def refinish(
@@ -135,10 +139,8 @@ class CameraProfile(ProfileData):
         save_profile(self, path)
 
     def raw_to_linear_srgb(self, selector: Selector) -> Array:
-        """(3, 3): Ts Tw for a setting; with a reference camera, its RAW → linear sRGB."""
-        if self.raw_camera:
-            return self._physical(selector).matrix
-        return self.matrix * self.multipliers(selector)
+        """(3, 3): Ts Tw for a setting; of a reference camera's RAW Ts Tw Tc."""
+        return (self.matrix * self.multipliers(selector)) @ _from_reference(self)
 
     def _model(self, selector: Selector, model: ModelName | None) -> ModelName:
         style = self.styles[selector.style]
@@ -188,7 +190,7 @@ def match(
 
     transfer: Tc, measured on common scenes. Without it Tc = (Ts_b Tw_b)⁻¹ Ts_a Tw_a, with both white balances those of
     the source's light (see `same_light`); where the target camera does not know it, its target white balance stands in.
-    Between profiles of one RAW, a camera's own or a common reference's, Tc is the identity.
+    Between profiles of one RAW, a camera's own or a common reference's, Tc is what takes both to that.
     Raises SettingsError on an exposure beyond ±20 stops, ProfileError on a transfer between other cameras.
     """
     source, target = source_camera.selector(source), target_camera.selector(target)
@@ -196,16 +198,17 @@ def match(
     if ev == 0 and source_camera is target_camera and _same_setting(source_camera, source, target):
         return Transform()
     balanced = (*source_camera._linearize(source, "raw", model).stages, *exposed)
-    render = target_camera.render(target, model).without_gain()
+    render = target_camera.render_balanced(target, model)
     if not neutral_highlights:
         return Transform((*balanced, *render.stages))
-    to_linear = None if target_camera.raw_camera else target_camera.matrix
-    return Transform((KeepNeutral(balanced, 2.0**ev, to_linear), *render.stages))
+    return Transform((KeepNeutral(balanced, 2.0**ev, target_camera.matrix), *render.stages))
 
 
 def _same_setting(camera: CameraProfile, one: Selector, other: Selector) -> bool:
     """True where two selectors of a camera ask for the same picture, whatever their words."""
-    if one.style != other.style or camera.raw_camera:  # without RAW each white balance has a model of its own
+    if (
+        one.style != other.style or len(camera.styles[one.style].physical) > 1
+    ):  # white balances may have their own model
         return one == other
     return one == other or np.array_equal(camera.multipliers(one), camera.multipliers(other))
 
@@ -237,9 +240,15 @@ def raw_to_balanced(
         under = None if light is None else target_camera.multipliers(Selector(target.style, light))
         return RawToRaw(transfer.under(source_camera.multipliers(source), under)), balance
     if (source_camera.raw_camera or source_camera.camera) == (target_camera.raw_camera or target_camera.camera):
-        return (balance,)
-    to_target = np.linalg.inv(target_camera.raw_to_linear_srgb(Selector(target.style, light or target.white_balance)))
-    return MatrixStage(to_target @ source_camera.raw_to_linear_srgb(source)), balance
+        return MatrixStage(_from_reference(target_camera) @ np.linalg.inv(_from_reference(source_camera))), balance
+    light_of_target = target_camera.multipliers(Selector(target.style, light or target.white_balance))
+    to_target = np.linalg.inv(target_camera.matrix * light_of_target)
+    return MatrixStage(to_target @ (source_camera.matrix * source_camera.multipliers(source))), balance
+
+
+def _from_reference(camera: CameraProfile) -> Array:
+    """Tc (3, 3) from the RAW of the reference camera, or of the camera itself where it has RAW."""
+    return np.eye(3) if camera.raw_transfer is None else camera.raw_transfer
 
 
 def same_light(
@@ -251,8 +260,6 @@ def same_light(
     """
     if isinstance(source.white_balance, str) and source.white_balance in target_camera.white_balances:
         return source.white_balance
-    if source_camera.raw_camera or target_camera.raw_camera:
-        return None
     try:
         multipliers = source_camera.multipliers(source)
         light = temperature_of(multipliers, source_camera.white_balances, source_camera.matrix)

@@ -76,8 +76,8 @@ class ProfileData:
     """A camera. matrix: Ts (3, 3), white-balanced camera RGB → linear sRGB, rows sum to 1.
 
     shots: the names that it was calibrated from; options: how, as plain JSON values. raw_camera: the reference camera
-    whose RAW stood in for a camera without RAW (4.9), else "": each white balance then has a physical model of its own,
-    whose matrix takes that camera's RAW to linear sRGB. falloffs: what JPEGs are brighter towards the corners than the
+    whose RAW stood in for a camera without RAW (4.9), else ""; raw_transfer: Tc (3, 3), which takes that camera's RAW
+    to this camera's, as far as it can be known. falloffs: what JPEGs are brighter towards the corners than the
     middle, for which the styles stand, by lens setting. diagnoses: what in the samples no camera makes. tones: what the
     camera did to single shots beyond its fixed rendering; those that depart locally take no part in it.
     Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
@@ -95,6 +95,7 @@ class ProfileData:
     falloffs: tuple[Falloff, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
     tones: tuple[ShotTone, ...] = ()
+    raw_transfer: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.styles or not self.white_balances:
@@ -109,3 +110,10 @@ class ProfileData:
             raise ProfileError(f"{self.camera}: the matrix is not 3 × 3 finite numbers")
         if np.linalg.cond(self.matrix) > 1e6:
             raise ProfileError(f"{self.camera}: the matrix cannot be inverted")
+        transfer = self.raw_transfer
+        if (transfer is None) != (self.raw_camera == ""):
+            raise ProfileError(f"{self.camera}: a reference camera and the matrix from its RAW belong together")
+        if transfer is not None and not (
+            transfer.shape == (3, 3) and np.all(np.isfinite(transfer)) and np.linalg.cond(transfer) < 1e6
+        ):
+            raise ProfileError(f"{self.camera}: the matrix from the reference camera's RAW cannot be inverted")

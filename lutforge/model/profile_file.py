@@ -4,7 +4,7 @@ import json
 import math
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +26,9 @@ from lutforge.model.response import Response
 from lutforge.model.shot_tone import ShotTone
 from lutforge.model.white_balance import WhiteBalance
 
-FORMAT_VERSION = 5
+FORMAT_VERSION = 6
 """2: lattices may have a response. 3: gamut maps may be on an even scale. 4: white balances have a gain. 5:
-there may be falloffs, and tones of shots."""
+there may be falloffs, and tones of shots. 6: of a camera without RAW there is the matrix from the reference's RAW."""
 
 
 def save_profile(profile: ProfileData, path: str | Path) -> None:
@@ -40,6 +40,7 @@ def save_profile(profile: ProfileData, path: str | Path) -> None:
         "software": f"LutForge {__version__}",
         "camera": profile.camera,
         "raw_camera": profile.raw_camera,
+        "raw_transfer": None if profile.raw_transfer is None else profile.raw_transfer.tolist(),
         "matrix": profile.matrix.tolist(),
         "white_balances": {name: asdict(balance) for name, balance in profile.white_balances.items()},
         "styles": {
@@ -124,15 +125,20 @@ def read_profile(path: str | Path) -> ProfileData:
         def array(name: str) -> Array:
             return _read_array(archive, name)
 
+        styles = {str(name): _style_from_json(entry, array) for name, entry in document["styles"].items()}
+        transfer = document.get("raw_transfer")
+        if document["version"] < 6 and document.get("raw_camera"):
+            styles, transfer = _through_transfer(styles)
         return ProfileData(
             camera=str(document["camera"]),
             matrix=np.array(document["matrix"], dtype=np.float64),
             white_balances={str(name): _balance(entry) for name, entry in document["white_balances"].items()},
-            styles={str(name): _style_from_json(entry, array) for name, entry in document["styles"].items()},
+            styles=styles,
             shots=tuple(str(shot) for shot in document.get("shots", [])),
             options=options,
             notes=tuple(str(note) for note in document.get("notes", [])),
             raw_camera=str(document.get("raw_camera", "")),
+            raw_transfer=None if transfer is None else np.array(transfer, dtype=np.float64),
             tones=tuple(_tone(entry) for entry in document.get("tones", [])),
             falloffs=tuple(_falloff(entry) for entry in document.get("falloffs", [])),
             diagnoses=tuple(
@@ -140,6 +146,20 @@ def read_profile(path: str | Path) -> ProfileData:
                 for entry in document.get("diagnoses", [])
             ),
         )
+
+
+def _through_transfer(styles: Mapping[str, PictureStyle]) -> tuple[dict[str, PictureStyle], Array]:
+    """Styles of a camera without RAW as versions up to 5 had them, a matrix from the reference's RAW a white balance.
+
+    One of these becomes Tc, and each white balance keeps a model whose matrix is what its own differs by: no render
+    changes.
+    """
+    transfer = next(model.matrix for style in styles.values() for model in style.physical)
+    back = np.linalg.inv(transfer)
+    return {
+        name: replace(style, physical=tuple(replace(one, matrix=one.matrix @ back) for one in style.physical))
+        for name, style in styles.items()
+    }, transfer
 
 
 def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:

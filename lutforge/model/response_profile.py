@@ -29,6 +29,11 @@ def profile_of_response(
     )
 
 
+def has_own_raw(profile: CameraProfile) -> bool:
+    """True where the profile is of the camera's own RAW, not of a response alone or through a reference camera."""
+    return not (is_response_alone(profile) or profile.raw_camera)
+
+
 def is_response_alone(profile: CameraProfile) -> bool:
     """True for a profile that `profile_of_response` made."""
     return profile.options.get("source") == SOURCE

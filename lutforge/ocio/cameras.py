@@ -10,7 +10,7 @@ from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.response_profile import is_response_alone
+from lutforge.model.response_profile import has_own_raw
 from lutforge.ocio.names import UniqueNames, file_stem, part_name, space_name
 
 RAW, LINEAR = "RAW", "linear"
@@ -47,7 +47,7 @@ class Camera:
 
     def raw(self, balance: str | None = None) -> str:
         """The colour space of its RAW, or of its JPEGs' light, before white balance or after one."""
-        light = LINEAR if is_response_alone(self.profile) else RAW
+        light = RAW if has_own_raw(self.profile) else LINEAR
         return space_name(self.name, light, self.balances[balance] if balance is not None else "")
 
     def jpeg(self, style: str, balance: str) -> str:
@@ -80,8 +80,7 @@ class Camera:
 def name_cameras(profiles: Sequence[CameraProfile], taken: Iterable[str] = ()) -> tuple[Camera, ...]:
     """Names for profiles, none of whose colour spaces or aliases is among those taken, whatever the case.
 
-    Where one would be, the camera gets a number. Raises ConfigError on no profile, on the same one twice, and on one
-    that has no RAW of its own.
+    Where one would be, the camera gets a number. Raises ConfigError on no profile, on the same one twice.
     """
     if not profiles:
         raise ConfigError("a config needs at least one camera profile")
@@ -89,11 +88,6 @@ def name_cameras(profiles: Sequence[CameraProfile], taken: Iterable[str] = ()) -
     prints: set[str] = set()
     cameras: list[Camera] = []
     for profile in profiles:
-        if profile.raw_camera:
-            raise ConfigError(
-                f"{profile.camera} was calibrated through the RAW of {profile.raw_camera}: it has no RAW of its own "
-                "for a config; bake refinish LUTs of it instead"
-            )
         key = _fingerprint(profile)
         if key in prints:
             raise ConfigError(f"the profile of {profile.camera} is given twice; name each profile once")

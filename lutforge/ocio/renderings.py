@@ -75,7 +75,7 @@ def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
             selector = Selector(name, balances[0])
             render = linearize = None
             if style.render or style.physical:
-                render = profile.render(selector).without_gain()
+                render = profile.render_balanced(selector)
             if style.linearize or style.physical:
                 balance = Gain(profile.multipliers(selector))
                 linearize = Transform((*profile.linearize(selector).stages, balance))

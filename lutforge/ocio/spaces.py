@@ -11,7 +11,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.arrays import Array
-from lutforge.model.response_profile import is_response_alone
+from lutforge.model.response_profile import has_own_raw
 from lutforge.ocio.base_config import matrix_transform
 from lutforge.ocio.cameras import AS_SHOT, DEFAULT, Camera
 from lutforge.ocio.names import UniqueNames, config_names, file_stem, space_name
@@ -41,7 +41,7 @@ def add_raw(config: OCIO.Config, camera: Camera, groups: dict[object, str]) -> N
     """The camera's RAW before white balance, and after each. groups: equality groups, by what decides them."""
     for balance in (None, *camera.profile.white_balances):
         name, matrix = camera.raw(balance), camera.to_reference(balance)
-        light = "light of the JPEGs" if is_response_alone(camera.profile) else "RAW"
+        light = "RAW" if has_own_raw(camera.profile) else "light of the JPEGs"
         what = f"Linear {light} of the {camera.profile.camera}, black 0, saturation 1, "
         if balance is None:
             what += f"before white balance. Neutral in the reference under {camera.own}"

@@ -74,7 +74,8 @@ def evaluate_on(profile: CameraProfile, kind: str, samples: SampleSet) -> Fitted
         if not lattice:
             physical = profile.styles[style].physical
             one = next((one for one in physical if balance in one.white_balances), physical[0])
-            balanced = np.clip(samples.raw[rows] * profile.multipliers(selector), 0.0, 1.0)
+            own = samples.raw[rows] if profile.raw_transfer is None else samples.raw[rows] @ profile.raw_transfer.T
+            balanced = np.clip(own * profile.multipliers(selector), 0.0, 1.0)
             transformed[rows] = one.gamut_map(balanced @ one.matrix.T)
     return FittedModel(profile, scene, transformed, predicted, linearized)
 

@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical.plain_curves import gamma_response
+from lutforge.calibration.physical.reference_camera import own_raw
 from lutforge.errors import CalibrationError, ProfileError
 from lutforge.evaluation.evaluate import evaluate
+from lutforge.evaluation.methods import RBF
 from lutforge.model.camera_profile import match
+from lutforge.model.response_profile import profile_of_response
 from lutforge.pipeline.calibration import calibrate
-from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
 
@@ -26,6 +30,7 @@ def samples() -> SampleSet:
     return replace(own, raw=reference.raw, raw_camera=reference.camera, wb=np.full_like(own.wb, np.nan))
 
 
+@pytest.mark.slow
 def test_refinishing_works_and_the_own_raw_is_refused(samples: SampleSet) -> None:
     profile = calibrate(samples, CalibrationOptions(model="rbf"))
     assert profile.raw_camera == REFERENCE.name
@@ -39,8 +44,56 @@ def test_refinishing_works_and_the_own_raw_is_refused(samples: SampleSet) -> Non
     error = np.sqrt(np.mean((after[seen] - wanted[seen]) ** 2))
     assert error < 0.04  # the thesis reaches 0.02 with the camera's own RAW; the sensors differ by more than a matrix
     assert error < 0.3 * plain
-    rows = evaluate(profile, samples).rows
-    assert rows and all(row.direction == "render" and row.figures.mean < 0.03 for row in rows)
+    rows = [row for row in evaluate(profile, samples).rows if row.method == RBF and row.shot == "all"]
+    assert {row.direction for row in rows} == {"render", "linearize"}
+    assert all(row.figures.mean < 0.03 for row in rows)
+
+
+def test_a_dial_that_is_wrong_for_the_light_needs_nothing_neutral() -> None:
+    """All white balances in one light: what is neutral under one of them tells the light, one Tc serves them all."""
+    raws = {name: camera.expose(surfaces(400, 5), "daylight") for name, camera in (("own", OWN), ("ref", REFERENCE))}
+    parts = []
+    for balance in ("daylight", "tungsten", "shade"):
+        for stop in (-2, -1, 0):
+            encoded = np.rint(255 * OWN.render(raws["own"] * 2.0**stop, "standard", balance)) / 255
+            count, shot = len(encoded), f"{balance}{stop}"
+            parts.append(
+                SampleSet(
+                    camera=np.full(count, OWN.name),
+                    style=np.full(count, "standard"),
+                    white_balance=np.full(count, balance),
+                    shot=np.full(count, shot),
+                    patch=np.arange(count).astype(np.str_),
+                    exposure_s=np.full(count, 2.0**stop),
+                    raw=0.8 * raws["ref"] * 2.0**stop,
+                    srgb=encoded,
+                    wb=np.full((count, 3), np.nan),
+                    raw_camera=np.full(count, REFERENCE.name),
+                )
+            )
+    carried = own_raw(concatenate(parts))
+    for balance in ("tungsten", "shade"):
+        found, wanted = (
+            np.median(carried.samples.wb[carried.samples.white_balance == balance], axis=0)
+            / np.median(carried.samples.wb[carried.samples.white_balance == "daylight"], axis=0),
+            OWN.multipliers(balance) / OWN.multipliers("daylight"),
+        )
+        np.testing.assert_allclose(found, wanted, rtol=0.12)  # the sensors differ by more than a matrix
+    profile = calibrate(concatenate(parts), CalibrationOptions(size=13))
+    before, wanted = (OWN.render(0.4 * raws["own"], "standard", balance) for balance in ("tungsten", "daylight"))
+    seen = np.all((before > 0.03) & (before < 0.97) & (wanted > 0.03) & (wanted < 0.97), axis=1)
+    after = profile.refinish("standard/tungsten", "standard/daylight")(before)
+    assert np.sqrt(np.mean((after[seen] - wanted[seen]) ** 2)) < 0.02
+
+
+def test_samples_of_another_raw_are_no_measure_of_a_profile(samples: SampleSet) -> None:
+    profile = calibrate(samples.select(samples.style == "standard"), CalibrationOptions(size=9))
+    own = photograph_patches(OWN, chart_140(), balances=("daylight",), stops=(-1,))
+    with pytest.raises(CalibrationError, match="sample what the profile is of"):
+        evaluate(profile, own)
+    response = profile_of_response(gamma_response(2.2), OWN.name, "standard", "daylight")
+    with pytest.raises(CalibrationError, match="holds a response alone"):
+        evaluate(response, own)
 
 
 @pytest.mark.slow

@@ -25,6 +25,7 @@ RAW = (
     * np.array([0.5, 1.0, 0.7])
     * (1 + 0.1 * np.random.default_rng(3).uniform(size=(200, 3)))
 )
+TRANSFER = np.array([[0.9, 0.1, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]])
 
 
 def test_render_is_the_thesis_equation() -> None:
@@ -105,27 +106,47 @@ def test_unknown_settings_list_the_known_ones() -> None:
 
 
 def test_a_profile_through_a_reference_camera_refinishes_but_has_no_raw() -> None:
-    shared = (gamma_response(), identity_map(), identity_map())
-    models = (
-        PhysicalModel(("daylight",), MATRIX, *shared),
-        PhysicalModel(("tungsten",), MATRIX * [0.7, 1.0, 1.4], *shared),
-    )
-    neutral = {name: WhiteBalance((1.0, 1.0, 1.0)) for name in ("daylight", "tungsten")}
+    model = PhysicalModel(("daylight", "tungsten"), MATRIX, gamma_response(), identity_map(), identity_map())
+    balances = {
+        "daylight": WhiteBalance((1.0, 1.0, 1.0), 5200.0),
+        "tungsten": WhiteBalance((0.7, 1.0, 1.4), 3200.0),
+    }
+    transfer = np.array([[0.9, 0.1, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]])
     profile = CameraProfile(
-        "No RAW", np.eye(3), neutral, {"standard": PictureStyle(physical=models)}, raw_camera="Reference"
+        "No RAW",
+        MATRIX,
+        balances,
+        {"standard": PictureStyle(physical=(model,))},
+        raw_camera="Reference",
+        raw_transfer=transfer,
     )
     near_grey = RAW * [2.0, 1.0, 1.5]
     before = profile.render("standard/tungsten")(near_grey)
-    expected = np.clip(near_grey * [0.7, 1, 1.4] @ MATRIX.T, 0, 1) ** (1 / GAMMA)
+    expected = np.clip((near_grey @ transfer.T) * [0.7, 1, 1.4] @ MATRIX.T, 0, 1) ** (1 / GAMMA)
     np.testing.assert_allclose(before, expected, atol=1e-4)
     after = profile.refinish("standard/tungsten", "standard/daylight")(before)
     np.testing.assert_allclose(after, profile.render("standard/daylight")(near_grey), atol=1e-6)
     with pytest.raises(ProfileError, match=r"No RAW has no RAW.*Reference"):
         profile.linearize("standard/daylight")
-    with pytest.raises(SettingsError, match="name one of its white balances"):
-        profile.render("standard/5000K")
+    between = profile.multipliers("standard/4000K")  # between the settings that it knows
+    assert 0.7 < between[0] < 1.0 and 1.0 < between[2] < 1.4
     scene = profile.linearize("standard/daylight", "linear-srgb")(profile.render("standard/daylight")(near_grey))
-    np.testing.assert_allclose(scene, near_grey @ MATRIX.T, atol=1e-6)
+    np.testing.assert_allclose(scene, near_grey @ (MATRIX @ transfer).T, atol=1e-6)
+
+
+def test_a_match_through_a_common_reference_joins_both_transfers() -> None:
+    """Tc from one camera without RAW to another is that of both to their reference (thesis 6.3)."""
+    balances = {"daylight": WhiteBalance((1.0, 1.0, 1.0), 5200.0)}
+    model = PhysicalModel(("daylight",), MATRIX, gamma_response(), identity_map(), identity_map())
+    styles = {"standard": PictureStyle(physical=(model,))}
+    one, other = np.diag([0.8, 1.0, 0.9]), np.array([[0.9, 0.1, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]])
+    first, second = (
+        CameraProfile(name, MATRIX, balances, styles, raw_camera="Reference", raw_transfer=transfer)
+        for name, transfer in (("A", one), ("B", other))
+    )
+    grey = RAW * [1.6, 0.8, 1.2]
+    matched = match(first, "standard/daylight", second, "standard/daylight")(first.render("standard/daylight")(grey))
+    np.testing.assert_allclose(matched, second.render("standard/daylight")(grey), atol=1e-6)
 
 
 def test_bad_profiles_are_refused() -> None:

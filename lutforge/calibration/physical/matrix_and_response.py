@@ -208,13 +208,13 @@ def _solve(x: Array, encoded: Array, weight: Array, slope: Array, basis: CurveBa
         others = [c for c in range(3) if c != channel]
         own = x[:, channel]
         mixed = np.column_stack([x[:, others] - own[:, None], own])
-        table, share = _fit_channel(mixed, encoded[:, channel], weight * slope[:, channel] ** 2, basis)
+        table, share = fit_channel(mixed, encoded[:, channel], weight * slope[:, channel] ** 2, basis)
         matrix[channel, others], matrix[channel, channel] = share, 1.0 - share.sum()
         tables.append(table)
     return Response(np.stack(tables, axis=1)), matrix
 
 
-def _fit_channel(mixed: Array, encoded: Array, weight: Array, basis: CurveBasis) -> tuple[Array, Array]:
+def fit_channel(mixed: Array, encoded: Array, weight: Array, basis: CurveBasis) -> tuple[Array, Array]:
     """One channel's f⁻¹ (k,), and m (q,) of f⁻¹(I) = mixed[:, q] + Σ m mixed[:, :q]; mixed: (n, q + 1).
 
     The products of the interpolation weights are summed by entry of the table: two of a sample are not 0.

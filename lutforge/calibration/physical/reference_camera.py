@@ -1,152 +1,261 @@
-"""Cameras without RAW: a reference camera's RAW of the same scene stands in (thesis 4.2.4, equations 4.9, 4.10)."""
+"""Cameras without RAW: a reference camera's RAW E' of the same scene stands in (thesis 4.2.4, equations 4.9, 4.10).
 
-from collections.abc import Callable
-from dataclasses import replace
+I = f(h(Ts Tw Tc E')). One Tc, the same for all white balances, takes the reference's RAW to what the camera's own would
+have been; of that the camera is calibrated like any other. Three steps of least squares find it, of colours that the
+gamut map h leaves alone:
+
+- f of each style and Tz_i = Ts Tw_i Tc of each white balance together, as f⁻¹(I) = Tz_i E' is linear in both;
+- with f known, Tz_i⁻¹ of f⁻¹(I) to E' (4.10), in this direction because f⁻¹(I) is known to a code, while E' holds what
+  one sensor tells apart and the other does not, which would shrink the saturation of every Tz_i fitted to it;
+- Tz_i⁻¹ = Tc⁻¹ Tw_i⁻¹ Ts⁻¹ with diagonal Tw_i, which two white balances and more determine. What they leave open,
+  all of Tc for a single one, makes no difference: Ts and h hold it.
+
+Two shutters and two metering systems do not agree to a per cent, nor do clouds: each shot has a gain of its own.
+
+The way is that of a joint diagonalization: B. N. Flury & W. Gautschi (1986), https://doi.org/10.1137/0907013.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lutforge.arrays import Array
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.arrays import Array, Mask
+from lutforge.calibration.physical.curve_basis import emor_basis, spline_basis
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, hue_spread
-from lutforge.calibration.physical.matrix_and_response import (
-    MatrixAndResponse,
-    encoded_residual,
-    encoding_slope,
-    fit_matrix_and_response,
-    matrix_between,
-)
-from lutforge.calibration.physical.physical_model import (
-    fit_shared_gamut_maps,
-    response_of_exposures,
-    robust_options,
-)
-from lutforge.calibration.physical.unsaturated import BETA, saturation, untouched_odds
-from lutforge.calibration.physical.white_balance import complete_multipliers, with_fitted_gains
+from lutforge.calibration.physical.matrix_and_response import RobustFitOptions, Tones, encoding_slope, fit_channel
+from lutforge.calibration.physical.plain_curves import srgb_response
+from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation, untouched_odds
+from lutforge.calibration.physical.white_balance import estimated_multipliers, neutral_weight
 from lutforge.errors import CalibrationError
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.gamut_map import identity_gamut_map
-from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.model.response import Response
-from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.robust_weights import RobustWeights, cauchy
+from lutforge.solvers.gauss_newton import gauss_newton
+from lutforge.solvers.robust_weights import cauchy, weighted_median
 
-ROBUST = RobustWeights(cauchy, multiple=2.0, least=1.0 / 255.0)
 LEAST_COLOURS = 12
 MOST_RESIDUAL = 0.08
 """Median error of the trusted colours through f and Tz, 1 = full scale, above which no fixed rendering explains them:
 the chart cameras have 0.002 … 0.03; shots that do not belong together have more."""
 
 
-def fit_reference_matrix(fit: MatrixAndResponse, x: Array, encoded: Array) -> Array:
-    """Ts Tc (3, 3) of one white balance, rows sum to 1, with f as fitted over all of them (4.10).
+@dataclass(frozen=True, eq=False)
+class OwnRaw:
+    """Samples whose RAW is the camera's own, as far as a reference camera tells it.
 
-    x: the reference camera's RAW, balanced so that neutrals are neutral (n, 3). Raises CalibrationError where
-    the colours do not determine it, or contradict every matrix.
+    samples: those that neither the JPEG nor the reference's RAW clips, with the multipliers of the camera; transfer: Tc
+    (3, 3), the reference's RAW → the camera's.
     """
-    linear, slope = fit.response.linearize(encoded), encoding_slope(fit.response, encoded)
-    for beta in (BETA, 0.4, 0.5, 0.7):  # on a small chart hardly any unsaturated colour is not grey
-        trust = untouched_odds(saturation(encoded), beta)
-        sure = trust >= 0.5
-        if sure.sum() >= LEAST_COLOURS and hue_spread(linear[sure]) >= LEAST_CONDITION:
-            break
-    if sure.sum() < LEAST_COLOURS or hue_spread(linear[sure]) < LEAST_CONDITION:
-        raise CalibrationError(
-            f"{int(sure.sum())} unsaturated colours, and {LEAST_COLOURS} of several hues are needed: "
-            "shoot a colour chart with both cameras"
-        )
-    matrix = fit.matrix
-    for _ in range(10):
-        residual = encoded_residual(fit.response, matrix, x, encoded)
-        matrix = matrix_between(x, linear, trust * ROBUST(residual, residual[sure]), slope)
-    error = float(np.median(encoded_residual(fit.response, matrix, x, encoded)[sure]))
-    if error > MOST_RESIDUAL or np.linalg.cond(matrix) > 30.0:
-        raise CalibrationError(
-            f"no matrix takes the reference camera's RAW to these JPEGs (median error {255 * error:.0f} codes): "
-            "were both taken of the same scene, in the same order, in manual mode?"
-        )
-    return matrix
+
+    samples: SampleSet
+    transfer: Array
 
 
-def calibrate_by_reference(
-    samples: SampleSet,
-    options: CalibrationOptions,
-    progress: Callable[[str, float], None],
-    stages: CameraProfile | None = None,
-    gamut_maps: bool = True,
-) -> CameraProfile:
-    """A profile of a camera without RAW: per style f from exposure pairs, per white balance Tz, h and h⁻¹ over all.
+def own_raw(samples: SampleSet, options: RobustFitOptions | None = None) -> OwnRaw:
+    """Carry a reference camera's RAW to the camera that was sampled with it.
 
-    samples: `raw` holds the reference camera's values of the same patches. Refinishing works on such a profile;
-    linearize to the camera's own RAW does not. stages: a profile whose f and Tz are taken; gamut_maps:
-    whether h and h⁻¹ are fitted. Raises CalibrationError, in one line with what to shoot.
+    RAW is scaled so that balanced RAW of 1 is what the JPEG's brightest code stands for. Raises CalibrationError, in
+    one line with what to shoot, where the samples do not determine Tz of a white balance, or contradict every one.
     """
     inside = samples.select(unclipped_colours(samples.srgb, samples.raw))
     if len(inside) < LEAST_COLOURS:
         raise CalibrationError(
             f"{len(inside)} samples are unclipped in both the JPEG and the reference camera's RAW: expose less"
         )
-    styles: dict[str, PictureStyle] = {}
-    for index, name in enumerate(np.unique(inside.style)):
-        progress(f"{name}: fitting", index / len(np.unique(inside.style)))
-        own = inside.select(inside.style == name)
-        given = stages.styles[str(name)].physical if stages is not None and name in stages.styles else ()
-        models = given or _without_gamut_maps(own, str(name), options)
-        styles[str(name)] = PictureStyle(physical=_with_gamut_maps(models, own, options) if gamut_maps else models)
-    progress("done", 1.0)
-    names = [str(name) for name in np.unique(inside.white_balance)]
-    return CameraProfile(
-        camera=str(samples.camera[0]),
-        matrix=np.eye(3),
-        white_balances={name: WhiteBalance((1.0, 1.0, 1.0)) for name in names},
-        styles=styles,
-        shots=tuple(name for name, _ in inside.by_shot()),
-        options={**options.as_json(), "model": "rbf"},
-        notes=(f"RAW of {samples.raw_camera[0]} stands in: refinishing works, linearizing to the own RAW cannot",),
-        raw_camera=str(samples.raw_camera[0]),
+    automatic = np.char.add("auto of ", inside.shot)
+    setting = np.where(inside.white_balance == "auto", automatic, inside.white_balance)
+    linear, trust, white = _linear_light(inside, setting, options or RobustFitOptions())
+    transfer, matrix, balances = _diagonal(
+        {str(name): _inverse(linear, inside, setting == name, str(name)) for name in np.unique(setting)}
     )
+    multipliers = np.array([balances[str(name)] / balances[str(name)][1] for name in setting])
+    balanced = inside.raw @ transfer.T * multipliers
+    level = np.log(np.maximum(linear.sum(axis=1), 1e-6) / np.maximum((balanced @ matrix.T).sum(axis=1), 1e-6))
+    gain, scale = _gains(inside, setting, level, trust * (inside.srgb.max(axis=1) > 0.2))
+    top = np.quantile((gain[:, None] * balanced)[trust > 0.5], 0.999)
+    transfer = transfer / max(float(top), float(np.max(white / scale)))
+    raw = gain[:, None] * inside.raw @ transfer.T
+    carried = replace(inside, raw=raw, wb=multipliers, raw_camera=inside.camera.copy())
+    return OwnRaw(carried, transfer)
 
 
-def _without_gamut_maps(samples: SampleSet, name: str, options: CalibrationOptions) -> tuple[PhysicalModel, ...]:
-    """One physical model a white balance; they share f. h and h⁻¹ change nothing."""
-    blind = replace(samples, wb=np.full_like(samples.wb, np.nan))  # the file's are of the camera, not of the reference
-    multipliers = complete_multipliers(blind)[0]
-    multipliers = with_fitted_gains(samples, multipliers, np.ones(len(samples), dtype=np.bool_))
-    x = samples.raw * multipliers
-    fit = fit_matrix_and_response(x, samples.srgb, options=robust_options(options.physical))
-    if options.preset == "thesis":
-        response = response_of_exposures(samples, options.preset, options.physical)
-        fit = replace(fit, response=_scaled(response, fit))
-    models, none = [], identity_gamut_map()
-    for balance in np.unique(samples.white_balance):
-        rows = samples.white_balance == balance
+def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: Array) -> tuple[Array, Array]:
+    """What the RAW of each shot (n,) is multiplied by, and the scale of f⁻¹ of each style (n,).
+
+    level: (n,) log of f⁻¹(I) over Ts Tw Tc E'; weight: (n,). The shots of a style tell the scale of its f⁻¹. A setting
+    whose shots agree on a level of their own beyond the scatter (three standard errors) keeps it: there the camera
+    multiplies by more than its white balance.
+    """
+    _, first, shot = np.unique(samples.shot, return_index=True, return_inverse=True)
+    of_shot = np.array([weighted_median(level[shot == k], weight[shot == k] + 1e-9) for k in range(len(first))])
+    style, balance = samples.style[first], setting[first]
+    scale = np.array([np.median(of_shot[style == name]) for name in style])
+    rest = of_shot - scale
+    own = np.array([np.median(rest[balance == name]) for name in balance])
+    count = np.array([np.count_nonzero(balance == name) for name in balance])
+    doubt = 3.0 * float(np.std(rest - own if np.any(count > 1) else rest)) / np.sqrt(count)
+    kept = np.where((np.abs(own) > doubt) & (count > 1), own, 0.0)
+    return np.exp(rest - kept)[shot], np.exp(scale)[shot]
+
+
+def _linear_light(
+    samples: SampleSet, setting: NDArray[np.str_], options: RobustFitOptions
+) -> tuple[Array, Array, Array]:
+    """f⁻¹(I) (n, 3) on about one scale, the odds (n,) that h leaves a colour alone, and the style's f⁻¹(1) (n,)."""
+    linear, trust, white = np.zeros_like(samples.raw), np.zeros(len(samples)), np.zeros(len(samples))
+    names, counts = np.unique(samples.style, return_counts=True)
+    anchors: dict[str, Array] = {}
+    for name in names[np.argsort(-counts)]:
+        rows = samples.style == name
         try:
-            own = fit_reference_matrix(fit, x[rows], samples.srgb[rows])
+            fit = _fit_response(samples.raw[rows], samples.srgb[rows], setting[rows], options)
         except CalibrationError as error:
-            raise CalibrationError(f'style "{name}", white balance "{balance}": {error}') from None
-        matrix = own * np.median(multipliers[rows], axis=0)
-        models.append(PhysicalModel((str(balance),), matrix, fit.response, none, none))
-    return tuple(models)
+            raise CalibrationError(f'style "{name}": {error}') from None
+        common = [balance for balance in fit.matrices if balance in anchors]
+        sums = [float(np.sum(anchors[balance]) / np.sum(fit.matrices[balance])) for balance in common]
+        scale = float(np.median(sums)) if sums else 1.0
+        for balance, matrix in fit.matrices.items():
+            anchors.setdefault(balance, scale * matrix)
+        linear[rows] = scale * fit.response.linearize(samples.srgb[rows])
+        trust[rows] = fit.trust
+        white[rows] = scale * float(fit.response.inverse[-1].max())
+    return linear, trust, white
 
 
-def _with_gamut_maps(
-    models: tuple[PhysicalModel, ...], samples: SampleSet, options: CalibrationOptions
-) -> tuple[PhysicalModel, ...]:
-    """The models with h and h⁻¹, which they share, fitted to the samples of their white balances."""
-    mixed = np.full_like(samples.raw, np.nan)
-    for model in models:
-        rows = np.isin(samples.white_balance, model.white_balances)
-        mixed[rows] = samples.raw[rows] @ model.matrix.T
-    known, nugget = np.isfinite(mixed[:, 0]), options.physical.nugget
-    forward, back = fit_shared_gamut_maps(
-        mixed[known], samples.srgb[known], samples.shot[known], models[0].response, (nugget, nugget), options.preset,
-        options.physical.centres,
-    )  # fmt: skip
-    return tuple(replace(model, gamut_map=forward.gamut_map, inverse_gamut_map=back.gamut_map) for model in models)
+@dataclass(frozen=True, eq=False)
+class _StyleFit:
+    """f of a style, Tz (3, 3) by white balance, and the odds (n,) that h leaves a colour alone."""
+
+    response: Response
+    matrices: Mapping[str, Array]
+    trust: Array
 
 
-def _scaled(response: Response, fit: MatrixAndResponse) -> Response:
-    """f⁻¹ of exposure pairs, which leave its scale open, with the scale that RAW gives at middle grey."""
-    grey = np.full((1, 3), 0.5)
-    return Response(response.inverse * (fit.response.linearize(grey) / response.linearize(grey)))
+def _fit_response(raw: Array, encoded: Array, setting: NDArray[np.str_], options: RobustFitOptions) -> _StyleFit:
+    """Fit f and every Tz of a style in robust rounds, as `fit_matrix_and_response` does of one balanced RAW."""
+    names, place = np.unique(setting, return_inverse=True)
+    votes = np.bincount(place, neutral_weight(raw, encoded))
+    first = int(np.argmax(votes))
+    multipliers, _ = estimated_multipliers(raw[place == first], encoded[place == first])
+    chroma = saturation(encoded)
+    beta = max(options.beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
+    near = chroma < options.reach * beta
+    mixed = [_columns(raw[near], place[near], first, multipliers, channel) for channel in range(3)]
+    tones = Tones(encoded[near].mean(axis=1), untouched_odds(chroma[near], beta), options)
+    weight, response = tones.prior, srgb_response()
+    for spline in (False, True):  # as there: EMoR's shape first, then what it cannot follow
+        basis = spline_basis(response.inverse.mean(axis=1)) if spline else emor_basis()
+        for _ in range(options.most_rounds):
+            slope = encoding_slope(response, encoded[near])
+            fits = [fit_channel(mixed[c], encoded[near, c], weight * slope[:, c] ** 2, basis) for c in range(3)]
+            response = Response(np.stack([table for table, _ in fits], axis=1))
+            predicted = np.stack([x[:, -1] + x[:, :-1] @ m for x, (_, m) in zip(mixed, fits, strict=True)], axis=1)
+            before, weight = weight, tones.weights(np.linalg.norm(response.encode(predicted) - encoded[near], axis=1))
+            if np.abs(weight - before).sum() < options.settled * weight.sum():
+                break
+    matrices = {str(name): np.zeros((3, 3)) for name in names}
+    for channel, (_, m) in enumerate(fits):
+        others = [c for c in range(3) if c != channel]
+        own = matrices[str(names[first])][channel]
+        own[others], own[channel] = m[:2], 1.0 - m[:2].sum()
+        own *= multipliers
+        for index, balance in enumerate(np.delete(names, first)):
+            matrices[str(balance)][channel] = m[2 + 3 * index : 5 + 3 * index]
+    _check(response, np.array([matrices[str(name)] for name in names])[place], raw, encoded, chroma < beta)
+    return _StyleFit(response, matrices, untouched_odds(chroma, beta))
+
+
+def _columns(raw: Array, place: NDArray[np.intp], first: int, multipliers: Array, channel: int) -> Array:
+    """The terms (n, 3 settings) of a channel of Tz E', the last one with coefficient 1.
+
+    The rows of Ts of the first setting sum to 1, which settles the scale; the coefficients of all others are free.
+    """
+    balanced = np.where((place == first)[:, None], raw * multipliers, 0.0)
+    own = balanced[:, channel]
+    terms = [balanced[:, c] - own for c in range(3) if c != channel]
+    for other in range(place.max() + 1):
+        if other != first:
+            terms += list(np.where((place == other)[:, None], raw, 0.0).T)
+    return np.column_stack([*terms, own])
+
+
+def _check(response: Response, matrices: Array, raw: Array, encoded: Array, plain: Mask) -> None:
+    """Raise CalibrationError where f and Tz (n, 3, 3), sample by sample, do not explain the unsaturated colours."""
+    rendered = response.encode(np.einsum("nij,nj->ni", matrices, raw))
+    error = float(np.median(np.linalg.norm(rendered - encoded, axis=1)[plain]))
+    if error > MOST_RESIDUAL:
+        raise CalibrationError(
+            f"no matrix takes the reference camera's RAW to these JPEGs (median error {255 * error:.0f} codes): "
+            "were both taken of the same scene, in the same order, in manual mode?"
+        )
+
+
+def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[Array, Array]:
+    """Tz⁻¹ (3, 3) of one white balance, f⁻¹(I) → E', and the precision (3, 3) of each of its rows.
+
+    Colours count by their relative error, as E' departs by a share of itself. Raises CalibrationError where the colours
+    do not determine it, or contradict every matrix.
+    """
+    x, y, chroma = linear[rows], samples.raw[rows], saturation(samples.srgb[rows])
+    for beta in (BETA, 0.4, 0.5, 0.7):  # on a small chart hardly any unsaturated colour is not grey
+        plain = chroma < beta
+        if plain.sum() >= LEAST_COLOURS and hue_spread(x[plain]) >= LEAST_CONDITION:
+            break
+    else:
+        raise CalibrationError(
+            f'white balance "{name}": {int(plain.sum())} unsaturated colours, and {LEAST_COLOURS} of several hues are '
+            "needed: shoot a colour chart with both cameras"
+        )
+    odds = untouched_odds(chroma, beta)
+    level = np.linalg.norm(y, axis=1)
+    level = np.maximum(level, 0.05 * np.quantile(level, 0.95))  # darker ones hold noise
+    weight = odds
+    for _ in range(10):
+        root = np.sqrt(weight) / level
+        inverse = np.linalg.lstsq(x * root[:, None], y * root[:, None])[0].T
+        error = np.linalg.norm(y - x @ inverse.T, axis=1) / level
+        scale = max(float(np.median(error[plain])), 1e-4)
+        weight = odds * cauchy(error / (2.0 * scale))
+    if scale > 0.5 or np.linalg.cond(inverse) > 100.0 or np.any(inverse.sum(axis=1) <= 0):
+        raise CalibrationError(
+            f'white balance "{name}": no matrix takes the reference camera\'s RAW to these JPEGs (they differ by '
+            f"{100 * scale:.0f} %): were both taken of the same scene, in the same order, in manual mode?"
+        )
+    weighted = x * root[:, None] / scale
+    return inverse, weighted.T @ weighted
+
+
+def _diagonal(fits: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array, dict[str, Array]]:
+    """Tc with ones on its diagonal, Ts, and Tw (3,) by white balance, of Tz⁻¹ = Tc⁻¹ Tw⁻¹ Ts⁻¹ and its precision.
+
+    The other six entries of Tc are expected to be 0 within a half, which settles what the white balances leave open.
+    """
+    inverses = np.stack([inverse for inverse, _ in fits.values()])
+    roots = np.stack([np.linalg.cholesky(precision) for _, precision in fits.values()])
+    off = ~np.eye(3, dtype=np.bool_)
+
+    def parts(unknown: Array) -> tuple[Array, Array, Array]:
+        transfer, from_linear = np.eye(3), np.eye(3)
+        transfer[off] = unknown[:6]
+        from_linear[off] = unknown[6:12]
+        from_linear[np.diag_indices(3)] -= from_linear.sum(axis=1) - 1.0
+        return transfer, from_linear, np.exp(unknown[12:].reshape(-1, 3))
+
+    def residuals(unknown: Array) -> Array:
+        transfer, from_linear, balances = parts(unknown)
+        modelled = np.linalg.inv(transfer) @ (from_linear / balances[..., None])
+        return np.concatenate([((modelled - inverses) @ roots).ravel(), unknown[:6] / 0.5])
+
+    def linearize(unknown: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
+        values = residuals(unknown[0])
+        steps = 1e-6 * np.eye(unknown.shape[1])
+        slopes = [(residuals(unknown[0] + step) - residuals(unknown[0] - step)) / 2e-6 for step in steps]
+        return values[None], np.stack(slopes, axis=1)[None]
+
+    sums = inverses.sum(axis=2)
+    first = inverses[0] / sums[0][:, None]
+    start = np.concatenate([np.zeros(6), first[off], -np.log(sums).ravel()])
+    transfer, from_linear, balances = parts(gauss_newton(linearize, start[None], most=200).value[0])
+    return transfer, np.asarray(np.linalg.inv(from_linear), dtype=np.float64), dict(zip(fits, balances, strict=True))

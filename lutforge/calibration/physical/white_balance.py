@@ -32,15 +32,13 @@ def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
         rows = unknown & (setting == name)
         label = str(name) or "unnamed"
         raw, srgb = samples.raw[rows], samples.srgb[rows]
-        found, source = _neutral_multipliers(raw, srgb), "near-neutral colours"
-        if found is None:
-            try:
-                found, source = multipliers_from_colours(raw, srgb), "colours, none of them neutral"
-            except CalibrationError as error:
-                raise CalibrationError(
-                    f"white balance {label}: the files give no multipliers, and {error}; "
-                    "add a shot with something grey in it, or the columns wb_r,wb_g,wb_b"
-                ) from error
+        try:
+            found, source = estimated_multipliers(raw, srgb)
+        except CalibrationError as error:
+            raise CalibrationError(
+                f"white balance {label}: the files give no multipliers, and {error}; "
+                "add a shot with something grey in it, or the columns wb_r,wb_g,wb_b"
+            ) from error
         multipliers[rows] = found
         notes.append(f"white balance {label}: multipliers {found[0]:.3f}, 1, {found[2]:.3f} read from {source}")
     return multipliers, tuple(notes)
@@ -108,18 +106,26 @@ def _departures(samples: SampleSet, balanced_by: Array, usable: Mask, names: lis
     return logs, doubt
 
 
-def _neutral_multipliers(raw: Array, srgb: Array) -> Array | None:
-    """Read multipliers from near-neutral colours; None where there are too few."""
+def neutral_weight(raw: Array, srgb: Array) -> Array:
+    """How near-neutral JPEG colours (n, 3) vote for the multipliers of their RAW (n, 3): weights (n,) from 0 to 1."""
     high = srgb.max(axis=1)
     saturation = 1.0 - srgb.min(axis=1) / np.maximum(high, 1e-6)
-    # Standard deviation in HSV saturation of the weight by which near-neutral JPEG colours vote for the multipliers
-    weight = np.exp(-((saturation / 0.12) ** 2))
+    weight = np.exp(-((saturation / 0.12) ** 2))  # by HSV saturation, of this standard deviation
     weight[(high > 0.95) | (high < 0.08) | (raw.min(axis=1) <= 1e-4)] = 0.0
+    return np.asarray(weight)
+
+
+def estimated_multipliers(raw: Array, srgb: Array) -> tuple[Array, str]:
+    """Read multipliers (3,) from near-neutral colours (n, 3), or from all where these are too few; and say which.
+
+    Raises CalibrationError where the colours cannot tell them.
+    """
+    weight = neutral_weight(raw, srgb)
     # Summed weight below which there is nothing neutral to read a white balance from
     if weight.sum() < 3.0:
-        return None
+        return multipliers_from_colours(raw, srgb), "colours, none of them neutral"
     ratios = [weighted_median(raw[:, 1] / np.maximum(raw[:, c], 1e-6), weight) for c in range(3)]
-    return np.array(ratios)
+    return np.array(ratios), "near-neutral colours"
 
 
 def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) -> dict[str, WhiteBalance]:
