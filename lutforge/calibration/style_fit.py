@@ -7,6 +7,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.continuation import Continuation, continuation
 from lutforge.calibration.lattice.fit import fit_samples
+from lutforge.calibration.lattice.likely_scenes import rendered_scenes
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
 from lutforge.calibration.lattice.node_levels import error_histogram
 from lutforge.calibration.lattice.plain import fit_plain
@@ -17,7 +18,6 @@ from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_ma
 from lutforge.calibration.style_data import StyleData
 from lutforge.model.lattice import Lattice
 from lutforge.solvers.blas import one_blas_thread
-from lutforge.threads import each
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,38 +47,49 @@ def fit_style(
     base = base or data.base
     chosen = smoothness or (None, None)
     guess = _guess(data, options, base, inverse=False)
-    if data.monochrome:
-        render = _fit(data, options, guess, smoothness=chosen[0], tolerance=tolerance)
-        return StyleFit(guess.base, render, _linearize_greys(data, options, render))
-
-    def fitted(inverse: bool) -> LatticeResult:
-        own = _guess(data, options, base, inverse=True) if inverse else guess
-        return _fit(data, options, own, smoothness=chosen[inverse], tolerance=tolerance)
-
-    render, linearize = each(fitted, (False, True))
+    render = _fit(data, options, guess, smoothness=chosen[0], tolerance=tolerance)
+    linearize = fit_linearize(data, options, base, render, smoothness=chosen[1], tolerance=tolerance)
     return StyleFit(guess.base, render, linearize)
 
 
-def fit_direction(
+def fit_render(
     data: StyleData,
     options: CalibrationOptions,
     base: MatrixAndResponse,
     *,
-    inverse: bool,
     smoothness: float | None = None,
-    like: StyleFit | None = None,
+    like: LatticeResult | None = None,
     tolerance: float | None = None,
 ) -> LatticeResult:
-    """Fit one lattice of a style: the one that linearizes where `inverse`, else the one that renders.
+    """Fit the lattice of a style that renders.
 
-    A black-and-white style is linearized by the inverse of the greys of its rendering. smoothness: λ_S; like: a fit of
-    the style, whose λ_S and node levels are taken; without either they are searched.
+    smoothness: λ_S; like: a fit of the style, whose λ_S and node levels are taken; without either they are searched.
     """
-    of_greys = inverse and data.monochrome
-    guess = _guess(data, options, base, inverse=inverse and not of_greys)
-    searched = None if like is None else like.linearize if inverse and not of_greys else like.render
-    fitted = _fit(data, options, guess, smoothness=smoothness, like=searched, tolerance=tolerance)
-    return _linearize_greys(data, options, fitted) if of_greys else fitted
+    guess = _guess(data, options, base, inverse=False)
+    return _fit(data, options, guess, smoothness=smoothness, like=like, tolerance=tolerance)
+
+
+def fit_linearize(
+    data: StyleData,
+    options: CalibrationOptions,
+    base: MatrixAndResponse,
+    render: LatticeResult,
+    *,
+    smoothness: float | None = None,
+    like: LatticeResult | None = None,
+    tolerance: float | None = None,
+) -> LatticeResult:
+    """Fit the lattice of a style that linearizes; render: the fitted lattice that renders the same data.
+
+    A black-and-white style is linearized by the inverse of the greys of its rendering. Other arguments are those of
+    `fit_render`.
+    """
+    if data.monochrome:
+        return result(inverse_of_greys(render.lattice, options), data.encoded, data.balanced, render.smoothness)
+    guess, points = _guess(data, options, base, inverse=True), None
+    if options.preset != "thesis":
+        points = rendered_scenes(render.lattice, data.balanced, min(4 * options.size**3, 20_000))
+    return _fit(data, options, guess, points=points, smoothness=smoothness, like=like, tolerance=tolerance)
 
 
 def _guess(data: StyleData, options: CalibrationOptions, base: MatrixAndResponse, *, inverse: bool) -> Continuation:
@@ -92,6 +103,7 @@ def _fit(
     options: CalibrationOptions,
     guess: Continuation,
     *,
+    points: tuple[Array, Array] | None = None,
     smoothness: float | None,
     tolerance: float | None,
     like: LatticeResult | None = None,
@@ -101,13 +113,8 @@ def _fit(
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     return fit_samples(
         x, y, data.shot, guess, options,
-        clips=not inverse, curve=guess.curve, smoothness=smoothness, like=like, tolerance=tolerance,
+        clips=not inverse, curve=guess.curve, points=points, smoothness=smoothness, like=like, tolerance=tolerance,
     )  # fmt: skip
-
-
-def _linearize_greys(data: StyleData, options: CalibrationOptions, render: LatticeResult) -> LatticeResult:
-    """Return the lattice that linearizes a black-and-white style, from its fitted rendering."""
-    return result(inverse_of_greys(render.lattice, options), data.encoded, data.balanced, render.smoothness)
 
 
 def render_with_plain(data: StyleData, fit: StyleFit, options: CalibrationOptions) -> Lattice:
@@ -123,7 +130,10 @@ def uniform_lattice_errors(
 ) -> tuple[Array, Array, Array]:
     """Per axis the histogram, which node levels follow, of the squared error that a uniform lattice makes (5.6)."""
     uniform = replace(options, nonuniform=False)
-    lattice = fit_direction(data, uniform, data.base, inverse=inverse, tolerance=MEASURING_TOLERANCE).lattice
+    fitted = fit_render(data, uniform, data.base, tolerance=MEASURING_TOLERANCE)
+    if inverse:
+        fitted = fit_linearize(data, uniform, data.base, fitted, tolerance=MEASURING_TOLERANCE)
+    lattice = fitted.lattice
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     return error_histogram(x, np.sum((lattice(x) - y) ** 2, axis=1))
 

@@ -13,7 +13,7 @@ from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import conventional, linearize, render
 from lutforge.calibration.style_data import StyleData
-from lutforge.calibration.style_fit import StyleFit, fit_direction, refit_physical
+from lutforge.calibration.style_fit import StyleFit, fit_linearize, fit_render, refit_physical
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
@@ -169,28 +169,28 @@ class _TimedFit:
 
 def _timed_fit(data: StyleData, options: CalibrationOptions) -> _TimedFit:
     """Fit both lattices, with what they search and the time that takes."""
-    base, fits, seconds = data.base, [], []
-    for inverse in (False, True):
-        start = time.perf_counter()
-        fits.append(fit_direction(data, options, base, inverse=inverse, tolerance=MEASURING_TOLERANCE))
-        seconds.append(time.perf_counter() - start)
-    return _TimedFit(StyleFit(base, fits[0], fits[1]), (seconds[0], seconds[1]))
+    start = time.perf_counter()
+    render = fit_render(data, options, data.base, tolerance=MEASURING_TOLERANCE)
+    middle = time.perf_counter()
+    linearize = fit_linearize(data, options, data.base, render, tolerance=MEASURING_TOLERANCE)
+    return _TimedFit(StyleFit(data.base, render, linearize), (middle - start, time.perf_counter() - middle))
 
 
 def _lattices(
     train: StyleData, options: CalibrationOptions, base: MatrixAndResponse, like: _TimedFit, shots: int
 ) -> tuple[Fit, tuple[Shrinkable, Shrinkable] | None]:
     """Lattices of both directions, and what they can be shrunk to, where options and the number of all shots shrink."""
-    render, linearize = (
-        fit_direction(train, options, base, inverse=inverse, like=like.fit, tolerance=MEASURING_TOLERANCE).lattice
-        for inverse in (False, True)
-    )
+    forth = fit_render(train, options, base, like=like.fit.render, tolerance=MEASURING_TOLERANCE)
+    back = fit_linearize(train, options, base, forth, like=like.fit.linearize, tolerance=MEASURING_TOLERANCE)
+    render, linearize = forth.lattice, back.lattice
     fit = Fit(render, linearize, *like.seconds)
     if not shrinks(train, options) or shots > MOST_SHOTS:
         return fit, None
-    forward = shrinkable(render, base, train.balanced, train.encoded, inverse=False)
-    back = shrinkable(linearize, base, train.balanced, train.encoded, inverse=True)
-    return fit, (forward, back)
+    samples = (train.balanced, train.encoded)
+    return fit, (
+        shrinkable(render, base, *samples, inverse=False),
+        shrinkable(linearize, base, *samples, inverse=True),
+    )
 
 
 def shrinks(data: StyleData, options: CalibrationOptions) -> bool:

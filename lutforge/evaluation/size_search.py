@@ -8,7 +8,7 @@ import numpy as np
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
-from lutforge.calibration.style_fit import fit_direction
+from lutforge.calibration.style_fit import fit_render
 from lutforge.errors import CalibrationError
 from lutforge.progress import Progress, silent
 from lutforge.solvers.cross_validation import leave_groups_out, predict_held_out
@@ -53,7 +53,7 @@ def smallest_size(
 def _smoothness(style: StyleData, options: CalibrationOptions) -> float:
     """λ_S for all sizes, chosen on one that shows what the largest would choose."""
     middle = replace(options, size=17)
-    return fit_direction(style, middle, style.base, inverse=False, tolerance=MEASURING_TOLERANCE).smoothness
+    return fit_render(style, middle, style.base, tolerance=MEASURING_TOLERANCE).smoothness
 
 
 def _held_out(style: StyleData, options: CalibrationOptions, smoothness: float) -> float:
@@ -61,9 +61,7 @@ def _held_out(style: StyleData, options: CalibrationOptions, smoothness: float) 
 
     def rendered(train: Mask, test: Mask) -> Array:
         part = style.select(train)
-        fit = fit_direction(
-            part, options, part.base, inverse=False, smoothness=smoothness, tolerance=MEASURING_TOLERANCE
-        ).lattice
+        fit = fit_render(part, options, part.base, smoothness=smoothness, tolerance=MEASURING_TOLERANCE).lattice
         return np.clip(fit(style.balanced[test]), 0.0, 1.0)
 
     predicted = predict_held_out(leave_groups_out(style.shot), rendered)

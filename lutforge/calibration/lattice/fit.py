@@ -64,6 +64,7 @@ def fit_samples(
     *,
     clips: bool,
     curve: OutputCurve | None = None,
+    points: tuple[Array, Array] | None = None,
     smoothness: float | None = None,
     like: LatticeResult | None = None,
     tolerance: float | None = None,
@@ -73,6 +74,7 @@ def fit_samples(
     clips: the camera clips in this direction (render), so values that the guess clips are held there, and the thesis's
     boundary term applies. curve: what comes behind the cube, in the output's encoding; errors count after it. With
     options.output_curve off, the result is the plain form of that fit.
+    points: x and y (m, 3) that the lattice follows beside the samples; they take no part in the cross-validation.
     smoothness: λ_S where it is known already; else it is cross-validated over the groups. like: a fit to samples of the
     same camera, whose λ_S and node levels are taken; nothing is searched then.
     tolerance: relative residual of the last solve; that of the options where None.
@@ -85,39 +87,41 @@ def fit_samples(
     problem = LatticeProblem(x, y, target, weight, guess, options, clips, begin, curve)
     rows = search_rows(len(x), options.size)
     search = problem if len(rows) == len(x) else problem.select(rows, guess)
+    levels = search.levels(min(SEARCH_SIZE, options.size)) if like is None else like.lattice.levels
     if like is not None:
-        found = _fit_at(replace(search, smoothness=like.smoothness), like.lattice.levels)
+        chosen = like.smoothness
     else:
-        levels = search.levels(min(SEARCH_SIZE, options.size))
-        if smoothness is None:
-            search = replace(search, smoothness=choose_smoothness(search, groups[rows], levels))
-        found = _search(search, levels)
-    problem = replace(problem, smoothness=found.smoothness)
-    lattice = _final_fit(problem, found, found.error if len(rows) == len(x) else None, tolerance)
+        chosen = begin if smoothness is not None else choose_smoothness(search, groups[rows], levels)
+    problem, search = (replace(each, smoothness=chosen) for each in (problem, search))
+    if points is not None:
+        problem = problem.with_points(*points)
+        rows = search_rows(len(problem.x), options.size)
+        search = problem if len(rows) == len(problem.x) else problem.select(rows, guess)
+        levels = search.levels(min(SEARCH_SIZE, options.size)) if like is None else levels
+    found = _search(search, levels) if like is None else _fit_at(search, levels)
+    lattice = _final_fit(problem, found, found.error if len(rows) == len(problem.x) else None, tolerance)
     if curve is not None and not options.output_curve:
-        return fit_plain(x, y, lattice, options, problem.smoothness)
-    return result(lattice, x, y, problem.smoothness)
+        return fit_plain(x, y, lattice, options, chosen)
+    return result(lattice, x, y, chosen)
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
     """The result of the search.
 
-    levels: the best node levels; fit: the last one, at the levels before these; error: its squared errors; smoothness:
-    its λ_S.
+    levels: the best node levels; fit: the last one, at the levels before these; error: its squared errors.
     """
 
     levels: Levels
     fit: LatticeFit
     error: Array
-    smoothness: float
 
 
 def _fit_at(problem: LatticeProblem, levels: Levels, like: LatticeFit | None = None) -> _Search:
     """Fit to the tolerance of the search, at levels that stay. like: a fit at other levels, to start from."""
     placed = problem.at(levels)
     fit = placed.fit(problem.first_robust, problem.options.lattice.search_tolerance, like)
-    return _Search(levels, fit, placed.squared_error(fit), problem.smoothness)
+    return _Search(levels, fit, placed.squared_error(fit))
 
 
 def _search(problem: LatticeProblem, levels: Levels) -> _Search:

@@ -98,11 +98,8 @@ def _problem(
     x: Array, y: Array, near: Array, curved: Lattice, options: CalibrationOptions, smoothness: float
 ) -> LatticeProblem:
     """State the problem of the samples and of points near them."""
-    points, values = np.concatenate([x, near]), np.concatenate([y, curved(near)])
-    weight = np.ones(len(points))
-    weight[len(x) :] = min(options.lattice.point_weight, 2.0 * len(x) / len(near))  # all together twice the samples
-    smoothness = smoothness * float(weight.sum()) / len(x)
-    return LatticeProblem(points, values, values, weight, curved, options, True, smoothness, None)
+    samples = LatticeProblem(x, y, y, np.ones(len(x)), curved, options, True, smoothness, None)
+    return samples.with_points(near, curved(near))
 
 
 def _around(x: Array, count: int) -> Array:

@@ -90,6 +90,26 @@ class LatticeProblem:
             self, x=self.x[rows], y=self.y[rows], target=self.target[rows], weight=self.weight[rows], guess=guess
         )
 
+    def with_points(self, points: Array, values: Array) -> "LatticeProblem":
+        """The problem of the samples and of points (m, 3) with the values (m, 3) that the lattice should have there.
+
+        All points together count at most twice as much as the samples, and λ_S as much beside both as beside these.
+        Raises ValueError behind an output curve, whose weights the points lack.
+        """
+        if self.curve is not None:
+            raise ValueError("points are encoded values, and the problem has an output curve behind them")
+        count = len(self.x)
+        weight = np.full(len(points), min(self.options.lattice.point_weight, 2.0 * count / max(len(points), 1)))
+        together = np.concatenate([self.weight, weight])
+        return replace(
+            self,
+            x=np.concatenate([self.x, points]),
+            y=np.concatenate([self.y, values]),
+            target=np.concatenate([self.target, values]),
+            weight=together,
+            smoothness=self.smoothness * float(together.sum()) / count,
+        )
+
     @cached_property
     def first_robust(self) -> Array:
         """(n,): robust weights before any lattice is fitted, from the guess, which no stray sample bends."""
