@@ -1,6 +1,7 @@
 """The view of a picture that the browser grades: Python sends LUTs, and no pixels while sliders move."""
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from hashlib import blake2b
 from io import BytesIO
 from pathlib import Path
@@ -76,7 +77,7 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     clipping = param.Boolean(False, doc="Stripes over what clips in the graded picture.")
     unsure = param.Boolean(False, doc="Stripes over what `coverage` says no sample tells of.")
     scopes = param.Boolean(True, doc="Waveform and vectorscope beside the picture.")
-    theme = param.Selector(default="dark", objects=["dark", "light"], doc="Surround of 18 % or of 50 % grey.")
+    theme = param.Selector(default="dark", objects=["dark", "light"], doc="The surround is 18 % grey in both.")
     pictures = param.List(doc="The film strip: {name, thumbnail: bytes of a JPEG} each; shown from two on.")
     chosen = param.Integer(0, doc="Which of `pictures` is shown; watch it, and call `show`.")
     kept = param.Integer(0)
@@ -150,11 +151,17 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     def _grade_here(self) -> None:
         if self.renderer != "python" or not self.picture:
             return
-        with Image.open(BytesIO(self.picture)) as file:
-            upright = ImageOps.exif_transpose(file.convert("RGB"))
-        upright.thumbnail((1732, 1732))
-        pixels = np.asarray(upright, dtype=np.float32) / np.float32(255)
+        pixels = _small(self.picture)
         self.param.update(**{f"{side}_picture": _jpeg(lut, pixels) for side, lut in self._luts.items()})
+
+
+@lru_cache(1)
+def _small(picture: bytes) -> Pixels:
+    with Image.open(BytesIO(picture)) as file:
+        file.draft("RGB", (1732, 1732))  # a JPEG is decoded at a fraction of its size
+        upright = ImageOps.exif_transpose(file.convert("RGB"))
+    upright.thumbnail((1732, 1732))
+    return np.asarray(upright, dtype=np.float32) / np.float32(255)
 
 
 def _jpeg(lut: Lut | None, pixels: Pixels) -> bytes:
