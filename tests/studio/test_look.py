@@ -171,6 +171,23 @@ def test_pixels_are_those_of_open_color_io(look: Served) -> None:
 
 
 @needs_chromium
+def test_a_look_is_drawn_once_and_then_measured(look: Served) -> None:
+    look.do(lambda view: view.param.update(scopes=True))
+    look.do(lambda view: view.grade(bent(), "bent"))
+    look.drawn()
+    look.page.wait_for_timeout(800)
+    told = "e => [Number(e.dataset.frames), Number(e.dataset.scoped)]"
+    frames, scoped = look.root.evaluate(told)
+    look.do(lambda view: view.grade(bent(-0.5), "darker"))
+    look.page.wait_for_timeout(1500)
+    assert look.root.evaluate(told)[0] <= frames + 2  # the second in full, where the first was hurried
+    assert look.root.evaluate(told)[1] > scoped
+    frames = look.root.evaluate(told)[0]
+    look.page.wait_for_timeout(500)
+    assert look.root.evaluate(told)[0] == frames  # and rests
+
+
+@needs_chromium
 def test_wipe_and_sides(look: Served) -> None:
     lut = bent()
     look.do(lambda view: view.grade(lut, "bent"))

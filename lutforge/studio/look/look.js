@@ -138,8 +138,8 @@ export function render({ model, el }) {
 
   // What is seen: the centre in pixels of the picture, and how many pixels of the screen one of the picture has.
   const view = { centre: [0, 0], zoom: 1, fitted: true };
-  let number = 0, loaded = false, images = {}, quality = 1, cost = 0, moved = 0, pending = null, settle, queued = false;
-  let pinned = null, hovered = null, scoped = 0;
+  let number = 0, loaded = false, images = {}, quality = 1, cost = 0, moved = 0, pending = null, settle, queued = false, again = false;
+  let pinned = null, hovered = null, scoped = 0, frames = 0;
   const ratio = () => window.devicePixelRatio || 1;
   let whole = () => [stage.clientWidth * ratio(), stage.clientHeight * ratio()].map(Math.round);
   const seen = () => { const [w, h] = whole(); return model.mode === "side" ? [w / 2, h] : [w, h]; };
@@ -181,7 +181,7 @@ export function render({ model, el }) {
   function paint() {
     queued = false;
     if (!loaded || !stage.clientWidth) return;
-    if (pending) { queued = true; requestAnimationFrame(watch); return; }
+    if (pending) { again = true; return; }
     const moving = performance.now() - moved < 150, [w, h] = whole();
     quality = moving && cost > 30 ? Math.max(0.25, Math.sqrt(25 / cost)) : 1;
     const width = Math.max(1, Math.round(w * quality)), height = Math.max(1, Math.round(h * quality));
@@ -199,13 +199,12 @@ export function render({ model, el }) {
   }
 
   function watch() {
-    if (!pending) { queued = false; draw(false); return; }
     if (!grader.done(pending.fence)) { setTimeout(watch, 1); return; }
     const { began, area, full } = pending;
     cost = (performance.now() - began) / area;
-    Object.assign(root.dataset, { drawn: pending.number, ms: (performance.now() - began).toFixed(1), full });
+    Object.assign(root.dataset, { drawn: pending.number, ms: (performance.now() - began).toFixed(1), full, frames: ++frames });
     pending = null;
-    if (queued) { queued = false; draw(false); }
+    if (again) { again = false; draw(false); }
     clearTimeout(settle);
     settle = setTimeout(() => { if (!full) draw(false); measure(); }, 160);
   }
@@ -405,13 +404,19 @@ export function render({ model, el }) {
     number = model.number;
     draw();
   }
+  let soon = false;
   function changed() {
     if (!live) { graded(); return; }
     grader.keep(model.a, model.b, model.coverage);
-    pressed();
-    if (!pending) queueMicrotask(() => { if (!pending) paint(); });  // a frame sooner; all that came with it is in place
+    stand();
+    moved = performance.now();
+    if (soon) return;
+    soon = true;
+    queueMicrotask(() => { soon = false; paint(); });  // not a frame later, but with all that came in one message
   }
-  function pressed() {
+  const pressed = () => { stand(); draw(); };
+  const named = () => { if (loaded) furnish(regions(whole()[0])); };
+  function stand() {
     for (const mode of Object.keys(MODES)) buttons[mode].setAttribute("aria-pressed", model.mode === mode);
     for (const [name, on] of [["beside", model.beside_b], ["clipping", model.clipping], ["unsure", model.unsure], ["scopes", model.scopes]]) {
       buttons[name].setAttribute("aria-pressed", on);
@@ -421,7 +426,6 @@ export function render({ model, el }) {
     buttons.clipping.disabled = !live;
     root.dataset.theme = model.theme;
     scopes.hidden = !model.scopes;
-    draw();
   }
   model.on("picture", open);
   model.on(["a", "b", "coverage", "number"], changed);
@@ -430,7 +434,8 @@ export function render({ model, el }) {
   model.on("chosen", chosen);
   model.on("raw", tell);
   model.on("wipe", () => draw());
-  model.on(["mode", "beside_b", "clipping", "unsure", "scopes", "theme", "a_name", "b_name", "title"], pressed);
+  model.on(["mode", "beside_b", "clipping", "unsure", "scopes", "theme"], pressed);
+  model.on(["a_name", "b_name", "title"], named);
   const sizes = new ResizeObserver(([entry]) => {
     const exact = entry.devicePixelContentBoxSize?.[0];  // not in Safari
     if (exact) whole = () => [exact.inlineSize, exact.blockSize];
