@@ -14,6 +14,9 @@ AS_SHOT = "as-shot"
 NAMED_BY_FILE = (AS_SHOT, "auto")
 """White balances that stand for the picture's own."""
 
+ASK_PIXELS = ", or ask `lutforge identify`, which judges by the pixels"
+"""Advice where the metadata of a picture are gone."""
+
 STEADY = 0.02
 """A named setting whose multipliers vary by less from shot to shot is the same for all shots."""
 
@@ -32,9 +35,10 @@ def choose_camera(
     named = f"is of {settings.camera}" if settings.camera else "does not name its camera"
     known = ", ".join(camera.camera for camera in cameras.values())
     if len(cameras) > 1 or not asked:
+        advice = "" if settings.camera else ASK_PIXELS
         raise SettingsError(
             f"{path}: the picture {named}, the profile{'s are' if len(cameras) > 1 else ' is'} of {known}; "
-            "name the settings with --from STYLE/WB to use a profile all the same"
+            f"name the settings with --from STYLE/WB to use a profile all the same{advice}"
         )
     return next(iter(cameras.values())), (f"the picture {named}; the profile is of {known}",)
 
@@ -54,7 +58,10 @@ def source_selector(
         if wanted.style != AS_SHOT:
             raise SettingsError(f'unknown style "{style}"; {known}')
         told = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
-        raise SettingsError(f"{path}: {told}; {known} and the white balances {_balances(camera)}: name it with --from")
+        advice = ASK_PIXELS if style == "unknown" else ""
+        raise SettingsError(
+            f"{path}: {told}; {known} and the white balances {_balances(camera)}: name it with --from{advice}"
+        )
     if wanted.white_balance not in NAMED_BY_FILE:
         return camera.selector(Selector(style, wanted.white_balance)), ()
     balance = _balance_of_file(settings, camera)
@@ -71,7 +78,7 @@ def source_selector(
     raise SettingsError(
         f"{path}: {told if settings.white_balance != 'unknown' else 'the file does not tell its white balance'}, "
         f"without multipliers; name it with --from {style}/WB, where {camera.camera} has {_balances(camera)}, "
-        f"or find it with --candidates sheet.jpg"
+        f"or find it with --candidates sheet.jpg{ASK_PIXELS if settings.white_balance == 'unknown' else ''}"
     )
 
 

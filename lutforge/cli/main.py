@@ -19,6 +19,7 @@ from lutforge.cli.compare import compare
 from lutforge.cli.config import config
 from lutforge.cli.demo import demo
 from lutforge.cli.evaluate import evaluate
+from lutforge.cli.identify import identify
 from lutforge.cli.import_nus import export_nus, import_nus
 from lutforge.cli.inspect import inspect
 from lutforge.cli.kit import kit
@@ -38,8 +39,8 @@ app = typer.Typer(
 )
 
 for command in (
-    demo, inspect, sample, calibrate, response, evaluate, bake, kit, config, apply, transfer, check, report, compare,
-    studio,
+    demo, inspect, sample, calibrate, response, evaluate, bake, kit, config, apply, identify, transfer, check, report,
+    compare, studio,
 ):  # fmt: skip
     app.command()(command)
 app.command("import-nus")(import_nus)

@@ -1,0 +1,41 @@
+"""`lutforge identify`: which camera, style and white balance rendered a picture whose EXIF is gone."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lutforge.cli.console import AsJson, for_each, note, say
+
+
+def identify(
+    images: Annotated[list[Path], typer.Argument(help="Pictures that do not tell their camera.", show_default=False)],
+    profiles: Annotated[
+        list[Path],
+        typer.Option("--profiles", help="A folder of camera profiles, or a profile; may repeat.", show_default=False),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Tell by its pixels which camera, style and white balance rendered a picture, or that they do not tell."""
+    from lutforge.pipeline.identification import identify as told_by
+    from lutforge.pipeline.identification import known_cameras
+
+    cameras = known_cameras(profiles)
+    for text in cameras.left_out:
+        note(text)
+    records: list[dict[str, object]] = []
+
+    def show(image: Path) -> None:
+        judgement = told_by(image, cameras)
+        if as_json:
+            records.append({"image": str(image), **judgement.as_json()})
+            return
+        for number, line in enumerate(judgement.lines()):
+            say(f"{image}: {line}" if number == 0 else f"  {line}")
+
+    try:
+        for_each(images, show)
+    finally:
+        if as_json:
+            say(json.dumps(records, indent=2))

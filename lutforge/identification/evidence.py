@@ -1,0 +1,92 @@
+"""What a picture shows that tells renderings apart, read once, and what each rendering makes of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lutforge.arrays import Array
+from lutforge.boundary import reading
+from lutforge.errors import ImageError
+from lutforge.identification.noise_law import noise_log_likelihood, noise_parts
+from lutforge.identification.noise_tally import NoiseTally, tally_noise
+from lutforge.identification.rendering import Rendering
+from lutforge.identification.scene_colours import palette, scene_log_density
+from lutforge.images.jpeg import read_header
+from lutforge.images.read import MAX_SAMPLES, read_image
+
+LEAST_COLOURS = 24
+"""Fewer flat colours tell nothing."""
+
+
+REACH_SCALE = 3.0 / 255.0
+"""What a lattice's way back and forth leaves of codes that the camera makes."""
+
+
+@dataclass(frozen=True, eq=False)
+class PictureEvidence:
+    """colours: of flat parts, encoded (n, 3); counts: pixels of each (n,); noise: of a JPEG's flat blocks, or none."""
+
+    colours: Array
+    counts: Array
+    noise: tuple[NoiseTally, ...]
+
+
+def read_evidence(path: str | Path) -> PictureEvidence:
+    """Read a picture. Raises ImageError where it is none, has no colour, or has too few flat colours to judge by."""
+    path = Path(path)
+    image = read_image(path)
+    pixels = image.pixels
+    if pixels.ndim != 3 or pixels.shape[2] < 3:
+        raise ImageError(f"{path}: it needs red, green and blue; a grey picture does not tell its camera")
+    if pixels.size > MAX_SAMPLES // 4:
+        raise ImageError(f"{path}: {pixels.shape[1]} × {pixels.shape[0]} pixels are too many; crop it")
+    if not np.isfinite(pixels).all():
+        raise ImageError(f"{path}: it holds values that are no numbers")
+    colours, counts = palette(np.clip(pixels[..., :3], 0.0, 1.0))
+    if len(colours) < LEAST_COLOURS:
+        raise ImageError(f"{path}: {len(colours)} flat colours are too few to tell a camera by")
+    noise: tuple[NoiseTally, ...] = ()
+    if image.format == "jpeg":
+        with reading(path, "a JPEG", ImageError):
+            data = path.read_bytes()
+            header = read_header(data)
+            noise = () if header is None else tally_noise(data, header)
+    return PictureEvidence(colours, counts, noise)
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """What a rendering makes of a picture.
+
+    noise: log-likelihood by white balance (w,); scene: mean log density of the scene's colours; reach: the same of what
+    the rendering's own way back and forth leaves of the picture's codes.
+    """
+
+    noise: Array
+    scene: float
+    reach: float
+
+
+def explain(picture: PictureEvidence, rendering: Rendering) -> Explained:
+    """Judge one rendering."""
+    multipliers = np.array(list(rendering.white_balances.values()))
+    noise = np.zeros(len(multipliers))
+    for tally in picture.noise:
+        scene, slopes = rendering.slopes(tally.colours)
+        noise += noise_log_likelihood(tally, noise_parts(scene, slopes, tally.weights, multipliers))
+    scene_colours = scene_log_density(picture.colours, picture.counts, rendering.to_linear_srgb)
+    return Explained(noise, scene_colours, _reach(picture, rendering))
+
+
+def _reach(picture: PictureEvidence, rendering: Rendering) -> float:
+    """How nearly render(linearize(I)) is I: Cauchy's log density of the residual, at a calibration's error."""
+    again = rendering.render(np.clip(rendering.linearize(picture.colours), 0.0, 1.0))
+    residual = np.linalg.norm(again - picture.colours, axis=1)
+    return float(-np.average(np.log1p((residual / REACH_SCALE) ** 2), weights=np.sqrt(picture.counts)))
+
+
+def explain_all(picture: PictureEvidence, renderings: Sequence[Rendering]) -> list[Explained]:
+    """Judge several renderings."""
+    return [explain(picture, rendering) for rendering in renderings]

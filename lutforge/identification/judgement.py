@@ -1,0 +1,173 @@
+"""Probabilities of cameras, styles and white balances, with the chance that none of them rendered the picture."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from lutforge.arrays import Array
+from lutforge.errors import ProfileError
+from lutforge.identification.evidence import Explained, PictureEvidence, explain
+from lutforge.identification.noise_tally import TO_YCC
+from lutforge.identification.rendering import Rendering
+
+
+@dataclass(frozen=True)
+class JudgementOptions:
+    """What evidence is worth: maximum likelihood on made-up cameras (`tests/benchmarks/identify.py --calibrate`).
+
+    noise, scene, reach: factors of the three log-likelihoods; strangers: the logarithm of what a rendering near the
+    likeliest, which stands for cameras that no profile is of, counts beside a profile. sure: the probability from which
+    an answer is given. alike: white balances whose multipliers differ by less are one answer.
+    """
+
+    noise: float = 0.1
+    scene: float = 10.0
+    reach: float = 10.0
+    strangers: float = -2.0
+    sure: float = 0.8
+    alike: float = 0.02
+
+
+DEPARTURES: tuple[Mapping[str, float], ...] = tuple(
+    {name: sign * size}
+    for name, size in (("gamma", 0.15), ("contrast", 0.25), ("saturation", 0.15))
+    for sign in (1, -1)
+)
+"""How renderings that stand for other cameras depart from the likeliest: in tone and in saturation, by about as much as
+styles of one camera differ."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One answer. white_balances: probability by name, given the camera and style."""
+
+    camera: str
+    style: str
+    probability: float
+    white_balances: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Candidates, the likeliest first; unknown: the probability that none of them rendered the picture.
+
+    answer: the camera and style, None where that cannot be told; white_balance: likewise, () where it cannot be told,
+    else the names whose multipliers are alike. notes: what evidence is missing.
+    """
+
+    candidates: tuple[Candidate, ...]
+    unknown: float
+    answer: Candidate | None
+    white_balance: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    def lines(self) -> tuple[str, ...]:
+        """The judgement in words: the answer first, then what it rests on."""
+        best = self.candidates[0]
+        named = f"{best.camera}, style {best.style}"
+        if self.answer is None:
+            first = f"cannot tell (nearest: {named}, {best.probability:.0%}; none of these: {self.unknown:.0%})"
+        else:
+            first = f"{named} ({best.probability:.0%})"
+        balances = sorted(best.white_balances.items(), key=lambda each: -each[1])
+        told = ", ".join(f"{name} {share:.0%}" for name, share in balances if share >= 0.02)
+        certain = " or ".join(self.white_balance) if self.white_balance else "cannot tell"
+        return (first, f"white balance: {certain} ({told})", *self.notes)
+
+    def as_json(self) -> dict[str, object]:
+        """The same as plain values."""
+        return {
+            "camera": None if self.answer is None else self.answer.camera,
+            "style": None if self.answer is None else self.answer.style,
+            "white_balance": list(self.white_balance),
+            "none_of_these": round(self.unknown, 4),
+            "candidates": [
+                {
+                    "camera": each.camera,
+                    "style": each.style,
+                    "probability": round(each.probability, 4),
+                    "white_balances": {name: round(share, 4) for name, share in each.white_balances.items()},
+                }
+                for each in self.candidates
+            ],
+            "notes": list(self.notes),
+        }
+
+
+def judge(picture: PictureEvidence, known: Sequence[Rendering], options: JudgementOptions | None = None) -> Judgement:
+    """Weigh the renderings. Raises ProfileError where there is none."""
+    if not known:
+        raise ProfileError("no profile to compare the picture with")
+    options = JudgementOptions() if options is None else options
+    explained = [explain(picture, rendering) for rendering in known]
+    likely = [_log_likelihoods(each, options) for each in explained]
+    best = int(np.argmax([each.max() for each in likely]))
+    strangers = [
+        _log_likelihoods(explain(picture, departed(known[best], **departure)), options) for departure in DEPARTURES
+    ]
+    shares = _shares(likely, strangers, options)
+    candidates = tuple(
+        sorted(
+            (_candidate(r, each, p) for r, each, p in zip(known, likely, shares[:-1].tolist(), strict=True)),
+            key=lambda candidate: -candidate.probability,
+        )
+    )
+    answer = candidates[0] if candidates[0].probability >= options.sure else None
+    balances = next(
+        r.white_balances for r in known if (r.camera, r.style) == (candidates[0].camera, candidates[0].style)
+    )
+    notes = () if picture.noise else ("no JPEG with noise of its own: judged by its colours alone, which tell little",)
+    told = () if answer is None else _alike(answer.white_balances, balances, options)
+    return Judgement(candidates, float(shares[-1]), answer, told, notes)
+
+
+def _log_likelihoods(explained: Explained, options: JudgementOptions) -> Array:
+    """Of a rendering with each of its white balances (w,), which are as likely as one another beforehand."""
+    told = options.noise * explained.noise + options.scene * explained.scene + options.reach * explained.reach
+    return np.asarray(told - np.log(len(explained.noise)))
+
+
+def _shares(likely: Sequence[Array], strangers: Sequence[Array], options: JudgementOptions) -> Array:
+    """The probability of each rendering, and at the end that of none of them."""
+    known = [float(scipy.special.logsumexp(each)) for each in likely]
+    other = float(scipy.special.logsumexp(np.concatenate(strangers))) + options.strangers
+    return np.asarray(scipy.special.softmax([*known, other]))
+
+
+def _candidate(rendering: Rendering, likely: Array, probability: float) -> Candidate:
+    shares = scipy.special.softmax(likely).tolist()
+    return Candidate(
+        rendering.camera, rendering.style, probability, dict(zip(rendering.white_balances, shares, strict=True))
+    )
+
+
+def _alike(shares: Mapping[str, float], multipliers: Mapping[str, Array], options: JudgementOptions) -> tuple[str, ...]:
+    """The likeliest white balance with those like it, where they are likely enough together."""
+    best = max(shares, key=lambda name: shares[name])
+    names = tuple(
+        name for name in shares if np.all(np.abs(multipliers[name] / multipliers[best] - 1.0) <= options.alike)
+    )
+    return names if sum(shares[name] for name in names) >= options.sure else ()
+
+
+def departed(rendering: Rendering, gamma: float = 0.0, contrast: float = 0.0, saturation: float = 0.0) -> Rendering:
+    """A rendering near another one, whose codes v are first v + gamma v (1 − v) + contrast v (1 − v) (1 − 2 v).
+
+    saturation: what chroma is multiplied by beyond 1, about luma.
+    """
+    codes = np.linspace(0.0, 1.0, 1025)
+    bent = codes + codes * (1.0 - codes) * (gamma + contrast * (1.0 - 2.0 * codes))
+
+    def scaled(colours: Array, factor: float) -> Array:
+        luma = (colours @ TO_YCC[0])[..., None]
+        return np.asarray(np.clip(luma + factor * (colours - luma), 0.0, 1.0))
+
+    def linearize(encoded: Array) -> Array:
+        return rendering.linearize(scaled(np.interp(encoded, codes, bent), 1.0 + saturation))
+
+    def render(scene: Array) -> Array:
+        return np.interp(scaled(rendering.render(scene), 1.0 / (1.0 + saturation)), bent, codes)
+
+    return replace(rendering, linearize=linearize, render=render)

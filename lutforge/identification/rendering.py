@@ -1,0 +1,65 @@
+"""What a calibrated style does to white-balanced light, with its slopes: the same for lattices and physical models."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lutforge.arrays import Array
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.transform import Gain, Transform
+from lutforge.settings import Selector
+
+Colours = Callable[[Array], Array]
+"""A function of colours (…, 3) → (…, 3)."""
+
+SLOPE_STEP = 2e-3
+"""In linear light, of the differences that slopes are taken from; a tone curve bends within larger ones."""
+
+NEARBY = 0.02
+"""In encoded values: slopes are means over colours so far apart, as a lattice's jump at its nodes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """A style of a camera. linearize: encoded → balanced RAW; render: balanced RAW → encoded; matrix: Ts (3, 3).
+
+    white_balances: multipliers (3,) by name.
+    """
+
+    camera: str
+    style: str
+    white_balances: dict[str, Array]
+    linearize: Colours
+    render: Colours
+    matrix: Array
+
+    def to_linear_srgb(self, encoded: Array) -> Array:
+        """Encoded (n, 3) → linear sRGB of the scene."""
+        return np.asarray(self.linearize(encoded) @ self.matrix.T)
+
+    def slopes(self, encoded: Array) -> tuple[Array, Array]:
+        """Balanced RAW (n, 3) of encoded colours, and the rendering's slopes there (n, 3, 3), in codes of 255."""
+        around = np.concatenate([np.zeros((1, 3)), NEARBY * np.eye(3), -NEARBY * np.eye(3)])
+        spread = np.clip(encoded[None] + around[:, None], 0.0, 1.0)
+        scene = np.clip(self.linearize(spread), 0.0, 1.0)
+        slopes = [
+            (self.render(np.clip(scene + step, 0.0, 1.0)) - self.render(np.clip(scene - step, 0.0, 1.0))).mean(axis=0)
+            for step in SLOPE_STEP * np.eye(3)
+        ]
+        return scene[0], np.stack(slopes, axis=-1) * (255.0 / (2 * SLOPE_STEP))
+
+
+def renderings(profile: CameraProfile) -> tuple[Rendering, ...]:
+    """One for each style of a camera whose own RAW was calibrated."""
+    names = list(profile.white_balances)
+    multipliers = {name: np.array(profile.white_balances[name].multipliers) for name in names}
+    middle = sorted(names, key=lambda name: float(multipliers[name][0] / multipliers[name][2]))[len(names) // 2]
+    found = []
+    for style in profile.styles:
+        selector = Selector(style, middle)
+        raw = profile.linearize(selector)
+        balanced = Transform((*raw.stages, Gain(profile.multipliers(selector))))
+        render = profile.render(selector).without_gain()
+        found.append(Rendering(profile.camera, style, multipliers, balanced, render, profile.matrix))
+    return tuple(found)
