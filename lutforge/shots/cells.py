@@ -7,10 +7,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, Index, Mask
+from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.images.raw import RawImage
 from lutforge.shots.shot import Registration, Shot
 
+Mark = NDArray[np.uint8]
 REACH = 2.4
 """How far, in standard deviations, noise is taken to reach: 64 pixels of it do on average. Where no more than these
 0.8 % are clipped, the mean moves by less than 0.003 standard deviations."""
@@ -52,39 +54,69 @@ def raw_on_grid(
     raw: RawImage, registration: Registration, height: int, width: int, cell: int, hot: bool = False
 ) -> CellStatistics:
     """RAW statistics as `raw_on_jpeg_cells`, for a grid of height × width cells."""
-    pixels = raw.pixels
     rows = cell_edges(registration.scale, registration.offset_y, height, cell, raw.pixel_size)
     columns = cell_edges(registration.scale, registration.offset_x, width, cell, raw.pixel_size)
-    weigh_rows = area_weights(rows, pixels.shape[0])
-    weigh_columns = area_weights(columns, pixels.shape[1])
-    covered_rows = (rows[:-1] >= -1e-9) & (rows[1:] <= pixels.shape[0] + 1e-9)
-    covered_columns = (columns[:-1] >= -1e-9) & (columns[1:] <= pixels.shape[1] + 1e-9)
-    in_row, in_column = (
-        np.clip(np.searchsorted(edges, np.arange(size) + 0.5) - 1, 0, len(edges) - 2)
-        for edges, size in ((rows, pixels.shape[0]), (columns, pixels.shape[1]))
-    )
-    label = in_row[:, None] * width + in_column[None, :]
-
-    def median(values: Array) -> Array:
-        return medians(values, label, height * width).reshape(height, width)
-
-    outside = ~(covered_rows[:, None] & covered_columns[None, :])
+    covered = [
+        (edges[:-1] >= -1e-9) & (edges[1:] <= size + 1e-9)
+        for edges, size in ((rows, raw.pixels.shape[0]), (columns, raw.pixels.shape[1]))
+    ]
     result = np.full((5, height, width, 3), np.nan)
     for channel in range(3):
-        plane, result[4, ..., channel] = without_outliers(
-            pixels[..., channel].astype(np.float64),
-            lambda values: np.asarray(weigh_rows @ values @ weigh_columns.T),
-            lambda cells: cells[np.ix_(in_row, in_column)],
-            median if hot else None,
-        )
-        mean = weigh_rows @ plane @ weigh_columns.T
-        square = weigh_rows @ (plane * plane) @ weigh_columns.T
-        std = np.sqrt(np.maximum(0, square - mean * mean))
+        plane = _Plane(raw.pixels[..., channel].astype(np.float64), rows, columns)
+        result[4, ..., channel] = plane.without_outliers(hot)
+        mean, std, low, high = plane.statistics()
         result[0, ..., channel], result[1, ..., channel] = mean, std
-        result[2, ..., channel] = np.maximum(_touched(np.minimum, plane, rows, columns), mean - REACH * std)
-        result[3, ..., channel] = np.minimum(_touched(np.maximum, plane, rows, columns), mean + REACH * std)
-    result[:, outside] = np.nan
+        result[2, ..., channel] = np.maximum(low, mean - REACH * std)
+        result[3, ..., channel] = np.minimum(high, mean + REACH * std)
+    result[:, ~np.outer(*covered)] = np.nan
     return CellStatistics(*result)
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """One channel (h, w) under a grid of cells with borders at rows (H + 1,) and columns (W + 1,)."""
+
+    pixels: Array
+    rows: Array
+    columns: Array
+
+    def statistics(self) -> Array:
+        """(4, H, W): mean and standard deviation by area, least and greatest value that each cell touches."""
+        found = np.empty((4, len(self.rows) - 1, len(self.columns) - 1))
+        _statistics(self.pixels, self.rows, self.columns, found)
+        return found
+
+    def without_outliers(self, hot: bool) -> Array:
+        """Replace outliers in place, as `without_outliers` says; hot: by medians. Returns each cell's share of them."""
+        owners = [
+            np.clip(np.searchsorted(edges, np.arange(size) + 0.5) - 1, 0, len(edges) - 2)
+            for edges, size in zip((self.rows, self.columns), self.pixels.shape, strict=True)
+        ]
+        row_begins, column_begins = (
+            np.searchsorted(owner, np.arange(len(edges)))
+            for owner, edges in zip(owners, (self.rows, self.columns), strict=True)
+        )
+        replaced = np.zeros(self.pixels.shape, dtype=np.uint8)
+        share = np.zeros((len(self.rows) - 1, len(self.columns) - 1))
+        for _ in range(3):
+            mean, std, low, high = self.statistics()
+            centre, limit = self._medians(owners) if hot else (mean, 4 * std + 1e-9)
+            doubtful = np.maximum(high - centre, centre - low) > limit
+            if not _replace(
+                self.pixels, replaced, self.rows, self.columns, row_begins, column_begins,
+                centre, limit, doubtful, 1 / 4 if hot else 1 / 16, share,
+            ):  # fmt: skip
+                break
+        _add_up(replaced, self.rows, self.columns, np.ones(share.shape, dtype=np.bool_), share)
+        return share
+
+    def _medians(self, owners: list[NDArray[np.intp]]) -> tuple[Array, Array]:
+        """Medians of the cells, and four standard deviations by the median deviation, (H, W) each."""
+        shape = (len(self.rows) - 1, len(self.columns) - 1)
+        label = owners[0][:, None] * shape[1] + owners[1][None, :]
+        median = medians(self.pixels, label, shape[0] * shape[1])
+        deviation = medians(np.abs(self.pixels - median[label]), label, shape[0] * shape[1])
+        return median.reshape(shape), 4 * 1.4826 * deviation.reshape(shape) + 1e-9
 
 
 def medians(values: Array, label: NDArray[np.intp], count: int) -> Array:
@@ -153,14 +185,88 @@ def area_weights(edges: Array, size: int) -> "scipy.sparse.csr_array":
     return scipy.sparse.csr_array((share, pixel, starts), shape=(len(low), size))
 
 
-def _touched(reduce: np.ufunc, plane: Array, rows: Array, columns: Array) -> Array:
-    """Minimum or maximum over the array pixels that each cell touches."""
-    for axis, edges in ((0, rows), (1, columns)):
-        size = plane.shape[axis]
-        first = np.clip(np.floor(edges[:-1] + 1e-9).astype(int), 0, size - 1)
-        last = np.clip(np.ceil(edges[1:] - 1e-9).astype(int), first + 1, size)
-        pairs = np.stack([first, last], axis=1).ravel()
-        # reduceat wants indices inside the array: a repeated border row changes no extremum
-        padded = np.concatenate([plane, np.take(plane, [size - 1], axis=axis)], axis=axis)
-        plane = np.take(reduce.reduceat(padded, pairs, axis=axis), np.arange(0, len(pairs), 2), axis=axis)
-    return plane
+@compiled()
+def _touched(edges: Array, cell: int, size: int) -> tuple[int, int]:
+    """The first array pixel that a cell touches, and the one after the last."""
+    first = max(0, int(np.floor(edges[cell] + 1e-9)))
+    last = min(size, int(np.ceil(edges[cell + 1] - 1e-9)))
+    return first, last
+
+
+@compiled(fastmath=REASSOCIATED)
+def _statistics(plane: Array, rows: Array, columns: Array, found: Array) -> None:
+    """Fill mean, standard deviation, least and greatest value, (4, H, W), of the pixels under each cell."""
+    for i in range(len(rows) - 1):
+        first, last = _touched(rows, i, plane.shape[0])
+        for j in range(len(columns) - 1):
+            left, right = _touched(columns, j, plane.shape[1])
+            area, total, square, low, high = 0.0, 0.0, 0.0, np.inf, -np.inf
+            for y in range(first, last):
+                tall = min(rows[i + 1], y + 1.0) - max(rows[i], float(y))
+                line = plane[y]
+                for x in range(left, right):
+                    value, covered = line[x], tall * (min(columns[j + 1], x + 1.0) - max(columns[j], float(x)))
+                    area += covered
+                    total += covered * value
+                    square += covered * value * value
+                    low, high = min(low, value), max(high, value)
+            mean = total / area if area > 0.0 else np.nan
+            found[0, i, j], found[1, i, j] = mean, np.sqrt(max(0.0, square / area - mean * mean)) if area > 0.0 else 0.0
+            found[2, i, j], found[3, i, j] = low, high
+
+
+@compiled(fastmath=REASSOCIATED)
+def _add_up(marked: Mark, rows: Array, columns: Array, wanted: Mask, share: Array) -> None:
+    """Fill the share of the area of each wanted cell, (H, W), whose pixels are marked."""
+    for i in range(len(rows) - 1):
+        first, last = _touched(rows, i, marked.shape[0])
+        for j in range(len(columns) - 1):
+            if wanted[i, j]:
+                left, right = _touched(columns, j, marked.shape[1])
+                area, total = 0.0, 0.0
+                for y in range(first, last):
+                    tall = min(rows[i + 1], y + 1.0) - max(rows[i], float(y))
+                    for x in range(left, right):
+                        covered = tall * (min(columns[j + 1], x + 1.0) - max(columns[j], float(x)))
+                        area += covered
+                        if marked[y, x]:
+                            total += covered
+                share[i, j] = total / area if area > 0.0 else 0.0
+
+
+@compiled()
+def _replace(
+    plane: Array,
+    replaced: Mark,
+    rows: Array,
+    columns: Array,
+    row_begins: Index,
+    column_begins: Index,
+    centre: Array,
+    limit: Array,
+    doubtful: Mask,
+    most: float,
+    share: Array,
+) -> bool:
+    """Replace the outliers of doubtful cells by their centres, unless they are more than a share of the cell.
+
+    replaced: (h, w) 1 where that was done; row_begins, column_begins: of the pixels whose middles lie in each cell.
+    Returns whether any was replaced.
+    """
+    outlier, done = np.uint8(2), False
+    for act in range(2):
+        for i in range(len(rows) - 1):
+            for j in range(len(columns) - 1):
+                if not doubtful[i, j]:
+                    continue
+                for y in range(row_begins[i], row_begins[i + 1]):
+                    for x in range(column_begins[j], column_begins[j + 1]):
+                        if act == 0 and abs(plane[y, x] - centre[i, j]) > limit[i, j]:
+                            replaced[y, x] |= outlier
+                        elif act == 1 and replaced[y, x] & outlier:
+                            replaced[y, x] &= np.uint8(1)
+                            if share[i, j] <= most:
+                                plane[y, x], replaced[y, x], done = centre[i, j], np.uint8(1), True
+        if act == 0:
+            _add_up(replaced, rows, columns, doubtful, share)
+    return done
