@@ -1,5 +1,6 @@
 """Export: profile, LUTs, kits, config, report, as files of the command line, each with its command and its error."""
 
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from lutforge.atomic_write import require_writable
 from lutforge.colour.rgb_spaces import SPACES
 from lutforge.pipeline.kits import kits_of
 from lutforge.samples.table import write_samples
-from lutforge.studio.elements import FILL, TOGETHER, WIDE, entry, select
+from lutforge.studio.elements import FILL, TOGETHER, WIDE, entry, select, text
 from lutforge.studio.export import Export, calibration_command, run, wanted_lut
 from lutforge.studio.session import Session, Written
 from lutforge.studio.steps import states_of
@@ -92,7 +93,9 @@ class ExportPage:
         def button(label: str, action: Any, **more: Any) -> pmui.Button:
             return session.button(label, action, **{**WIDE, **more})
 
+        root = escape(str(session.folders.roots[0]))
         self.controls = [
+            text(f"<p>Files go to <b>{root}</b>; the commands are of that folder.</p>"),
             self.name,
             button("Save profile", self._save_profile, variant="contained"),
             pn.Column(self.program, self.check, button("Write kit", self._kit, variant="contained"), **TOGETHER),
@@ -114,7 +117,8 @@ class ExportPage:
         stale = states_of(session)["Model"][0] == "stale"
         self.list.entries = [
             {
-                "what": each.what, "path": str(each.path), "told": list(each.told), "command": each.command,
+                "what": each.what, "path": session.folders.name(each.path), "told": list(each.told),
+                "command": each.command,
                 "stale": stale or each.of[0] is not now[0] or each.of[1] != now[1],
             }
             for each in reversed(session.written.values())
@@ -136,6 +140,7 @@ class ExportPage:
 
     def _tell(self, what: str, path: Path, told: tuple[str, ...], command: str) -> None:
         now = (self.session.profile if self.session.has_profile else None, self.session.look)
+        command = command.replace(f"{self.session.folders.roots[0]}/", "")  # as one types it there
         self.session.written.pop(what, None)
         self.session.written[what] = Written(what, path, told[:20], command, now)
         self.session.say(f"{what}: written, {path.name}")
