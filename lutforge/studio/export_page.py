@@ -15,6 +15,7 @@ from lutforge.pipeline.kits import kits_of
 from lutforge.samples.table import write_samples
 from lutforge.studio.elements import FILL, TOGETHER, WIDE, entry, select, text
 from lutforge.studio.export import Export, calibration_command, run, wanted_lut
+from lutforge.studio.fits import held_out_error
 from lutforge.studio.session import Session, Written
 from lutforge.studio.steps import states_of
 from lutforge.studio.workspace import WorkspaceError
@@ -172,7 +173,10 @@ class ExportPage:
         command = calibration_command(table, others[0] if others else None, task.options, path)
         if task.kind == "matrix":  # no command fits the stages alone
             command = ""
-        self._tell("profile", path, (f"profile of {profile.camera}, {int(task.rows.sum()):,} samples",), command)
+        error = held_out_error(profile)
+        known = "no shot could be left out" if error is None else f"mean error on shots left out {error:.4f}"
+        told = f"profile of {profile.camera}, {int(task.rows.sum()):,} samples; {known}"
+        self._tell("profile", path, (told,), command)
 
     def _run(self, what: str, export: Export) -> None:
         def done(lines: tuple[str, ...]) -> None:

@@ -107,7 +107,7 @@ class Visit:
 
     def step(self, name: str) -> None:
         self.page.get_by_role("tab", name=re.compile("^" + name)).click()
-        expect(self.page.locator("b", has_text=f"{name}.")).to_be_visible()
+        expect(self.page.locator("b", has_text=f"{name}.")).to_be_visible(timeout=MOST_MS)
 
     def press(self, name: str) -> None:
         self.page.get_by_role("button", name=name, exact=True).click()
@@ -300,11 +300,11 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
 
     visit.step("Samples")
     visit.slide("Saturation limit", 0.5)
-    expect(visit.page.get_by_role("tab", name="Model: stale")).to_be_visible()
-    expect(visit.page.get_by_role("tab", name="Export: stale")).to_be_visible()
+    expect(visit.page.get_by_role("tab", name="Model: stale")).to_be_visible(timeout=MOST_MS)
+    expect(visit.page.get_by_role("tab", name="Export: stale")).to_be_visible(timeout=MOST_MS)
     visit.step("Shots")
     visit.open("filtered.workspace", f"filtered.workspace: {len(samples):,} samples of 18 shots")
-    expect(visit.page.get_by_role("tab", name="Model: done")).to_be_visible()
+    expect(visit.page.get_by_role("tab", name="Model: done")).to_be_visible(timeout=MOST_MS)
 
 
 @pytest.mark.slow
@@ -380,7 +380,7 @@ def test_every_control_is_labelled_and_reached_by_the_keyboard(visit: Visit) -> 
     for step in STEPS[1:]:
         visit.page.keyboard.press("ArrowRight")
         visit.page.keyboard.press("Enter")
-        expect(visit.page.locator("b", has_text=f"{step}.")).to_be_visible()
+        expect(visit.page.locator("b", has_text=f"{step}.")).to_be_visible(timeout=MOST_MS)
         for role in ("textbox", "combobox", "slider", "checkbox", "button"):
             controls = visit.page.get_by_role(role).evaluate_all(NAMES_AND_PLACES)
             assert [html for name, place, html in controls if not name.strip() or place < 0] == [], (step, role)
