@@ -19,7 +19,8 @@ from lutforge.calibration.physical.white_balance import (
 from lutforge.calibration.plausibility.check import implausible
 from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.shots.thin_samples import thin_colours, thin_settings
-from lutforge.calibration.shots.tone import shot_tones, tone_notes, without_departures
+from lutforge.calibration.shots.tone import shot_tones, tone_notes
+from lutforge.calibration.shots.tone_correction import without_departures
 from lutforge.calibration.stages import Stages, base_of, fit_camera_stages, stages_of
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.calibration.style_fit import StyleFit, fit_style, render_with_plain
@@ -217,7 +218,7 @@ def _even(
         multipliers = with_gains(samples, multipliers, stages.white_balances)
     blameless = thesis or any(diagnosis.whole_set for diagnosis in diagnoses)
     tones = () if blameless else shot_tones(samples, multipliers, unclipped(samples, multipliers))
-    samples, multipliers = without_departures(samples, multipliers, tones)
+    samples, multipliers = without_departures(samples, multipliers, unclipped(samples, multipliers), tones)
     if tones:  # of what they explain nothing is left to diagnose
         diagnoses = implausible(samples, multipliers)
     return _Even(samples, multipliers, falloffs, diagnoses, tones)

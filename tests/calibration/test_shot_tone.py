@@ -9,6 +9,7 @@ import pytest
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.shots.tone import shot_tones
+from lutforge.calibration.shots.tone_correction import without_departures
 from lutforge.calibration.style_data import unclipped
 from lutforge.errors import ProfileError
 from lutforge.evaluation.evaluate import evaluate
@@ -69,6 +70,26 @@ def test_lifted_shadows_of_a_third_of_the_shots_are_found() -> None:
         dark = np.sort(true[samples.shot == name])[-6:].mean()
         assert tone.shadows == pytest.approx(dark, rel=0.2)
         assert abs(tone.highlights) < 0.2 * dark and tone.local == 0.0
+
+
+def test_a_departure_is_taken_out_where_it_arose() -> None:
+    """A power of codes comes out of the codes, channel by channel; lifted shadows come out of the light."""
+    samples = _fifteen()
+    names = [_names(samples)[4]]
+    mine = np.isin(samples.shot, names)
+    usable = unclipped(samples, samples.wb)
+    for changed, of_codes in (
+        (with_gamma(samples, names, 0.93), True),
+        (with_scene_tone(samples, names, shadow_stops(samples, 0.5), CAMERA), False),
+    ):
+        even, multipliers = without_departures(changed, samples.wb, usable, list(_tones(changed).values()))
+        np.testing.assert_array_equal(multipliers, samples.wb)
+        assert np.array_equal(even.raw, samples.raw) is of_codes
+        assert np.array_equal(even.srgb, changed.srgb) is not of_codes
+        np.testing.assert_array_equal(even.srgb[~mine], samples.srgb[~mine])
+        if of_codes:
+            before, after = (np.abs(each.srgb - samples.srgb)[mine & usable].mean() for each in (changed, even))
+            assert after < 0.2 * before
 
 
 def test_exposures_that_are_off_are_called_so() -> None:

@@ -17,13 +17,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import chdtrc
 
 from lutforge.arrays import Array, Mask
+from lutforge.calibration.shots.departures import (
+    Cells,
+    Departure,
+    cells_of,
+    covariance_of,
+    departures_of,
+    light_of,
+    own_covariance,
+)
 from lutforge.errors import CalibrationError
-from lutforge.model.shot_tone import ShotTone, place_basis, tone_basis, tone_of, without_tones
+from lutforge.model.shot_tone import ShotTone, place_basis, tone_basis
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.blas import one_blas_thread
 
@@ -32,35 +40,6 @@ FALSE_ALARMS = 0.01
 LEAST_EV = 0.08
 """Departures of less stay, a quarter of the steps in which cameras expose."""
 MANUAL_MODE = "shoot in manual mode with one picture style, scene-dependent features (D-Lighting, HDR, auto tone) off"
-
-
-@dataclass(frozen=True, eq=False)
-class _Cells:
-    """Means over samples of like colour, of one part of one shot's picture.
-
-    encoded: (n, 3); y: (n,), log₂ of the light less that of an sRGB JPEG; tone: (n,); place: (n, 2), NaN where unknown;
-    shot: (n,) places in names; scatter: (n,) variance of y by rounding and noise.
-    """
-
-    encoded: Array
-    y: Array
-    tone: Array
-    place: Array
-    shot: NDArray[np.intp]
-    names: tuple[str, ...]
-    scatter: Array
-
-
-@dataclass(frozen=True, eq=False)
-class _Departure:
-    """One shot beside the prediction by the others.
-
-    error: (m,) stops by which its cells' JPEGs are brighter; covariance: (m, m); member: (n,) its cells.
-    """
-
-    error: Array
-    covariance: Array
-    member: Mask
 
 
 def shot_tones(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[ShotTone, ...]:
@@ -72,7 +51,7 @@ def shot_tones(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[Sh
     found: list[ShotTone] = []
     for name in np.unique(samples.style[usable]):
         mine = usable & (samples.style == name)
-        cells = _cells(samples.select(mine), multipliers[mine])
+        cells = cells_of(samples.select(mine), multipliers[mine])
         if len(cells.names) < 2:
             continue
         tones = _search(cells, str(name))
@@ -98,14 +77,14 @@ def tones_beside(
     found: list[ShotTone] = []
     for name in np.unique(samples.style[usable & np.isin(samples.style, list(linearize))]):
         mine = usable & (samples.style == name)
-        cells = _cells(samples.select(mine), multipliers[mine])
+        cells = cells_of(samples.select(mine), multipliers[mine])
         light = np.maximum(linearize[str(name)](cells.encoded).sum(axis=1), 1e-5)
-        error = np.log2(light) - np.log2(1e-4 + _light(cells.encoded)) - cells.y
-        covariance = 3.0 * _own_covariance(cells) + np.diag(cells.scatter)
+        error = np.log2(light) - np.log2(1e-4 + light_of(cells.encoded)) - cells.y
+        covariance = 3.0 * own_covariance(cells) + np.diag(cells.scatter)
         fits = []
         for place in range(len(cells.names)):
             member = cells.shot == place
-            fits.append(_fit(cells, _Departure(error[member], covariance[np.ix_(member, member)], member)))
+            fits.append(_fit(cells, Departure(error[member], covariance[np.ix_(member, member)], member)))
         found.extend(_significant(cells, str(name), fits).values())
     return tuple(found)
 
@@ -123,100 +102,6 @@ def tone_notes(tones: Sequence[ShotTone]) -> tuple[str, ...]:
                     f"{style}: shots depart from what the others agree on, {listed}{more}: {fate}; {MANUAL_MODE}"
                 )
     return tuple(notes)
-
-
-def without_departures(samples: SampleSet, multipliers: Array, tones: Sequence[ShotTone]) -> tuple[SampleSet, Array]:
-    """The samples and multipliers (n, 3) without the shots that depart locally, and the global part out of the others.
-
-    A style of which nothing would be left keeps its shots.
-    """
-    kept = ~np.isin(samples.shot, [tone.shot for tone in tones if tone.local])
-    for name in np.unique(samples.style):
-        kept |= (samples.style == name) & ~np.any(kept & (samples.style == name))
-    return without_tones(samples.select(kept), tones), multipliers[kept]
-
-
-def _cells(samples: SampleSet, multipliers: Array, most: int = 1500) -> _Cells:
-    """Average the samples over cells of shot, place and colour: the finest division with at most `most` cells."""
-    y = np.log2((samples.raw * multipliers).sum(axis=1)) - np.log2(1e-4 + _light(samples.srgb))
-    names, shot = np.unique(samples.shot, return_inverse=True)
-    part = np.clip(np.nan_to_num(1.5 * (samples.position + 1.0), nan=0.0), 0, 2).astype(np.intp) @ [1, 3]
-    for codes in (16, 24, 32, 48, 64, 96):
-        colour = (255 * samples.srgb // codes).astype(np.intp) @ [1, 16, 256]
-        key = (shot * 9 + part) * 4096 + colour
-        _, cell, count = np.unique(key, return_inverse=True, return_counts=True)
-        if len(count) <= most:
-            break
-
-    def mean(values: Array) -> Array:
-        return np.asarray(np.bincount(cell, values, len(count)) / count)
-
-    encoded = np.stack([mean(column) for column in samples.srgb.T], axis=1)
-    place = np.stack([mean(column) for column in samples.position.T], axis=1)
-    rounding = 2.2 / np.log(2.0) * (0.5 / 255) / np.maximum(encoded.mean(axis=1), 0.02)  # of a power of 2.2
-    owner = np.zeros(len(count), dtype=np.intp)
-    owner[cell] = shot
-    rows = np.sort(np.random.default_rng(0).permutation(len(count))[:most])
-    cells = (encoded[rows], mean(y)[rows], tone_of(encoded[rows]), place[rows], owner[rows])
-    return _Cells(*cells, tuple(map(str, names)), 0.02**2 + rounding[rows] ** 2)
-
-
-def _light(encoded: Array) -> Array:
-    """Linear light (n,) of an sRGB JPEG, the shape that λ departs from."""
-    return np.asarray(0.54 * np.exp2(2.5 * tone_of(encoded)))
-
-
-def _matern(distance: Array) -> Array:
-    """Matérn's covariance of smoothness 5/2, of distances in units of its length."""
-    scaled = np.sqrt(5.0) * distance
-    return np.asarray((1.0 + scaled + scaled**2 / 3.0) * np.exp(-scaled))
-
-
-def _covariance(cells: _Cells) -> Array:
-    """Return the covariance (n, n) of y between cells under a fixed rendering.
-
-    λ departs from a plane by half a stop over 90 codes.
-    """
-    plane = np.column_stack([np.ones(len(cells.y)), cells.encoded, cells.tone])
-    common = 9.0 * plane @ plane.T + 0.25 * _matern(_distance(cells) / 0.35)
-    return np.asarray(common + _own_covariance(cells) + np.diag(cells.scatter))
-
-
-def _own_covariance(cells: _Cells) -> Array:
-    """Return the covariance of what a shot departs by though the camera is fixed.
-
-    It is 3 % (0.04 EV) over 40 codes, as tiles are not quite flat, and 2 % in all of it, as lenses flare.
-    """
-    same = cells.shot[:, None] == cells.shot
-    return np.asarray(same * (0.04**2 * _matern(_distance(cells) / 0.15) + 0.03**2))
-
-
-def _distance(cells: _Cells) -> Array:
-    """Return the distances (n, n) between the JPEG colours of cells."""
-    square = (cells.encoded**2).sum(axis=1)
-    return np.asarray(np.sqrt(np.maximum(square[:, None] + square - 2.0 * cells.encoded @ cells.encoded.T, 0.0)))
-
-
-def _departures(cells: _Cells, covariance: Array, freed: Mapping[int, Array]) -> list[_Departure]:
-    """Return how each shot departs from what the others predict.
-
-    freed: for some shots, columns (m, k) along which they may depart by stops without weighing on the others.
-    """
-    total = covariance.copy()
-    for place, columns in freed.items():
-        mine = np.flatnonzero(cells.shot == place)
-        total[np.ix_(mine, mine)] += columns @ columns.T
-    precision = np.linalg.inv(total)
-    weighted = precision @ cells.y
-    result = []
-    for place in range(len(cells.names)):
-        member = cells.shot == place
-        own = np.linalg.inv(precision[np.ix_(member, member)])
-        error = -own @ weighted[member]
-        if place in freed:
-            own = own - freed[place] @ freed[place].T
-        result.append(_Departure(error, own, member))
-    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +125,7 @@ class _Fit:
         return float(chdtrc(3, tone)), float(chdtrc(18, local))
 
 
-def _fit(cells: _Cells, departure: _Departure) -> _Fit:
+def _fit(cells: Cells, departure: Departure) -> _Fit:
     """Generalized least squares; coefficients have a prior of a stop."""
     root = np.linalg.cholesky(departure.covariance)
 
@@ -266,11 +151,11 @@ def _fit(cells: _Cells, departure: _Departure) -> _Fit:
 
 
 @one_blas_thread
-def _search(cells: _Cells, style: str) -> list[ShotTone]:
+def _search(cells: Cells, style: str) -> list[ShotTone]:
     """The significant departures of one style's shots, the most significant freed first."""
-    covariance, freed = _covariance(cells), dict[int, Array]()
+    covariance, freed = covariance_of(cells), dict[int, Array]()
     while True:
-        departures = _departures(cells, covariance, freed)
+        departures = departures_of(cells, covariance, freed)
         fits = [_fit(cells, departure) for departure in departures]
         tones = _significant(cells, style, fits)
         strange = sorted((k for k in tones if k not in freed), key=lambda k: -sum(fits[k].gains))
@@ -284,7 +169,7 @@ def _search(cells: _Cells, style: str) -> list[ShotTone]:
                 freed[k] = np.hstack([basis, places]) if tones[k].local else basis
 
 
-def _significant(cells: _Cells, style: str, fits: Sequence[_Fit]) -> dict[int, ShotTone]:
+def _significant(cells: Cells, style: str, fits: Sequence[_Fit]) -> dict[int, ShotTone]:
     """The departures that are significant, by the place of their shot."""
     limit = FALSE_ALARMS / (2 * len(fits))  # two tests a shot
     scale = max(1.0, float(np.median([fit.misfit for fit in fits])))
@@ -292,7 +177,7 @@ def _significant(cells: _Cells, style: str, fits: Sequence[_Fit]) -> dict[int, S
     return {k: tone for k, tone in tones.items() if tone is not None}
 
 
-def _tone(cells: _Cells, style: str, shot: int, fit: _Fit, odds: tuple[float, float], limit: float) -> ShotTone | None:
+def _tone(cells: Cells, style: str, shot: int, fit: _Fit, odds: tuple[float, float], limit: float) -> ShotTone | None:
     """What is significant of a shot's departure; None where nothing is."""
     dark, middle, bright = (float(value) for value in _at_tones(cells.tone[cells.shot == shot], fit.stops))
     size = float(np.sqrt(np.mean(fit.local**2)))

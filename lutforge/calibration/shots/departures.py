@@ -1,0 +1,123 @@
+"""Shots of a fixed camera as a Gaussian process over JPEG colours, and each shot beside what the others predict."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.arrays import Array, Mask
+from lutforge.model.shot_tone import tone_of
+from lutforge.samples.sample_set import SampleSet
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Means over samples of like colour, of one part of one shot's picture.
+
+    encoded: (n, 3); y: (n,), log₂ of the light less that of an sRGB JPEG; tone: (n,); place: (n, 2), NaN where unknown;
+    shot: (n,) places in names; scatter: (n,) variance of y by rounding and noise.
+    """
+
+    encoded: Array
+    y: Array
+    tone: Array
+    place: Array
+    shot: NDArray[np.intp]
+    names: tuple[str, ...]
+    scatter: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Departure:
+    """One shot beside the prediction by the others.
+
+    error: (m,) stops by which its cells' JPEGs are brighter; covariance: (m, m); member: (n,) its cells.
+    """
+
+    error: Array
+    covariance: Array
+    member: Mask
+
+
+def cells_of(samples: SampleSet, multipliers: Array, most: int = 1500) -> Cells:
+    """Average the samples over cells of shot, place and colour: the finest division with at most `most` cells."""
+    y = np.log2((samples.raw * multipliers).sum(axis=1)) - np.log2(1e-4 + light_of(samples.srgb))
+    names, shot = np.unique(samples.shot, return_inverse=True)
+    part = np.clip(np.nan_to_num(1.5 * (samples.position + 1.0), nan=0.0), 0, 2).astype(np.intp) @ [1, 3]
+    for codes in (16, 24, 32, 48, 64, 96):
+        colour = (255 * samples.srgb // codes).astype(np.intp) @ [1, 16, 256]
+        key = (shot * 9 + part) * 4096 + colour
+        _, cell, count = np.unique(key, return_inverse=True, return_counts=True)
+        if len(count) <= most:
+            break
+
+    def mean(values: Array) -> Array:
+        return np.asarray(np.bincount(cell, values, len(count)) / count)
+
+    encoded = np.stack([mean(column) for column in samples.srgb.T], axis=1)
+    place = np.stack([mean(column) for column in samples.position.T], axis=1)
+    rounding = 2.2 / np.log(2.0) * (0.5 / 255) / np.maximum(encoded.mean(axis=1), 0.02)  # of a power of 2.2
+    owner = np.zeros(len(count), dtype=np.intp)
+    owner[cell] = shot
+    rows = np.sort(np.random.default_rng(0).permutation(len(count))[:most])
+    cells = (encoded[rows], mean(y)[rows], tone_of(encoded[rows]), place[rows], owner[rows])
+    return Cells(*cells, tuple(map(str, names)), 0.02**2 + rounding[rows] ** 2)
+
+
+def light_of(encoded: Array) -> Array:
+    """Linear light (n,) of an sRGB JPEG, the shape that λ departs from."""
+    return np.asarray(0.54 * np.exp2(2.5 * tone_of(encoded)))
+
+
+def _matern(distance: Array) -> Array:
+    """Matérn's covariance of smoothness 5/2, of distances in units of its length."""
+    scaled = np.sqrt(5.0) * distance
+    return np.asarray((1.0 + scaled + scaled**2 / 3.0) * np.exp(-scaled))
+
+
+def covariance_of(cells: Cells) -> Array:
+    """Return the covariance (n, n) of y between cells under a fixed rendering.
+
+    λ departs from a plane by half a stop over 90 codes.
+    """
+    plane = np.column_stack([np.ones(len(cells.y)), cells.encoded, cells.tone])
+    common = 9.0 * plane @ plane.T + 0.25 * _matern(_distance(cells) / 0.35)
+    return np.asarray(common + own_covariance(cells) + np.diag(cells.scatter))
+
+
+def own_covariance(cells: Cells) -> Array:
+    """Return the covariance of what a shot departs by though the camera is fixed.
+
+    It is 3 % (0.04 EV) over 40 codes, as tiles are not quite flat, and 2 % in all of it, as lenses flare.
+    """
+    same = cells.shot[:, None] == cells.shot
+    return np.asarray(same * (0.04**2 * _matern(_distance(cells) / 0.15) + 0.03**2))
+
+
+def _distance(cells: Cells) -> Array:
+    """Return the distances (n, n) between the JPEG colours of cells."""
+    square = (cells.encoded**2).sum(axis=1)
+    return np.asarray(np.sqrt(np.maximum(square[:, None] + square - 2.0 * cells.encoded @ cells.encoded.T, 0.0)))
+
+
+def departures_of(cells: Cells, covariance: Array, freed: Mapping[int, Array]) -> list[Departure]:
+    """Return how each shot departs from what the others predict.
+
+    freed: for some shots, columns (m, k) along which they may depart by stops without weighing on the others.
+    """
+    total = covariance.copy()
+    for place, columns in freed.items():
+        mine = np.flatnonzero(cells.shot == place)
+        total[np.ix_(mine, mine)] += columns @ columns.T
+    precision = np.linalg.inv(total)
+    weighted = precision @ cells.y
+    result = []
+    for place in range(len(cells.names)):
+        member = cells.shot == place
+        own = np.linalg.inv(precision[np.ix_(member, member)])
+        error = -own @ weighted[member]
+        if place in freed:
+            own = own - freed[place] @ freed[place].T
+        result.append(Departure(error, own, member))
+    return result
