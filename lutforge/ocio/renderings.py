@@ -78,7 +78,7 @@ def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
                 render = profile.render_balanced(selector)
             if style.linearize or style.physical:
                 balance = Gain(profile.multipliers(selector))
-                linearize = Transform((*profile.linearize(selector).stages, balance))
+                linearize = Transform((*profile.linearize_to_own_raw(selector).stages, balance))
             stem = files(file_stem(camera.name, camera.styles[name]))
             yield Rendering(camera, name, balances, stem, render, linearize)
 
