@@ -189,9 +189,11 @@ def test_what_a_picture_does_not_tell_is_refused_with_what_is_known(
     spec.attribute("ImageDescription", "PictureStyle=vivid; WhiteBalance=shade")
     write_image(tmp_path / "other.jpg", pixels, Image(pixels, spec))
     recipe = ProfileRecipe((folder / "camera.npz",), target="vivid/daylight")
-    with pytest.raises(SettingsError, match="does not name its camera.*lutforge identify"):
+    with pytest.raises(SettingsError, match=r"does not name its camera.*lutforge identify"):
         recipe.grade(tmp_path / "bare.png")
-    with pytest.raises(SettingsError, match=r"does not tell its picture style.*standard, vivid.*--from.*lutforge identify"):
+    with pytest.raises(
+        SettingsError, match=r"does not tell its picture style.*standard, vivid.*--from.*lutforge identify"
+    ):
         recipe.grade(tmp_path / "named.jpg")
     with pytest.raises(SettingsError, match=r"is of LutForge Other.*--from"):
         recipe.grade(tmp_path / "other.jpg")
