@@ -196,7 +196,7 @@ def fit_lines(folder: Path, table: Path, profile: Path) -> Iterator[Line]:
         yield timed("calibrate: five RAW files", 4.0, lambda: lutforge("calibrate", *shots, "-o", folder / "s40.npz"))
     many = "calibrate: 5,000 samples, with held-out errors"
     yield timed(many, 2.0, lambda: lutforge("calibrate", table, "-o", folder / "c.npz"))
-    yield timed("config of one style", 4.0, lambda: lutforge("config", profile, "-o", folder / "ocio"))
+    yield timed("config of one style", 4.0, lambda: lutforge("config", profile, "-o", folder / "ocio", "--replace"))
 
 
 def demo_lines(folder: Path) -> Iterator[Line]:
