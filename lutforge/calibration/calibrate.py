@@ -253,9 +253,9 @@ def _fit_styles(
 
 
 def _matrix_of_most(styles: Mapping[str, CalibratedStyle]) -> Array:
-    """Ts of the style with most samples; of a black-and-white one only where there is no other."""
-    most = max(styles.values(), key=lambda style: (not style.data.monochrome, len(style.data.shot)))
-    return most.fit.base.matrix
+    """Ts of the style with most samples; the identity where all are black and white: their JPEGs tell no matrix."""
+    coloured = [style for style in styles.values() if not style.data.monochrome]
+    return max(coloured, key=lambda style: len(style.data.shot)).fit.base.matrix if coloured else np.eye(3)
 
 
 def _check_one_camera(samples: SampleSet) -> None:

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice.monochrome import is_monochrome
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
 from lutforge.errors import CalibrationError
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
@@ -35,7 +34,7 @@ class StyleData:
     @cached_property
     def base(self) -> MatrixAndResponse:
         """The matrix and response that the lattices follow where there are no samples. Raises CalibrationError."""
-        return self.given or fit_base(self.balanced, self.encoded)
+        return self.given or fit_matrix_and_response(self.balanced, self.encoded)
 
     def select(self, rows: Mask) -> "StyleData":
         """The rows of a mask."""

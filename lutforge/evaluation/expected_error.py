@@ -14,8 +14,7 @@ from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.base import with_matrix_of_all
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.methods import MATRIX_AND_RESPONSE
 from lutforge.model.lattice import Lattice, grid

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.base import with_matrix_of_all
 from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, Shrinkable, shrinkable
 from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.physical.matrix_and_response import (
+    MatrixAndResponse,
+    with_matrix_of_all,
+)
 from lutforge.calibration.physical.physical_model import conventional, linearize, render
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import StyleFit, fit_linearize, fit_render, refit_physical

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.brightness_transfer import judge, transfer_functions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import uniform_lattice_errors
 from lutforge.errors import CalibrationError
@@ -86,7 +86,7 @@ def _by_distance(own: str, evaluation: Evaluation) -> Iterator[Block]:
     """How the error grows away from the samples, in encoded RGB."""
     rows = []
     for style, found in evaluation.predictions.items():
-        told = held_out_errors(found, own, fit_base(found.data.balanced, found.data.encoded))
+        told = held_out_errors(found, own, fit_matrix_and_response(found.data.balanced, found.data.encoded))
         for distance, errors in by_distance(told):
             rows.append((style, f"{distance:.0f}", f"{errors['render']:.4f}", f"{errors['linearize']:.4f}"))
     if rows:

@@ -7,7 +7,7 @@ maximum error: Lawson's algorithm (1961), as in J. R. Rice and K. H. Usow, "The 
 Mathematics of Computation 22 (101), 1968, pages 118–127.
 
 To add a loss, write its weight function of the ratio residual / scale here, and name it where a `RobustWeights` is
-made, once in each fit that is robust. Only `calibration/lattice/base.py` has its weights written out.
+made, once in each fit that is robust.
 """
 
 from collections.abc import Callable

@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.interpolate import RBFInterpolator
 
-from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice.continuation import continuation
 from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
@@ -75,7 +75,7 @@ def lattice(folder: Path, options: CalibrationOptions) -> Fit:
 
     def fit(x: Array, y: Array) -> Predictor:
         shots = shot_names(len(x))
-        base = fit_base(x, y)
+        base = fit_matrix_and_response(x, y)
         curve = output_curve(base.response)
         guess = continuation(base, x, y, inverse=False, size=options.size, curve=curve)
         fitted = fit_samples(x, y, shots, guess, options, clips=True, curve=curve).lattice
@@ -154,7 +154,7 @@ def before_the_lattice(x: Array, y: Array) -> tuple[float, float]:
     rows = []
     for _ in range(5):
         start = time.perf_counter()
-        base = fit_base(x, y)
+        base = fit_matrix_and_response(x, y)
         middle = time.perf_counter()
         continuation(base, x, y, inverse=False)
         rows.append((middle - start, time.perf_counter() - middle))
@@ -233,13 +233,13 @@ def test_small_lattices(benchmark: BenchmarkFixture, tmp_path: Path, count: int,
     camera = nikon_d5100()
     x = np.random.default_rng(0).random((count, 3)) ** 2
     y = camera.render(x / camera.multipliers("daylight"), "standard", "daylight")
-    base = fit_base(x, y)
+    base = fit_matrix_and_response(x, y)
     curve = output_curve(base.response)
     fits: list[Callable[[], object]] = [
         lambda: camera_match(size)(x, y),
         lambda: lattice(tmp_path, CalibrationOptions(size=size))(x, y),
         lambda: lattice(tmp_path, CalibrationOptions(size=size, output_curve=False))(x, y),
-        lambda: fit_base(x, y),
+        lambda: fit_matrix_and_response(x, y),
         lambda: continuation(base, x, y, inverse=False, size=size, curve=curve),
         lambda: fit_lattice(x, y, uniform_levels(size), Regularisation(0.01, 0.01, 0.0, 0.0), tolerance=1e-5),
     ]
@@ -274,7 +274,7 @@ def test_speed(benchmark: BenchmarkFixture, count: int, size: int, goal: float) 
     x = np.random.default_rng(0).random((count, 3)) ** 2
     y = camera.render(x / gain, "standard", "daylight")
     shots = shot_names(count)
-    base = fit_base(x[:5000], y[:5000])
+    base = fit_matrix_and_response(x[:5000], y[:5000])
     guess, curve = continuation(base, x, y, inverse=False), output_curve(base.response)
 
     def fit() -> None:

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from lutforge.errors import CalibrationError
-from lutforge.solvers.bounded_least_squares import least_distance, solve_lsi
+from lutforge.solvers.inequality_least_squares import least_distance, solve_lsi
 from lutforge.solvers.solution import Status
 
 

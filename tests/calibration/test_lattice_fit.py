@@ -6,12 +6,12 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # it has no type information
 
 from lutforge import threads as shared
-from lutforge.calibration.lattice.base import fit_base
 from lutforge.calibration.lattice.continuation import continuation
 from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.lattice.result import LatticeResult
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.model.lattice import Lattice
 from lutforge.simulate.camera import nikon_d5100
@@ -39,7 +39,7 @@ def fit(
     x: Array, y: Array, size: int, *, inverse: bool = False, shots: int = 10, with_curve: bool = True
 ) -> LatticeResult:
     groups = np.array([f"shot {row % shots}" for row in range(len(x))])
-    base = fit_base(y, x) if inverse else fit_base(x, y)
+    base = fit_matrix_and_response(y, x) if inverse else fit_matrix_and_response(x, y)
     guess = continuation(base, x, y, inverse=inverse)
     curve = None if inverse else output_curve(base.response)
     options = CalibrationOptions(size=size, output_curve=with_curve)

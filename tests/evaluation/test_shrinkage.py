@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.calibration.calibrate import data_by_style
-from lutforge.calibration.lattice.base import with_matrix_of_all
 from lutforge.calibration.lattice.shrinkage import REACHES, between_nodes, chosen_reach, shrinkable
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical.matrix_and_response import with_matrix_of_all
 from lutforge.calibration.style_fit import fit_style
 from lutforge.colour.srgb import srgb_decode
 from lutforge.evaluation.methods import MATRIX_AND_RESPONSE, fit_baselines

@@ -50,7 +50,7 @@ def test_the_command_shows_both(samples: SampleSet, tmp_path: Path) -> None:
     table = result.output.split("by the number of shots: standard")[1]
     shots, errors = zip(*re.findall(r"^ *(\d+) +\d+ +(0\.\d{4})", table, flags=re.MULTILINE), strict=True)
     assert len(shots) >= 2 and np.all(np.diff([int(count) for count in shots]) > 0)
-    assert float(errors[-1]) <= float(errors[0])  # to four decimals: one shot here tells as much as two
+    assert float(errors[-1]) == pytest.approx(float(errors[0]), rel=0.05)  # one shot here tells as much as two
     assert float(errors[-1]) < 0.005
     assert "shots" in result.output.split("standard: ")[-1]
     both = CliRunner().invoke(app, [*words, "--size", "9"])

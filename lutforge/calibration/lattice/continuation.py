@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.base import with_matrix_of_all
 from lutforge.calibration.lattice.output_curve import OutputCurve, output_curve
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.calibration.physical.radial_basis import RadialBasis, RadialBasisProblem, spread
 from lutforge.model.gamut_map import even_slope, from_even, to_even
 from lutforge.solvers.blas import one_blas_thread

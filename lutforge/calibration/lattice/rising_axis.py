@@ -9,7 +9,7 @@ import numpy as np
 from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
 from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
-from lutforge.solvers.bounded_least_squares import least_distance
+from lutforge.solvers.inequality_least_squares import least_distance
 
 
 def with_rising_axis(values: Array, levels: Levels, method: Interpolation) -> Array:

@@ -16,11 +16,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.base import with_matrix_of_all
 from lutforge.calibration.lattice.continuation import Continuation
 from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.lattice.rising_axis import with_rising_axis
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice, grid
 from lutforge.model.response import Response

@@ -15,7 +15,7 @@ from lutforge.arrays import Array
 from lutforge.calibration.physical.plain_curves import srgb_response
 from lutforge.errors import CalibrationError
 from lutforge.model.emor import inverse_emor, log_inverse_emor
-from lutforge.solvers.bounded_least_squares import solve_lsi
+from lutforge.solvers.inequality_least_squares import solve_lsi
 
 LEAST_SLOPE = 0.02
 """A curve rises at least this fraction as fast as EMoR's mean: no f⁻¹ is flat."""
@@ -83,7 +83,8 @@ def spline_basis(like: Array, knots: int = 33) -> CurveBasis:
     """f⁻¹ piecewise linear between even knots; θ: its value at black, then its steps.
 
     like: (k,) f⁻¹ at even encoded values, which the prior follows: its values, as if a hundredth of a sample told them
-    at each knot, and the relative change of its slope from knot to knot, which may differ by about 3 %.
+    at each knot, and the relative change of its slope from knot to knot, which may differ by about 3 % and by half of
+    itself: how steeply f⁻¹ ends near white is what `like` knows least.
     """
     shape = np.interp(np.linspace(0.0, 1.0, knots), np.linspace(0.0, 1.0, len(like)), like)
     rate = np.maximum(np.gradient(shape, 1.0 / (knots - 1)), 0.05)
@@ -91,6 +92,7 @@ def spline_basis(like: Array, knots: int = 33) -> CurveBasis:
     change, scale = np.diff(steps) / np.maximum(steps[1:] + steps[:-1], 1e-9), (knots - 1) / rate[1:-1]
     bend, place = np.zeros((knots - 2, knots)), np.arange(knots - 2)
     bend[place, place + 1], bend[place, place + 2] = (-1.0 - change) * scale, (1.0 - change) * scale
+    bend /= np.hypot(1.0, 0.5 * change / 0.03)[:, None]
     values = np.tril(np.ones((knots, knots)))
     relative = values / rate[:, None]
     precision = 3e-3 * bend.T @ bend + 1e-2 * relative.T @ relative

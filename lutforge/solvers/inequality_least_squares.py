@@ -1,61 +1,15 @@
-"""Linear least squares with bounds or with linear inequality constraints.
+"""Linear least squares with linear inequality constraints (Lawson & Hanson, "Solving Least Squares Problems", ch. 23).
 
-With bounds, from the normal equations, by an active set (Kunisch & Rendl, SIAM J. Optim. 14, 2003): guess which bounds
-hold, solve for the rest, exchange all that are wrong: a few small Cholesky factorisations. Where that goes round in
-circles, or the equations do not tell every unknown, SciPy's general solver takes over.
-
-With inequalities (Lawson & Hanson, "Solving Least Squares Problems", ch. 23): the problem LSI, min ‖A x − b‖ subject to
-G x ≥ h, becomes the least-distance problem LDP through the QR factors of A, and that becomes a non-negative
-least-squares problem in as many unknowns as there are constraints.
+The problem LSI, min ‖A x − b‖ subject to G x ≥ h, becomes the least-distance problem LDP through the QR factors of A,
+and that becomes a non-negative least-squares problem in as many unknowns as there are constraints.
 """
 
 import numpy as np
-from scipy.linalg.lapack import dposv
-from scipy.optimize import lsq_linear, nnls
+from scipy.optimize import nnls
 
-from lutforge.arrays import Array, Mask
+from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
 from lutforge.solvers.solution import Solution, Status
-
-
-def bounded_least_squares(normal: Array, right: Array, lower: Array, upper: Array, like: Array | None = None) -> Array:
-    """u (k,) that minimises u'Nu − 2 r'u with lower ≤ u ≤ upper.
-
-    normal: N (k, k), positive semidefinite; right: r (k,); lower, upper: (k,); like: the solution of a like problem,
-    whose bounds are the first guess. Time O(k³) an exchange.
-    """
-    low = high = np.zeros(len(right), dtype=np.bool_)
-    if like is not None:
-        low, high = like <= lower, like >= upper
-    for _ in range(20):
-        held = low | high
-        system, target = (normal, right) if not held.any() else _with_fixed(normal, right, held, lower, upper, low)
-        _, u, singular = dposv(system, target)
-        if singular:
-            break
-        below, above = u < lower, u > upper
-        if held.any():  # those stay whose bound still holds u back
-            slope = normal @ u - right
-            below, above = np.where(low, slope > 0.0, below), np.where(high, slope < 0.0, above)
-        if np.array_equal(below, low) and np.array_equal(above, high):
-            return np.asarray(u)
-        low, high = below, above
-    values, vectors = np.linalg.eigh(normal)
-    told = values > 1e-14 * values[-1]  # smaller ones are rounding errors
-    root = np.sqrt(values[told])[:, None]
-    return np.asarray(
-        lsq_linear(root * vectors[:, told].T, (vectors[:, told].T @ right) / root[:, 0], (lower, upper)).x
-    )
-
-
-def _with_fixed(normal: Array, right: Array, held: Mask, lower: Array, upper: Array, low: Mask) -> tuple[Array, Array]:
-    """The equations with the held unknowns at their bounds: the lower one where low, else the upper."""
-    at = np.where(low, lower, upper)
-    at[~held] = 0.0
-    system, target = normal.copy(), right - normal @ at
-    system[held], system[:, held] = 0.0, 0.0
-    system[held, held], target[held] = 1.0, at[held]
-    return system, target
 
 
 def solve_lsi(design: Array, target: Array, constraints: Array, bounds: Array) -> Array:

@@ -1,0 +1,104 @@
+"""Matrix and response of sets with many dark exposures and few bright ones, on unsaturated colours of all tones."""
+
+import importlib.util
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.physical.unsaturated import saturation
+from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.model.response import Response
+from lutforge.samples.table import read_samples
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.spectra import chart_reflectances
+from tests.calibration.samples_simulated import photograph_patches, surfaces
+from tests.real_data import CHARTS, read_published_pairs
+
+Array = NDArray[np.float64]
+
+DARK_STOPS = (-5.5, -5.0, -4.6, -4.3, -4.0, -3.7, -3.4, -2.0, -1.0, -0.2)
+"""Of ten exposures seven leave all but white below code 80."""
+PLAIN = {
+    "D5100 standard": 0.0008, "D5100 vivid": 0.0020, "D5100 landscape": 0.0013,
+    "Merrill standard": 0.0013, "Merrill vivid": 0.0018, "Merrill landscape": 0.0007,
+    "D40": 0.0078,
+    "CanonPowerShotG10": 0.0163, "CanonPowerShotG9": 0.0233, "CanonPowerShotS50": 0.0368, "CanonPowerShotS60": 0.0422,
+    "CasioEX-Z55": 0.0391, "NikonD200": 0.0213, "OlympusE10": 0.0133, "PanasonicDMCLX3": 0.0090, "PentaxK10D": 0.0023,
+    "SonyDSLR-A100": 0.0095,
+}  # fmt: skip
+"""Mean errors of the better of two other estimators: f of exposure pairs of all colours below a saturation β (thesis
+4.2.1) and then Ts (4.2.2); and f as a spline around sRGB with Ts, of near-grey colours, with one scale of residuals."""
+
+Fitted = tuple[Array, Array, Array, Array]
+"""White-balanced RAW and JPEG values to fit to, then those to measure on, each (n, 3)."""
+
+
+def simulated(camera: SimulatedCamera, style: str) -> Iterator[Fitted]:
+    fitted = photograph_patches(camera, chart_reflectances(), styles=(style,), balances=("daylight",), stops=DARK_STOPS)
+    seen = photograph_patches(
+        camera, surfaces(300, 5), styles=(style,), balances=("daylight",), stops=(-4, -3, -2, -1, 0), seed=9
+    )
+    sets = [(samples.raw * samples.wb, samples.srgb) for samples in (fitted, seen)]
+    clear = [np.all((x < 0.999) & (y > 0.5 / 255) & (y < 1 - 0.5 / 255), axis=1) for x, y in sets]
+    yield sets[0][0][clear[0]], sets[0][1][clear[0]], sets[1][0][clear[1]], sets[1][1][clear[1]]
+
+
+def mostly_dark(x: Array, encoded: Array) -> Iterator[Fitted]:
+    """All colours below code 80 and three others for seven of these, drawn four times; then all colours."""
+    dark = encoded.max(axis=1) < 80 / 255
+    for seed in range(4):
+        others = np.random.default_rng(seed).permutation(np.flatnonzero(~dark))
+        rows = np.concatenate([np.flatnonzero(dark), others[: max(int(dark.sum() * 3 / 7), 1)]])
+        yield x[rows], encoded[rows], x, encoded
+
+
+def of_d40() -> Iterator[Fitted]:
+    pairs = read_published_pairs()
+    return mostly_dark(pairs.balanced, pairs.encoded)
+
+
+def of_chart(camera: str) -> Iterator[Fitted]:
+    samples = read_samples(CHARTS)
+    samples = samples.select(samples.camera == camera)
+    samples = samples.select(middlebury_table().unclipped(samples))
+    return mostly_dark(samples.raw * complete_multipliers(samples)[0], samples.srgb)
+
+
+@cache
+def middlebury_table() -> ModuleType:
+    path = Path(__file__).resolve().parents[2] / "examples" / "middlebury_table.py"
+    spec = importlib.util.spec_from_file_location("middlebury_table", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["middlebury_table"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def sets(name: str) -> Iterator[Fitted]:
+    camera, _, style = name.partition(" ")
+    if style:
+        return simulated(nikon_d5100() if camera == "D5100" else sigma_sd_merrill(), style)
+    return of_d40() if name == "D40" else of_chart(name)
+
+
+def error(matrix: Array, response: Response, x: Array, encoded: Array) -> float:
+    """Mean ‖f(Ts x) − I‖ of unsaturated colours."""
+    low = saturation(encoded) < 0.3
+    return float(np.linalg.norm(response.encode(x[low] @ matrix.T) - encoded[low], axis=1).mean())
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_dark_exposures_do_not_outvote_bright_ones(name: str) -> None:
+    errors = []
+    for x, encoded, all_x, all_encoded in sets(name):
+        fit = fit_matrix_and_response(x, encoded)
+        errors.append(error(fit.matrix, fit.response, all_x, all_encoded))
+    assert np.mean(errors) <= PLAIN[name] + 0.1 / 255  # a tenth of a code
