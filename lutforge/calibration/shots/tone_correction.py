@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.base import fit_base
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.shots.departures import Departure, cells_of, covariance_of, departures_of
 from lutforge.model.response import Response
 from lutforge.model.shot_tone import ShotTone, tone_basis, tone_of
@@ -48,7 +48,7 @@ def without_departures(
 @one_blas_thread
 def _corrected(samples: SampleSet, multipliers: Array, usable: Mask, agreeing: Mask, shots: Sequence[str]) -> SampleSet:
     """Take the departures of a style's shots out of them; agreeing: (n,) the usable samples of its other shots."""
-    response = fit_base(samples.raw[agreeing] * multipliers[agreeing], samples.srgb[agreeing]).response
+    response = fit_matrix_and_response(samples.raw[agreeing] * multipliers[agreeing], samples.srgb[agreeing]).response
     cells = cells_of(samples.select(usable), multipliers[usable])
     by_light, by_code = _curves(cells.tone), _curves_of_channels(cells.encoded, response)
     members = {place: cells.shot == place for place, name in enumerate(cells.names) if name in shots}
