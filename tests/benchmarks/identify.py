@@ -165,7 +165,7 @@ def print_table(count: int, folder: Path) -> None:
         right_answered += good and judgement.answer is not None
         balance_right += max(own.white_balances, key=lambda name: own.white_balances[name]) == picture.white_balance
     seconds = (time.process_time() - began) / len(made)
-    strangers = [unseen_camera(200 + seed) for seed in range(max(count // 2, 1))]
+    strangers = [unseen_camera(200 + seed) for seed in range(max(count // 4, 1))]
     refused = sum(
         judge(read_evidence(picture.path), known.renderings).answer is None
         for picture in pictures(strangers, len(strangers), 2, folder / "strangers")
