@@ -240,7 +240,7 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.reads(expected(samples, Filters()))
     visit.press("Redo")
     visit.reads(expected(samples, Filters(saturation=0.4)))
-    visit.lasso(1, [(0.13, 0.13), (0.9, 0.13), (0.9, 0.77), (0.13, 0.77)])
+    visit.lasso(1, [(0.135, 0.1), (0.93, 0.1), (0.93, 0.81), (0.135, 0.81)])
     visit.reads(f"{len(samples):,} selected")
     visit.write("Select row, shot or patch", "0-5")
     visit.reads("6 selected")
@@ -364,7 +364,7 @@ def test_two_visitors_do_not_mix_and_a_fit_can_be_cancelled(browser: Browser, ur
     context.close()
 
 
-NAMES_AND_PLACES = """controls => controls.filter(e => e.checkVisibility({visibilityProperty: true})).map(e => [
+NAMES_AND_PLACES = """controls => controls.filter(e => e.checkVisibility({visibilityProperty: true}) && !e.disabled).map(e => [
   (e.innerText || "") + [...(e.labels || [])].map(label => label.innerText).join("") + (e.title || "")
     + (e.getAttribute("aria-label") || "") + (e.getAttribute("aria-labelledby") || ""),
   e.tabIndex,
