@@ -37,9 +37,10 @@ def test_strong_colours_beyond_the_samples_are_linearized_as_the_rendering_has_t
     blue = CAMERA.render(raw, "standard", "tungsten")
     seen = profile.linearize("standard/tungsten")(blue)
     again = profile.render("standard/tungsten")(np.clip(seen, 0.0, 1.0))
-    assert float(np.linalg.norm(again - blue, axis=1).mean()) < 0.0045  # 0.0063 from samples alone
+    # 0.0063 and 0.0027 from samples alone, 0.0031 and 0.0023 with λ_S chosen on these
+    assert float(np.linalg.norm(again - blue, axis=1).mean()) < 0.0029
     error = np.linalg.norm((seen - raw) * CAMERA.multipliers("tungsten"), axis=1)
-    assert float(error.mean()) < 0.0025  # 0.0027
+    assert float(error.mean()) < 0.0022
 
 
 def test_points_count_at_most_twice_the_samples() -> None:

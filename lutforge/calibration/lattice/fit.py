@@ -23,11 +23,14 @@ from lutforge.solvers.cross_validation import descend, leave_groups_out
 from lutforge.solvers.lattice_regression import LatticeFit
 
 
-def choose_smoothness(problem: LatticeProblem, groups: NDArray[np.str_], levels: Levels) -> float:
+def choose_smoothness(
+    problem: LatticeProblem, groups: NDArray[np.str_], levels: Levels, points: tuple[Array, Array] | None = None
+) -> float:
     """Return the λ_S of least error on held-out shots; that of the options where no shot can be held out.
 
-    groups: (n,), the shot of each sample. The search walks in steps of √10: the error is flat near its minimum. Two
-    folds choose the same λ_S as five do; of a lattice smaller than SEARCH_SIZE one of them does, in half the time.
+    groups: (n,), the shot of each sample; points: x and y (m, 3) that every fit follows beside its samples, and that
+    make much smoothness needless. The search walks in steps of √10: the error is flat near its minimum. Two folds
+    choose the same λ_S as five do; of a lattice smaller than SEARCH_SIZE one of them does, in half the time.
     """
     options = problem.options.lattice
     masks = [mask for mask in leave_groups_out(groups, 2) if 0 < mask.sum() < len(mask)]
@@ -35,9 +38,11 @@ def choose_smoothness(problem: LatticeProblem, groups: NDArray[np.str_], levels:
     if not masks:
         return options.smoothness
     tests = [problem.select(mask, problem.guess).at(levels) for mask in masks]
-    trains = [train.at(levels) for train in problem.leave_out(masks)]
+    others = problem.leave_out(masks)
+    trains = [(train if points is None else train.with_points(*points)).at(levels) for train in others]
+    sure = np.ones(0 if points is None else len(points[0]))
     equations = [
-        train.with_grey(train.equations(problem.first_robust[~mask]), problem.grey)
+        train.with_grey(train.equations(np.concatenate([problem.first_robust[~mask], sure])), problem.grey)
         for train, mask in zip(trains, masks, strict=True)
     ]
     starts = [train.prior.values for train in trains]
@@ -45,7 +50,8 @@ def choose_smoothness(problem: LatticeProblem, groups: NDArray[np.str_], levels:
     def held_out_error(smoothness: float) -> float:
         total = 0.0
         for fold, (train, test) in enumerate(zip(trains, tests, strict=True)):
-            fit = train.solve(equations[fold], train.prior, smoothness, starts[fold], options.search_tolerance)
+            beside = smoothness * train.problem.smoothness / problem.smoothness  # more where there are points, too
+            fit = train.solve(equations[fold], train.prior, beside, starts[fold], options.search_tolerance)
             starts[fold] = fit.values
             error = test.squared_error(fit)
             total += float(np.sum(outlier_weights(error, options) * error))
@@ -74,7 +80,7 @@ def fit_samples(
     clips: the camera clips in this direction (render), so values that the guess clips are held there, and the thesis's
     boundary term applies. curve: what comes behind the cube, in the output's encoding; errors count after it. With
     options.output_curve off, the result is the plain form of that fit.
-    points: x and y (m, 3) that the lattice follows beside the samples; they take no part in the cross-validation.
+    points: x and y (m, 3) that the lattice follows beside the samples.
     smoothness: λ_S where it is known already; else it is cross-validated over the groups. like: a fit to samples of the
     same camera, whose λ_S and node levels are taken; nothing is searched then.
     tolerance: relative residual of the last solve; that of the options where None.
@@ -91,7 +97,7 @@ def fit_samples(
     if like is not None:
         chosen = like.smoothness
     else:
-        chosen = begin if smoothness is not None else choose_smoothness(search, groups[rows], levels)
+        chosen = begin if smoothness is not None else choose_smoothness(search, groups[rows], levels, points)
     problem, search = (replace(each, smoothness=chosen) for each in (problem, search))
     if points is not None:
         problem = problem.with_points(*points)
