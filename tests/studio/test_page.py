@@ -364,7 +364,9 @@ def test_two_visitors_do_not_mix_and_a_fit_can_be_cancelled(browser: Browser, ur
     context.close()
 
 
-NAMES_AND_PLACES = """controls => controls.filter(e => e.checkVisibility({visibilityProperty: true}) && !e.disabled).map(e => [
+NAMES_AND_PLACES = """controls => controls.filter(
+  e => e.checkVisibility({visibilityProperty: true}) && !e.disabled
+).map(e => [
   (e.innerText || "") + [...(e.labels || [])].map(label => label.innerText).join("") + (e.title || "")
     + (e.getAttribute("aria-label") || "") + (e.getAttribute("aria-labelledby") || ""),
   e.tabIndex,
