@@ -2,7 +2,7 @@
 
 Some cameras change the light of a scene before they render it, by its tone (active D-lighting, auto lighting); a curve
 may as well lie behind the rendering, on each channel's codes. Either is a curve of stops that is smooth, of the tone
-of a colour or of each channel by itself. It is fitted to the shot's departure from what the other shots predict by
+of the scene or of each channel of the JPEG. It is fitted to the shot's departure from what the other shots predict by
 generalized least squares, and where both are possible, that form is taken out of a style's shots under which their
 departures are likelier (Rasmussen & Williams 2006, equation 2.30, https://doi.org/10.7551/mitpress/3206.001.0001).
 """
@@ -15,9 +15,9 @@ from scipy.linalg import cho_factor, cho_solve
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.shots.departures import Departure, cells_of, covariance_of, departures_of
+from lutforge.calibration.shots.departures import Departure, cells_of, covariance_of, departures_of, light_of
 from lutforge.model.response import Response
-from lutforge.model.shot_tone import ShotTone, tone_basis, tone_of
+from lutforge.model.shot_tone import ShotTone, tone_basis
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.blas import one_blas_thread
 
@@ -50,7 +50,8 @@ def _corrected(samples: SampleSet, multipliers: Array, usable: Mask, agreeing: M
     """Take the departures of a style's shots out of them; agreeing: (n,) the usable samples of its other shots."""
     response = fit_matrix_and_response(samples.raw[agreeing] * multipliers[agreeing], samples.srgb[agreeing]).response
     cells = cells_of(samples.select(usable), multipliers[usable])
-    by_light, by_code = _curves(cells.tone), _curves_of_channels(cells.encoded, response)
+    light = np.exp2(cells.y) * (1e-4 + light_of(cells.encoded)) / 3.0
+    by_light, by_code = _curves(_tones(light)), _curves_of_channels(cells.encoded, response)
     members = {place: cells.shot == place for place, name in enumerate(cells.names) if name in shots}
     freed = {place: np.hstack([by_light[mask], by_code[mask]]) for place, mask in members.items()}
     departures = departures_of(cells, covariance_of(cells), freed)
@@ -60,18 +61,19 @@ def _corrected(samples: SampleSet, multipliers: Array, usable: Mask, agreeing: M
     }
     light_is_likelier = sum(light[1] - code[1] for light, code in fits.values()) >= 0.0
     raw, srgb = samples.raw.copy(), samples.srgb.copy()
-    for place, (light, code) in fits.items():
+    for place, (of_light, of_code) in fits.items():
         mine = (samples.shot == cells.names[place]) & np.isin(samples.style, samples.style[usable])
         if light_is_likelier:
-            raw[mine] *= 2.0 ** (_curves(tone_of(srgb[mine])) @ light[0])[:, None]
+            scene = (raw[mine] * multipliers[mine]).mean(axis=1)
+            raw[mine] *= 2.0 ** (_curves(_tones(scene)) @ of_light[0])[:, None]
         else:
             linear = response.linearize(srgb[mine])
-            srgb[mine] = np.clip(response.encode(linear * 2.0 ** -(_curves(_tones(linear)) @ code[0])), 0.0, 1.0)
+            srgb[mine] = np.clip(response.encode(linear * 2.0 ** -(_curves(_tones(linear)) @ of_code[0])), 0.0, 1.0)
     return replace(samples, raw=raw, srgb=srgb)
 
 
 def _tones(linear: Array) -> Array:
-    """Tones of single channels of linear light, of any shape."""
+    """Tones of linear light of any shape, in units of 2.5 stops from 18 % grey."""
     return np.asarray(np.log2(np.maximum(linear, 2e-4) / 0.18) / 2.5)
 
 
