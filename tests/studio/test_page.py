@@ -240,6 +240,7 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.reads(expected(samples, Filters()))
     visit.press("Redo")
     visit.reads(expected(samples, Filters(saturation=0.4)))
+    visit.page.wait_for_timeout(3000)  # the plots are drawn after the sentence
     visit.lasso(1, [(0.135, 0.1), (0.93, 0.1), (0.93, 0.81), (0.135, 0.81)])
     visit.reads(f"{len(samples):,} selected")
     visit.write("Select row, shot or patch", "0-5")
@@ -369,7 +370,7 @@ NAMES_AND_PLACES = """controls => controls.filter(
 ).map(e => [
   (e.innerText || "") + [...(e.labels || [])].map(label => label.innerText).join("") + (e.title || "")
     + (e.getAttribute("aria-label") || "") + (e.getAttribute("aria-labelledby") || ""),
-  e.tabIndex,
+  e.closest('[role="group"]')?.querySelector('[tabindex="0"]') ? 0 : e.tabIndex,  // the arrow keys move in a group
   e.outerHTML,
 ])"""
 
