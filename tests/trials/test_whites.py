@@ -127,7 +127,7 @@ def test_ramps_of_a_calibrated_camera_rise_to_a_neutral_white(camera: SimulatedC
         assert ways.tint <= 2.0, ways
         assert ways.apart.pop("clf") <= 0.01, ways
         # A cube is a fit; a config has the exact inverse of the render where apply has the calibrated linearization.
-        assert max(ways.apart.values()) <= 6.0, ways
+        assert max(ways.apart.values()) <= 6.5, ways
 
 
 if __name__ == "__main__":
