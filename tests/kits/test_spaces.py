@@ -130,19 +130,23 @@ def test_log_footage_is_rendered_as_near_to_the_truth_as_linear_light(
 def test_codes_are_those_of_the_published_curves(
     space: str, black: float, grey: float, highest: float, truth: Truth, tmp_path: Path
 ) -> None:
-    """A cube takes the JPEG's black and mid grey to those of the curve, and nothing below 0 or beyond what clips."""
+    """A cube takes the JPEG's black, mid grey and white to those of the curve, and nothing beyond what RAW can hold."""
     path = tmp_path / f"{space}.cube"
     bake(transform(truth.profile, "linearize", DAYLIGHT, space=space), path, size=33, display_referred=False)
     camera = nikon_d5100()
     mid = camera.render(np.full(3, 0.18) / camera.multipliers("daylight"), "standard", "daylight")
-    codes = evaluate(file_processor(path), np.stack([np.zeros(3), mid]))
+    codes = evaluate(file_processor(path), np.stack([np.zeros(3), mid, np.ones(3)]))
     assert np.abs(codes[0] - black).max() < 1.5 / 1023
     assert np.abs(codes[1] - grey).max() < 4 / 1023
     cube = read_lut(path).cube
     assert cube is not None
     print(f"{space}: black {codes[0]}, mid grey {codes[1]}, nodes {cube.values.min():.4f} to {cube.values.max():.4f}")
     assert cube.values.min() >= 0.0
-    assert cube.values.max() <= highest + 4 / 1023
+    assert np.abs(codes[2] - highest).max() < 4 / 1023
+    # A strong colour of RAW within [0, 1] may lie beyond 1 in another space: where the matrix subtracts nothing.
+    matrix = matrix_between("linear-srgb", rgb_space(space).linear.name) @ truth.profile.matrix
+    strongest = rgb_space(space).encode(np.maximum(matrix, 0.0).sum(axis=1))
+    assert np.all(cube.values.max(axis=(0, 1, 2)) <= np.maximum(strongest, highest) + 4 / 1023)
 
 
 def shown(values: np.ndarray, space: str) -> np.ndarray:
