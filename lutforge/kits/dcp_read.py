@@ -22,11 +22,11 @@ def read_dcp(path: str | Path) -> DngProfile:
     if 50964 not in tags or 50721 not in tags:
         raise LutError(f"{path}: this camera profile has no forward matrix, from which its colours could be computed")
     curve = tags.get(50940, np.array([0.0, 0.0, 1.0, 1.0]))
-    dims = tags.get(50981, np.array([1.0, 2.0, 2.0])).astype(int)
+    table = np.tile([0.0, 1.0, 1.0], (2, 1, 2, 1))  # of a profile without one: it changes nothing
     with reading(path, "a camera profile", LutError):
-        hues, saturations, values = (int(count) for count in dims)
-        flat = np.tile([0.0, 1.0, 1.0], hues * saturations * max(values, 1))
-        table = tags.get(50982, flat).reshape(max(values, 1), hues, saturations, 3)
+        if 50981 in tags and 50982 in tags:
+            hues, saturations, values = (int(count) for count in tags[50981])
+            table = tags[50982].reshape(max(values, 1), hues, saturations, 3)
         return DngProfile(
             name=_text(tags, 50936),
             camera=_text(tags, 50708),

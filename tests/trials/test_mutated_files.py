@@ -6,6 +6,7 @@ As a script it reads many more, in processes of their own, so that a crash of a 
 """
 
 import re
+import struct
 import subprocess
 import sys
 import tempfile
@@ -19,12 +20,14 @@ import pytest
 
 import lutforge as lf
 from lutforge.boundary import silent_stderr
-from lutforge.errors import LutForgeError
+from lutforge.errors import LutError, LutForgeError
 from lutforge.images.raw import read_raw
 from lutforge.inverse.linearization import InverseOptions
+from lutforge.kits.dcp import DngProfile, write_dcp
+from lutforge.kits.dcp_read import read_dcp
 from lutforge.luts.check import check_lut
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.sequence import Lut
+from lutforge.luts.sequence import Form, Lut
 from lutforge.model.camera_profile import load_profile
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.ocio.check import check_config, load_config
@@ -51,9 +54,17 @@ def _config(path: Path) -> None:
     check_config(load_config(path))
 
 
+def _dctl(path: Path) -> None:
+    """With a sound cube beside it."""
+    Lut((Cube(grid(uniform_levels(9))),)).write(path.with_suffix(".cube"))
+    check_lut(path)
+
+
 READERS: Mapping[str, Callable[[Path], object]] = {
     ".dng": _shot, ".jpg": inspect, ".ocio": _config, ".ocioz": _config, ".npz": load_profile, ".csv": read_samples,
     ".parquet": read_samples, ".cube": check_lut, ".clf": check_lut, ".csp": check_lut, ".3dl": check_lut,
+    ".dctl": _dctl, ".vlt": check_lut, ".cub": check_lut, ".spi1d": check_lut, ".spi3d": check_lut, ".lut": check_lut,
+    ".dcp": inspect,
 }  # fmt: skip
 
 
@@ -70,12 +81,18 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     Lut((Curve(np.linspace(0, 1, 64)[:, None].repeat(3, 1) ** 0.5), Cube(grid(uniform_levels(5))))).write(
         folder / "a.csp"
     )
-    for name in ("a.cube", "a.clf", "a.3dl"):
+    forms: dict[str, Form] = {"a.dctl": "shaper", "a.cub": "shaper", "a.spi1d": "shaper", "a.lut": "shared"}
+    for name, form in forms.items():
+        lf.bake(lambda x: np.asarray(x, dtype=np.float64) ** 2, size=9, form=form).write(folder / name)
+    table = np.tile([0.0, 1.0, 1.0], (2, 6, 4, 1))
+    write_dcp(DngProfile("a", "C", np.eye(3), np.eye(3), np.array([[0.0, 0.0], [1.0, 1.0]]), table), folder / "a.dcp")
+    for name in ("a.cube", "a.clf", "a.3dl", "a.vlt"):
         lf.bake(lambda x: np.asarray(x, dtype=np.float64) ** 2, size=17, form="plain").write(folder / name)
     rows = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b\n"
     rows += "".join(f"C,s,w,{n % 3},{n},0.01,0.{n},0.2,0.3,0.4,0.{n},0.6\n" for n in range(10, 60))
     found = {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".npz", ".dng", ".ocioz", ".csp")}
-    found |= {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".cube", ".clf", ".3dl")}
+    found |= {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".cube", ".clf", ".3dl", ".dctl", ".vlt")}
+    found |= {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".cub", ".spi1d", ".spi3d", ".lut", ".dcp")}
     found |= {".jpg": (folder / "picture.jpg").read_bytes(), ".ocio": (folder / "config" / "config.ocio").read_bytes()}
     return found | {".csv": rows.encode(), ".parquet": S40.read_bytes()}
 
@@ -150,6 +167,15 @@ def test_damaged_files_are_one_line(sound: dict[str, bytes], suffix: str, tmp_pa
         if told := fault(path, READERS[suffix]):
             found[number] = told
     assert not found
+
+
+def test_a_camera_profile_that_names_a_huge_table_takes_no_memory(sound: dict[str, bytes], tmp_path: Path) -> None:
+    sizes, path = struct.pack("<III", 6, 4, 2), tmp_path / "a.dcp"
+    assert sound[".dcp"].count(sizes) == 1
+    path.write_bytes(sound[".dcp"].replace(sizes, struct.pack("<III", 313_125, 9, 278)))
+    with pytest.raises(LutError, match="camera profile"):
+        read_dcp(path)
+    assert not fault(path, inspect)
 
 
 def main(count: int, kinds: list[str]) -> None:
