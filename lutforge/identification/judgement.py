@@ -80,7 +80,7 @@ class Judgement:
         return (first, f"white balance: {certain} ({told})", *self.notes)
 
     def as_json(self) -> dict[str, object]:
-        """The same as plain values."""
+        """Return the judgement as plain values, for JSON."""
         return {
             "camera": None if self.answer is None else self.answer.camera,
             "style": None if self.answer is None else self.answer.style,
@@ -122,7 +122,10 @@ def judge(picture: PictureEvidence, known: Sequence[Rendering], options: Judgeme
 
 
 def _log_likelihoods(explained: Explained, options: JudgementOptions) -> Array:
-    """Of a rendering with each of its white balances (w,), which are as likely as one another beforehand."""
+    """Return the weighted log-likelihoods (w,) of a rendering with each of its white balances.
+
+    All white balances have the same prior probability.
+    """
     told = options.noise * explained.noise + options.scene * explained.scene + options.reach * explained.reach
     return np.asarray(told - np.log(len(explained.noise)))
 

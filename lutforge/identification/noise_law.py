@@ -65,7 +65,10 @@ def noise_log_likelihood(tally: NoiseTally, parts: Array, options: NoiseOptions 
 
 
 def _fitted(parts: Array, counts: Array, step: float, options: NoiseOptions) -> Array:
-    """The same for one coefficient: Fisher scoring of the factors, not negative, from the best of a few starts."""
+    """Return the log-likelihood (w,) of one coefficient's counts, with the factors of its noise fitted.
+
+    The factors are nonnegative, and found by Fisher scoring from the best of a few starts.
+    """
     colours = _Colours.of(counts, options)
 
     def judged(factors: Array) -> State:
@@ -117,7 +120,10 @@ State = tuple[Array, Array, Array]
 
 
 def _better(judged: Callable[[Array], State], factors: Array, state: State, tried: Array) -> tuple[Array, State, Mask]:
-    """Of two sets of factors per candidate the likelier one, with its state, and where that is the tried one."""
+    """Choose, for each candidate, the likelier of its factors and those tried.
+
+    Returns the chosen factors, their state, and the mask of candidates whose tried factors are the likelier.
+    """
     new = judged(tried)
     better = new[1] > state[1]
     pick = better[:, None]
@@ -174,7 +180,7 @@ def _odds() -> _Odds:
 
 
 def _place(ratio: Array) -> Array:
-    """Where ratios, log (σ / step), lie in the tables of `_odds`, in entries."""
+    """Return the places, in entries of the tables of `_odds`, of ratios log (σ / step)."""
     odds = _odds()
     return np.asarray(np.clip((ratio - odds.ratios[0]) / odds.spacing, 0.0, len(odds.ratios) - 1.001))
 

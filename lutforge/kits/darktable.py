@@ -45,7 +45,7 @@ class DarktableKit:
             'darktable-cli "$raw" "$here/lutforge.xmp" "$picture" --icc-type SRGB --core --configdir "$work/config" '
             f'--library :memory: {words} >"$work/log" 2>&1 || true\n'
             '[ -s "$picture" ] || refuse "darktable made no picture of it" "$work/log"\n'
-            # Of a module whose parameters it does not know, or a LUT that it cannot read, it says so and goes on.
+            # darktable goes on after a module whose parameters it does not know, or a LUT that it cannot read.
             'grep lut3d "$work/log" | grep -v "out of range" >"$work/lut" && refuse "darktable did not use the LUT" '
             '"$work/lut"\n'
             f"""grep -a -A1 'darktable:operation="\\({tones}\\)"' "$picture" | grep -B1 'enabled="1"' |\n"""

@@ -206,9 +206,8 @@ def match(
 
 def _same_setting(camera: CameraProfile, one: Selector, other: Selector) -> bool:
     """True where two selectors of a camera ask for the same picture, whatever their words."""
-    if (
-        one.style != other.style or len(camera.styles[one.style].physical) > 1
-    ):  # white balances may have their own model
+    own_models = len(camera.styles[one.style].physical) > 1  # a model for each white balance
+    if one.style != other.style or own_models:
         return one == other
     return one == other or np.array_equal(camera.multipliers(one), camera.multipliers(other))
 

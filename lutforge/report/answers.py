@@ -39,7 +39,7 @@ def answers(
 
 
 Errors = tuple[float, float | None, float | None, bool]
-"""Of a style: the mean error RAW → JPEG, its ΔE00, the mean error JPEG → RAW, and whether shots were held out."""
+"""A style's mean error RAW → JPEG, its mean ΔE00, its mean error JPEG → RAW, and whether shots were held out."""
 
 
 def _errors(own: str, evaluation: Evaluation) -> dict[str, Errors]:

@@ -11,7 +11,7 @@ from bokeh.models import CustomAction, CustomJS, Range1d
 from bokeh.plotting import figure
 
 NOTHING = {"–": ""}
-"""Of a list from which nothing is chosen."""
+"""The options of a list from which nothing can be chosen yet."""
 LINE = "#8c8c8c"
 """A grey that stands out from the plots of both themes."""
 CHANNELS = (("Red", "#e0503c", "solid"), ("Green", "#2f9e63", "dashed"), ("Blue", "#4f83e0", "dotted"))
@@ -19,7 +19,7 @@ CHANNELS = (("Red", "#e0503c", "solid"), ("Green", "#2f9e63", "dashed"), ("Blue"
 FILL = {"sizing_mode": "stretch_both", "margin": 0}
 WIDE = {"sizing_mode": "stretch_width", "margin": (4, 8)}
 TOGETHER = {"sizing_mode": "stretch_width", "margin": 0}
-"""Of a column of controls."""
+"""Layout of controls that stand together in a column."""
 
 TEXT = """
 :host { font: 0.875rem/1.4 system-ui, sans-serif; color: var(--mui-palette-text-primary); }

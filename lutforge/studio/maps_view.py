@@ -77,7 +77,7 @@ class GamutView:
 
 
 class LatticeView:
-    """Where a plane of the lattice goes, its node levels over the error that they follow, and what samples cover."""
+    """Plots of a lattice: where a plane is taken, its node levels over the error, and the samples' coverage."""
 
     def __init__(self, session: Session) -> None:
         self.session = session

@@ -17,7 +17,7 @@ from lutforge.samples.extract import FATES, ShotCells, ShotSamples
 from lutforge.samples.sample_set import SampleSet
 
 FATE_COLOURS = ("#ffffff", "#e69f00", "#111111", "#8c8c8c", "#cc79a7", "#4f83e0")
-"""Of the fates of tiles, in their order."""
+"""The colour of each fate of a tile, in the order of `FATES`."""
 
 
 def picture_url(pixels: NDArray[np.uint8]) -> str:

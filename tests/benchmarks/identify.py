@@ -143,14 +143,14 @@ def profile_of(camera: SimulatedCamera, folder: Path) -> Path:
     return path
 
 
-def test_cameras() -> tuple[SimulatedCamera, SimulatedCamera]:
+def cameras_of_table() -> tuple[SimulatedCamera, SimulatedCamera]:
     """The two sensors of the table."""
     return with_portrait(nikon_d5100(), 0.0), with_portrait(sigma_sd_merrill(), 0.03)
 
 
 def print_table(count: int, folder: Path) -> None:
     """The figures, with the limits that are wanted beside them."""
-    cameras = test_cameras()
+    cameras = cameras_of_table()
     known = known_cameras([profile_of(camera, folder) for camera in cameras])
     right = answered = right_answered = balance_right = 0
     began = time.process_time()
@@ -190,7 +190,7 @@ def print_s40(folder: Path) -> None:
     if not shots:
         print("LUTFORGE_TEST_DATA names no folder with the Canon S40's files: left out")
         return
-    others = [profile_of(camera, folder) for camera in (*test_cameras(), made_up(1))]
+    others = [profile_of(camera, folder) for camera in (*cameras_of_table(), made_up(1))]
     published = folder / "d40.npz"
     if not published.exists():
         folders = sorted((data / "nus_nikon_d40").iterdir())
