@@ -32,8 +32,9 @@ from lutforge.apply.jpeg import Canvases, JpegSource, grade_whole, jpeg_source
 from lutforge.arrays import Index, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
+from lutforge.images.output_spec import describe_output, keeps_orientation, with_shape
 from lutforge.images.read import ImageReader, Region, is_premultiplied
-from lutforge.images.write import ImageWriter, describe_output, image_writer, keeps_orientation, upright, with_shape
+from lutforge.images.write import ImageWriter, image_writer, upright
 from lutforge.shots.discover import RAW_SUFFIXES
 
 REGION_SAMPLES = 8_000_000

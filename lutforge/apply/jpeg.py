@@ -16,8 +16,9 @@ from lutforge.apply.grade import Grade
 from lutforge.arrays import Codes, Index
 from lutforge.atomic_write import atomic_path
 from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours, with_thumbnail
+from lutforge.images.output_spec import IN_ANOTHER_SPACE, SOFTWARE, format_of
 from lutforge.images.read import Region
-from lutforge.images.write import IN_ANOTHER_SPACE, SOFTWARE, ImageWriter, format_of
+from lutforge.images.write import ImageWriter
 
 MOST_PIXELS = 64_000_000
 """Larger pictures are graded region by region: whole, as codes, they would take more than 256 MB each."""

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
-from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile
 
 Source = Literal["raw", "developed", "any"]
@@ -118,23 +117,3 @@ class Kit(Protocol):
     def write(self, look: Look, folder: Path) -> list[str]:
         """Fill an empty folder; return the steps that lead to the look, for the README."""
         ...
-
-
-def require_source(kit: Kit, look: Look) -> None:
-    """Raise SettingsError, with the command that helps, where a profile's pairs are not what a kit can be made from."""
-    if kit.source == "developed" and look.space == "raw":
-        raise SettingsError(
-            f"{kit.title} feeds no camera RAW to a LUT: calibrate on what it develops, "
-            f"lutforge calibrate SHOT… --developer {kit.program} -o camera.npz"
-        )
-    if kit.source == "raw" and look.space != "raw":
-        raise SettingsError(
-            f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.developer}: "
-            "lutforge calibrate SHOT… -o camera.npz"
-        )
-    developer = look.developer.split(" ")[0]
-    if {developer, kit.program} == {"darktable", "rawtherapee"}:
-        raise SettingsError(
-            f"{kit.title} develops otherwise than {look.developer}, which the profile is of: "
-            f"lutforge calibrate SHOT… --developer {kit.program} -o camera.npz"
-        )

@@ -19,7 +19,7 @@ from lutforge.kits.blender import BlenderKit
 from lutforge.kits.darktable import DarktableKit
 from lutforge.kits.ffmpeg import FfmpegKit
 from lutforge.kits.gimp import GimpKit
-from lutforge.kits.kit import Kit, Look, look_of, require_source
+from lutforge.kits.kit import Kit, Look, look_of
 from lutforge.kits.lightroom import LightroomKit
 from lutforge.kits.lumix import LumixKit
 from lutforge.kits.nuke import NukeKit
@@ -28,6 +28,7 @@ from lutforge.kits.rawtherapee import RawTherapeeKit
 from lutforge.kits.resolve import ResolveKit
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.outputs import check_output
+from lutforge.pipeline.raw_substitutes import DEVELOPERS
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import extract
 from lutforge.samples.tiles import cell_size
@@ -80,7 +81,7 @@ def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str 
     """
     look = look_of(profile, to)
     kit = _kit_for(program or _own_program(look))
-    require_source(kit, look)
+    _require_source(kit, look)
     target = Path(folder).resolve()  # behind a link stays what it leads to
     if target.exists() and not _may_be_replaced(target):
         raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
@@ -101,7 +102,7 @@ def kits_of(profile: CameraProfile, to: str) -> list[str]:
     look, programs = look_of(profile, to), []
     for name, kit in KITS.items():
         try:
-            require_source(kit, look)
+            _require_source(kit, look)
         except SettingsError:
             continue
         programs.append(name)
@@ -220,3 +221,23 @@ def _readme(kit: Kit, look: Look, steps: Sequence[str], folder: Path) -> str:
         lines += ["On the command line: `./develop.sh RAW OUT.tif` (sRGB, 16 bit).", ""]
     files = ", ".join(sorted(path.name for path in folder.iterdir()))
     return "\n".join([*lines, f"Files: {files}. Tried with: {kit.tried}.", ""])
+
+
+def _require_source(kit: Kit, look: Look) -> None:
+    """Raise SettingsError, with the command that helps, where a profile's pairs are not what a kit can be made from."""
+    if kit.source == "developed" and look.space == "raw":
+        raise SettingsError(
+            f"{kit.title} feeds no camera RAW to a LUT: calibrate on what it develops, "
+            f"lutforge calibrate SHOT… --developer {kit.program} -o camera.npz"
+        )
+    if kit.source == "raw" and look.space != "raw":
+        raise SettingsError(
+            f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.developer}: "
+            "lutforge calibrate SHOT… -o camera.npz"
+        )
+    developer = look.developer.split(" ")[0]
+    if kit.program in DEVELOPERS and developer in DEVELOPERS and kit.program != developer:
+        raise SettingsError(
+            f"{kit.title} develops otherwise than {look.developer}, which the profile is of: "
+            f"lutforge calibrate SHOT… --developer {kit.program} -o camera.npz"
+        )

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import SettingsError
-from lutforge.simulate.gamut_map import GamutMap, ToneResponse
+from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse
 from lutforge.simulate.spectra import (
     chart_reflectances,
     light,
@@ -49,7 +49,7 @@ class SimulatedStyle:
     """A picture style: h, then f."""
 
     name: str
-    gamut_map: GamutMap
+    gamut_map: SimulatedGamutMap
     response: ToneResponse
 
 
@@ -153,9 +153,9 @@ def _build(model: str, sensitivity: Array, warmth: float = 0.0) -> SimulatedCame
     signal = np.array([0.25, 0.5, 0.25]) @ np.linalg.inv(matrix)
     w = (float(signal[0]), float(signal[1]), float(signal[2]))
     looks = {
-        "standard": (GamutMap(w, knee=0.6, onset=0.5, turn=warmth), 0.26, 0.94),
-        "vivid": (GamutMap(w, knee=0.7, boost=0.9, turn=0.1 + warmth, bend=0.15), 0.2, 0.97),
-        "landscape": (GamutMap(w, knee=0.65, boost=0.5, turn=warmth - 0.06, bend=-0.14), 0.23, 0.95),
+        "standard": (SimulatedGamutMap(w, knee=0.6, onset=0.5, turn=warmth), 0.26, 0.94),
+        "vivid": (SimulatedGamutMap(w, knee=0.7, boost=0.9, turn=0.1 + warmth, bend=0.15), 0.2, 0.97),
+        "landscape": (SimulatedGamutMap(w, knee=0.65, boost=0.5, turn=warmth - 0.06, bend=-0.14), 0.23, 0.95),
     }
     styles = {
         name: SimulatedStyle(name, gamut_map, ToneResponse((toe,) * 3, (shoulder,) * 3))

@@ -67,7 +67,7 @@ DARKEST = 1e-12
 
 
 @dataclass(frozen=True)
-class GamutMap:
+class SimulatedGamutMap:
     """The map h: it compresses saturated colours into the cube, and for a vivid style boosts and turns them first.
 
     signal: w (3,), sum 1. knee: the saturation (1 = face of the RGB cube) from which colours are

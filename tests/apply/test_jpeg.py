@@ -22,8 +22,8 @@ from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.exif import exif_places
 from lutforge.images.jpeg import JpegHeader, read_header
+from lutforge.images.output_spec import IN_ANOTHER_SPACE
 from lutforge.images.read import read_image
-from lutforge.images.write import IN_ANOTHER_SPACE
 from lutforge.shots.tags import SOFTWARE, tags
 from tests.apply.graded_images import write_cube
 

@@ -39,7 +39,7 @@ from lutforge.simulate.camera import (
     nikon_d5100,
     sigma_sd_merrill,
 )
-from lutforge.simulate.gamut_map import GamutMap, ToneResponse
+from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse
 from lutforge.simulate.photograph import CameraSettings, ExposureTags, Subsampling, develop, encode_jpeg, photograph
 from lutforge.simulate.scenes import SCENES
 from lutforge.simulate.sensor import capture
@@ -76,7 +76,7 @@ class Picture:
 def with_portrait(camera: SimulatedCamera, warmth: float) -> SimulatedCamera:
     """The camera with a fourth style, soft and pale."""
     signal = camera.styles["standard"].gamut_map.signal
-    soft = GamutMap(signal, knee=0.62, onset=0.45, boost=0.25, turn=warmth - 0.1, bend=0.08)
+    soft = SimulatedGamutMap(signal, knee=0.62, onset=0.45, boost=0.25, turn=warmth - 0.1, bend=0.08)
     portrait = SimulatedStyle("portrait", soft, ToneResponse((0.29,) * 3, (0.92,) * 3))
     return replace(camera, styles=MappingProxyType({**camera.styles, "portrait": portrait}))
 
@@ -90,7 +90,7 @@ def made_up(seed: int) -> SimulatedCamera:
     for name in STYLES:
         toe, shoulder = rng.uniform(0.17, 0.31), rng.uniform(0.88, 0.97)
         knee, onset, boost = rng.uniform(0.58, 0.72), rng.uniform(0.4, 0.5), rng.uniform(0, 0.9)
-        turned = GamutMap(signal, knee, onset, boost, rng.normal(0, 0.07), rng.uniform(-0.15, 0.15))
+        turned = SimulatedGamutMap(signal, knee, onset, boost, rng.normal(0, 0.07), rng.uniform(-0.15, 0.15))
         styles[name] = SimulatedStyle(name, turned, ToneResponse((toe,) * 3, (shoulder,) * 3))
     return replace(camera, styles=MappingProxyType(styles))
 

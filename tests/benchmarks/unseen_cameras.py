@@ -35,7 +35,7 @@ from lutforge.simulate.camera import (
     nikon_d5100,
     sigma_sd_merrill,
 )
-from lutforge.simulate.gamut_map import GamutMap, ToneResponse, invert_increasing
+from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse, invert_increasing
 from lutforge.simulate.spectra import WAVELENGTHS, light
 from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
 
@@ -144,11 +144,11 @@ def _response(rng: np.random.Generator) -> ToneResponse | Power | Logarithm:
     return Logarithm(rng.uniform(15, 80))
 
 
-def _gamut_map(rng: np.random.Generator, matrix: Array) -> GamutMap | DistanceMap:
+def _gamut_map(rng: np.random.Generator, matrix: Array) -> SimulatedGamutMap | DistanceMap:
     if rng.integers(3) == 0:
         return DistanceMap(rng.uniform(0.4, 0.6), rng.uniform(0.0, 0.7))
     signal = np.array([0.25, 0.5, 0.25]) @ np.linalg.inv(matrix)
-    return GamutMap(
+    return SimulatedGamutMap(
         tuple(signal),
         rng.uniform(0.55, 0.75),
         rng.uniform(0.4, 0.5),

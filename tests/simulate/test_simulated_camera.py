@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.gamut_map import GamutMap, ToneResponse, invert_increasing
+from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse, invert_increasing
 from lutforge.simulate.spectra import (
     WAVELENGTHS,
     chart_reflectances,
@@ -159,7 +159,7 @@ def test_stages_that_would_fold_are_refused() -> None:
     with pytest.raises(ProfileError, match="tone response"):
         ToneResponse(toe=(0.9,) * 3, shoulder=(0.5,) * 3)
     with pytest.raises(ProfileError, match="folds"):
-        GamutMap((0.2, 0.5, 0.3), knee=1.2)
+        SimulatedGamutMap((0.2, 0.5, 0.3), knee=1.2)
 
 
 def test_unknown_settings_name_the_known() -> None:

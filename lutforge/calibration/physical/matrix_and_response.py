@@ -117,7 +117,7 @@ def with_matrix_of_all(fit: MatrixAndResponse, x: Array, encoded: Array) -> Matr
     matrix = fit.matrix
     residual = encoded_residual(fit.response, matrix, x, encoded)
     for _ in range(6):
-        matrix = matrix_between(x, linear, ALL_COLOURS(residual), slope)
+        matrix = fit_neutral_matrix(x, linear, ALL_COLOURS(residual), slope)
         residual = encoded_residual(fit.response, matrix, x, encoded)
     return _with_inliers(replace(fit, matrix=matrix), residual)
 
@@ -258,7 +258,7 @@ def fit_channel(mixed: Array, encoded: Array, weight: Array, basis: CurveBasis) 
     return basis.table(solution[:count]), solution[count:]
 
 
-def matrix_between(x: Array, linear: Array, weight: Array, slope: Array) -> Array:
+def fit_neutral_matrix(x: Array, linear: Array, weight: Array, slope: Array) -> Array:
     """Ts with rows that sum to 1, that minimises Σ weight slope² (linear − Ts x)², all (n, 3) but weight (n,)."""
     matrix = np.empty((3, 3))
     for channel in range(3):
