@@ -20,9 +20,6 @@ from lutforge.images.output_spec import IN_ANOTHER_SPACE, SOFTWARE, format_of
 from lutforge.images.read import Region
 from lutforge.images.write import ImageWriter
 
-MOST_PIXELS = 64_000_000
-"""Larger pictures are graded region by region: whole, as codes, they would take more than 256 MB each."""
-
 
 class Canvases:
     """Memory for so many pictures at a time, used again and again: new memory costs as much as a tenth of the codec."""
@@ -56,8 +53,11 @@ class JpegSource:
 
     @property
     def is_graded_whole(self) -> bool:
-        """True where the picture is graded as codes and whole; the others are graded region by region."""
-        return self.header.plain and self.header.width * self.header.height <= MOST_PIXELS
+        """True where the picture is graded as codes and whole; the others are graded region by region.
+
+        Whole, as codes, pictures of more than 64 Mpixel would take more than 256 MB each.
+        """
+        return self.header.plain and self.header.width * self.header.height <= 64_000_000
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -13,8 +13,6 @@ from lutforge.arrays import Array
 from lutforge.colour.colour_difference import srgb_to_lab
 
 GREY_CHROMA = 12.0
-VISIBLE = 6.0 / 255.0
-"""An error, the norm of encoded RGB, that is to be seen side by side."""
 TONES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))
 """Names by upper bound of L*."""
 HUES = (
@@ -72,7 +70,7 @@ def colour_gaps(encoded: Array, expected: Callable[[Array], Array] | None = None
         count = int(unknown[inside].sum())
         size = float(error[inside].mean())
         if expected is not None:
-            if size > VISIBLE:
+            if size > 6.0 / 255.0:  # what is to be seen side by side
                 gaps.append((float(error[inside].sum()), Gap(name[0], name[1], share, size)))
         elif share >= 0.5 and count >= 4:  # half of a region, and more than a corner of it
             gaps.append((float(count), Gap(name[0], name[1], share)))

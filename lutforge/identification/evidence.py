@@ -20,10 +20,6 @@ LEAST_COLOURS = 24
 """Fewer flat colours tell nothing."""
 
 
-REACH_SCALE = 3.0 / 255.0
-"""What a lattice's way back and forth leaves of codes that the camera makes."""
-
-
 @dataclass(frozen=True, eq=False)
 class PictureEvidence:
     """colours: of flat parts, encoded (n, 3); counts: pixels of each (n,); noise: of a JPEG's flat blocks, or none."""
@@ -84,7 +80,8 @@ def _reach(picture: PictureEvidence, rendering: Rendering) -> float:
     """How nearly render(linearize(I)) is I: Cauchy's log density of the residual, at a calibration's error."""
     again = rendering.render(np.clip(rendering.linearize(picture.colours), 0.0, 1.0))
     residual = np.linalg.norm(again - picture.colours, axis=1)
-    return float(-np.average(np.log1p((residual / REACH_SCALE) ** 2), weights=np.sqrt(picture.counts)))
+    scale = 3.0 / 255.0  # what a lattice's way back and forth leaves of codes that the camera makes
+    return float(-np.average(np.log1p((residual / scale) ** 2), weights=np.sqrt(picture.counts)))
 
 
 def explain_all(picture: PictureEvidence, renderings: Sequence[Rendering]) -> list[Explained]:

@@ -17,7 +17,7 @@ from lutforge.kits.kit import Look, Source
 from lutforge.kits.scripts import write_develop_script
 from lutforge.luts.bake import bake
 
-_MODULE_VERSION, _ADOBE_RGB, _TETRAHEDRAL = 1, 1, 0
+_MODULE_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,8 @@ class DarktableKit:
 
 
 def _parameters(cube: str) -> bytes:
-    return struct.pack("<512sii", cube.encode(), _ADOBE_RGB, _TETRAHEDRAL)
+    adobe_rgb, tetrahedral = 1, 0
+    return struct.pack("<512sii", cube.encode(), adobe_rgb, tetrahedral)
 
 
 def _packed(data: bytes) -> str:

@@ -26,8 +26,6 @@ DIVISIONS = 32
 """Most nodes per axis that the format has."""
 
 _ALPHABET = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?`'|()[]{}@%$#"
-_RGB_TABLE, _VERSION, _DIMENSIONS = 1, 1, 3
-_REC2020, _SRGB_GAMMA, _CLIP = 4, 1, 0
 
 
 @dataclass(frozen=True)
@@ -91,9 +89,11 @@ def _rgb_table(cube: Array) -> bytes:
     even = (np.arange(DIVISIONS) * 65535 + DIVISIONS // 2) // (DIVISIONS - 1)
     identity = np.stack(np.meshgrid(even, even, even, indexing="ij"), axis=-1)
     samples = bytes(np.mod(codes - identity, 65536).astype("<u2").tobytes())
-    head = struct.pack("<4I", _RGB_TABLE, _VERSION, _DIMENSIONS, DIVISIONS)
+    rgb_table, version, dimensions = 1, 1, 3
+    rec2020, srgb_gamma, clip = 4, 1, 0
     least_amount, largest_amount = 0.0, 2.0
-    return head + samples + struct.pack("<3I2d", _REC2020, _SRGB_GAMMA, _CLIP, least_amount, largest_amount)
+    head = struct.pack("<4I", rgb_table, version, dimensions, DIVISIONS)
+    return head + samples + struct.pack("<3I2d", rec2020, srgb_gamma, clip, least_amount, largest_amount)
 
 
 def _deflated(block: bytes) -> bytes:

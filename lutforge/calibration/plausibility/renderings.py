@@ -19,8 +19,6 @@ from lutforge.errors import CalibrationError
 from lutforge.model.diagnosis import Diagnosis
 from lutforge.solvers.blas import one_blas_thread
 
-LEAST_OF_SHOT = 16
-
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
@@ -51,7 +49,7 @@ def mixed_shots(
     x: balanced RAW (n, 3), encoded (n, 3), both unclipped; setting: white balances (n,). None where one rendering does.
     """
     names, index = np.unique(shot, return_inverse=True)
-    enough = np.bincount(index) >= LEAST_OF_SHOT
+    enough = np.bincount(index) >= 16
     rows = enough[index]
     if enough.sum() < 3:
         return None

@@ -35,8 +35,6 @@ from lutforge.model.shot_tone import ShotTone, place_basis, tone_basis
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.blas import one_blas_thread
 
-FALSE_ALARMS = 0.01
-"""Odds that any shot of a style is accused though the camera is fixed."""
 LEAST_EV = 0.08
 """Departures of less stay, a quarter of the steps in which cameras expose."""
 MANUAL_MODE = "shoot in manual mode with one picture style, scene-dependent features (D-Lighting, HDR, auto tone) off"
@@ -171,7 +169,7 @@ def _search(cells: Cells, style: str) -> list[ShotTone]:
 
 def _significant(cells: Cells, style: str, fits: Sequence[_Fit]) -> dict[int, ShotTone]:
     """The departures that are significant, by the place of their shot."""
-    limit = FALSE_ALARMS / (2 * len(fits))  # two tests a shot
+    limit = 0.01 / (2 * len(fits))  # odds that any shot of a fixed camera is accused, over two tests a shot
     scale = max(1.0, float(np.median([fit.misfit for fit in fits])))
     tones = {k: _tone(cells, style, k, fit, fit.odds(scale), limit) for k, fit in enumerate(fits)}
     return {k: tone for k, tone in tones.items() if tone is not None}
