@@ -112,7 +112,7 @@ def _print_shares(evaluation: "Evaluation") -> None:
     if cells:
         header = ("style", "method", "all", "fixed rendering", "lens falloff", "scene", "noise")
         print_table(
-            "Where the error of rendered colours comes from: RMS (1 = full scale); squares add up", header, cells
+            "Where the error of rendered colours comes from: RMSE (1 = full scale); squares add up", header, cells
         )
 
 

@@ -21,7 +21,7 @@ from lutforge.model.shot_tone import ShotTone, tone_stops
 
 @dataclass(frozen=True)
 class ErrorShares:
-    """Root mean squares of RGB errors of rendered colours, 1 = full scale.
+    """Root mean squares of the errors of rendered colours per channel, as RMSE in the error tables, 1 = full scale.
 
     The squares of the last four add up to that of total. total: the error of a render that knows neither place nor
     scene; method: the name of what renders.
@@ -62,7 +62,7 @@ def error_shares(
 
     residuals = [residual(values) for values in (bare, placed, even)]
     said = np.all(np.isfinite(residuals[-1]), axis=1)
-    squares = [float(np.mean(np.sum(values[said] ** 2, axis=1))) for values in residuals]
+    squares = [float(np.mean(values[said] ** 2)) for values in residuals]
     noise = min(_noise(residuals[-1][said], data.encoded[said], data.shot[said]), squares[-1])
     shares = (squares[0], squares[-1] - noise, squares[0] - squares[1], squares[1] - squares[2], noise)
     return ErrorShares(style, method, *(float(np.sqrt(max(share, 0.0))) for share in shares))
@@ -76,6 +76,6 @@ def _noise(residual: Array, encoded: Array, shot: "np.ndarray[tuple[int], np.dty
         if len(mine) > 1:
             distance, near = cKDTree(encoded[mine]).query(encoded[mine], k=2)
             alike = distance[:, 1] < 0.02  # five codes
-            squares.append(np.sum((residual[mine[alike]] - residual[mine[near[alike, 1]]]) ** 2, axis=1) / 2.0)
+            squares.append(np.mean((residual[mine[alike]] - residual[mine[near[alike, 1]]]) ** 2, axis=1) / 2.0)
     found = np.concatenate(squares) if squares else np.zeros(0)
     return float(found.mean()) if len(found) else 0.0

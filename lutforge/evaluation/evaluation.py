@@ -9,7 +9,7 @@
     raw           Fig. 4.5: JPEG → RAW before white balance: style, method, held_out, count, rmse, rmse_rgb
     linearization  equation (4.11): style, method, held_out, pairs, delta (r, g, b)
     refinish      Fig. 6.2: source, target (STYLE/WB), method, held_out, shots, and figures as in rows
-    shares        root mean squares of what the error of rendered colours consists of: style, method, total, rendering,
+    shares        RMSE per channel of what the error of rendered colours consists of: style, method, total, rendering,
                   falloff, scene, noise; squares add up
     tones         what the camera did to single shots: shot, style, coefficients, exposure, shadows, highlights, local,
                   maps, significance

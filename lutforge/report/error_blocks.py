@@ -40,9 +40,9 @@ from lutforge.shots.read import read_shot
 TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW, white-balanced"}
 BASELINES = (COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE)
 MAPS_TEXT = (
-    "Each shot, predicted by fits that had not seen it: its JPEG from its RAW, and its white-balanced RAW from its "
-    "JPEG. Each direction has one scale in all maps; grey: clipped, or outside the RAW. Above each map is its mean "
-    "over the picture, edges and textures included; the tables count the shot's even areas only."
+    "Each shot's JPEG predicted from its RAW, and its white-balanced RAW from its JPEG. Each direction has one scale "
+    "in all maps; grey: clipped, or outside the RAW. Above each map is its mean over the picture, edges and textures "
+    "included; the tables count the shot's even areas only."
 )
 
 

@@ -57,9 +57,7 @@ def tone_blocks(tones: Sequence[ShotTone], shares: Sequence[ErrorShares]) -> Ite
             )
             for row in shares
         )
-        yield Table(
-            "What the error of rendered colours consists of: root mean squares, which add up squared", header, cells
-        )
+        yield Table("What the error of rendered colours consists of: RMSE, whose squares add up", header, cells)
 
 
 def _local_figure(tone: ShotTone) -> Figure:

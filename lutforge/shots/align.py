@@ -58,8 +58,11 @@ def register_rotated(raw: RawImage, jpeg: Codes, turns: Sequence[int] = (0, 1, 2
             break
     found.sort(key=lambda candidate: candidate.explained, reverse=True)
     if not found or found[0].explained < 0.5 or found[0].start.correlation < 0.3:
-        best = max((candidate.start.correlation for candidate in found), default=0.0)
-        raise ShotError(_NO_MATCH.format(max(best, 0.0), MIN_CORRELATION))
+        correlation = max(found[0].start.correlation, 0.0) if found else 0.0
+        if correlation < MIN_CORRELATION:
+            raise ShotError(_NO_MATCH.format(f"correlation {correlation:.2f}, needed {MIN_CORRELATION}"))
+        share = f"{max(found[0].explained, 0.0):.0%} of its colours explained, needed 50%"
+        raise ShotError(_NO_MATCH.format(share))
     if len(found) > 1 and 1 - found[1].explained < 1.5 * (1 - found[0].explained):
         raise ShotError(
             "the JPEG lies on the RAW nearly as well at a second place, or turned; register it by another picture: one "
@@ -67,13 +70,12 @@ def register_rotated(raw: RawImage, jpeg: Codes, turns: Sequence[int] = (0, 1, 2
         )
     registration = _refined(pyramid, found[0].jpeg, found[0].start)
     if not registration.correlation >= MIN_CORRELATION:
-        raise ShotError(_NO_MATCH.format(registration.correlation, MIN_CORRELATION))
+        raise ShotError(_NO_MATCH.format(f"correlation {registration.correlation:.2f}, needed {MIN_CORRELATION}"))
     return np.ascontiguousarray(np.rot90(jpeg, found[0].turn)), registration
 
 
 _NO_MATCH = (
-    "the JPEG does not match the RAW (correlation {:.2f}, needed {}): another scene, cropped or retouched, or too "
-    "little structure to register"
+    "the JPEG does not match the RAW ({}): another scene, cropped or retouched, or too little structure to register"
 )
 
 

@@ -233,6 +233,21 @@ def test_a_picture_in_another_space_is_told(tmp_path: Path, cube: LutRecipe) -> 
     assert any("the picture is in Adobe RGB" in note for note in exif_only)
 
 
+@pytest.mark.parametrize("name", ["", "sRGB, nearly", "Camera"])
+def test_the_name_of_a_colour_profile_tells_nothing(tmp_path: Path, cube: LutRecipe, name: str) -> None:
+    """What a profile does to colours tells whether it is sRGB; programs name it as they like, or not at all."""
+    adobe, srgb = adobe_rgb_profile(), ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    assert NAME.encode() in adobe and "sRGB built-in".encode("utf-16-be") in srgb
+    told = {
+        "adobe": adobe.replace(NAME.encode(), name.encode().ljust(len(NAME), b"\0")),
+        "srgb": srgb.replace("sRGB built-in".encode("utf-16-be"), name.ljust(13).encode("utf-16-be")),
+    }
+    for space, profile in told.items():
+        Picture.fromarray(np.full((8, 8, 3), 99, np.uint8)).save(tmp_path / f"{space}.jpg", icc_profile=profile)
+    notes = {space: apply_batch(cube, [tmp_path / f"{space}.jpg"], tmp_path / "out").done[0].notes for space in told}
+    assert any("the picture is in" in note for note in notes["adobe"]) and notes["srgb"] == ()
+
+
 def test_the_profile_of_adobe_rgb_is_adobe_rgb() -> None:
     """Against colour-science, through LittleCMS, to half a code."""
     codes = np.random.default_rng(0).integers(60, 200, (16, 16, 3), dtype=np.uint8)

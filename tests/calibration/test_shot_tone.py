@@ -154,6 +154,9 @@ def test_a_profile_keeps_what_it_took_out_and_evaluation_splits_the_error(tmp_pa
         parts = np.array([shares.rendering, shares.falloff, shares.scene, shares.noise])
         assert shares.total == pytest.approx(float(np.linalg.norm(parts)), rel=1e-6)
         assert shares.scene > 0.9 * shares.total and shares.falloff == 0.0
+        table_row = next(row for row in found.rows if (row.method, row.direction) == (shares.method, "render"))
+        left = float(np.hypot(shares.rendering, shares.noise)) if table is lifted else shares.total
+        assert left == pytest.approx(table_row.figures.rmse, rel=0.02)  # RMSE has one meaning
 
 
 def test_numbers_that_no_camera_makes_are_refused() -> None:

@@ -130,6 +130,15 @@ def test_refuses_a_cropped_picture() -> None:
         register_rotated(sensor(scene), np.ascontiguousarray(jpeg[98:392, 131:524]))
 
 
+def test_a_refusal_names_what_was_too_little(shared_data: Path) -> None:
+    """Four fifths of a photograph: its structure correlates somewhere, its colours belong nowhere."""
+    shot = read_shot(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
+    height, width = shot.jpeg.shape[:2]
+    cropped = np.ascontiguousarray(shot.jpeg[height // 10 : height * 9 // 10, width // 10 : width * 9 // 10])
+    with pytest.raises(ShotError, match="of its colours explained, needed 50%"):
+        register_rotated(shot.raw, cropped)
+
+
 def test_ignores_black_bars() -> None:
     scene = rectangles(seed=3)
     jpeg = developed(scene, 2.45, (3.0, 82.5), (180, 324))
