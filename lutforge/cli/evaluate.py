@@ -36,7 +36,7 @@ def evaluate(
     by the profile as it is. Printed are the error of both directions, the RMSE of RAW, the linearization error over
     exposure pairs, and the error of refinishing between settings of one scene, where the shots show these.
     """
-    from lutforge.pipeline.evaluation import as_profile
+    from lutforge.model.camera_profile import as_profile
     from lutforge.pipeline.evaluation import evaluate as measure
     from lutforge.pipeline.raw_substitutes import raw_substitute_of
     from lutforge.pipeline.sampling import gather_samples

@@ -36,8 +36,8 @@ def export_nus(
     style: Annotated[str | None, typer.Option(help="The picture style, where there are several.")] = None,
 ) -> None:
     """Write a profile's physical models as the thesis authors' text files, a folder each, which import-nus reads."""
+    from lutforge.model.camera_profile import as_profile
     from lutforge.model.published_model import export_published
-    from lutforge.pipeline.evaluation import as_profile
 
     camera = as_profile(profile)
     chosen = (style or (next(iter(camera.styles)) if len(camera.styles) == 1 else "")).lower()

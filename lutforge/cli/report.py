@@ -24,7 +24,7 @@ def report(
 
     With samples, the errors held out by shot and what to shoot next; with RAW files, error maps of real shots too.
     """
-    from lutforge.pipeline.evaluation import as_profile
+    from lutforge.model.camera_profile import as_profile
     from lutforge.pipeline.raw_substitutes import raw_substitute_of
     from lutforge.pipeline.reports import check_report_output
     from lutforge.pipeline.reports import report as write_report

@@ -1,9 +1,9 @@
 """RGB colour spaces by their usual names: primaries and transfer functions of colour-science.
 
-A space is the primaries and white of one entry of `colour.RGB_COLOURSPACES`, with a transfer function or none. Linear
-values are relative to the space's white: 1 is diffuse white, 0.18 mid grey. Matrices adapt to the white by Bradford's
-transform (ICC.1:2022, annex E). Of Adobe RGB (1998) there is an ICC profile, too: cameras tell it in EXIF tags alone,
-which programs that write files lose.
+A space is the primaries and white of one entry of `colour.RGB_COLOURSPACES`, with a transfer function or none. Matrices
+are derived from the chromaticities, as OpenColorIO's are, and adapt to the white by Bradford's transform (ICC.1:2022,
+annex E). Linear values are relative to the space's white: 1 is diffuse white, 0.18 mid grey. Of Adobe RGB (1998) there
+is an ICC profile, too: cameras tell it in EXIF tags alone, which programs that write files lose.
 """
 
 import struct
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
+from lutforge.colour.chromaticities import CHROMATICITIES
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import SettingsError
 
@@ -141,14 +142,25 @@ def rgb_space(name: str) -> RgbSpace:
 @cache
 def matrix_between(source: str, target: str) -> Array:
     """(3, 3): linear RGB of the space `source` → linear RGB of the space `target`, by their names in SPACES."""
-    first, second = rgb_space(source).primaries, rgb_space(target).primaries
-    if first == second:
+    if rgb_space(source).primaries == rgb_space(target).primaries:
         return np.eye(3)
-    import colour
+    return np.asarray(np.linalg.inv(_to_d50(target)) @ _to_d50(source))
 
-    spaces = colour.RGB_COLOURSPACES
-    matrix = colour.matrix_RGB_to_RGB(spaces[first], spaces[second], chromatic_adaptation_transform="Bradford")
-    return np.asarray(matrix, dtype=np.float64)
+
+def to_xyz(name: str) -> Array:
+    """(3, 3): linear RGB of a space → CIE XYZ, not adapted, with Y = 1 for white (SMPTE RP 177-1993)."""
+    x, y = np.array(CHROMATICITIES[rgb_space(name).primaries]).T
+    directions = np.stack([x / y, np.ones(4), (1.0 - x - y) / y])
+    primaries, white = directions[:, :3], directions[:, 3]
+    return np.asarray(primaries * np.linalg.solve(primaries, white))
+
+
+def _to_d50(name: str) -> Array:
+    """(3, 3): linear RGB of a space → CIE XYZ adapted to D50."""
+    to_cones = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+    cones = to_cones @ to_xyz(name)
+    d50 = to_cones @ (0.9642, 1.0, 0.8249)
+    return np.asarray(np.linalg.solve(to_cones, cones * (d50 / cones.sum(axis=1))[:, None]))
 
 
 NAME = "Compatible with Adobe RGB (1998)"

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from itertools import permutations, product
 
 import numpy as np
-import scipy
 
 from lutforge.arrays import Array
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import grid
+from lutforge.sobol import sobol
 
 
 def in_every_cell(levels: Levels, rng: np.random.Generator) -> Array:
@@ -47,7 +47,7 @@ def _within(levels: Levels, ends: tuple[float | None, ...], rng: np.random.Gener
 
 def raw_colours(count: int, seed: int) -> Array:
     """RAW colours (5 count, 3): over the whole range, its faces and edges, the darks of each, and near neutrals."""
-    even, number = scipy.stats.qmc.Sobol(3, rng=seed).random(count), np.arange(count)
+    even, number = sobol(count, seed=seed), np.arange(count)
     face = even.copy()
     face[number, number % 3] = number // 3 % 2
     edge = face.copy()

@@ -22,7 +22,8 @@ from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import shaper
 from lutforge.model.lattice import grid, snap_levels
-from lutforge.solvers.lattice_regression import Prior, Regularisation, fit_lattice
+from lutforge.solvers.lattice_regression import Prior, Regularisation, solve_lattice
+from lutforge.solvers.normal_equations import InterpolationMatrix
 
 
 @dataclass(frozen=True)
@@ -83,16 +84,14 @@ def inverse_of(
     jpeg, raw = _pairs(render, known, colours, levels[0][1], options.margin)
     lattice_values, side = render.to_values(jpeg), clipped_sides(jpeg)
     clipped = np.any(side != 0, axis=1) & (np.abs(side.sum(axis=1)) < 3)
+    matrix = InterpolationMatrix(lattice_values, knots, "tetrahedral")
+    continued, slope = matrix @ prior.values, render.slope(render.cube_values(raw))
     emphasis, values, best, least = np.ones(len(jpeg)), None, None, np.inf
     for _ in range(options.rounds):
-        slope = render.slope(render.cube_values(raw))
         weight = emphasis * np.einsum("nc,nc->n", slope, slope)
-        fit = fit_lattice(
-            lattice_values, raw, knots, smooth, method="tetrahedral", weight=weight / weight.mean(), prior=prior,
-            start=values, tolerance=1e-4,
-        )  # fmt: skip
-        values = fit.values
-        reached = interpolate(lattice_values, knots, values, "tetrahedral")
+        equations = matrix.normal_equations(raw - continued, weight / weight.mean())
+        values = solve_lattice(equations, knots, smooth, prior=prior, start=values, tolerance=1e-4).values
+        reached = matrix @ values
         error = np.linalg.norm(render(reached) - jpeg, axis=1)
         if error.max() < least:
             best, least = values, float(error.max())
@@ -101,6 +100,7 @@ def inverse_of(
         again = clipped | ((error > 5e-3) & np.all(side == 0, axis=1))
         # Many RAW colours render to a clipped one: take that near the table. So too where a search left its neighbours.
         raw[again] = preimages(render, jpeg[again], reached[again], options.margin)[0]
+        slope[again] = render.slope(render.cube_values(raw[again]))
     assert best is not None
     return Linearization(levels, render.curve, best)
 

@@ -5,8 +5,6 @@ closed form, and Levenberg–Marquardt steps (Nocedal & Wright, Numerical Optimi
 to rounding. A channel that is clipped says only that the lattice is at or beyond the end of its curve.
 """
 
-from functools import partial
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +13,7 @@ from lutforge.compiled import compiled
 from lutforge.interpolation import locate
 from lutforge.inverse.baked_render import BakedRender
 from lutforge.solvers.gauss_newton import gauss_newton
-from lutforge.threads import run, shares
+from lutforge.threads import each, slabs
 
 
 def clipped_sides(jpeg: Array) -> Index:
@@ -31,19 +29,25 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
     where the render makes the colour at all. O(n) time.
     """
     lattice_values, sides, levels = render.to_values(jpeg), clipped_sides(jpeg), np.stack(render.levels)
-    weights = render.slope(lattice_values)
+    weights, raw = render.slope(lattice_values), np.empty(jpeg.shape)
 
-    def linearize(raw: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
-        residual, slope = np.empty(raw.shape), np.empty((*raw.shape, 3))
-        fill = partial(
-            _residual_and_slope, render.values, levels, render.tetrahedral, raw, lattice_values[which], weights[which],
-            sides[which], margin, residual, slope,
-        )  # fmt: skip
-        run(fill, shares(len(raw), 4096))
-        return residual, slope
+    def search(part: tuple[int, int]) -> None:
+        rows = slice(*part)
 
-    found = gauss_newton(linearize, start, lower=levels[:, 0], upper=levels[:, -1])
-    return found.value, np.linalg.norm(render(found.value) - jpeg, axis=1)
+        def linearize(raw: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+            residual, slope, at = np.empty(raw.shape), np.empty((*raw.shape, 3)), rows.start + which
+            _residual_and_slope(
+                render.values, levels, render.tetrahedral, raw, lattice_values[at], weights[at], sides[at], margin,
+                residual, slope,
+            )  # fmt: skip
+            return residual, slope
+
+        raw[rows] = gauss_newton(linearize, start[rows], lower=levels[:, 0], upper=levels[:, -1]).value
+
+    at_once = 8192  # colours whose slopes stay in a core's cache
+    for _ in each(search, slabs(0, len(jpeg), 1, -(-len(jpeg) // at_once))):
+        pass
+    return raw, np.linalg.norm(render(raw) - jpeg, axis=1)
 
 
 @compiled()
@@ -96,14 +100,14 @@ def _value_and_slope(values: Array, levels: Array, tetrahedral: bool, x: Array, 
 @compiled()
 def _residual_and_slope(
     values: Array, levels: Array, tetrahedral: bool, raw: Array, targets: Array, weights: Array, sides: Index,
-    margin: float, residual: Array, slope: Array, first: int, last: int,
+    margin: float, residual: Array, slope: Array,
 ) -> None:  # fmt: skip
     """Fill residual (n, 3) and its slope (n, 3, 3) at raw (n, 3), both encoded.
 
     A clipped channel is drawn to the end of the curve with full weight, and beyond it by `margin` with a fiftieth.
     """
     y = np.empty(3)
-    for n in range(first, last):
+    for n in range(len(raw)):
         _value_and_slope(values, levels, tetrahedral, raw[n], y, slope[n])
         for c in range(3):
             side, scale = sides[n, c], weights[n, c]

@@ -19,6 +19,7 @@ from lutforge.arrays import Array
 from lutforge.interpolation import Levels, apply_curve
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import snap_levels
+from lutforge.sobol import sobol
 
 Function = Callable[[Array], Array]
 
@@ -67,7 +68,7 @@ def measure_lines(function: Function, gain: Array, stops: float = 0.0) -> Lines:
     axes span beyond 1; the more, the finer the darks are looked at.
     """
     t = np.linspace(0.0, 1.0, STEPS + 1) ** (1.5 + 0.25 * stops)  # finer in the darks, where responses are steep
-    places = scipy.stats.qmc.Sobol(2, scramble=False).random(LINES)
+    places = sobol(LINES, 2)
     places[: LINES // 2] **= 2
     density = 0.5 + 0.125 / np.sqrt(np.maximum(places.prod(axis=1), 1e-4))
     r, g, b = (_lines(function, t, axis, places, gain) for axis in range(3))

@@ -13,7 +13,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import scipy
 
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.errors import LutError
@@ -27,6 +26,7 @@ from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, n
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.transform import ColourFunction, DecodeRgb, MatrixStage, Transform
 from lutforge.progress import Progress, silent
+from lutforge.sobol import sobol
 
 
 @dataclass(frozen=True)
@@ -144,8 +144,8 @@ def joined(ops: Sequence[Op]) -> tuple[Op, ...]:
 
 
 def bake_error(lut: Lut, transform: ColourFunction, display_referred: bool = True, highest: float = 1.0) -> BakeError:
-    """Measure a LUT against its transform on a scrambled Sobol set of its input cube, from 0 to `highest`."""
-    x = scipy.stats.qmc.Sobol(3, rng=7).random(1 << 15) * highest
+    """Measure a LUT against its transform on a Sobol set of its input cube, from 0 to `highest`."""
+    x = sobol(1 << 15, seed=7) * highest
     got, wanted = lut(x), transform(x)
     norm = np.linalg.norm(got - wanted, axis=1)
     p99 = None

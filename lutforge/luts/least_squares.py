@@ -10,12 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
 from lutforge.model.lattice import grid
+from lutforge.sobol import sobol
 from lutforge.solvers.conjugate_gradients import conjugate_gradients
 from lutforge.solvers.normal_equations import normal_equations
 from lutforge.solvers.robust_weights import lawson
@@ -147,7 +147,7 @@ def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, Mask, Arra
     cells = (size - 1) ** 3
     # Four points a cell; above half a million one for each is enough beside its node.
     count = max(1 << 16, min(4 * cells, max(1 << 19, cells)))
-    u = scipy.stats.qmc.Sobol(3, scramble=False).random(1 << int(np.ceil(np.log2(count))))[:count]
+    u = sobol(count)
     even = np.linspace(0.0, 1.0, size)
     counted = np.ones(count)
     on_face = np.empty(u.shape, dtype=np.bool_)

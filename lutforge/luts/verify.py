@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 
 from lutforge.arrays import Array, Single
 from lutforge.colour.colour_difference import delta_e_2000
@@ -27,6 +26,7 @@ from lutforge.luts.programs import OCIO_READS
 from lutforge.luts.sequence import Lut, read_lut
 from lutforge.luts.shaper import node_levels
 from lutforge.model.transform import ColourFunction
+from lutforge.sobol import sobol
 
 SUFFIXES = (".cube", ".csp", ".spi1d", ".spi3d")
 """What colour-science 0.4 reads; its reader of CLF is a package of its own, which refuses OCIO's namespace."""
@@ -97,7 +97,7 @@ def sample_points(lut: Lut, count: int = 32768) -> Array:
     matrix = first if isinstance(first, Matrix) else Matrix(np.eye(3))
     low, high = (0.0, 1.0) if lut.shaper is None else (lut.shaper.low, lut.shaper.high)
     axes = (np.linspace(low, high, 33),) * 3 if lut.cube is None else node_levels(lut.shaper, lut.cube)
-    sequence = scipy.stats.qmc.Sobol(3, scramble=False).random(count)
+    sequence = sobol(count)
     spread = np.stack([np.interp(sequence[:, c], np.linspace(0, 1, len(axes[c])), axes[c]) for c in range(3)], axis=1)
     nodes = np.stack([axes[c][(sequence[: count // 4, c] * len(axes[c])).astype(np.intp)] for c in range(3)], axis=1)
     step = (high - low) / 65535

@@ -164,6 +164,11 @@ def load_profile(path: str | Path) -> CameraProfile:
     return CameraProfile(**vars(read_profile(path)))
 
 
+def as_profile(profile: CameraProfile | str | Path) -> CameraProfile:
+    """Return a profile as it is, or the one of a file. Raises ProfileError."""
+    return profile if isinstance(profile, CameraProfile) else load_profile(profile)
+
+
 def _reach(physical: PhysicalModel) -> Array:
     """Return how far another camera's RAW, which stands in for a camera's own, goes for the brightest codes.
 

@@ -9,7 +9,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.arrays import Array
-from lutforge.colour.rgb_spaces import from_linear_srgb
+from lutforge.colour.rgb_spaces import from_linear_srgb, to_xyz
 from lutforge.ocio.versions import INTEROP_IDS, MIRRORED_DISPLAYS, minor_version
 
 LUT_FOLDER = "luts"
@@ -278,11 +278,8 @@ def _display_spaces(minor: int) -> list[OCIO.ColorSpace]:
 def _to_display(builtin: str, minor: int) -> OCIO.Transform:
     """CIE XYZ D65 → display. Display P3, which profiles have as a builtin from 2.3 on, is written out for all."""
     if builtin == "DisplayP3":
-        import colour  # imported here: it takes a second
-
-        matrix = np.asarray(colour.RGB_COLOURSPACES["Display P3"].matrix_XYZ_to_RGB, dtype=np.float64)
         curve = _srgb_curve()
         curve.setDirection(OCIO.TRANSFORM_DIR_INVERSE)
-        return OCIO.GroupTransform([matrix_transform(matrix), curve])
+        return OCIO.GroupTransform([matrix_transform(np.asarray(np.linalg.inv(to_xyz("linear-p3")))), curve])
     mirrored = " - MIRROR NEGS" if minor >= MIRRORED_DISPLAYS else ""
     return OCIO.BuiltinTransform(f"DISPLAY - CIE-XYZ-D65_to_{builtin}{mirrored}")

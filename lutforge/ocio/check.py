@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
-import scipy
 
 from lutforge.arrays import Pixels
 from lutforge.boundary import reading, require_file
@@ -18,6 +17,7 @@ from lutforge.errors import ConfigError
 from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.ocio.merge import LUT_SUFFIXES
+from lutforge.sobol import sobol
 
 WANTED_ROLES = (
     OCIO.ROLE_INTERCHANGE_SCENE,
@@ -119,7 +119,7 @@ def round_trips(config: OCIO.Config) -> Iterator[SpaceRoundTrip]:
 
     These start from [0, 1], from its faces and from the darks of both.
     """
-    values = scipy.stats.qmc.Sobol(3, rng=3).random(1 << 12)
+    values = sobol(1 << 12, seed=3)
     face = values.copy()
     face[np.arange(len(face)), np.arange(len(face)) % 3] = np.arange(len(face)) // 3 % 2
     start = np.concatenate([values, values**2, face, face**2]).astype(np.float32)

@@ -13,7 +13,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.interpolation import interpolate
 from lutforge.luts.formats import clf
-from lutforge.luts.formats.text import write_text
+from lutforge.luts.formats.text import short_rows, write_text
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels, shaper
@@ -70,12 +70,7 @@ def _squeezed(text: str) -> str:
     """The tables of a CLF with one space between numbers, and those without idle zeros."""
 
     def table(found: re.Match[str]) -> str:
-        numbers = re.sub(r"\d*\.\d+(?:e-\d+)?", _shortest, found[2])
-        return found[1] + re.sub(r"[ \t]*\n[ \t]*", "\n", re.sub(r"[ \t]+", " ", numbers)) + found[3]
+        numbers = np.fromstring(found[3], sep=" ").reshape(-1, int(found[2]))
+        return f"{found[1]}\n{short_rows(numbers, DECIMALS)}{found[4]}"
 
-    return re.sub(r"(<Array[^>]*>)([^<]*)(</Array>)", table, text)
-
-
-def _shortest(found: re.Match[str]) -> str:
-    text = f"{float(found[0]):.{DECIMALS}f}".rstrip("0").rstrip(".")
-    return (text.removeprefix("0") if text != "0" else text) or "0"
+    return re.sub(r'(<Array dim="[\d ]*?(\d+)">)([^<]*)(</Array>)', table, text)

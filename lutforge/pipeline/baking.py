@@ -20,8 +20,7 @@ from lutforge.luts.programs import files_for, program_named, target_of
 from lutforge.luts.sequence import format_of
 from lutforge.luts.steps import bake_steps
 from lutforge.luts.verify import FileError, compare, verify
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.evaluation import as_profile
+from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.pipeline.sample_origin import developer_of, space_of
 from lutforge.pipeline.transforms import DescribedTransform, TransformRequest, choose_transform

@@ -16,8 +16,7 @@ from lutforge.evaluation.learning_curve import LearningCurve, learning_curve
 from lutforge.evaluation.measured_profile import measured_and_shrunk
 from lutforge.evaluation.size_search import smallest_size as find_smallest_size
 from lutforge.interpolation import Interpolation
-from lutforge.model.camera_profile import CameraProfile, ModelName
-from lutforge.pipeline.evaluation import as_profile
+from lutforge.model.camera_profile import CameraProfile, ModelName, as_profile
 from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.sample_origin import origin_of
 from lutforge.pipeline.sampling import as_samples

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.errors import ConfigError
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.ocio.check import Finding, check_config, load_config
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
 from lutforge.ocio.versions import losses, minor_version
-from lutforge.pipeline.evaluation import as_profile
 from lutforge.pipeline.outputs import check_output
 from lutforge.pipeline.sample_origin import developer_of
 from lutforge.progress import Progress, silent, telling_of_compilation

@@ -7,18 +7,13 @@ from pathlib import Path
 
 from lutforge.evaluation.evaluate import evaluate as evaluate_profile
 from lutforge.evaluation.evaluation import Evaluation
-from lutforge.model.camera_profile import CameraProfile, load_profile
+from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.raw_substitutes import raw_substitute_of
 from lutforge.pipeline.sample_origin import require_same_origin
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names
-
-
-def as_profile(profile: CameraProfile | str | Path) -> CameraProfile:
-    """Return a profile as it is, or the one of a file. Raises ProfileError."""
-    return profile if isinstance(profile, CameraProfile) else load_profile(profile)
 
 
 def evaluate(

@@ -5,8 +5,7 @@ from __future__ import annotations  # so that help() shows the names of types
 from collections.abc import Sequence
 from pathlib import Path
 
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.evaluation import as_profile
+from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.raw_substitutes import raw_substitute_of
 from lutforge.pipeline.sample_origin import developer_of, require_same_origin

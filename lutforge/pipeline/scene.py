@@ -9,10 +9,9 @@ import numpy as np
 
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluate import scene_tones
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.falloff import falloff_of
 from lutforge.model.shot_tone import ShotTone
-from lutforge.pipeline.evaluation import as_profile
 from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress, silent

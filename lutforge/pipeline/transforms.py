@@ -9,11 +9,10 @@ from pathlib import Path
 
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import SettingsError
-from lutforge.model.camera_profile import MODELS, CameraProfile, match, through_camera
+from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, match, through_camera
 from lutforge.model.raw_transfer import chained, load_transfer
 from lutforge.model.response_profile import is_response_alone
 from lutforge.model.transform import Transform
-from lutforge.pipeline.evaluation import as_profile
 from lutforge.pipeline.outputs import one_of
 from lutforge.pipeline.sample_origin import developer_of
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import export_published
 from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.configs import write_checked_config
-from lutforge.pipeline.evaluation import as_profile
 from lutforge.pipeline.kits import SCRIPT, check_kit, write_kit
 from lutforge.pipeline.reports import report
 from lutforge.pipeline.transforms import TransformRequest

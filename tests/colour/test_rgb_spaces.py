@@ -1,9 +1,11 @@
-"""RGB spaces: encodings and matrices are colour-science's, over their range, below 0 and above 1 too."""
+"""RGB spaces: encodings are colour-science's, below 0 and above 1 too; matrices OpenColorIO's, too."""
 
 import colour
 import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 import pytest
 
+from lutforge.colour.chromaticities import CHROMATICITIES
 from lutforge.colour.rgb_spaces import SPACES, matrix_between, rgb_space
 from lutforge.errors import SettingsError
 
@@ -36,8 +38,29 @@ def test_encodings_are_colour_sciences(name: str) -> None:
 def test_matrices_take_white_to_white_and_back() -> None:
     for name in SPACES:
         there, back = matrix_between("linear-srgb", name), matrix_between(name, "linear-srgb")
-        assert np.abs(there.sum(axis=1) - 1).max() < 3e-4  # published primaries have four decimals
-        assert np.abs(there @ back - np.eye(3)).max() < 1e-3
+        assert np.abs(there.sum(axis=1) - 1).max() < 1e-12
+        assert np.abs(there @ back - np.eye(3)).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", [name for name, space in SPACES.items() if space.is_linear])
+def test_matrices_are_those_of_colour_sciences_chromaticities(name: str) -> None:
+    first, second = (colour.RGB_COLOURSPACES[rgb_space(each).primaries].copy() for each in ("linear-srgb", name))
+    known = CHROMATICITIES[second.name]
+    assert np.array_equal(known, [*second.primaries, second.whitepoint])
+    for space in (first, second):
+        space.use_derived_transformation_matrices(True)
+    wanted = colour.matrix_RGB_to_RGB(first, second, chromatic_adaptation_transform="Bradford")
+    assert np.abs(matrix_between("linear-srgb", name) - wanted).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("name", "theirs"), [("aces2065-1", "ACES2065-1"), ("acescg", "ACEScg"), ("linear-rec2020", "Linear Rec.2020")]
+)
+def test_matrices_are_opencolorios(name: str, theirs: str) -> None:
+    config = OCIO.Config.CreateFromBuiltinConfig("cg-config-v1.0.0_aces-v1.3_ocio-v2.1")
+    columns = np.eye(3, dtype=np.float32)
+    config.getProcessor("Linear Rec.709 (sRGB)", theirs).getDefaultCPUProcessor().applyRGB(columns)
+    assert np.abs(matrix_between("linear-srgb", name) - columns.T).max() < 1e-6
 
 
 def test_names_are_taken_in_any_case_and_unknown_ones_listed() -> None:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lutforge.errors import SettingsError
+from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import import_published
-from lutforge.pipeline.evaluation import as_profile
 from lutforge.pipeline.reports import compare
 from lutforge.report.compare import build_comparison
 from lutforge.report.page import Table

@@ -44,36 +44,45 @@ def rows(values: ArrayLike) -> str:
     """Numbers (n, 3), a row per line, rounded to DIGITS decimals, never "-0"."""
     numbers = np.asarray(values, dtype=np.float64)
     if np.abs(numbers).max(initial=0.0) < EXACT:
-        return _fixed_point(np.ascontiguousarray(numbers)).tobytes().decode("ascii")
+        return _fixed_point(np.ascontiguousarray(numbers), DIGITS, False).tobytes().decode("ascii")
     numbers = np.round(numbers, DIGITS) + 0.0
     return (f"%.{DIGITS}f %.{DIGITS}f %.{DIGITS}f\n" * len(numbers)) % tuple(numbers.ravel().tolist())
 
 
+def short_rows(values: Array, decimals: int) -> str:
+    """Return numbers (n, m) below EXACT, a row per line, rounded to so many decimals, without idle zeros: ".5", "0"."""
+    return _fixed_point(np.ascontiguousarray(values), decimals, True).tobytes().decode("ascii")
+
+
 @compiled()
-def _fixed_point(numbers: Array) -> NDArray[np.uint8]:
-    """The text of numbers (n, 3) as bytes: twenty times as fast as Python's own formatting."""
+def _fixed_point(numbers: Array, decimals: int, short: bool) -> NDArray[np.uint8]:
+    """The text of numbers (n, m) as bytes: twenty times as fast as Python's own formatting."""
     longest = 20  # characters of such a number, sign, point and what follows it included
     text = np.empty(numbers.size * longest, dtype=np.uint8)
     digits = np.empty(longest, dtype=np.uint8)
     at = 0
     for n in range(numbers.shape[0]):
-        for c in range(3):
-            left = np.int64(np.rint(abs(numbers[n, c]) * 10.0**DIGITS))
+        for c in range(numbers.shape[1]):
+            left = np.int64(np.rint(abs(numbers[n, c]) * 10.0**decimals))
             if left > 0 and numbers[n, c] < 0:
                 text[at] = 45  # -
                 at += 1
-            count = 0
-            while left > 0 or count <= DIGITS:
+            idle = 0
+            while short and idle < decimals and left % 10 == 0:
+                left //= 10
+                idle += 1
+            count = idle
+            while left > 0 or count < decimals or (count == decimals and (idle == decimals or not short)):
                 digits[count] = 48 + left % 10
                 left //= 10
                 count += 1
-            for place in range(count - 1, -1, -1):
-                text[at] = digits[place]
-                at += 1
-                if place == DIGITS:
+            for place in range(count - 1, idle - 1, -1):
+                if place == decimals - 1:
                     text[at] = 46  # .
                     at += 1
-            text[at] = 10 if c == 2 else 32
+                text[at] = digits[place]
+                at += 1
+            text[at] = 10 if c == numbers.shape[1] - 1 else 32
             at += 1
     return text[:at]
 
