@@ -89,7 +89,7 @@ def saturation_levels(pixels: Pixels) -> Array:
         if not 0.2 < ceiling < 1.0:
             continue
         edges = ceiling * (1 - 0.005 * np.arange(13, -1, -1)) + 1e-7
-        histogram, _ = np.histogram(values, bins=edges)
+        histogram, _ = np.histogram(values[values >= edges[0]], bins=edges)
         top, below = int(histogram[-2:].sum()), float(histogram[:10].mean())
         if top >= 50 and top > 10 * below:
             levels[channel] = ceiling

@@ -14,7 +14,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Mask
+from lutforge.arrays import Array, Codes, Mask
+from lutforge.compiled import compiled
 from lutforge.samples.clipping import Extremes
 from lutforge.shots.cells import REACH, CellStatistics, without_outliers
 from lutforge.shots.shot import Registration
@@ -68,19 +69,20 @@ def cell_size(registration: Registration) -> int:
     return 8 * max(1, math.ceil(16 / (8 * registration.scale) - 0.05))
 
 
-def jpeg_cells(jpeg: NDArray[np.uint8], cell: int, hot: bool = False) -> JpegCells:
+def jpeg_cells(jpeg: Codes, cell: int, hot: bool = False) -> JpegCells:
     """Statistics over the grid of cells of a JPEG (h, w, 3), of which outliers are no part, as in `raw_on_grid`.
 
     A rest at the right and bottom is left out.
     """
     h, w = jpeg.shape[0] // cell, jpeg.shape[1] // cell
     found = np.empty((4, h, w, 3))
+    _block_moments(jpeg, cell, found)
+    blocks = jpeg[: h * cell, : w * cell].reshape(h, cell, w, cell, 3).swapaxes(1, 2)
     for channel in range(3):
-        blocks = jpeg[: h * cell, : w * cell, channel].reshape(h, cell, w, cell).swapaxes(1, 2).reshape(h, w, -1)
-        found[..., channel] = mean, std, low, high = _moments(blocks)
+        mean, std, low, high = found[..., channel]
         doubtful = (np.maximum(high - mean, mean - low) > 4 * std) | hot
         cleaned, _ = without_outliers(
-            blocks[doubtful].astype(np.float64),
+            blocks[doubtful][..., channel].reshape(-1, cell * cell).astype(np.float64),
             lambda values: values.mean(axis=-1),
             lambda cells: cells[:, None],
             (lambda values: np.median(values, axis=-1)) if hot else None,
@@ -91,12 +93,36 @@ def jpeg_cells(jpeg: NDArray[np.uint8], cell: int, hot: bool = False) -> JpegCel
     return JpegCells(mean, std, extremes, cell * cell)
 
 
-def _moments(blocks: NDArray[np.uint8] | Array) -> tuple[Array, Array, Array, Array]:
+@compiled()
+def _block_moments(jpeg: Codes, cell: int, found: Array) -> None:
+    """Fill mean, standard deviation, minimum and maximum, (4, h, w, 3), of each block of cell × cell codes."""
+    height, width = found.shape[1:3]
+    length, count = 3 * cell * width, cell * cell
+    total, square = np.empty(length, np.int32), np.empty(length, np.int32)
+    low, high = np.empty(length, np.uint8), np.empty(length, np.uint8)
+    for i in range(height):
+        total[:], square[:], low[:], high[:] = 0, 0, 255, 0
+        for y in range(i * cell, (i + 1) * cell):
+            row = jpeg[y].ravel()
+            for x in range(length):
+                value = np.int32(row[x])
+                total[x] += value
+                square[x] += value * value
+                low[x], high[x] = min(low[x], row[x]), max(high[x], row[x])
+        for j in range(width):
+            for channel in range(3):
+                own = slice(3 * cell * j + channel, 3 * cell * (j + 1), 3)
+                mean = total[own].sum() / count
+                found[0, i, j, channel] = mean
+                found[1, i, j, channel] = np.sqrt(max(0.0, square[own].sum() / count - mean * mean))
+                found[2, i, j, channel], found[3, i, j, channel] = low[own].min(), high[own].max()
+
+
+def _moments(values: Array) -> tuple[Array, Array, Array, Array]:
     """Mean, standard deviation, minimum and maximum over the last axis."""
-    mean: Array = blocks.mean(axis=-1, dtype=np.float64)
-    square = np.square(blocks, dtype=np.float32 if blocks.dtype == np.uint8 else np.float64)
-    std = np.sqrt(np.maximum(0.0, square.mean(axis=-1, dtype=np.float64) - mean * mean))
-    return mean, std, blocks.min(axis=-1).astype(np.float64), blocks.max(axis=-1).astype(np.float64)
+    mean: Array = values.mean(axis=-1)
+    std = np.sqrt(np.maximum(0.0, np.square(values).mean(axis=-1) - mean * mean))
+    return mean, std, values.min(axis=-1), values.max(axis=-1)
 
 
 def flatness(jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, usable: Mask) -> Flatness:
@@ -171,15 +197,15 @@ def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
     """
     result = np.empty_like(std)
     for channel in range(3):
-        x, variance = mean[..., channel], std[..., channel] ** 2
-        order = np.argsort(x[usable], kind="stable")
+        x, variance = mean[usable, channel], std[usable, channel] ** 2
+        order = np.argsort(x, kind="stable")
         groups = np.array_split(order, max(1, min(12, len(order) // 50)))
-        centres = np.array([np.median(x[usable][group]) for group in groups])
-        envelope = np.array([np.quantile(variance[usable][group], 0.1) for group in groups])
+        centres = np.array([np.median(x[group]) for group in groups])
+        envelope = np.array([np.quantile(variance[group], 0.1) for group in groups])
         if photons:
             envelope = np.minimum.accumulate(envelope / centres) * centres
             envelope = np.minimum.accumulate(envelope[::-1])[::-1]
-        result[..., channel] = np.interp(x, centres, envelope)
+        result[..., channel] = np.interp(mean[..., channel], centres, envelope)
     return result
 
 

@@ -61,10 +61,10 @@ def raw_on_grid(
         for edges, size in ((rows, raw.pixels.shape[0]), (columns, raw.pixels.shape[1]))
     ]
     result = np.full((5, height, width, 3), np.nan)
+    plane = _Plane(np.empty(raw.pixels.shape[:2]), rows, columns)
     for channel in range(3):
-        plane = _Plane(raw.pixels[..., channel].astype(np.float64), rows, columns)
-        result[4, ..., channel] = plane.without_outliers(hot)
-        mean, std, low, high = plane.statistics()
+        plane.pixels[:] = raw.pixels[..., channel]
+        (mean, std, low, high), result[4, ..., channel] = plane.statistics(hot)
         result[0, ..., channel], result[1, ..., channel] = mean, std
         result[2, ..., channel] = np.maximum(low, mean - REACH * std)
         result[3, ..., channel] = np.minimum(high, mean + REACH * std)
@@ -80,14 +80,12 @@ class _Plane:
     rows: Array
     columns: Array
 
-    def statistics(self) -> Array:
-        """(4, H, W): mean and standard deviation by area, least and greatest value that each cell touches."""
-        found = np.empty((4, len(self.rows) - 1, len(self.columns) - 1))
-        _statistics(self.pixels, self.rows, self.columns, found)
-        return found
+    def statistics(self, hot: bool) -> tuple[Array, Array]:
+        """Mean and standard deviation by area, least and greatest value that each cell touches, (4, H, W).
 
-    def without_outliers(self, hot: bool) -> Array:
-        """Replace outliers in place, as `without_outliers` says; hot: by medians. Returns each cell's share of them."""
+        Outliers are replaced in place, as `without_outliers` says; hot: by medians. Returns each cell's share of them,
+        too, (H, W).
+        """
         owners = [
             np.clip(np.searchsorted(edges, np.arange(size) + 0.5) - 1, 0, len(edges) - 2)
             for edges, size in zip((self.rows, self.columns), self.pixels.shape, strict=True)
@@ -96,19 +94,25 @@ class _Plane:
             np.searchsorted(owner, np.arange(len(edges)))
             for owner, edges in zip(owners, (self.rows, self.columns), strict=True)
         )
-        replaced = np.zeros(self.pixels.shape, dtype=np.uint8)
         share = np.zeros((len(self.rows) - 1, len(self.columns) - 1))
-        for _ in range(3):
-            mean, std, low, high = self.statistics()
-            centre, limit = self._medians(owners) if hot else (mean, 4 * std + 1e-9)
-            doubtful = np.maximum(high - centre, centre - low) > limit
-            if not _replace(
+        found, replaced = np.empty((4, *share.shape)), np.zeros(self.pixels.shape, dtype=np.uint8)
+        changed, ever = np.ones(share.shape, dtype=np.bool_), np.zeros(share.shape, dtype=np.bool_)
+        for round_ in range(4):
+            _statistics(self.pixels, self.rows, self.columns, changed, found)
+            mean, std, low, high = found
+            centre, limit = self._medians(owners) if hot and round_ < 3 else (mean, 4 * std + 1e-9)
+            doubtful = changed & (np.maximum(high - centre, centre - low) > limit)
+            changed[:] = False
+            if round_ == 3 or not _replace(
                 self.pixels, replaced, self.rows, self.columns, row_begins, column_begins,
-                centre, limit, doubtful, 1 / 4 if hot else 1 / 16, share,
+                centre, limit, doubtful, 1 / 4 if hot else 1 / 16, share, changed,
             ):  # fmt: skip
                 break
-        _add_up(replaced, self.rows, self.columns, np.ones(share.shape, dtype=np.bool_), share)
-        return share
+            changed = scipy.ndimage.binary_dilation(changed, np.ones((3, 3)))  # cells share the pixels at borders
+            ever |= changed
+        share[:] = 0
+        _add_up(replaced, self.rows, self.columns, ever, share)
+        return found, share
 
     def _medians(self, owners: list[NDArray[np.intp]]) -> tuple[Array, Array]:
         """Medians of the cells, and four standard deviations by the median deviation, (H, W) each."""
@@ -172,19 +176,6 @@ def cell_edges(scale: float, offset: float, count: int, cell: int, pixel_size: f
     return np.asarray((scale * (np.arange(count + 1) * float(cell)) + offset) / pixel_size, dtype=np.float64)
 
 
-def area_weights(edges: Array, size: int) -> "scipy.sparse.csr_array":
-    """(cells, size) share of each array pixel in the mean over each cell; rows of cells outside are cut or empty."""
-    low, high = np.clip(edges[:-1], 0, size), np.clip(edges[1:], 0, size)
-    first, last = np.floor(low).astype(int), np.ceil(high).astype(int)
-    lengths = np.maximum(0, last - first)
-    starts = np.concatenate([[0], np.cumsum(lengths)])
-    cell = np.repeat(np.arange(len(low)), lengths)
-    pixel = np.arange(starts[-1]) - starts[cell] + first[cell]
-    overlap = np.minimum(pixel + 1, high[cell]) - np.maximum(pixel, low[cell])
-    share = overlap / (high - low)[cell]
-    return scipy.sparse.csr_array((share, pixel, starts), shape=(len(low), size))
-
-
 @compiled()
 def _touched(edges: Array, cell: int, size: int) -> tuple[int, int]:
     """The first array pixel that a cell touches, and the one after the last."""
@@ -194,25 +185,51 @@ def _touched(edges: Array, cell: int, size: int) -> tuple[int, int]:
 
 
 @compiled(fastmath=REASSOCIATED)
-def _statistics(plane: Array, rows: Array, columns: Array, found: Array) -> None:
-    """Fill mean, standard deviation, least and greatest value, (4, H, W), of the pixels under each cell."""
+def _statistics(plane: Array, rows: Array, columns: Array, wanted: Mask, found: Array) -> None:
+    """Fill mean, standard deviation, least and greatest value, (4, H, W), of the pixels under each wanted cell."""
+    width = plane.shape[1]
+    total, square, low, high = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
     for i in range(len(rows) - 1):
         first, last = _touched(rows, i, plane.shape[0])
+        begin = end = 0
         for j in range(len(columns) - 1):
-            left, right = _touched(columns, j, plane.shape[1])
-            area, total, square, low, high = 0.0, 0.0, 0.0, np.inf, -np.inf
-            for y in range(first, last):
-                tall = min(rows[i + 1], y + 1.0) - max(rows[i], float(y))
-                line = plane[y]
-                for x in range(left, right):
-                    value, covered = line[x], tall * (min(columns[j + 1], x + 1.0) - max(columns[j], float(x)))
-                    area += covered
-                    total += covered * value
-                    square += covered * value * value
-                    low, high = min(low, value), max(high, value)
-            mean = total / area if area > 0.0 else np.nan
-            found[0, i, j], found[1, i, j] = mean, np.sqrt(max(0.0, square / area - mean * mean)) if area > 0.0 else 0.0
-            found[2, i, j], found[3, i, j] = low, high
+            if not wanted[i, j]:
+                continue
+            if j >= end:  # the columns of pixels under a run of wanted cells are added up first
+                begin = end = j
+                while end < len(columns) - 1 and wanted[i, end]:
+                    end += 1
+                left, right = _touched(columns, begin, width)[0], _touched(columns, end - 1, width)[1]
+                height = _add_rows(
+                    plane[first:last, left:right], rows[i] - first, rows[i + 1] - first,
+                    total[left:right], square[left:right], low[left:right], high[left:right],
+                )  # fmt: skip
+            left, right = _touched(columns, j, width)
+            area, mean, squares, least, greatest = 0.0, 0.0, 0.0, np.inf, -np.inf
+            for x in range(left, right):
+                wide = min(columns[j + 1], x + 1.0) - max(columns[j], float(x))
+                area += height * wide
+                mean += wide * total[x]
+                squares += wide * square[x]
+                least, greatest = min(least, low[x]), max(greatest, high[x])
+            mean = mean / area if area > 0.0 else np.nan
+            found[0, i, j] = mean
+            found[1, i, j] = np.sqrt(max(0.0, squares / area - mean * mean)) if area > 0.0 else 0.0
+            found[2, i, j], found[3, i, j] = least, greatest
+
+
+@compiled(fastmath=REASSOCIATED)
+def _add_rows(plane: Array, top: float, bottom: float, total: Array, square: Array, low: Array, high: Array) -> float:
+    """Fill sums, sums of squares, least and greatest values of columns between two heights; return what they span."""
+    total[:], square[:], low[:], high[:], height = 0.0, 0.0, np.inf, -np.inf, 0.0
+    for y in range(len(plane)):
+        line, tall = plane[y], min(bottom, y + 1.0) - max(top, float(y))
+        height += tall
+        for x in range(len(line)):
+            total[x] += tall * line[x]
+            square[x] += tall * line[x] * line[x]
+            low[x], high[x] = min(low[x], line[x]), max(high[x], line[x])
+    return height
 
 
 @compiled(fastmath=REASSOCIATED)
@@ -247,13 +264,14 @@ def _replace(
     doubtful: Mask,
     most: float,
     share: Array,
+    changed: Mask,
 ) -> bool:
     """Replace the outliers of doubtful cells by their centres, unless they are more than a share of the cell.
 
-    replaced: (h, w) 1 where that was done; row_begins, column_begins: of the pixels whose middles lie in each cell.
-    Returns whether any was replaced.
+    replaced: (h, w) 1 where that was done; row_begins, column_begins: of the pixels whose middles lie in each cell;
+    changed: is set where a cell holds a replaced one. Returns whether any was replaced.
     """
-    outlier, done = np.uint8(2), False
+    outlier = np.uint8(2)
     for act in range(2):
         for i in range(len(rows) - 1):
             for j in range(len(columns) - 1):
@@ -266,7 +284,7 @@ def _replace(
                         elif act == 1 and replaced[y, x] & outlier:
                             replaced[y, x] &= np.uint8(1)
                             if share[i, j] <= most:
-                                plane[y, x], replaced[y, x], done = centre[i, j], np.uint8(1), True
+                                plane[y, x], replaced[y, x], changed[i, j] = centre[i, j], np.uint8(1), True
         if act == 0:
             _add_up(replaced, rows, columns, doubtful, share)
-    return done
+    return bool(changed.any())

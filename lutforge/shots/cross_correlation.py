@@ -13,8 +13,9 @@ import scipy
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Single
+from lutforge.shots.area_means import block_mean, on_jpeg_pixels
 from lutforge.shots.local_structure import share, structure
-from lutforge.shots.pyramid import COARSE_SIDE, RawLevel, RawPyramid, ReducedJpeg, block_mean, on_jpeg_pixels
+from lutforge.shots.pyramid import COARSE_SIDE, RawLevel, RawPyramid, ReducedJpeg
 from lutforge.shots.shot import Registration, unreduced
 
 

@@ -10,8 +10,9 @@ import numpy as np
 import scipy
 
 from lutforge.arrays import Array, Single
+from lutforge.shots.area_means import on_jpeg_pixels
 from lutforge.shots.local_structure import share, structure
-from lutforge.shots.pyramid import ReducedJpeg, on_jpeg_pixels
+from lutforge.shots.pyramid import ReducedJpeg
 from lutforge.shots.shot import Registration
 
 

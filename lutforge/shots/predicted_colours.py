@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Real, Single
-from lutforge.shots.pyramid import RawLevel, ReducedJpeg, on_jpeg_pixels
+from lutforge.shots.area_means import on_jpeg_pixels
+from lutforge.shots.pyramid import RawLevel, ReducedJpeg
 from lutforge.shots.shot import Registration
 
 

@@ -6,11 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from lutforge.arrays import Codes, Pixels, Real, Single
+from lutforge.arrays import Codes, Single
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
-from lutforge.shots.cells import area_weights, cell_edges
-from lutforge.shots.shot import Registration
+from lutforge.shots.area_means import block_mean
 
 MIN_SIDE = 200
 """A JPEG whose longer side is shorter than this is a thumbnail: its pixels average too much of the scene."""
@@ -52,8 +51,11 @@ class RawPyramid:
             pixels = _halved(pixels)
         means = pixels[:, ::4, ::4].mean(axis=(1, 2), dtype=np.float64)
         factors = (0.25 / np.maximum(means, 1e-6)).astype(np.float32)
-        channels = np.ascontiguousarray(pixels) * factors[:, None, None]
-        np.power(np.maximum(channels, 0.0, out=channels), np.float32(1 / 2.2), out=channels)
+        channels = np.empty_like(pixels, order="C")
+        for rows in range(0, pixels.shape[1], 32):  # so many stay in the cache
+            some = channels[:, rows : rows + 32]
+            np.multiply(pixels[:, rows : rows + 32], factors[:, None, None], out=some)
+            np.power(np.maximum(some, 0.0, out=some), np.float32(1 / 2.2), out=some)
         return cls(RawLevel(channels, raw.pixel_size * 2**halvings))
 
     def for_scale(self, scale: float) -> RawLevel:
@@ -83,19 +85,6 @@ def _halved(planes: Single) -> Single:
     return np.asarray((rows[..., ::2] + rows[..., 1::2]) * np.float32(0.25))
 
 
-def on_jpeg_pixels(
-    plane: Single, pixel_size: float, place: Registration, shape: tuple[int, int]
-) -> tuple[Single, Single]:
-    """RAW values averaged over each JPEG pixel (h, w), and whether RAW covers it, 0 or 1."""
-    weights, covers = [], []
-    for axis, offset in ((0, place.offset_y), (1, place.offset_x)):
-        edges = cell_edges(place.scale, offset, shape[axis], 1, pixel_size)
-        weights.append(area_weights(edges, plane.shape[axis]).astype(np.float32))
-        covers.append((edges[:-1] >= 0) & (edges[1:] <= plane.shape[axis]))
-    sampled = (weights[1] @ (weights[0] @ plane).T).T
-    return np.ascontiguousarray(sampled), np.outer(*covers).astype(np.float32)
-
-
 @dataclass(frozen=True, eq=False)
 class ReducedJpeg:
     """A JPEG's codes (h, w, 3) / 255, averaged over factor × factor pixels, and the weight of each pixel.
@@ -115,7 +104,7 @@ class ReducedJpeg:
             raise ShotError(f"only {width}×{height} pixels: a thumbnail, too small to register")
         factor = reduction(raw, jpeg)
         small = block_mean(jpeg, factor)
-        brightest = small.max(axis=2)
+        brightest = np.maximum(np.maximum(small[..., 0], small[..., 1]), small[..., 2])
         weight = np.where((brightest < 252) & (brightest > 4), _inside_bars(brightest), np.float32(0.0))
         return cls(small / np.float32(255), weight, factor)
 
@@ -147,20 +136,6 @@ def reduction(raw: RawImage, jpeg: Codes) -> int:
     height, width = jpeg.shape[:2]
     factor: int = max(math.ceil(math.sqrt(height * width / 1e6)), math.ceil(max(height, width) / max(raw.pixels.shape)))
     return factor
-
-
-def block_mean(image: Real | Codes, factor: int) -> Pixels:
-    """Means over blocks of factor × factor pixels of an image (h, w, …); a rest at the right and bottom is left out."""
-    if factor == 1:
-        return image.astype(np.float32)
-    height, width = image.shape[0] // factor, image.shape[1] // factor
-    kept = np.ascontiguousarray(image[: height * factor, : width * factor])
-    rows = kept.reshape(height, factor, -1).sum(axis=1, dtype=np.uint32 if image.dtype == np.uint8 else np.float32)
-    columns = rows.reshape(height, width, factor, *image.shape[2:])
-    total = np.asarray(columns[:, :, 0], dtype=np.float32)
-    for place in range(1, factor):
-        total = total + columns[:, :, place]
-    return np.asarray(total / np.float32(factor**2), dtype=np.float32)
 
 
 def _inside_bars(brightest: Single) -> Single:
