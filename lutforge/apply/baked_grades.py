@@ -28,6 +28,7 @@ class BakedGrades:
         # Pictures on automatic white balance each have a grade of their own.
         self.refinish = lru_cache(16)(self._refinish)
         self.confidence = lru_cache(16)(self._confidence)
+        self.processor: Callable[[Lut], OCIO.CPUProcessor] = lru_cache(16)(lambda lut: lut.processor())
         self.codes: Callable[[Lut], OCIO.CPUProcessor] = lru_cache(16)(lambda lut: lut.processor(codes=True))
 
     def _refinish(
@@ -38,10 +39,9 @@ class BakedGrades:
         wanted: Selector,
         ev: float = 0.0,
         transfer: RawTransfer | None = None,
-    ) -> tuple[Lut, OCIO.CPUProcessor]:
-        """The refinish of a picture from one camera's settings to another's or its own, as a LUT and its processor."""
-        lut = grading_lut(match(camera, given, look, wanted, ev, transfer=transfer), self._baked)
-        return lut, lut.processor()
+    ) -> Lut:
+        """The refinish of a picture from one camera's settings to another's or its own."""
+        return grading_lut(match(camera, given, look, wanted, ev, transfer=transfer), self._baked)
 
     def develop(
         self,

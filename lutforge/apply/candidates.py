@@ -68,7 +68,7 @@ def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[s
         wanted = recipe.wanted(camera, given, look)
         if recipe.keeps_white_balance:
             wanted = look.selector(Selector(wanted.style, next(iter(look.white_balances))))
-        _, processor = recipe.chain(camera, given, look, wanted)
+        processor = recipe.chain(camera, given, look, wanted).processor()
         pictures.append((str(given), apply_to_pixels(processor, small)))
     page = _page(pictures)
     write_image(sheet, page, Image(page, oiio.ImageSpec(page.shape[1], page.shape[0], 3, "uint8")))

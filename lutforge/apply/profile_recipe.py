@@ -7,7 +7,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.apply.baked_grades import BakedGrades
 from lutforge.apply.colours import TELL_ADOBE_RGB
@@ -88,9 +87,9 @@ class ProfileRecipe(Rebuilt):
         wanted = self.wanted(camera, given, look)
         if look is camera and not self.ev and _same(camera, given, wanted):
             return unchanged(_history(camera.camera, str(given), look.camera, str(wanted), self.ev))
-        chain, processor = self.chain(camera, given, look, wanted)
+        chain = self.chain(camera, given, look, wanted)
         return Grade(
-            processor,
+            self._baked_grades.processor(chain),
             _history(camera.camera, str(given), look.camera, str(wanted), self.ev),
             attributes=_attributes(look, wanted, given),
             confidence=self._baked_grades.confidence(
@@ -111,9 +110,7 @@ class ProfileRecipe(Rebuilt):
         """The profile of the camera whose look a camera's pictures get."""
         return self._look or camera
 
-    def chain(
-        self, camera: CameraProfile, given: Selector, look: CameraProfile, wanted: Selector
-    ) -> tuple[Lut, OCIO.CPUProcessor]:
+    def chain(self, camera: CameraProfile, given: Selector, look: CameraProfile, wanted: Selector) -> Lut:
         """The refinish as LUTs, the same for all pictures with the same settings."""
         return self._baked_grades.refinish(camera, given, look, wanted, self.ev, self._transfer(camera, look))
 

@@ -5,9 +5,11 @@ cube of both can only come near. A refinish of a physical model becomes two cube
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.bake import bake, joined
@@ -62,14 +64,17 @@ def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
     if not isinstance(first, KeepNeutral):
         raise LutError("LUT: photographs are graded by a refinish that keeps clipped neutrals")
     cut = 1 + next(at for at, stage in enumerate(first.stages) if isinstance(stage, Lattice | GamutMap))
-    front, cube = _with_node(baked(Transform(first.stages[:cut])), 1.0 - CLIPPED)
-    encoded = grid(node_levels(front, cube))
+    front, cube, encoded = _with_node(baked(Transform(first.stages[:cut])), 1.0 - CLIPPED)
     balanced = first.kept(encoded, through_stages(first.stages[cut:], cube.values))
     return Lut((front, Cube(balanced, cube.interpolation), *baked(Transform(transform.stages[1:])).ops))
 
 
-def _with_node(lut: Lut, level: float) -> tuple[Curve, Cube]:
-    """A shaper and cube with a node level more per axis, near `level`, where there is none and room for one."""
+@lru_cache(4)  # while a slider moves it is the same step
+def _with_node(lut: Lut, level: float) -> tuple[Curve, Cube, Array]:
+    """A shaper and cube with a node level more per axis, near `level`, where there is none and room for one.
+
+    Returned with the inputs (N, N, N, 3) at the nodes.
+    """
     curve, cube = lut.shaper, lut.cube
     if cube is None:
         raise LutError(f"LUT: a shaper and a cube are wanted, not {lut.summary}")
@@ -84,8 +89,10 @@ def _with_node(lut: Lut, level: float) -> tuple[Curve, Cube]:
     axes = [even if np.any(np.abs(even - place) < 1e-9) else np.sort(np.append(even, place)) for place in at]
     count = len(axes[0])
     if count > MAX_SIZE or any(len(axis) != count for axis in axes):
-        return curve, Cube(Lut(behind)(grid((even, even, even))), cube.interpolation)
+        same = Cube(Lut(behind)(grid((even, even, even))), cube.interpolation)
+        return curve, same, grid(node_levels(curve, same))
     places = np.linspace(0.0, 1.0, count)
     outputs = np.stack([np.interp(curve.outputs[:, c], axes[c], places) for c in range(3)], axis=1)
     values = Lut(behind)(grid((axes[0], axes[1], axes[2])))
-    return Curve(outputs, curve.low, curve.high), Cube(values, cube.interpolation)
+    front, finer = Curve(outputs, curve.low, curve.high), Cube(values, cube.interpolation)
+    return front, finer, grid(node_levels(front, finer))

@@ -31,11 +31,15 @@ def neutral_where_clipped(encoded: Array, balanced: Array, white: float = 1.0, t
     to_linear: (3, 3), rows sum to 1, to the linear light of the output: the level is then no less than any of its
     channels either, so that none becomes darker where a tinted grey becomes a neutral white.
     """
-    burnt = np.clip((encoded.min(axis=-1, keepdims=True) - (1.0 - CLIPPED)) / CLIPPED, 0.0, 1.0)
-    black = np.all(encoded <= CLIPPED, axis=-1, keepdims=True)
-    if not burnt.any() and not black.any():
-        return balanced
-    lights = balanced if to_linear is None else np.concatenate([balanced, balanced @ to_linear.T], axis=-1)
+    r, g, b = encoded[..., 0], encoded[..., 1], encoded[..., 2]
+    least = np.minimum(np.minimum(r, g), b)
+    some = (least > 1.0 - CLIPPED) | (np.maximum(np.maximum(r, g), b) <= CLIPPED)
+    kept, least = balanced.copy(), least[some][:, None]
+    burnt = np.clip((least - (1.0 - CLIPPED)) / CLIPPED, 0.0, 1.0)
+    lights = own = balanced[some]
+    if to_linear is not None:
+        lights = np.concatenate([own, own @ to_linear.T], axis=-1)
     level = np.maximum(lights.max(axis=-1, keepdims=True), white)
-    raised = balanced + burnt * (level - balanced)
-    return np.asarray(np.where(black, balanced.min(axis=-1, keepdims=True), raised))
+    dark = least <= CLIPPED
+    kept[some] = np.where(dark, own.min(axis=-1, keepdims=True), own + burnt * (level - own))
+    return kept

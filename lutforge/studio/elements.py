@@ -49,7 +49,8 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "
 def slider(label: str, value: float, start: float, end: float, step: float = 0.01, **more: Any) -> pmui.FloatSlider:
     """A slider that the keyboard moves, too."""
     made = pmui.FloatSlider(label=label, value=value, start=start, end=end, step=step, size="small", **{**WIDE, **more})
-    made._debounce = 8  # ms instead of Panel's 50, which a picture would lag behind
+    made._priority_changes = ["value"]  # Panel's pause of 50 ms is what a picture would lag behind
+    made._busy__ignore = ["value"]  # and the news that the server is busy
     return made
 
 

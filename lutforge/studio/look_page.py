@@ -40,8 +40,7 @@ def look_lut(profile: CameraProfile, look: Look) -> Lut | None:
     given, wanted = profile.selector(look.source), profile.selector(look.target)
     if not look.ev and str(given) == str(wanted):
         return None
-    lut, _ = grades_of(profile).refinish(profile, given, profile, wanted, look.ev)
-    return lut
+    return grades_of(profile).refinish(profile, given, profile, wanted, look.ev)
 
 
 @lru_cache(8)
@@ -148,6 +147,7 @@ class LookPage:
         self.view = LookView(raw_name="RAW, by the model")
         self.view.param.watch(session.guarded(lambda event: self._choose(event.new)), "chosen")
         self.main = self.view
+        self._tell = session.rested(self._told)  # the page's words wait while the picture moves
         self.controls = [
             self.listed, self.path, opening, self.told, self.wanted.layout, self.ev, self.source.layout,
         ]  # fmt: skip
@@ -199,6 +199,11 @@ class LookPage:
             control.enable()
         self._grade()
 
+    def _told(self) -> None:
+        look = self.session.look
+        self.told.object = f"<p>From {look.source} to {look.target}, {look.ev:+g} EV.</p>"
+        self.session.on_look()
+
     def _grade(self) -> None:
         """The photograph as the controls say."""
         if not self.session.has_profile:
@@ -215,7 +220,5 @@ class LookPage:
             self._known = (profile, given)
             self.view.cover(coverage_lut(profile, given.style))
             self.view.raw_of = profile.linearize(given)
-        self.told.object = f"<p>From {look.source} to {look.target}, {look.ev:+g} EV.</p>"
-        if look != self.session.look:
-            self.session.look = look
-            self.session.on_look()
+        self.session.look = look
+        self._tell()

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import wraps
 from html import escape
@@ -143,6 +144,22 @@ class Session:
 
         for widget in widgets:
             widget.param.watch(changed, "value")
+
+    def rested(self, callback: Callable[[], None]) -> Callable[[], None]:
+        """The callback, guarded, once for many calls, a fifth of a second after the last of them."""
+        run, waiting = self.guarded(callback), list[Any]()
+
+        def later() -> None:
+            document = pn.state.curdoc
+            if document is None or document.session_context is None:
+                run()
+                return
+            for one in waiting:
+                with suppress(ValueError):  # it has been called
+                    document.remove_timeout_callback(one)
+            waiting[:] = [document.add_timeout_callback(run, 200)]
+
+        return later
 
     # --- state -----------------------------------------------------------------------------------------------------
 

@@ -188,6 +188,42 @@ def test_a_look_is_drawn_once_and_then_measured(look: Served) -> None:
 
 
 @needs_chromium
+def test_a_table_is_sent_once(look: Served) -> None:
+    """A step of a slider sends what it changes; what the page has lost it asks for."""
+    ops, sent = bent().ops, list[dict[str, Any]]()
+    look.do(lambda view: view.grade(bent(), "bent"))
+    look.drawn()
+
+    def listened(tables: list[dict[str, Any]]) -> None:
+        sent.extend(tables)
+        LookView._send_msg(look.view, tables)
+
+    look.do(lambda view: setattr(view, "_send_msg", listened))
+    for ev in (0.1, 0.2):
+        gain = Matrix(2.0**ev * np.eye(3))
+        look.do(partial(LookView.grade, lut=Lut((*ops[:2], gain, *ops[3:])), name="brighter"))
+        look.drawn()
+    assert sent == []
+    other = Cube(0.5 * ops[5].values)  # type: ignore[union-attr]
+    look.do(partial(LookView.grade, lut=Lut((*ops[:5], other, *ops[6:])), name="darker"))
+    look.drawn()
+    assert [each["size"] for each in sent] == [[17, 17, 17]]
+    lost = look.do(lambda view: view.number)
+    look.root.evaluate(
+        """root => new Promise(resolve => {
+          const canvas = root.querySelector(".picture");
+          const context = canvas.getContext("webgl2").getExtension("WEBGL_lose_context");
+          canvas.addEventListener("webglcontextrestored", () => setTimeout(resolve, 1500));
+          context.loseContext();
+          setTimeout(() => context.restoreContext(), 300);
+        })"""
+    )
+    assert lost == look.do(lambda view: view.number) and len(sent) == 1 + 4
+    graded = floats(Lut((*ops[:5], other, *ops[6:])), colours())
+    assert np.abs(look.pixels() - graded).max() < 0.51
+
+
+@needs_chromium
 def test_wipe_and_sides(look: Served) -> None:
     lut = bent()
     look.do(lambda view: view.grade(lut, "bent"))
@@ -311,6 +347,14 @@ def test_without_webgl_python_grades(
     assert np.abs(look.pixels() - floats(lut, colours())).mean() < 4  # JPEG of random colours, no more
     look.press("o")
     assert np.array_equal(look.pixels(), colours())
+    look.do(lambda view: view.grade(Lut((Range(),)), "as it is"))
+    look.do(lambda view: view.cover(Lut((Matrix(np.eye(3)), Range()))))
+    look.press("g", "c", "u")
+    look.page.wait_for_timeout(1000)
+    seen, codes = look.pixels().astype(int), colours()
+    for place, colour in (((codes == 255).any(axis=2), (230, 97, 1)), (codes[..., 2] < 127, (0, 158, 115))):
+        near = np.abs(seen - colour).max(axis=2) < 60  # JPEG blurs stripes among random colours
+        assert near[place].mean() > near[~place].mean() + 0.2
     assert look.errors == []
     page.close()
 
@@ -319,6 +363,6 @@ def test_what_the_page_cannot_draw_is_refused() -> None:
     knots = np.linspace(0, 1, 4)[:, None] ** np.ones(3)
     with pytest.raises(LutError, match="bake"):
         packed(Lut((Curve(knots, inputs=knots),)))
-    same, other = packed(bent()), packed(bent(seed=2))
-    assert same == packed(bent())
-    assert same[0]["key"] != other[0]["key"]
+    (same, tables), (other, _) = packed(bent()), packed(bent(seed=2))
+    assert (same, tables) == packed(bent())
+    assert same[0]["key"] != other[0]["key"] and set(tables) == {op["key"] for op in same if "key" in op}

@@ -70,7 +70,7 @@ def measured(profile: CameraProfile, folder: Path, count: int, inverse: InverseO
         ev = STOPS[number % len(STOPS)]
         given, wanted = profile.selector("/".join(source)), profile.selector("/".join(target))
         transform = profile.refinish(given, wanted, ev)
-        made = {"apply": _codes(grades.refinish(profile, given, profile, wanted, ev)[1], colours)}
+        made = {"apply": _codes(grades.refinish(profile, given, profile, wanted, ev).processor(), colours)}
         made["clf"] = _codes(bake_steps(transform).processor(), colours)
         shaped = lf.bake(transform, form="shaper", size=target_of(Path("x.resolve.cube")).default)
         made["cube"] = _codes(shaped.processor(), colours)

@@ -126,7 +126,7 @@ class WebGLGrader {
     this.grid = [fitting.width, fitting.height];
   }
 
-  // Drop the tables that no operation of `luts` has; the others are uploaded when they are first drawn with.
+  // Drop the tables that no operation of `luts` has.
   keep(...luts) {
     const keys = new Set(luts.flat().map(op => op.key));
     for (const [key, texture] of this.tables) {
@@ -134,27 +134,28 @@ class WebGLGrader {
     }
   }
 
-  table(op) {
-    const gl = this.gl, cube = op.size.length === 3, target = cube ? gl.TEXTURE_3D : gl.TEXTURE_2D;
-    let texture = this.tables.get(op.key);
-    if (!texture) {
-      texture = gl.createTexture();
-      gl.bindTexture(target, texture);
-      gl.texParameteri(target, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-      gl.texParameteri(target, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
-      gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
-      let values = new Float32Array(op.table);
-      if (cube) {
-        const [red, green, blue] = op.size;
-        gl.texImage3D(target, 0, gl.RGB32F, blue, green, red, 0, gl.RGB, gl.FLOAT, values);
-      } else {
-        const rows = Math.ceil(op.size[0] / 1024), whole = new Float32Array(3 * 1024 * rows);
-        whole.set(values);
-        gl.texImage2D(target, 0, gl.RGB32F, 1024, rows, 0, gl.RGB, gl.FLOAT, whole);
-      }
-      this.tables.set(op.key, texture);
-    }
+  // The keys of the tables that operations need and that have not come.
+  missing(ops) { return ops.map(op => op.key).filter(key => key && !this.tables.has(key)); }
+
+  // Upload a table, float32: a curve or a cube, by its size.
+  put({ key, size, table }) {
+    const gl = this.gl, target = size.length === 3 ? gl.TEXTURE_3D : gl.TEXTURE_2D, values = new Float32Array(table);
+    if (this.tables.has(key)) return;
+    const texture = gl.createTexture();
+    gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(target, texture);
+    gl.texParameteri(target, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(target, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
+    if (size.length === 3) {
+      const [red, green, blue] = size;
+      gl.texImage3D(target, 0, gl.RGB32F, blue, green, red, 0, gl.RGB, gl.FLOAT, values);
+    } else {
+      const rows = Math.ceil(size[0] / 1024), whole = new Float32Array(3 * 1024 * rows);
+      whole.set(values);
+      gl.texImage2D(target, 0, gl.RGB32F, 1024, rows, 0, gl.RGB, gl.FLOAT, whole);
+    }
+    this.tables.set(key, texture);
   }
 
   program(grade, coverage) {
@@ -191,7 +192,7 @@ class WebGLGrader {
           gl.uniform3fv(program.at(`${id}_offset`), op.offset);
         } else if (op.kind !== "range") {
           gl.activeTexture(gl.TEXTURE0 + unit);
-          this.table(op);
+          gl.bindTexture(op.size.length === 3 ? gl.TEXTURE_3D : gl.TEXTURE_2D, this.tables.get(op.key));
           gl.uniform1i(program.at(id), unit++);
         }
       });
@@ -251,7 +252,6 @@ class WebGLGrader {
 class PictureGrader {
   constructor(canvas) { this.canvas = canvas; this.context = canvas.getContext("2d"); this.size = [0, 0]; }
   async load(bitmap) { this.source = bitmap; this.size = [bitmap.width, bitmap.height]; }
-  keep() {}
   image(ops) { return ops instanceof ImageBitmap ? ops : this.source; }
 
   draw(regions, view) {

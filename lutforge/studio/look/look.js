@@ -138,7 +138,7 @@ export function render({ model, el }) {
 
   // What is seen: the centre in pixels of the picture, and how many pixels of the screen one of the picture has.
   const view = { centre: [0, 0], zoom: 1, fitted: true };
-  let number = 0, loaded = false, images = {}, quality = 1, cost = 0, moved = 0, pending = null, settle, queued = false, again = false;
+  let number = model.number, loaded = false, images = {}, quality = 1, cost = 0, moved = 0, pending = null, settle, queued = false, again = false;
   let pinned = null, hovered = null, scoped = 0, frames = 0;
   const ratio = () => window.devicePixelRatio || 1;
   let whole = () => [stage.clientWidth * ratio(), stage.clientHeight * ratio()].map(Math.round);
@@ -183,7 +183,7 @@ export function render({ model, el }) {
     if (!loaded || !stage.clientWidth) return;
     if (pending) { again = true; return; }
     const moving = performance.now() - moved < 150, [w, h] = whole();
-    quality = moving && cost > 30 ? Math.max(0.25, Math.sqrt(25 / cost)) : 1;
+    quality = moving && cost > 16 ? Math.max(0.25, Math.sqrt(16 / cost)) : 1;
     const width = Math.max(1, Math.round(w * quality)), height = Math.max(1, Math.round(h * quality));
     if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
     settleView();
@@ -192,8 +192,9 @@ export function render({ model, el }) {
     const shrunk = { ...view, zoom: view.zoom * width / w, surround, clipping: model.clipping, nearest: view.zoom >= 1,
       coverage: model.unsure && model.coverage.length ? model.coverage : null };
     const parts = regions(width).map(part => ({ ...part, ops: opsOf(part.side), marks: part.side !== "original" }));
+    if (live && !complete([...parts.flatMap(part => part.ops), ...(shrunk.coverage || [])])) return;
     const began = performance.now();
-    pending = { fence: grader.draw(parts, shrunk), began, number: live ? model.number : number, full: quality === 1, area: width * height / (w * h) };
+    pending = { fence: grader.draw(parts, shrunk), began, number, full: quality === 1, area: width * height / (w * h) };
     furnish(regions(w));
     watch();
   }
@@ -233,6 +234,7 @@ export function render({ model, el }) {
     tell();
     if (!model.scopes || !scopes.clientWidth) return;
     const ops = opsOf(model.mode === "original" ? other() : "a"), width = SCOPE;
+    if (live && !complete(ops)) return;
     const height = Math.max(1, Math.round(width * grader.size[1] / grader.size[0]));
     const pixels = grader.read(ops, width, height);
     waveform(waves, pixels, width);
@@ -259,6 +261,7 @@ export function render({ model, el }) {
   function tell() {
     const at = pinned || hovered;
     if (!at || !loaded || !inside(at)) { values.textContent = ""; lastProbe = ""; return; }
+    if (live && !complete([...model.a, ...model.b])) return;
     const code = side => [...grader.read(opsOf(side), 1, 1, [at[0] + 0.5, at[1] + 0.5], 1)].slice(0, 3);
     const asked = String([...at, model.a_name]);
     if (model.tells_raw && asked !== lastProbe && performance.now() - probed > 60) {
@@ -374,7 +377,7 @@ export function render({ model, el }) {
 
   // What comes from Python
   const decode = bytes => createImageBitmap(new Blob([bytes]), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
-  let opening = 0;
+  let opening = 0, size = [0, 0];
   async function open() {
     const mine = ++opening;
     empty.hidden = Boolean(model.picture && model.picture.byteLength);
@@ -383,8 +386,9 @@ export function render({ model, el }) {
     try {
       const bitmap = await decode(model.picture);
       if (mine !== opening) return;
-      const [w, h] = grader.size, same = w === bitmap.width && h === bitmap.height;
+      const same = size[0] === bitmap.width && size[1] === bitmap.height;
       await grader.load(bitmap);
+      size = grader.size;
       if (!same) { view.fitted = true; pinned = null; }
       loaded = true;
       news.textContent = usual;
@@ -404,15 +408,27 @@ export function render({ model, el }) {
     number = model.number;
     draw();
   }
-  let soon = false;
+  let asked = 0, lacking = false;
+  // Whether all tables have come; those that have not are asked for, at most every 200 ms.
+  function complete(ops) {
+    const keys = grader.missing(ops);
+    lacking = keys.length > 0;
+    if (lacking && performance.now() - asked > 200) { asked = performance.now(); model.send_msg(keys); }
+    return !lacking;
+  }
+  function arrived(tables) {
+    const began = performance.now();
+    tables.forEach(table => grader.put(table));
+    root.dataset.upload = (performance.now() - began).toFixed(1);
+    if (lacking) { draw(); tell(); }
+  }
   function changed() {
-    if (!live) { graded(); return; }
-    grader.keep(model.a, model.b, model.coverage);
     stand();
+    if (!live) return;
+    grader.keep(model.a, model.b, model.coverage);
+    number = model.number;  // which came before the look
     moved = performance.now();
-    if (soon) return;
-    soon = true;
-    queueMicrotask(() => { soon = false; paint(); });  // not a frame later, but with all that came in one message
+    paint();  // not a frame later
   }
   const pressed = () => { stand(); draw(); };
   const named = () => { if (loaded) furnish(regions(whole()[0])); };
@@ -422,13 +438,13 @@ export function render({ model, el }) {
       buttons[name].setAttribute("aria-pressed", on);
     }
     buttons.beside.disabled = !model.b.length;
-    buttons.unsure.disabled = !live || !model.coverage.length;
-    buttons.clipping.disabled = !live;
+    buttons.unsure.disabled = !model.coverage.length;
     root.dataset.theme = model.theme;
     scopes.hidden = !model.scopes;
   }
   model.on("picture", open);
-  model.on(["a", "b", "coverage", "number"], changed);
+  model.on("msg:custom", arrived);
+  model.on(["a", "b", "coverage"], changed);
   model.on(["a_picture", "b_picture"], graded);
   model.on("pictures", film);
   model.on("chosen", chosen);

@@ -21,31 +21,31 @@ from lutforge.luts.sequence import Lut
 HERE = Path(__file__).parent
 
 
-def packed(lut: Lut) -> list[dict[str, Any]]:
-    """The operations of a LUT as the page takes them: tables as float32 bytes, each with a key of its content.
+def packed(lut: Lut) -> tuple[list[dict[str, Any]], dict[str, dict[str, Any]]]:
+    """The operations of a LUT as the page takes them, and their tables, float32, by a key of their content.
 
     Raises LutError on curves at free knots.
     """
-    return [_packed(op) for op in lut.ops]
+    ops, tables = zip(*map(_packed, lut.ops), strict=True)
+    return list(ops), {table["key"]: table for table in tables if table}
 
 
-def _packed(op: Op) -> dict[str, Any]:
+@lru_cache(32)
+def _packed(op: Op) -> tuple[dict[str, Any], dict[str, Any]]:
     match op:
         case Matrix():
-            return {"kind": "matrix", "matrix": op.matrix.ravel().tolist(), "offset": op.offset.tolist()}
+            return {"kind": "matrix", "matrix": op.matrix.ravel().tolist(), "offset": op.offset.tolist()}, {}
         case Range():
-            return {"kind": "range", "low": op.low, "high": op.high}
+            return {"kind": "range", "low": op.low, "high": op.high}, {}
         case Curve() if op.inputs is None:
-            return {"kind": "curve", "low": op.low, "high": op.high, **_table(op.outputs)}
+            values, told = op.outputs, {"kind": "curve", "low": op.low, "high": op.high}
         case Cube():
-            return {"kind": op.interpolation, **_table(op.values)}
-    raise LutError("LUT: the page has no curves at free knots; bake the transform anew")
-
-
-def _table(values: Array) -> dict[str, Any]:
-    table = np.ascontiguousarray(values, dtype=np.float32).tobytes()
-    key = f"{values.shape} {blake2b(table, digest_size=16).hexdigest()}"
-    return {"size": list(values.shape[:-1]), "key": key, "table": table}
+            values, told = op.values, {"kind": op.interpolation}
+        case _:
+            raise LutError("LUT: the page has no curves at free knots; bake the transform anew")
+    table, size = np.ascontiguousarray(values, dtype=np.float32).tobytes(), list(values.shape[:-1])
+    key = f"{size} {blake2b(table, digest_size=16).hexdigest()}"
+    return {**told, "size": size, "key": key}, {"key": key, "size": size, "table": table}
 
 
 class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
@@ -53,7 +53,8 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
 
     `show` sets the picture, `grade` its look. The browser grades what is on the screen with WebGL2: each operation of
     the LUT becomes a line of a shader, which interpolates in float32 as OpenColorIO does, so that a page shows what
-    `lut.processor()` gives, within rounding. Where there is no WebGL2, `renderer` is "python": the picture is then
+    `lut.processor()` gives, within rounding. A table is sent once, as bytes in a message, while any LUT holds it; the
+    page asks for those that it misses. Where there is no WebGL2, `renderer` is "python": the picture is then
     graded here, averaged down to 2 million pixels, and sent as JPEG.
 
     Parameters that the page changes, too: mode, wipe, beside_b, clipping, unsure, scopes, chosen. Those that it alone
@@ -93,11 +94,12 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"sizing_mode": "stretch_both", "min_height": 320, "margin": 0, **options})
-        self._luts: dict[str, Lut | None] = {"a": None, "b": None}
+        self._luts: dict[str, Lut | None] = {"a": None, "b": None, "coverage": None}
+        self._tables: dict[str, dict[str, Any]] = {}  # of those LUTs, by their keys
         self._raw_of: Callable[[Array], Array] | None = None
         self.param.watch(self._keep, "kept")
         self.param.watch(self._probe, "probe")
-        self.param.watch(lambda event: self._grade_here(), "renderer")
+        self.param.watch(lambda event: self._grade_here(), ["renderer", "clipping", "unsure"])
 
     def show(self, picture: bytes, title: str = "") -> None:
         """Show another picture, a JPEG or PNG file, with the look that is set."""
@@ -109,22 +111,33 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
 
         Raises LutError on curves at free knots.
         """
-        self._luts["a"] = lut
-        with param.parameterized.batch_call_watchers(self):
-            self.number += 1
-            self.a, self.a_name = [] if lut is None else packed(lut), name
-            self._grade_here()
+        self._set("a", lut, number=self.number + 1, a_name=name)
 
     def compare(self, lut: Lut | None, name: str = "") -> None:
         """Set the other look, B; none takes it away."""
-        self._luts["b"] = lut
-        with param.parameterized.batch_call_watchers(self):
-            self.b, self.b_name, self.beside_b = [] if lut is None else packed(lut), name, lut is not None
-            self._grade_here()
+        self._set("b", lut, b_name=name, beside_b=lut is not None)
 
     def cover(self, lut: Lut | None) -> None:
         """Set what `unsure` marks: a LUT of the picture's encoded RGB, see `coverage`; none takes it away."""
-        self.coverage = [] if lut is None else packed(lut)
+        self._set("coverage", lut)
+
+    def _set(self, side: str, lut: Lut | None, **more: Any) -> None:
+        """Set a LUT, with other parameters; the page gets the tables that it has not."""
+        sides = {name: ([], {}) if one is None else packed(one) for name, one in {**self._luts, side: lut}.items()}
+        self._luts[side] = lut
+        held, self._tables = self._tables, {key: table for _, tables in sides.values() for key, table in tables.items()}
+        self._send([key for key in self._tables if key not in held])
+        self.param.update(**more)
+        self.param.update(**{side: sides[side][0]})  # at which the page draws
+        self._grade_here()
+
+    def _send(self, keys: list[str]) -> None:
+        tables = [self._tables[key] for key in keys if key in self._tables]
+        if tables and self.renderer != "python":
+            self._send_msg(tables)
+
+    def _handle_msg(self, data: Any) -> None:
+        self._send(data)  # the keys of tables that the page misses
 
     def film(self, pictures: Sequence[tuple[str, bytes]], chosen: int = 0) -> None:
         """Set the film strip: a name and a small JPEG each."""
@@ -151,8 +164,9 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     def _grade_here(self) -> None:
         if self.renderer != "python" or not self.picture:
             return
-        pixels = _small(self.picture)
-        self.param.update(**{f"{side}_picture": _jpeg(lut, pixels) for side, lut in self._luts.items()})
+        pixels, cover = _small(self.picture), self._luts["coverage"] if self.unsure else None
+        made = {f"{side}_picture": _jpeg(self._luts[side], pixels, self.clipping, cover) for side in ("a", "b")}
+        self.param.update(**made)
 
 
 @lru_cache(1)
@@ -164,11 +178,17 @@ def _small(picture: bytes) -> Pixels:
     return np.asarray(upright, dtype=np.float32) / np.float32(255)
 
 
-def _jpeg(lut: Lut | None, pixels: Pixels) -> bytes:
+def _jpeg(lut: Lut | None, pixels: Pixels, clipping: bool, coverage: Lut | None) -> bytes:
+    """A picture through a LUT, with stripes over what clips, and over what `coverage` is unsure of, as the page's."""
     if lut is None:
         return b""
     graded = apply_to_pixels(lut.processor(), pixels)
     codes = (np.clip(graded, 0.0, 1.0) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+    stripe = np.add.outer(*map(np.arange, codes.shape[:2])) // 4 % 2 == 1
+    white, black = (codes == 255).any(axis=2) & ~stripe & clipping, (codes == 0).any(axis=2) & ~stripe & clipping
+    if coverage is not None:
+        codes[stripe & (apply_to_pixels(coverage.processor(), pixels)[..., 2] < 0.5)] = (0, 158, 115)
+    codes[black], codes[white] = (94, 60, 153), (230, 97, 1)
     buffer = BytesIO()
     Image.fromarray(codes).save(buffer, format="JPEG", quality=95, subsampling=0)
     return buffer.getvalue()
