@@ -53,11 +53,12 @@ def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[Mask, tu
     Raises CalibrationError where no style has enough.
     """
     usable = unclipped(samples, multipliers)
-    counts = {str(name): int((usable & (samples.style == name)).sum()) for name in np.unique(samples.style)}
+    colours = np.rint(samples.srgb * 255) @ [1 << 16, 1 << 8, 1]  # a colour that a table repeats counts once
+    counts = {str(name): len(np.unique(colours[usable & (samples.style == name)])) for name in np.unique(samples.style)}
     few = {name: count for name, count in counts.items() if count < LEAST_SAMPLES}
     advice = "add shots with more colours, exposed so that neither the JPEG nor the RAW clips"
     notes = tuple(
-        f'style "{name}": {count} unclipped samples; at least {LEAST_SAMPLES} are needed: {advice}'
+        f'style "{name}": {count} unclipped samples of different colours; at least {LEAST_SAMPLES} are needed: {advice}'
         for name, count in few.items()
     )
     if len(few) == len(counts):

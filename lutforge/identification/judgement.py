@@ -77,7 +77,8 @@ class Judgement:
         balances = sorted(best.white_balances.items(), key=lambda each: -each[1])
         told = ", ".join(f"{name} {share:.0%}" for name, share in balances if share >= 0.02)
         certain = " or ".join(self.white_balance) if self.white_balance else "cannot tell"
-        return (first, f"white balance: {certain} ({told})", *self.notes)
+        shares = "" if self.answer is None else f" ({told})"  # they hold where the camera is the one that is named
+        return (first, f"white balance: {certain}{shares}", *self.notes)
 
     def as_json(self) -> dict[str, object]:
         """Return the judgement as plain values, for JSON."""

@@ -42,6 +42,11 @@ def test_all_clipped(model: ModelName, clipped: str) -> None:
     assert "0 unclipped samples" in message and "add shots" in message
 
 
+def test_one_colour_many_times_is_one_sample() -> None:
+    samples = _shots(0)
+    assert "1 unclipped samples of different" in _refusal(samples.select(np.full(200, 20)), _options("lattice"))
+
+
 def _notes(samples: SampleSet, model: ModelName) -> str:
     return "; ".join(calibrate(samples, _options(model)).notes)
 

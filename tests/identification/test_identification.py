@@ -107,6 +107,7 @@ def test_a_picture_by_another_camera_is_not_told(tmp_path: Path, known: list[Ren
     judgement = judge(evidence(tmp_path, photograph(stranger, "other/daylight", 6)), known)
     assert judgement.answer is None
     assert judgement.lines()[0].startswith("cannot tell")
+    assert judgement.lines()[1] == "white balance: cannot tell"
 
 
 def test_a_departed_rendering_is_taken_back_by_its_own_inverse(known: list[Rendering]) -> None:
