@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.model.response import Response
@@ -102,3 +104,20 @@ def test_dark_exposures_do_not_outvote_bright_ones(name: str) -> None:
         fit = fit_matrix_and_response(x, encoded)
         errors.append(error(fit.matrix, fit.response, all_x, all_encoded))
     assert np.mean(errors) <= PLAIN[name] + 0.1 / 255  # a tenth of a code
+
+
+@pytest.mark.parametrize("camera", ["CasioEX-Z55", "NikonD200", "OlympusE10"])
+def test_a_response_of_exposures_does_not_run_away_above_the_brightest(camera: str) -> None:
+    """f⁻¹ at white over f⁻¹ at code 77, from pairs below middle grey, beside what all RAW pairs give.
+
+    It is 0.69 to 1.0 times; with a prior so weak that pairs alone tell the curve, 0.26 to 1.4 times.
+    """
+    samples = read_samples(CHARTS)
+    samples = samples.select(samples.camera == camera)
+    samples = samples.select(middlebury_table().unclipped(samples))
+    of_raw = fit_matrix_and_response(samples.raw * complete_multipliers(samples)[0], samples.srgb).response
+    dark = samples.select(samples.srgb.max(axis=1) < 0.5)
+    of_pairs = fit_response_to_exposures(pairs_of_samples(dark), "thesis").response
+    white, grey = np.stack([each.linearize([[0.3] * 3, [1.0] * 3]) for each in (of_pairs, of_raw)], axis=1)[::-1]
+    ratio = (white / grey)[0] / (white / grey)[1]
+    assert np.all((ratio > 0.65) & (ratio < 1.35)), ratio
