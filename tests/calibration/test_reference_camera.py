@@ -14,6 +14,7 @@ from lutforge.evaluation.methods import RBF
 from lutforge.model.camera_profile import match
 from lutforge.model.response_profile import profile_of_response
 from lutforge.pipeline.calibration import calibrate
+from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
@@ -84,6 +85,26 @@ def test_a_dial_that_is_wrong_for_the_light_needs_nothing_neutral() -> None:
     seen = np.all((before > 0.03) & (before < 0.97) & (wanted > 0.03) & (wanted < 0.97), axis=1)
     after = profile.refinish("standard/tungsten", "standard/daylight")(before)
     assert np.sqrt(np.mean((after[seen] - wanted[seen]) ** 2)) < 0.02
+
+
+def test_shots_that_are_too_dark_do_not_bend_the_response(samples: SampleSet) -> None:
+    """Fitted before the gains, f would take a part of what all shots of some tones have too little RAW by."""
+
+    def log_gains(set_: SampleSet) -> dict[str, float]:
+        carried = own_raw(set_)
+        inside = set_.select(unclipped_colours(set_.srgb, set_.raw))
+        ratio = np.log(carried.samples.raw.sum(axis=1) / (inside.raw @ carried.transfer.T).sum(axis=1))
+        return {str(shot): float(np.median(ratio[inside.shot == shot])) for shot in np.unique(inside.shot)}
+
+    dark = np.char.endswith(samples.shot, "-1")
+    before, after = (
+        log_gains(replace(samples, raw=np.where(dark[:, None], factor * samples.raw, samples.raw)))
+        for factor in (1.0, 0.8)
+    )
+    for balance in BALANCES:
+        change = {stop: after[name] - before[name] for name in before if balance in name for stop in [name[-2:]]}
+        found = np.exp(change.pop("-1") - np.mean(list(change.values())))
+        assert found == pytest.approx(1 / 0.8, abs=0.015)
 
 
 def test_samples_of_another_raw_are_no_measure_of_a_profile(samples: SampleSet) -> None:

@@ -10,7 +10,8 @@ gamut map h leaves alone:
 - Tz_i⁻¹ = Tc⁻¹ Tw_i⁻¹ Ts⁻¹ with diagonal Tw_i, which two white balances and more determine. What they leave open,
   all of Tc for a single one, makes no difference: Ts and h hold it.
 
-Two shutters and two metering systems do not agree to a per cent, nor do clouds: each shot has a gain of its own.
+Two shutters and two metering systems do not agree to a per cent, nor do clouds: each shot has a gain of its own, which
+is fitted with f and Tz.
 
 The way is that of a joint diagonalization: B. N. Flury & W. Gautschi (1986), https://doi.org/10.1137/0907013.
 """
@@ -20,6 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import null_space
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.curve_basis import emor_basis, spline_basis
@@ -66,9 +68,10 @@ def own_raw(samples: SampleSet, options: RobustFitOptions | None = None) -> OwnR
         )
     automatic = np.char.add("auto of ", inside.shot)
     setting = np.where(inside.white_balance == "auto", automatic, inside.white_balance)
-    linear, trust, white = _linear_light(inside, setting, options or RobustFitOptions())
+    linear, trust, white, gain = _linear_light(inside, setting, options or RobustFitOptions())
+    even = replace(inside, raw=gain[:, None] * inside.raw)
     transfer, matrix, balances = _diagonal(
-        {str(name): _inverse(linear, inside, setting == name, str(name)) for name in np.unique(setting)}
+        {str(name): _inverse(linear, even, setting == name, str(name)) for name in np.unique(setting)}
     )
     multipliers = np.array([balances[str(name)] / balances[str(name)][1] for name in setting])
     balanced = inside.raw @ transfer.T * multipliers
@@ -102,15 +105,18 @@ def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: 
 
 def _linear_light(
     samples: SampleSet, setting: NDArray[np.str_], options: RobustFitOptions
-) -> tuple[Array, Array, Array]:
-    """f⁻¹(I) (n, 3) on about one scale, the odds (n,) that h leaves a colour alone, and the style's f⁻¹(1) (n,)."""
-    linear, trust, white = np.zeros_like(samples.raw), np.zeros(len(samples)), np.zeros(len(samples))
+) -> tuple[Array, Array, Array, Array]:
+    """f⁻¹(I) (n, 3) on about one scale, the odds that h leaves a colour alone, the style's f⁻¹(1), and gains, all (n,).
+
+    Gains are those of the shots of a style and a white balance beside each other.
+    """
+    linear, (trust, white, gain) = np.zeros_like(samples.raw), np.zeros((3, len(samples)))
     names, counts = np.unique(samples.style, return_counts=True)
     anchors: dict[str, Array] = {}
     for name in names[np.argsort(-counts)]:
         rows = samples.style == name
         try:
-            fit = _fit_response(samples.raw[rows], samples.srgb[rows], setting[rows], options)
+            fit = _fit_response(samples.select(rows), setting[rows], options)
         except CalibrationError as error:
             raise CalibrationError(f'style "{name}": {error}') from None
         common = [balance for balance in fit.matrices if balance in anchors]
@@ -119,22 +125,28 @@ def _linear_light(
         for balance, matrix in fit.matrices.items():
             anchors.setdefault(balance, scale * matrix)
         linear[rows] = scale * fit.response.linearize(samples.srgb[rows])
-        trust[rows] = fit.trust
+        trust[rows], gain[rows] = fit.trust, fit.gain
         white[rows] = scale * float(fit.response.inverse[-1].max())
-    return linear, trust, white
+    return linear, trust, white, gain
 
 
 @dataclass(frozen=True, eq=False)
 class _StyleFit:
-    """f of a style, Tz (3, 3) by white balance, and the odds (n,) that h leaves a colour alone."""
+    """f of a style, Tz (3, 3) by white balance, gains of shots (n,), and the odds (n,) that h leaves a colour alone."""
 
     response: Response
     matrices: Mapping[str, Array]
+    gain: Array
     trust: Array
 
 
-def _fit_response(raw: Array, encoded: Array, setting: NDArray[np.str_], options: RobustFitOptions) -> _StyleFit:
-    """Fit f and every Tz of a style in robust rounds, as `fit_matrix_and_response` does of one balanced RAW."""
+def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: RobustFitOptions) -> _StyleFit:
+    """Fit f, every Tz and the shots' gains of a style in robust rounds, as `fit_matrix_and_response` does f and Ts.
+
+    A round fits the relative change of the gains, in which f⁻¹(I) = Tz E' (1 + change) is linear. Were they fitted
+    after f, f would bend where the shots of some tones are all too bright, and leave a part of that to them.
+    """
+    raw, encoded = samples.raw, samples.srgb
     names, place = np.unique(setting, return_inverse=True)
     votes = np.bincount(place, neutral_weight(raw, encoded))
     first = int(np.argmax(votes))
@@ -143,28 +155,50 @@ def _fit_response(raw: Array, encoded: Array, setting: NDArray[np.str_], options
     beta = max(options.beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
     near = chroma < options.reach * beta
     mixed = [_columns(raw[near], place[near], first, multipliers, channel) for channel in range(3)]
+    changes = _gain_changes(raw, place, samples.shot)
+    gain, predicted, free = np.ones(len(raw)), np.zeros((near.sum(), 3)), changes.shape[1]
     tones = Tones(encoded[near].mean(axis=1), untouched_odds(chroma[near], beta), options)
     weight, response = tones.prior, srgb_response()
     for spline in (False, True):  # as there: EMoR's shape first, then what it cannot follow
         basis = spline_basis(response.inverse.mean(axis=1)) if spline else emor_basis()
         for _ in range(options.most_rounds):
             slope = encoding_slope(response, encoded[near])
-            fits = [fit_channel(mixed[c], encoded[near, c], weight * slope[:, c] ** 2, basis) for c in range(3)]
+            terms = [
+                np.column_stack([predicted[:, [c]] * changes[near], gain[near, None] * mixed[c]]) for c in range(3)
+            ]
+            fits = [fit_channel(terms[c], encoded[near, c], weight * slope[:, c] ** 2, basis) for c in range(3)]
             response = Response(np.stack([table for table, _ in fits], axis=1))
-            predicted = np.stack([x[:, -1] + x[:, :-1] @ m for x, (_, m) in zip(mixed, fits, strict=True)], axis=1)
+            shares = [m[free:] for _, m in fits]
+            change = changes @ np.mean([m[:free] for _, m in fits], axis=0)
+            gain *= np.exp(np.clip(change, -0.5, 0.5))  # a first step may be far too long
+            light = np.stack([x[:, -1] + x[:, :-1] @ m for x, m in zip(mixed, shares, strict=True)], axis=1)
+            predicted = gain[near, None] * light
             before, weight = weight, tones.weights(np.linalg.norm(response.encode(predicted) - encoded[near], axis=1))
             if np.abs(weight - before).sum() < options.settled * weight.sum():
                 break
     matrices = {str(name): np.zeros((3, 3)) for name in names}
-    for channel, (_, m) in enumerate(fits):
+    for channel, m in enumerate(shares):
         others = [c for c in range(3) if c != channel]
         own = matrices[str(names[first])][channel]
         own[others], own[channel] = m[:2], 1.0 - m[:2].sum()
         own *= multipliers
         for index, balance in enumerate(np.delete(names, first)):
             matrices[str(balance)][channel] = m[2 + 3 * index : 5 + 3 * index]
-    _check(response, np.array([matrices[str(name)] for name in names])[place], raw, encoded, chroma < beta)
-    return _StyleFit(response, matrices, untouched_odds(chroma, beta))
+    of_sample = np.array([matrices[str(name)] for name in names])[place]
+    _check(response, of_sample, gain[:, None] * raw, encoded, chroma < beta)
+    return _StyleFit(response, matrices, gain, untouched_odds(chroma, beta))
+
+
+def _gain_changes(raw: Array, place: NDArray[np.intp], shot: NDArray[np.str_]) -> Array:
+    """The changes of the shots' log gains, sample by sample, that RAW and JPEG tell, as columns (n, q).
+
+    One gain for all shots of a white balance is a part of its Tz; gains that go with the light of the shots are hardly
+    told from a power of f, and shutters do not err so.
+    """
+    _, first, index = np.unique(shot, return_index=True, return_inverse=True)
+    light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 1e-4))) / np.bincount(index)
+    untold = np.vstack([np.unique(place)[:, None] == place[first], light])
+    return np.asarray(null_space(untold, rcond=1e-6)[index])
 
 
 def _columns(raw: Array, place: NDArray[np.intp], first: int, multipliers: Array, channel: int) -> Array:
