@@ -1,11 +1,14 @@
 """`lutforge response`: a bracket of a camera without RAW → a profile with its response."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lutforge.cli.console import ProfileOutput, note, print_table, progress_bar, say
+
+if TYPE_CHECKING:
+    from lutforge.calibration.physical.bracket import BracketFit
 
 
 def response(
@@ -21,10 +24,25 @@ def response(
     all_colours: Annotated[
         bool, typer.Option("--all-colours", help="Count saturated colours, too: for a scene without neutral ones.")
     ] = False,
+    chart: Annotated[
+        str | None,
+        typer.Option(
+            help="The scene shows this chart: classic, classic2014, sg, spyder24, spyder48 or a .json file. The whole "
+            "rendering is calibrated on its colours."
+        ),
+    ] = None,
+    light: Annotated[str, typer.Option(help="The light on the chart: 5500K, D55, A, LED-B3 …")] = "D50",
+    corners: Annotated[
+        str | None,
+        typer.Option(help='The chart\'s outer corners in pixels, clockwise from the first patch: "x,y x,y x,y x,y".'),
+    ] = None,
 ) -> None:
     """Find the response of a camera without RAW from one scene at several exposures, and how exact these were."""
     from lutforge.pipeline.response import parse_times, write_response
 
+    if chart is not None:
+        _of_chart(bracket, output, chart, light, corners, times, camera)
+        return
     with progress_bar("response") as report:
         fitted = write_response(
             bracket, output, None if times is None else parse_times(times), camera=camera, all_colours=all_colours,
@@ -48,6 +66,47 @@ def response(
         ],
     )
     say(f"JPEG values follow the exposure from {255 * fit.black.max():.0f} to {255 * fit.white.min():.0f}")
+    _tell_verdict(fit)
+
+
+def _of_chart(
+    bracket: list[Path], output: Path, chart: str, light: str, corners: str | None, times: str | None, camera: str
+) -> None:
+    """Calibrate on exposures of a chart, and print what they tell."""
+    from lutforge.pipeline.charts import KnownChart, write_input_transform
+    from lutforge.pipeline.response import parse_times
+    from lutforge.samples.chart_kinds import chart_kind, parse_corners
+
+    known = KnownChart(chart_kind(chart), light, None if corners is None else parse_corners(corners))
+    exposure_s = None if times is None else parse_times(times)
+    with progress_bar("response") as report:
+        fitted = write_input_transform(bracket, output, known, exposure_s, camera=camera, progress=report)
+    profile, exposures = fitted.profile, fitted.exposure_s
+    (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
+    say(f"{output}: {profile.camera}, {selector}, of the {known.kind.name} under {light}")
+    kept = {name: len(rows) for name, rows in fitted.samples.by_shot()}
+    print_table(
+        "Exposures",
+        ("shot", "chart", "patches used", "stated, relative", "true / stated", "white beside the chart"),
+        [
+            (
+                name, "found" if name in fitted.found else "", str(kept.get(name, 0)),
+                f"{time / min(exposures.values()):.4g}", f"{fitted.fit.exposure_error.get(name, float('nan')):.3f}",
+                f"{fitted.level[name]:.3g}",
+            )
+            for name, time in exposures.items()
+        ],
+    )  # fmt: skip
+    _tell_verdict(fitted.fit)
+    for text in profile.notes:
+        note(text)
+    for direction, error in profile.styles[selector.partition("/")[0]].errors.items():
+        if direction.endswith("_mean"):
+            say(f"held-out error by shot, {direction.removesuffix('_mean').replace('_', ', ')}: {error:.4f}")
+    say(f"next: lutforge bake {output} linearize --from {selector} --space aces2065-1 -o input.clf")
+
+
+def _tell_verdict(fit: "BracketFit") -> None:
     verdict = fit.verdict
     say(
         f"the response {'is a fixed property of this camera' if verdict.fixed else 'is not the same in all shots'}: "

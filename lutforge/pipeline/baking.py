@@ -1,7 +1,8 @@
 """Use case: a profile and settings → LUT files, each read back and measured."""
 
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,11 @@ from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, write_dcp
 from lutforge.kits.dcp_read import read_dcp
 from lutforge.kits.kit import look_of
 from lutforge.luts.bake import bake_forms
+from lutforge.luts.formats.clf import ACES_ID
 from lutforge.luts.formats.clf import KINDS as PROCESS_LISTS
 from lutforge.luts.input_and_output import input_and_output_of
 from lutforge.luts.programs import files_for, program_named, target_of
-from lutforge.luts.sequence import format_of
+from lutforge.luts.sequence import Lut, format_of
 from lutforge.luts.steps import bake_steps
 from lutforge.luts.verify import FileError, compare, verify
 from lutforge.model.camera_profile import CameraProfile, as_profile
@@ -101,7 +103,7 @@ def bake_files(
             for at in np.flatnonzero(stepwise):
                 luts.insert(int(at), steps)
     files = [_bake_camera_profile(camera, wanted, path) for path in camera_profiles]
-    for path, lut in zip(named, luts, strict=True):
+    for path, lut in zip(named, _with_aces_id(luts, chosen), strict=True):
         error = verify(lut.write(path), chosen.transform, lut, display_referred=kind != "linearize")
         files.append(BakedFile(path, f"{lut.summary}, {lut.interpolation}", error))
         if kind == "linearize" and format_of(path).bits is not None:
@@ -109,6 +111,19 @@ def bake_files(
     files.sort(key=lambda file: file.error.mean)
     told = ("; ".join(ends.comments),) if kind in ("render", "linearize") else ()
     return BakedFiles(tuple(files), (*chosen.notes, *notes, *told, *_how_to_load(files[0].path, program)))
+
+
+def _with_aces_id(luts: Sequence[Lut], chosen: DescribedTransform) -> list[Lut]:
+    """The LUTs, those of an input transform with an id such as "…:CSC.LutForge.Drone_7_standard_auto_to_ACES.a2.v1".
+
+    Its form is that of the transforms of ACES 2: type, namespace, name, version of ACES, own version. Source:
+    https://docs.acescentral.com/system-components/transform-ids/ (ACES Transform Identifiers).
+    """
+    if chosen.kind != "linearize" or chosen.space != "aces2065-1":
+        return list(luts)
+    name = re.sub(r"[^A-Za-z0-9]+", "_", chosen.title.removesuffix(" to aces2065-1")).strip("_")
+    identity = f"urn:ampas:aces:transformId:v2.0:CSC.LutForge.{name}_to_ACES.a2.v1"
+    return [replace(lut, metadata={ACES_ID: identity}) for lut in luts]
 
 
 def _how_to_load(path: Path, program: str | None) -> tuple[str, ...]:

@@ -48,7 +48,7 @@ def response_from_bracket(
     Raises CalibrationError, with what to shoot, where the bracket does not determine a response; ImageError.
     """
     files = [Path(path) for path in paths]
-    return _fit(files, _stated(files) if exposure_s is None else exposure_s, beta, silent)
+    return _fit(files, stated_exposures(files) if exposure_s is None else exposure_s, beta, silent)
 
 
 def write_response(
@@ -68,11 +68,8 @@ def write_response(
     """
     check_output(output, PROFILE_SUFFIXES, bracket)
     with scratch_folder() as folder:
-        if len(bracket) == 1 and bracket[0].suffix.lower() in VIDEO_SUFFIXES:
-            files = _frames(bracket[0], len(exposure_s or ()), folder)
-        else:
-            files = [file for path in bracket for file in _pictures(path)]
-        times = _stated(files) if exposure_s is None else exposure_s
+        files = bracket_files(bracket, len(exposure_s or ()), folder)
+        times = stated_exposures(files) if exposure_s is None else exposure_s
         fit = _fit(files, times, 1.0 if all_colours else BETA, progress)
         settings = read_picture_settings(files[0])
     profile = profile_of_response(
@@ -104,7 +101,15 @@ def _fit(files: Sequence[Path], times: Sequence[float], beta: float, progress: P
     return fit_bracket(pairs_of_bracket([file.name for file in files], pixels(), times), beta)
 
 
-def _stated(files: Sequence[Path]) -> list[float]:
+def bracket_files(bracket: Sequence[Path], count: int, folder: Path) -> list[Path]:
+    """The pictures of a bracket; of a film one frame for each of `count` exposures, written to a folder."""
+    if len(bracket) == 1 and bracket[0].suffix.lower() in VIDEO_SUFFIXES:
+        return _frames(bracket[0], count, folder)
+    return [file for path in bracket for file in _pictures(path)]
+
+
+def stated_exposures(files: Sequence[Path]) -> list[float]:
+    """Relative exposures that the files state. Raises CalibrationError where one states none."""
     times = [stated_exposure(file) for file in files]
     for file, time in zip(files, times, strict=True):
         if not time > 0:

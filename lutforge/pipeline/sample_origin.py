@@ -4,6 +4,9 @@ from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.samples.sample_set import SampleSet
 
+CHART = "chart "
+"""What the developer of samples begins with whose RAW is the known colours of a chart."""
+
 
 def origin_of(samples: SampleSet) -> dict[str, str]:
     """Name the space and the program of pictures that stand in the place of RAW; empty for RAW.
@@ -21,6 +24,11 @@ def origin_of(samples: SampleSet) -> dict[str, str]:
 def developer_of(profile: CameraProfile) -> str:
     """The program and version, or the pictures, that stood in the place of RAW; empty for RAW."""
     return str(profile.options.get("developer") or "")
+
+
+def is_of_chart(profile: CameraProfile) -> bool:
+    """True where the known colours of a chart stood in the place of RAW: an input transform of a camera without RAW."""
+    return developer_of(profile).startswith(CHART)
 
 
 def space_of(profile: CameraProfile) -> str:

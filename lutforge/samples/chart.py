@@ -1,23 +1,24 @@
-"""The 24-patch ColorChecker: found in a camera's JPEG, verified, and its patches sampled in JPEG and RAW.
+"""Colour charts: found in a camera's JPEG, verified, and their patches sampled in JPEG and RAW.
 
-The search is colour-checker-detection's segmentation, an optional package. What it finds is only believed
-where the patches have a ColorChecker's colours in a ColorChecker's places: a false chart is worse than none.
+The search is OpenCV's (Macbeth chart detection, in its objdetect module since version 5), an optional package. What it
+finds is only believed where the patches have the chart's colours in the chart's places: a false chart is worse than
+none.
 """
 
 import importlib
-import importlib.util
-import logging
-import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.optimize import least_squares
 
 from lutforge.arrays import Array, Pixels
+from lutforge.samples.chart_kinds import ChartKind, chart_kind
 from lutforge.samples.clipping import Clipping, Extremes, clipping
 from lutforge.shots.shot import Shot
-
-COLUMNS, ROWS = 6, 4
 
 # sRGB codes of the chart (after November 2014), rows from dark skin to black: the values that
 # colour-science's CCS_COLOURCHECKERS gives through XYZ_to_sRGB, rounded and cut to [0, 255].
@@ -51,33 +52,34 @@ REFERENCE = np.array(
     dtype=np.float64,
 )
 
-_log = logging.getLogger(__name__)
+RESEMBLANCE = 0.85
+"""Share of the variance of a chart's chroma that an affine map of the published colours explains, at least."""
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
     """A chart that was found in a JPEG.
 
-    corners: (4, 2) x, y in JPEG pixels, at the outer corners of the dark skin, bluish green, black and white patches'
-    pitch (top left, top right, bottom right, bottom left of the upright chart).
+    corners: (4, 2) x, y in JPEG pixels, at the outer corners of the corner patches' pitch (top left, top right, bottom
+    right, bottom left of the upright chart; of a ColorChecker dark skin, bluish green, black and white).
     """
 
     corners: Array
+    kind: ChartKind = field(default_factory=partial(chart_kind, "classic"))
 
     def patches(self) -> Array:
-        """(24, 4, 2) corners of the sampled square in each patch, x, y in JPEG pixels, row by row.
+        """(n, 4, 2) corners of the sampled square in each patch, x, y in JPEG pixels, row by row.
 
         Its side is 0.4 of the patches' pitch: about the inner half of a patch.
         """
-        column, row = np.meshgrid(np.arange(COLUMNS), np.arange(ROWS))
-        centres = np.stack([column.ravel() + 0.5, row.ravel() + 0.5], axis=1)
         square = 0.4 / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        return _project(_homography(self.corners), centres[:, None, :] + square)
+        homography = _homography(self.kind.outline, self.corners)
+        return _project(homography, self.kind.centres[:, None, :] + square)
 
 
 @dataclass(frozen=True, eq=False)
 class ChartSamples:
-    """Patch means of a found chart: JPEG codes (24, 3), RAW (24, 3) (NaN outside the RAW), and what is clipped."""
+    """Patch means of a found chart: JPEG codes (n, 3), RAW (n, 3) (NaN outside the RAW), and what is clipped."""
 
     codes: Array
     raw: Array
@@ -86,28 +88,38 @@ class ChartSamples:
 
 def detector_note() -> str | None:
     """Why charts are not searched for, in one line; None where they are."""
-    if importlib.util.find_spec("colour_checker_detection") is None:
-        return "charts are not searched for (pip install 'lutforge[chart]' if the shot shows a ColorChecker)"
     try:
-        importlib.import_module("cv2")
+        cv2 = importlib.import_module("cv2")
     except ImportError as error:
+        if error.name == "cv2":
+            return "charts are not searched for (pip install 'lutforge[chart]' if the shot shows a ColorChecker)"
         reason = " ".join(str(error).split())[:80]
-        return f"charts are not searched for: OpenCV does not load ({reason}); install opencv-python-headless"
+        return f"charts are not searched for: OpenCV does not load ({reason}); install opencv-contrib-python-headless"
+    if not hasattr(getattr(cv2, "mcc", None), "MCC24"):
+        return "charts are not searched for: OpenCV 5 finds them; pip install --upgrade 'lutforge[chart]'"
     return None
 
 
-def find_chart(jpeg: NDArray[np.uint8]) -> Chart | None:
-    """The ColorChecker in a JPEG (h, w, 3), in any rotation; None where there is none, or no detector."""
-    if detector_note() is not None:
+def find_chart(jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference: Array | None = None) -> Chart | None:
+    """The chart in a JPEG (h, w, 3), in any rotation; None where there is none, or no detector.
+
+    kind: a ColorChecker Classic unless another is named; reference: (n, 3) the sRGB codes of another layout.
+    """
+    kind = kind or chart_kind("classic")
+    if not kind.detector or detector_note() is not None:
         return None
-    best: tuple[float, Chart] | None = None
-    for quadrilateral in _detect(jpeg):
-        for turn in range(4):
-            chart = Chart(np.roll(quadrilateral, turn, axis=0))
-            score = likeness(*_jpeg_patches(jpeg, chart))
-            if score is not None and (best is None or score > best[0]):
-                best = (score, chart)
-    return best[1] if best else None
+    turned = [Chart(np.roll(corners, turn, axis=0), kind) for corners in _detect(jpeg, kind) for turn in range(4)]
+    scores = [_score(patch_codes(jpeg, chart), reference) for chart in turned]
+    best = int(np.argmax(scores)) if scores else 0
+    return turned[best] if scores and scores[best] >= RESEMBLANCE else None
+
+
+def _score(patches: Array, reference: Array | None) -> float:
+    """How like a chart patches are, in [0, 1], of `patch_codes`; reference: None for a ColorChecker Classic."""
+    codes, deviation = patches[:2]
+    if reference is None:
+        return likeness(codes, deviation) or 0.0
+    return resemblance(codes, reference) if _is_plain(codes, deviation) else 0.0
 
 
 def likeness(codes: Array, deviation: Array) -> float | None:
@@ -117,7 +129,7 @@ def likeness(codes: Array, deviation: Array) -> float | None:
     12 codes at most), a last row of greys that darken step by step without changing tint by over a quarter, colours
     (5 codes from grey, root mean square), of whose variance an affine map of the published ones explains 0.85.
     """
-    if not np.isfinite(codes).all() or float(np.median(deviation.max(axis=1))) > 12.0:
+    if not _is_plain(codes, deviation):
         return None
     greys = codes[18:]
     luma = greys @ np.array([0.299, 0.587, 0.114])
@@ -131,75 +143,93 @@ def likeness(codes: Array, deviation: Array) -> float | None:
     tints = middle / middle.mean(axis=1, keepdims=True)
     if np.abs(tints - tints.mean(axis=0)).max() > 0.25:
         return None
-    design = np.column_stack([REFERENCE, np.ones(24)])
+    score = resemblance(codes, REFERENCE)
+    return score if score >= RESEMBLANCE else None
+
+
+def resemblance(codes: Array, reference: Array) -> float:
+    """The share of the variance of chroma that an affine map of the reference explains; both (n, 3) in codes.
+
+    It is 0 where there is hardly any colour. Brightness does not count: it would make any dark-to-light grid alike.
+    """
+    design = np.column_stack([reference, np.ones(len(reference))])
     residual = codes - design @ np.linalg.lstsq(design, codes, rcond=None)[0]
-    # Colour only: brightness alone would make any dark-to-light grid alike.
     chroma = codes - codes.mean(axis=1, keepdims=True)
     if float((chroma**2).mean()) < 5.0**2:
-        return None
+        return 0.0
     residual_chroma = residual - residual.mean(axis=1, keepdims=True)
-    score = 1 - float((residual_chroma**2).sum() / (chroma**2).sum())
-    return score if score >= 0.85 else None
+    return 1.0 - float((residual_chroma**2).sum() / (chroma**2).sum())
+
+
+def _is_plain(codes: Array, deviation: Array) -> bool:
+    return bool(np.isfinite(codes).all()) and float(np.median(deviation.max(axis=1))) <= 12.0
 
 
 def sample_chart(shot: Shot, chart: Chart, saturation: Array) -> ChartSamples:
     """Means over the same squares in JPEG and RAW. saturation: (3,) see `clipping.saturation_levels`."""
     registration, size = shot.registration, shot.raw.pixel_size
-    codes, raw = np.full((24, 3), np.nan), np.full((24, 3), np.nan)
-    limits = np.full((4, 24, 3), np.nan)
     offset = np.array([registration.offset_x, registration.offset_y])
+    in_array = Chart((registration.scale * chart.corners + offset - (size - 1) / 2) / size, chart.kind)
+    codes, _, least_code, greatest_code = patch_codes(shot.jpeg, chart)
+    raw, _, least, greatest = patch_codes(shot.raw.pixels, in_array)
+    outside = np.isnan(codes) | np.isnan(raw)
+    clipped = clipping(Extremes(least_code, greatest_code), Extremes(least, greatest), saturation)
+    return ChartSamples(np.where(outside, np.nan, codes), np.where(outside, np.nan, raw), clipped)
+
+
+def _detect(jpeg: NDArray[np.uint8], kind: ChartKind) -> list[Array]:
+    """Candidate quadrilaterals (4, 2) in JPEG pixels, around the pitches of the corner patches, clockwise."""
+    cv2: Any = importlib.import_module("cv2")
+    scale = min(1.0, 1000.0 / max(jpeg.shape))  # the detector brings smaller pictures up to this
+    small = cv2.resize(jpeg[..., 2::-1], None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    detector = cv2.mcc.CCheckerDetector.create()
+    detector.setColorChartType(getattr(cv2.mcc, kind.detector))
+    try:
+        found = detector.getListColorChecker() if detector.process(small, 4) else ()
+    except cv2.error:  # pictures without contours; no chart is never an error
+        return []
+    grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float64)
+    candidates = []
+    for one in found:
+        patches = np.asarray(one.getColorCharts(), dtype=np.float64).reshape(-1, 4, 2)
+        matrix, _ = cv2.findHomography(kind.centres, patches.mean(axis=1))
+        corners = np.zeros((4, 2)) if matrix is None else _project(matrix, kind.outline)
+        across, down = corners[1] - corners[0], corners[3] - corners[0]
+        area = across[0] * down[1] - across[1] * down[0]
+        if np.abs(area) > 400.0 * 0.01 * len(kind.centres):  # OpenCV gives points, too
+            # OpenCV counts the rows of some charts from below.
+            corners = _refined(grey, corners if area > 0 else corners[::-1], kind)
+            candidates.append((corners + 0.5) / scale - 0.5)
+    return candidates
+
+
+def _refined(grey: Array, corners: Array, kind: ChartKind) -> Array:
+    """The corners (4, 2), moved to where the patches of a grey picture (h, w) are plainest.
+
+    OpenCV's are off by up to a quarter of a pitch. Points over most of each patch should have the patch's mean.
+    """
+    pitch = float(np.linalg.norm(corners[2] - corners[0]) / np.linalg.norm(kind.outline[2]))
+    blurred = gaussian_filter(grey, 0.08 * pitch)  # so that edges pull from afar
+    side = np.linspace(-0.38, 0.38, 7)
+    points = kind.centres[:, None, :] + np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+
+    def departures(moved: Array) -> Array:
+        x, y = np.moveaxis(_project(_homography(kind.outline, moved.reshape(4, 2)), points), -1, 0)
+        values = map_coordinates(blurred, [y, x], order=1, mode="nearest")
+        return np.asarray((values - values.mean(axis=1, keepdims=True)).ravel())
+
+    options: Any = {"loss": "soft_l1", "f_scale": 4.0, "diff_step": 1e-3, "x_scale": pitch, "max_nfev": 30}
+    return np.asarray(least_squares(departures, corners.ravel(), **options).x.reshape(4, 2))
+
+
+def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> Array:
+    """(4, n, 3): mean, standard deviation, least and greatest value in each patch; NaN where it leaves the picture."""
+    told = np.full((4, len(chart.kind.centres), 3), np.nan)
     for index, corners in enumerate(chart.patches()):
-        in_jpeg = _pixels_inside(shot.jpeg, corners).astype(np.float64)
-        in_array = (registration.scale * corners + offset - (size - 1) / 2) / size
-        in_raw = _pixels_inside(shot.raw.pixels, in_array).astype(np.float64)
-        if len(in_jpeg) and len(in_raw):
-            codes[index], raw[index] = in_jpeg.mean(axis=0), in_raw.mean(axis=0)
-            limits[:, index] = (
-                in_jpeg.min(axis=0),
-                in_jpeg.max(axis=0),
-                in_raw.min(axis=0),
-                in_raw.max(axis=0),
-            )
-    return ChartSamples(
-        codes, raw, clipping(Extremes(limits[0], limits[1]), Extremes(limits[2], limits[3]), saturation)
-    )
-
-
-def _detect(jpeg: NDArray[np.uint8]) -> list[Array]:
-    """Candidate quadrilaterals, (4, 2) in JPEG pixels, clockwise from the top right corner."""
-    # The detector turns portrait pictures; turned here, the way back is known.
-    turned = jpeg.shape[0] > jpeg.shape[1]
-    picture = np.ascontiguousarray(np.rot90(jpeg)) if turned else jpeg
-    width = picture.shape[1]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about optional packages that the detector's other methods want
-        try:
-            detection = importlib.import_module("colour_checker_detection")
-            found = detection.detect_colour_checkers_segmentation(
-                picture.astype(np.float32) / 255, additional_data=True
-            )
-        except Exception as error:
-            # OpenCV raises its own and NumPy's errors on pictures without contours; no chart is never an
-            # error.
-            _log.debug("chart detector: %s", error)
-            return []
-    working = detection.SETTINGS_SEGMENTATION_COLORCHECKER_CLASSIC["working_width"]
-    quadrilaterals = []
-    for candidate in found:
-        corners = (np.asarray(candidate.quadrilateral, dtype=np.float64) + 0.5) * (width / working) - 0.5
-        if turned:  # rot90: x of the turned picture is y of the JPEG, its y runs against x
-            corners = np.stack([jpeg.shape[1] - 1 - corners[:, 1], corners[:, 0]], axis=1)
-        quadrilaterals.append(np.roll(corners, 1, axis=0))  # starts at the top left
-    return quadrilaterals
-
-
-def _jpeg_patches(jpeg: NDArray[np.uint8], chart: Chart) -> tuple[Array, Array]:
-    mean, deviation = np.full((24, 3), np.nan), np.full((24, 3), np.nan)
-    for index, corners in enumerate(chart.patches()):
-        pixels = _pixels_inside(jpeg, corners)
+        pixels = _pixels_inside(picture, corners)
         if len(pixels):
-            mean[index], deviation[index] = pixels.mean(axis=0), pixels.std(axis=0)
-    return mean, deviation
+            told[:, index] = pixels.mean(axis=0), pixels.std(axis=0), pixels.min(axis=0), pixels.max(axis=0)
+    return told
 
 
 def _pixels_inside(image: NDArray[np.uint8] | Pixels, corners: Array) -> Array:
@@ -215,11 +245,10 @@ def _pixels_inside(image: NDArray[np.uint8] | Pixels, corners: Array) -> Array:
     return pixels
 
 
-def _homography(corners: Array) -> Array:
-    """(3, 3) from chart coordinates (x 0–6, y 0–4) to JPEG pixels."""
-    source = np.array([[0, 0], [COLUMNS, 0], [COLUMNS, ROWS], [0, ROWS]], dtype=np.float64)
+def _homography(outline: Array, corners: Array) -> Array:
+    """(3, 3) from chart coordinates, whose outline is (4, 2) in pitches, to JPEG pixels."""
     rows = []
-    for (x, y), (u, v) in zip(source, corners, strict=True):
+    for (x, y), (u, v) in zip(outline, corners, strict=True):
         rows.append([x, y, 1, 0, 0, 0, -u * x, -u * y])
         rows.append([0, 0, 0, x, y, 1, -v * x, -v * y])
     solution = np.linalg.solve(np.array(rows), corners.ravel())

@@ -18,7 +18,7 @@ from lutforge.shots.read import TURNS
 from lutforge.shots.shot import Shot
 
 FEW_TILES = 100
-"""A shot with fewer tiles within the first two limits may use the hard bound, and is told about charts."""
+"""A shot with fewer tiles within the first two limits may use the hard bound, and is searched for a chart."""
 
 
 FATES = ("kept", "clipped", "outside the RAW", "not flat", "RAW and JPEG disagree", "colour already covered")
@@ -68,16 +68,16 @@ class ShotSamples:
 
 
 def extract(shot: Shot) -> ShotSamples:
-    """Sample a shot: the patches of a ColorChecker where one is found, and flat tiles that cover its colours evenly.
+    """Sample a shot: flat tiles that cover its colours evenly, and where they are few the patches of a ColorChecker.
 
     A shot that gives nothing has an empty set, and a note that says why. Raises nothing of its own.
     """
     saturation = saturation_levels(shot.raw.pixels)
     tiles = _tiles(shot, saturation)
-    patches = _patches(shot, saturation)
+    few = len(tiles.samples) < FEW_TILES
+    patches = _patches(shot, saturation, searched=few)
     clipped = {key: tiles.clipped.get(key, 0) + patches.clipped.get(key, 0) for key in tiles.clipped}
-    # That charts are not searched for matters where the scene itself gives little.
-    notes = [*tiles.notes, *(patches.notes if len(tiles.samples) < FEW_TILES else ())]
+    notes = [*tiles.notes, *patches.notes]
     samples = concatenate([patches.samples, tiles.samples])
     if len(samples) == 0:
         notes.insert(0, _why_nothing(clipped, tiles.rejected))
@@ -132,11 +132,11 @@ def _cells(shot: Shot, jpeg: Array, raw: Array, fate: NDArray[np.uint8]) -> Shot
     return ShotCells(np.rot90(jpeg8, turns), np.rot90(raw8, turns), np.rot90(fate, turns))
 
 
-def _patches(shot: Shot, saturation: Array) -> ShotSamples:
+def _patches(shot: Shot, saturation: Array, searched: bool) -> ShotSamples:
     empty = np.zeros((0, 3))
     nothing = _sample_set(shot, [], empty, empty, empty[:, :2])
-    missing = detector_note()
-    chart = find_chart(shot.jpeg) if missing is None else None
+    missing = detector_note() if searched else None
+    chart = find_chart(shot.jpeg) if searched and missing is None else None
     if chart is None:
         return ShotSamples(shot.name, nothing, 0, 0, {}, {}, (missing,) if missing else ())
     sampled = sample_chart(shot, chart, saturation)

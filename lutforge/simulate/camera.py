@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
-from lutforge.colour.srgb import SRGB_TO_XYZ
-from lutforge.errors import SettingsError
-from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse
-from lutforge.simulate.spectra import (
+from lutforge.colour.spectra import (
     chart_reflectances,
     light,
     linear_srgb_under,
     sensitivities,
     surface_reflectances,
 )
+from lutforge.colour.srgb import SRGB_TO_XYZ
+from lutforge.errors import SettingsError
+from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse
 
 LIGHT_OF_WHITE_BALANCE: Mapping[str, float | str] = MappingProxyType(
     {

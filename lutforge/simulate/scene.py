@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lutforge.arrays import Array, Mask, Pixels
+from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.errors import ImageError
 from lutforge.simulate.camera import SimulatedCamera
-from lutforge.simulate.spectra import chart_reflectances, surface_reflectances
 
 
 @dataclass(frozen=True, eq=False)

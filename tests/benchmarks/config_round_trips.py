@@ -26,6 +26,7 @@ from scipy.stats import qmc
 
 import lutforge as lf
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.colour.spectra import WAVELENGTHS, light
 from lutforge.images.read import read_image
 from lutforge.inverse.baked_render import BakedRender
 from lutforge.inverse.colours import as_8_bit
@@ -38,7 +39,6 @@ from lutforge.ocio.lut_files import compact
 from lutforge.ocio.renderings import Rendering, baked, renderings
 from lutforge.simulate.camera import SimulatedStyle, SimulatedWhiteBalance, _fit_matrix, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.demo import demo_shots
-from lutforge.simulate.spectra import WAVELENGTHS, light
 from tests.benchmarks.unseen_cameras import Logarithm, UnseenCamera, photographed, simulated, unseen_camera
 
 Array = NDArray[np.float64]

@@ -24,6 +24,7 @@ from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.plausibility.check import implausible
 from lutforge.calibration.plausibility.colour_chain import curve_terms
 from lutforge.calibration.plausibility.whole_set import ADOBE_RGB_TO_SRGB, Colours, fitted_chain
+from lutforge.colour.spectra import WAVELENGTHS, chart_reflectances
 from lutforge.colour.srgb import srgb_decode
 from lutforge.model.diagnosis import Diagnosis
 from lutforge.samples.sample_set import SampleSet, concatenate
@@ -36,7 +37,6 @@ from lutforge.simulate.camera import (
     nikon_d5100,
     sigma_sd_merrill,
 )
-from lutforge.simulate.spectra import WAVELENGTHS, chart_reflectances
 from tests.benchmarks.unseen_cameras import UnseenCamera, _gamut_map, _light, _response
 from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
 from tests.real_data import CHARTS, S40, read_published_pairs

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer
+from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.scene import palette
-from lutforge.simulate.spectra import chart_reflectances, surface_reflectances
 
 FORMS: tuple[Form, ...] = ("matrix", "piecewise", "root-polynomial")
 NOISE = 0.002

@@ -24,6 +24,7 @@ from lutforge.calibration.options import Preset
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages, linearize, render
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style_data import unclipped
+from lutforge.colour.spectra import WAVELENGTHS, light
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import (
@@ -36,7 +37,6 @@ from lutforge.simulate.camera import (
     sigma_sd_merrill,
 )
 from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse, invert_increasing
-from lutforge.simulate.spectra import WAVELENGTHS, light
 from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
 
 Array = NDArray[np.float64]

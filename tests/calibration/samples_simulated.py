@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import SimulatedCamera
-from lutforge.simulate.spectra import chart_reflectances, surface_reflectances
 
 Array = NDArray[np.float64]
 

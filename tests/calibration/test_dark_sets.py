@@ -16,10 +16,10 @@ from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_res
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.colour.spectra import chart_reflectances
 from lutforge.model.response import Response
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.spectra import chart_reflectances
 from tests.calibration.samples_simulated import photograph_patches, surfaces
 from tests.real_data import CHARTS, read_published_pairs
 

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer, pair_samples
+from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.errors import CalibrationError
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.scene import palette
-from lutforge.simulate.spectra import chart_reflectances, surface_reflectances
 from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 A, B = nikon_d5100(), sigma_sd_merrill()

@@ -10,6 +10,7 @@ from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
+from lutforge.colour.spectra import surface_reflectances
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import SettingsError
 from lutforge.luts.bake import bake
@@ -21,7 +22,6 @@ from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.transforms import TransformRequest, transform
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.spectra import surface_reflectances
 from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 SETTING = "standard/auto"

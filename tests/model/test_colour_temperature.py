@@ -13,8 +13,8 @@ from lutforge.colour.colour_temperature import (
     white,
     white_of,
 )
+from lutforge.colour.spectra import light
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.simulate.spectra import light
 
 
 def uv_of_spectrum(name: float | str) -> NDArray[np.float64]:

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.spectra import WAVELENGTHS, light, surface_reflectances
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.white_balance import WhiteBalance, resolve, temperature_range
 from lutforge.settings import Kelvin, Multipliers
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.spectra import WAVELENGTHS, light, surface_reflectances
 
 CAMERA = nikon_d5100()
 MATRIX = CAMERA.matrix

@@ -1,6 +1,7 @@
 """Charts: a ColorChecker is believed, anything else is not, and its patches are where they are."""
 
 import importlib.util
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,16 +9,19 @@ import polars as pl
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.colour.srgb import srgb_encode
+from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
-from lutforge.samples.chart import REFERENCE, Chart, detector_note, find_chart, likeness, sample_chart
+from lutforge.samples.chart import REFERENCE, Chart, detector_note, find_chart, likeness, patch_codes, sample_chart
+from lutforge.samples.chart_kinds import chart_kind, parse_corners
 from lutforge.samples.extract import extract
 from lutforge.shots.read import read_shot
+from tests.calibration.charts_simulated import chart_picture
 from tests.samples.samples_synthetic import MULTIPLIERS, render, synthetic_shot
 
 PLAIN = np.ones((24, 3))
 needs_detector = pytest.mark.skipif(
-    importlib.util.find_spec("colour_checker_detection") is None,
-    reason="needs the optional package colour-checker-detection",
+    importlib.util.find_spec("cv2") is None, reason="needs the optional package opencv-contrib-python-headless"
 )
 
 
@@ -93,7 +97,7 @@ def test_patches_outside_the_picture_are_left_out() -> None:
 
 
 def test_without_the_detector(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
+    monkeypatch.setitem(sys.modules, "cv2", None)
     note = detector_note()
     assert note is not None
     assert "pip install 'lutforge[chart]'" in note
@@ -106,7 +110,6 @@ def test_without_the_detector(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_real_chart_against_its_own_tiles(shared_data: Path) -> None:
     shot = read_shot(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
-    # where colour-checker-detection 0.2.3 finds it
     corners = np.array([[38.8, 37.9], [585.9, 28.6], [592.2, 397.9], [45.1, 406.8]])
     result = sample_chart(shot, Chart(corners), np.ones(3))
     assert not result.clipping.any.any()
@@ -124,6 +127,7 @@ def test_real_chart_against_its_own_tiles(shared_data: Path) -> None:
     [
         "chart_jpegs/Canon_PowerShot_G6_IMG_0003.JPG",
         "chart_jpegs/Kodak_DC280_DCP_4394.JPG",
+        "chart_jpegs/Olympus_C-5050_PB180005.JPG",
         "chart_jpegs/Pentax_ist_DL_IMGP6667.JPG",
         "canon_powershot_s40/IMG_0102.JPG",
     ],
@@ -140,6 +144,77 @@ def test_charts_of_many_cameras_are_found(name: str, shared_data: Path) -> None:
 
 
 @needs_detector
+@pytest.mark.slow
+def test_every_real_chart_is_found(shared_data: Path) -> None:
+    files = sorted((shared_data / "chart_jpegs").glob("*.JPG"))
+    found = [find_chart(np.rint(read_image(file).pixels * 255).astype(np.uint8)) is not None for file in files]
+    assert len(found) == 6 and all(found)
+
+
+@needs_detector
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("turns", [0, 1, 2])
+def test_the_140_patches_are_found_in_their_places(turns: int) -> None:
+    kind = chart_kind("sg")
+    colours = kind.linear_srgb()
+    codes = 255 * srgb_encode(np.clip(colours, 0, 1))
+    picture = np.rot90(np.rint(chart_picture(codes, kind, background=0.4)).astype(np.uint8), turns)
+    chart = find_chart(np.ascontiguousarray(picture), kind, codes)
+    assert chart is not None
+    mean = patch_codes(np.ascontiguousarray(picture), chart)[0]
+    np.testing.assert_allclose(mean, codes, atol=1.0)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_charts_have_colours_for_all_their_patches() -> None:
+    for name, patches in (("classic", 24), ("classic2014", 24), ("sg", 140), ("spyder24", 24), ("spyder48", 48)):
+        kind = chart_kind(name)
+        colours = kind.linear_srgb("D50")
+        assert colours.shape == (len(kind.centres), 3) == (patches, 3)
+        assert colours.max() < 1.2 and kind.source and kind.name
+        white = colours[np.argmax(colours.sum(axis=1))]
+        assert white.min() > 0.8 * white.max() > 0.6  # every chart has a white patch
+    old, new = (chart_kind(name).linear_srgb("D50") for name in ("classic", "classic2014"))
+    assert 0.001 < np.abs(old - new).mean() < 0.02  # two makes of one chart, reflectances and published colours
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_light_changes_what_reflectances_look_like() -> None:
+    kind = chart_kind("classic")
+    daylight, bulb = kind.linear_srgb("5500K"), kind.linear_srgb("A")
+    assert np.abs(daylight - bulb).max() > 0.02
+    np.testing.assert_allclose(bulb[21] / bulb[21].mean(), 1.0, atol=0.05)  # grey stays grey: adapted to the light
+    np.testing.assert_allclose(kind.linear_srgb("2856K"), bulb, atol=0.002)  # illuminant A is such a black body
+    for light, said in (("moonlight", "name a temperature"), ("900000K", "name a temperature"), ("26000K", "25000 K")):
+        with pytest.raises(CalibrationError, match=said):
+            kind.linear_srgb(light)
+
+
+def test_own_charts_are_files(tmp_path: Path) -> None:
+    own = tmp_path / "own.json"
+    own.write_text('{"columns": [0.5, 1.5], "rows": [0.5], "lab": [[50, 0, 0], [90, 0, 0]]}')
+    assert len(chart_kind(str(own)).centres) == 2
+    for text, said in (
+        ('{"columns": [0.5, 1.5], "rows": [0.5], "lab": [[50, 0, 0]]}', "2 patches"),
+        ('{"columns": [1.5, 0.5], "rows": [0.5], "lab": [[50, 0, 0], [90, 0, 0]]}', "rise"),
+        ('{"rows": [0.5]}', "cannot be read as a chart"),
+        ("[" * 100_000, "cannot be read as a chart"),
+    ):
+        own.write_text(text)
+        with pytest.raises(CalibrationError, match=said):
+            chart_kind(str(own))
+    with pytest.raises(CalibrationError, match="spyder48"):
+        chart_kind("spyder96")
+
+
+def test_corners_are_four_points() -> None:
+    np.testing.assert_array_equal(parse_corners("1,2 30,4.5 5,6 7,8"), [[1, 2], [30, 4.5], [5, 6], [7, 8]])
+    with pytest.raises(CalibrationError, match="four points"):
+        parse_corners("1,2 3,4")
+
+
+@needs_detector
+@pytest.mark.slow
 def test_no_chart_is_found_where_there_is_none(shared_data: Path) -> None:
     for name in ("CRW_0104", "CRW_0112", "CRW_0117"):  # 0104 shows part of a chart
         assert find_chart(read_shot(shared_data / "canon_powershot_s40" / f"{name}.CRW").jpeg) is None

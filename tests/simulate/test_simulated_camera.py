@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.colour.srgb import srgb_decode, srgb_encode
-from lutforge.errors import ProfileError, SettingsError
-from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse, invert_increasing
-from lutforge.simulate.spectra import (
+from lutforge.colour.spectra import (
     WAVELENGTHS,
     chart_reflectances,
     light,
     linear_srgb_under,
     surface_reflectances,
 )
+from lutforge.colour.srgb import srgb_decode, srgb_encode
+from lutforge.errors import ProfileError, SettingsError
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse, invert_increasing
 
 CAMERAS = [nikon_d5100(), sigma_sd_merrill()]
 CAMERA = pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: camera.model)

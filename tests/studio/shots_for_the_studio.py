@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from lutforge.colour.spectra import surface_reflectances
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.scenes import still_life
-from lutforge.simulate.spectra import surface_reflectances
 
 STYLES = ("standard", "vivid")
 WHITE_BALANCES = ("daylight", "tungsten", "cloudy")

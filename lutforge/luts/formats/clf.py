@@ -15,6 +15,9 @@ from lutforge.luts.ops import Cube, Curve, Matrix, Range
 from lutforge.luts.processor import file_group, group_of, ops_of
 from lutforge.luts.sequence import FileFormat, Lut, register
 
+ACES_ID = "ACEStransformID"
+"""The element of Info that names an ACES transform (SMPTE ST 2136-1, Info), and its key in the metadata of a Lut."""
+
 KINDS = {".clf": "Academy/ASC Common LUT Format", ".ctf": "Color Transform Format"}
 
 
@@ -33,6 +36,11 @@ def text_of(lut: Lut, suffix: str = ".clf") -> str:
     for comment in lut.comments:
         if comment.strip():
             metadata.addChildElement("Description", one_line(comment, 500))
+    if ACES_ID in lut.metadata:
+        metadata.addChildElement("Info", "")
+        info = list(metadata.getChildElements())[-1]
+        info.addChildElement(ACES_ID, lut.metadata[ACES_ID])
+        info.addChildElement("ACESuserName", one_line(lut.title))
     try:
         return str(group.write(KINDS[suffix], OCIO.Config.CreateRaw()))
     except OCIO.Exception as error:
@@ -52,11 +60,13 @@ def read(path: Path, data: bytes) -> Lut:
     finally:
         OCIO.ResetToDefaultLoggingFunction()
     metadata = group.getFormatMetadata()
-    children = metadata.getChildElements()
+    children = list(metadata.getChildElements())
     notes = tuple(child.getElementValue()[:200] for child in children if child.getElementName() == "Description")
     kind = path.suffix[1:].upper()
     smpte = {"namespace": "SMPTE ST 2136-1"} if b"smpte" in head else {}
-    return Lut(ops_of(group), metadata.getName()[:200], notes, {"format": kind, **smpte})
+    info = [part for child in children if child.getElementName() == "Info" for part in child.getChildElements()]
+    ids = {part.getElementName(): part.getElementValue()[:200] for part in info if part.getElementName() == ACES_ID}
+    return Lut(ops_of(group), metadata.getName()[:200], notes, {"format": kind, **smpte, **ids})
 
 
 def _identifier(lut: Lut) -> str:

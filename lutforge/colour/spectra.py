@@ -5,6 +5,7 @@ The data ship with colour-science: sensitivities (NPL; Darrodi et al. 2015), CIE
 plastics).
 """
 
+import re
 from functools import cache
 from typing import Any
 
@@ -14,6 +15,7 @@ from colour.quality.cfi2017 import load_TCS_CIE2017
 
 from lutforge.arrays import Array
 from lutforge.colour.srgb import D65
+from lutforge.errors import CalibrationError
 
 WAVELENGTHS = np.arange(380.0, 781.0, 5.0)
 """Nanometres; L = 81."""
@@ -44,11 +46,38 @@ def light(name: float | str) -> Array:
     return _resampled(spectrum.wavelengths, spectrum.values[:, None])[:, 0]
 
 
+def spectrum_of(words: str) -> Array:
+    """Relative spectral power (L,) of a light: a temperature ("5500K"), or a CIE illuminant ("D55", "A", "LED-B3").
+
+    From 4000 K up a temperature is one of daylight, below one of a black body. Raises CalibrationError.
+    """
+    kelvin = re.fullmatch(r"(\d{4,5})\s*[kK]", words.strip())
+    if kelvin is None:
+        names = {name.lower(): name for name in colour.SDS_ILLUMINANTS}
+        if words.strip().lower() not in names:
+            raise CalibrationError(
+                f'no light "{words[:40]}"; name a temperature (5500K) or a CIE illuminant (D55, A, FL2)'
+            )
+        return light(names[words.strip().lower()])
+    temperature = float(kelvin[1])
+    if not 1500.0 <= temperature <= 25000.0:
+        raise CalibrationError(f"a light of {temperature:g} K is not within 1500 and 25000 K")
+    if temperature >= 4000.0:
+        return light(temperature)
+    body: Any = colour.sd_blackbody(temperature, colour.SpectralShape(380, 780, 5))
+    return np.asarray(body.values / body.values.max())
+
+
 @cache
+def reflectances(dataset: str) -> Array:
+    """The patches of a chart (n, L) by its name in colour-science, in the chart's order."""
+    patches: Any = colour.SDS_COLOURCHECKERS[dataset]
+    return np.vstack([_resampled(patch.wavelengths, patch.values[:, None])[:, 0] for patch in patches.values()])
+
+
 def chart_reflectances() -> Array:
     """The 24 patches of a ColorChecker Classic (24, L), row by row from dark skin to black."""
-    patches: Any = colour.SDS_COLOURCHECKERS["ISO 17321-1"]
-    return np.vstack([_resampled(patch.wavelengths, patch.values[:, None])[:, 0] for patch in patches.values()])
+    return reflectances("ISO 17321-1")
 
 
 @cache

@@ -1,0 +1,186 @@
+"""Use case: exposures of a chart by a camera without RAW → a profile, and with it an input transform.
+
+The colours that the chart is known to have under the light, times the exposure, take the place of RAW; from there on
+the camera is calibrated as any other. Errors of the exposures, and the level of white, come from the response that
+the exposures alone tell (thesis 4.2.1).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lutforge.arrays import Array, Pixels
+from lutforge.atomic_write import scratch_folder
+from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
+from lutforge.calibration.physical.exposure_pairs import CLIPPED, pairs_of_samples
+from lutforge.colour.rgb_spaces import matrix_between
+from lutforge.colour.srgb import srgb_encode
+from lutforge.errors import CalibrationError
+from lutforge.images.read import read_image
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline.calibration import calibrate
+from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+from lutforge.pipeline.response import bracket_files, stated_exposures
+from lutforge.pipeline.sample_origin import CHART
+from lutforge.progress import Progress, part, silent
+from lutforge.samples.chart import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
+from lutforge.samples.chart_kinds import ChartKind
+from lutforge.samples.sample_set import SampleSet
+from lutforge.shots.metadata import UNKNOWN
+from lutforge.shots.picture_settings import read_picture_settings
+
+SPACE = "acescg"
+"""The linear space of the chart's colours: no surface lies outside it, and its axes are near those of cameras."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownChart:
+    """A chart under a light. corners: (4, 2) where it is in all shots, in pixels; None where it is searched for."""
+
+    kind: ChartKind
+    light: str
+    corners: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FittedChart:
+    """samples: chart colours as RAW, JPEG values of the patches that no shot clips; fit: what the exposures tell.
+
+    profile: as it was written. exposure_s: relative, as stated, by shot. level: by shot, what a perfect diffuser
+    beside the chart has in linear light of the profile, where 1 is the camera's white. found: shots in which the chart
+    was detected; the others take its place in the shot of the nearest exposure.
+    """
+
+    profile: CameraProfile
+    samples: SampleSet
+    fit: BracketFit
+    exposure_s: dict[str, float]
+    level: dict[str, float]
+    found: tuple[str, ...]
+
+
+def write_input_transform(
+    bracket: Sequence[Path],
+    output: Path,
+    chart: KnownChart,
+    exposure_s: Sequence[float] | None = None,
+    *,
+    camera: str = "",
+    progress: Progress = silent,
+) -> FittedChart:
+    """Calibrate a camera without RAW on exposures of a chart, and write the profile.
+
+    bracket, exposure_s, camera: as for `write_response`. Raises CalibrationError, in one line with what to do, where
+    the chart is not found or the exposures do not determine a response; ImageError, ShotError, and LutForgeError where
+    nothing can be written.
+    """
+    check_output(output, PROFILE_SUFFIXES, bracket)
+    with scratch_folder() as folder:
+        files = bracket_files(bracket, len(exposure_s or ()), folder)
+        times = stated_exposures(files) if exposure_s is None else list(exposure_s)
+        if len(times) != len(files):
+            raise CalibrationError(f"{len(times)} exposure times for {len(files)} pictures; give one for each")
+        settings = read_picture_settings(files[0])
+        codes, found = _patches(files, times, chart, part(progress, 0.0, 0.2))
+    names = [file.name for file in files]
+    usable = np.asarray(np.isfinite(codes).all(axis=2))
+    shot, patch = np.nonzero(usable)
+    count = len(shot)
+    name = camera or settings.camera or "camera"
+    samples = SampleSet(
+        camera=np.full(count, name),
+        style=np.full(count, "standard" if settings.style == UNKNOWN else settings.style),
+        white_balance=np.full(count, "auto" if settings.white_balance == UNKNOWN else settings.white_balance),
+        shot=np.array(names)[shot],
+        patch=np.char.mod("chart_%03d", patch + 1),
+        exposure_s=np.array(times, dtype=np.float64)[shot],
+        raw=np.zeros((count, 3)),
+        srgb=codes[usable],
+        wb=np.full((count, 3), np.nan),
+        raw_camera=np.full(count, name),
+        raw_space=np.full(count, SPACE),
+        developer=np.full(count, f"{CHART}{chart.kind.name} under {chart.light}"),
+    )
+    fit = fit_bracket(pairs_of_samples(samples))
+    true = np.array([fit.exposure_error.get(name, 1.0) for name in names]) * times
+    colours = chart.kind.linear_srgb(chart.light) @ matrix_between("linear-srgb", SPACE).T
+    multipliers, scale = _balance_and_level(samples, fit, colours[patch] * true[shot, None])
+    # Colours with a channel below 0 or above the camera's white have no place in a table of RAW.
+    raw = scale * true[shot, None] * colours[patch]
+    held = np.all((raw > 0.0) & (raw < 1.0), axis=1)
+    samples = replace(samples, raw=raw, wb=np.tile(multipliers, (count, 1))).select(held)
+    profile = calibrate(samples, progress=part(progress, 0.2, 1.0))
+    level = dict(zip(names, (scale * true).tolist(), strict=True))
+    told = f"1 is the camera's white; white beside the chart has {max(level.values()):.3g} in the brightest shot"
+    profile = replace(profile, notes=(f"of the {samples.developer[0]}: {chart.kind.source}", told, *profile.notes))
+    profile.save(output)
+    return FittedChart(profile, samples, fit, dict(zip(names, times, strict=True)), level, found)
+
+
+def _patches(
+    files: Sequence[Path], times: Sequence[float], chart: KnownChart, progress: Progress
+) -> tuple[Array, tuple[str, ...]]:
+    """JPEG values (shots, n, 3) of the patches, NaN where clipped or outside, and the shots that show the chart."""
+    colours = np.clip(chart.kind.linear_srgb(chart.light), 0.0, 1.0)
+    reference: Array = 255.0 * srgb_encode(colours)
+    places: dict[int, Array] = {} if chart.corners is None else dict.fromkeys(range(len(files)), chart.corners)
+    for index, file in enumerate(files if chart.corners is None else ()):
+        progress(f"{file.name}: looking for the chart", 0.5 * index / len(files))
+        codes = np.rint(_codes(file)).astype(np.uint8)
+        seen = find_chart(codes, chart.kind, None if chart.kind.detector == "MCC24" else reference)
+        if seen is not None:
+            places[index] = seen.corners
+    if not places:
+        why = detector_note() if chart.kind.detector else "OpenCV has no detector for it"
+        raise CalibrationError(
+            f"no picture shows a {chart.kind.name} ({why or 'none was found'}): give its corners, clockwise from the "
+            'first patch\'s, --corners "x,y x,y x,y x,y"'
+        )
+    values, likeness = np.full((len(files), len(reference), 3), np.nan), 0.0
+    for index, file in enumerate(files):
+        progress(file.name, 0.5 + 0.5 * index / len(files))
+        nearest = min(places, key=lambda other: abs(np.log(times[other] / times[index])))
+        mean, _, least, greatest = patch_codes(_codes(file), Chart(places[nearest], chart.kind))
+        clipped = np.any((greatest >= 254) | (least <= 1), axis=1)  # as JPEG pixels elsewhere
+        values[index] = np.where(clipped[:, None], np.nan, mean / 255.0)
+        kept = np.isfinite(values[index]).all(axis=1)
+        if kept.sum() > 4:  # as many as an affine map explains in any case
+            likeness = max(likeness, resemblance(mean[kept], reference[kept]))
+    if likeness < RESEMBLANCE:
+        raise CalibrationError(
+            f"what lies between these corners is no {chart.kind.name}: name them clockwise, the first patch's first"
+        )
+    return _below_white(values), tuple(files[index].name for index in sorted(places))
+
+
+def _codes(file: Path) -> Pixels:
+    """The picture (h, w, 3) in codes 0 … 255, of more than 8 bits with its fractions."""
+    pixels = read_image(file).pixels
+    if pixels.shape[2] < 3:
+        raise CalibrationError(f"{file.name}: a grey image; a chart tells colours")
+    return np.asarray(np.clip(255.0 * pixels[..., :3], 0.0, 255.0), dtype=np.float32)
+
+
+def _below_white(values: Array) -> Array:
+    """The values (shots, n, 3) without those at the camera's own white, which need not be 1: NaN there."""
+    ceiling = np.nanmax(values, axis=(0, 1))
+    near = values > ceiling - CLIPPED
+    # One patch may be the brightest by chance; several that are equally bright follow the exposure no more.
+    piled = near & (np.count_nonzero(near, axis=(0, 1)) >= 4)
+    return np.where(piled.any(axis=2, keepdims=True), np.nan, values)
+
+
+def _balance_and_level(samples: SampleSet, fit: BracketFit, light: Array) -> tuple[Array, float]:
+    """Tw (3,) with green = 1, and what takes the light (n, 3) of the patches to where 1 is the camera's white.
+
+    Both are read from the chart's greys: what the camera makes of them tells its white balance beside the light.
+    """
+    saturation = 1.0 - light.min(axis=1) / light.max(axis=1)
+    grey = saturation < 0.12
+    if np.count_nonzero(grey) < 6:
+        raise CalibrationError("too few unclipped grey patches: take steps of at most two stops, some of them darker")
+    seen = fit.response.linearize(samples.srgb[grey]) @ matrix_between("linear-srgb", SPACE).T
+    ratio = np.median(seen / light[grey], axis=0)
+    return np.asarray(ratio / ratio[1]), float(ratio[1])

@@ -1,0 +1,111 @@
+"""Colour charts: where their patches are, and what colours these have under a light.
+
+Layouts and sources are in data/charts.json; colours of ColorCheckers come with colour-science. A user's own chart is a
+file of the same form: centres of columns and rows in patch pitches, and "lab", CIE Lab under D50 as measured.
+"""
+
+import json
+import re
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lutforge.arrays import Array
+from lutforge.boundary import reading, require_file
+from lutforge.errors import CalibrationError
+
+D50 = "D50"
+
+
+@dataclass(frozen=True, eq=False)
+class ChartKind:
+    """A kind of chart, upright. columns, rows: centres of its patches, in pitches from the outer edge of the first.
+
+    detector: OpenCV's name of its detector, "" where it has none; source: of the colours. One of these says them, row
+    by row: lab (n, 3) under D50; colours: name in colour-science, under D50; spectra: the same, reflectances.
+    """
+
+    name: str
+    columns: Array
+    rows: Array
+    source: str = ""
+    detector: str = ""
+    lab: Array | None = None
+    colours: str = ""
+    spectra: str = ""
+
+    @property
+    def outline(self) -> Array:
+        """The outer corners (4, 2) of the upright chart in pitches, clockwise from the first patch."""
+        width, height = self.columns[-1] + 0.5, self.rows[-1] + 0.5
+        return np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
+
+    @property
+    def centres(self) -> Array:
+        """The centres (n, 2) of the patches in pitches, row by row."""
+        return np.stack(np.meshgrid(self.columns, self.rows), axis=-1).reshape(-1, 2)
+
+    def linear_srgb(self, light: str = D50) -> Array:
+        """Colours (n, 3) of the patches under a light, adapted to it: a perfect diffuser is 1, 1, 1.
+
+        light: such as "5500K", "D55", "A" or "LED-B3". What is only known under D50 keeps those colours. Raises
+        CalibrationError on an unknown light.
+        """
+        import colour  # a second to import
+
+        from lutforge.colour.spectra import linear_srgb_under, reflectances, spectrum_of
+
+        spectrum = spectrum_of(light)
+        if self.spectra:
+            return linear_srgb_under(reflectances(self.spectra), spectrum)
+        if self.lab is not None:
+            white = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"][D50]
+            xyz = colour.Lab_to_XYZ(self.lab, white)
+        else:
+            published: Any = colour.CCS_COLOURCHECKERS[self.colours]
+            white = published.illuminant
+            xyz = colour.xyY_to_XYZ(np.array(list(published.data.values())))
+        return np.asarray(colour.XYZ_to_RGB(xyz, "sRGB", white, "Bradford", apply_cctf_encoding=False))
+
+
+def chart_kind(word: str) -> ChartKind:
+    """Return a chart by its name in data/charts.json, or of a JSON file.
+
+    Raises CalibrationError, which lists the names, on an unknown one, and on a file that describes no chart.
+    """
+    known: dict[str, Any] = json.loads(files(__package__).joinpath("data", "charts.json").read_text(encoding="utf-8"))
+    entry = known.get(word.lower())
+    if entry is not None:
+        return _kind(entry)
+    path = Path(word)
+    if path.suffix.lower() != ".json":
+        raise CalibrationError(
+            f'no chart "{word[:60]}"; known: {", ".join(known)}, or a .json file with columns, rows and lab'
+        )
+    require_file(path, "a chart", CalibrationError, most=1 << 20)
+    with reading(path, "a chart", CalibrationError):
+        kind = _kind({"name": path.stem, **json.loads(path.read_text(encoding="utf-8"))})
+        if kind.lab is None or kind.lab.shape != (len(kind.centres), 3) or not np.isfinite(kind.lab).all():
+            raise CalibrationError(f'"lab" is not a list of three numbers for each of {len(kind.centres)} patches')
+        if min(len(kind.rows), len(kind.columns)) < 1 or min(*np.diff(kind.columns), *np.diff(kind.rows), 1) <= 0:
+            raise CalibrationError('"columns" and "rows" are not centres that rise from 0.5')
+    return kind
+
+
+def _kind(entry: dict[str, Any]) -> ChartKind:
+    arrays = {key: np.array(entry[key], dtype=np.float64) for key in ("columns", "rows", "lab") if key in entry}
+    words = {key: str(entry[key])[:200] for key in ("name", "source", "detector", "colours", "spectra") if key in entry}
+    return ChartKind(**words, **arrays)  # type: ignore[arg-type]
+
+
+def parse_corners(text: str) -> Array:
+    """Four corners (4, 2) of a text such as "120,80 900,85 905,640 118,630". Raises CalibrationError."""
+    numbers = re.findall(r"-?\d+(?:\.\d+)?", text)
+    if len(numbers) != 8:
+        raise CalibrationError(
+            f'corners "{text[:60]}": give four points x,y in pixels, clockwise from the first patch\'s outer corner'
+        )
+    return np.array(numbers, dtype=np.float64).reshape(4, 2)
