@@ -24,3 +24,14 @@ def test_example(example: Path, tmp_path: Path, request: pytest.FixtureRequest) 
     run = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=environment)
     assert run.returncode == 0, run.stderr
     assert run.stdout
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_without_its_photographs_says_so(example: Path, tmp_path: Path) -> None:
+    if "LUTFORGE_TEST_DATA" not in example.read_text(encoding="utf-8"):
+        pytest.skip("it makes its own")
+    environment = {name: value for name, value in os.environ.items() if name != "LUTFORGE_TEST_DATA"}
+    command = [sys.executable, str(example), str(tmp_path / "out")]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=environment)
+    assert run.returncode != 0
+    assert "set LUTFORGE_TEST_DATA" in run.stderr and len(run.stderr.splitlines()) == 1

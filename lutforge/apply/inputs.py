@@ -150,7 +150,7 @@ def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bo
     notes: list[str] = []
     negatives = 0
     if excluded & {folder.resolve(), *folder.resolve().parents}:
-        return [], []
+        raise ImageError(f"{folder}: the graded images go into this folder; choose another output folder")
     for place, subfolders, names in os.walk(folder):
         at = Path(place)
         kept = sorted(name for name in names if not name.startswith(".") and Path(name).suffix.lower() in suffixes)

@@ -29,7 +29,12 @@ def answers(
     prints, too.
     """
     errors = _errors_of_profile(profile) if evaluation is None else _errors(own, evaluation)
-    good = (*map(Text, told(profile.diagnoses)), *(Text(_how_good(name, *found)) for name, found in errors.items()))
+    strangers = sorted({str(style.samples.camera[0]) for style in data.values()} - {profile.camera})
+    good = (
+        *map(Text, told(profile.diagnoses)),
+        *(Text(f"The samples are of {name}, not of {profile.camera}: so are the errors.") for name in strangers),
+        *(Text(_how_good(name, *found)) for name, found in errors.items()),
+    )
     uses = Table("", ("job", "fit for it?", "why", "command"), tuple(_uses(own, evaluation, errors)))
     return (
         Section("How good is it?", good or (Text("Not known: the profile holds no errors. Give its samples, too."),)),

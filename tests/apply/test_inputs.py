@@ -46,7 +46,7 @@ def test_folders_keep_their_tree_without_the_output(tmp_path: Path) -> None:
     assert [str(image.place) for image in find_inputs([tmp_path]).images] == ["a.JPG"]
     found = find_inputs([tmp_path], recursive=True, leave_out=[tmp_path / "out"])
     assert [str(image.place) for image in found.images] == ["a.JPG", "sub/c.tif"]
-    with pytest.raises(ImageError, match="no image in this folder"):
+    with pytest.raises(ImageError, match="choose another output folder"):
         find_inputs([tmp_path / "sub" / ".d" / ".."], leave_out=[tmp_path / "sub"])
 
 

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -186,6 +187,14 @@ def test_one_shot_is_not_praised() -> None:
     report = build_report(calibrate(samples, CalibrationOptions(size=9)), samples)
     for question in (0, 1):
         assert "not known" in answered(report, question) and "eye" not in answered(report, question)
+
+
+def test_samples_of_another_camera_are_said_first() -> None:
+    samples = shots(("one", "two"))
+    profile = calibrate(samples, CalibrationOptions(size=5))
+    other = replace(samples, camera=np.full(len(samples), "Another"), raw_camera=np.full(len(samples), "Another"))
+    assert "The samples are of Another" in answered(build_report(profile, other), 0)
+    assert "Another" not in answered(build_report(profile, samples), 0)
 
 
 def test_gaps_are_where_errors_are_expected() -> None:

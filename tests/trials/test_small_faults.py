@@ -125,3 +125,15 @@ def test_a_picture_in_another_space_is_refused_by_what_is_for_srgb(
 @pytest.mark.parametrize("words", [("demo", "-o", "/sys/kernel/out"), ("sample", ".", "-o", "/sys/kernel/a.csv")])
 def test_outputs_are_tried_before_the_work(lutforge: CommandLine, words: tuple[str, ...], tmp_path: Path) -> None:
     assert "cannot be written to" in failed(lutforge(*words, cwd=tmp_path))
+
+
+def test_a_published_model_in_a_folder_that_names_no_camera(lutforge: CommandLine, tmp_path: Path) -> None:
+    told = failed(lutforge("import-nus", tmp_path / "Vis" / "fluorescent", "-o", tmp_path / "camera.npz"))
+    assert '--camera "Nikon D40"' in told and "Vis" in told
+
+
+def test_a_folder_graded_into_itself(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    picture(tmp_path / "in" / "a.jpg")
+    told = failed(lutforge("apply", profile, "in", "--from", "standard/daylight", "-o", "in", cwd=tmp_path))
+    assert "choose another output folder" in told and "no image" not in told
