@@ -47,11 +47,17 @@ def evaluate(
     shared, plain = "shared" in forms, "plain" in forms
     parts = parts_of(transform) if highest == 1 and not (shared or plain) else as_one(transform, highest)
     edge = 1.0 - CLIPPED if highest == 1 and _keeps_white(transform) else None
+    # White is a node of its own. What lies between it and the last code below is no colour of a picture: a fit that
+    # followed the step there would move the colours beside it.
+    smooth = (
+        parts.cube_values
+        if edge is None
+        else lambda x: parts.cube_values(np.where(np.all(x > edge, axis=-1, keepdims=True), edge, x))
+    )
     designs: dict[Form, Axes] = {}
     if plain:
         designs["plain"] = Axes(None, uniform_levels(size))
     else:
-        smooth = parts.cube_values if edge is None else lambda x: parts.cube_values(np.minimum(x, edge))
         lines = measure_lines(smooth, parts.gain, parts.stops)
         rendered = lines if parts.output_curve is None else lines.behind(parts.output_curve)
         for form in forms:
@@ -65,11 +71,13 @@ def evaluate(
                 r, g, b = (axis * gain for axis, gain in zip(folded, parts.gain, strict=True))
                 designs[form] = Axes(axes.curve, (r, g, b))
     samples = sample(
-        lambda x: parts.cube_values(np.minimum(x, 1.0)),  # a level in front of a gain is rounded up, beyond what clips
+        lambda x: smooth(np.minimum(x, 1.0)),  # a level in front of a gain is rounded up, beyond what clips
         tuple(axes.levels for axes in designs.values()),
         parts.gain,
         lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share),
     )
+    for nodes in samples.nodes if edge is not None else ():
+        nodes[-1, -1, -1] = parts.cube_values(np.ones(3))
     return EvaluatedTransform(parts, designs, samples, highest)
 
 
