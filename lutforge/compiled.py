@@ -6,10 +6,13 @@ user's cache folder of the operating system: `~/.cache/lutforge` on Linux, `~/Li
 cannot be written (a container, a render farm's user without a home), each process compiles what it needs and keeps
 nothing. The folder may be deleted at any time.
 
-numba compiles a kernel anew where the file that defines it has changed, but not where a kernel that it calls from
-another file has. Each release therefore has a folder of its own.
+Each kernel has a folder there, named by a digest of numba's version, of the files that define it and the kernels that
+it calls, and of its constants. So all environments of a user share what any of them compiled, a new environment or
+installation compiles nothing again, and a kernel is compiled anew where one that it calls has changed, which numba
+itself does not see.
 """
 
+import hashlib
 import tempfile
 from collections.abc import Callable
 from functools import cache, update_wrapper
@@ -67,22 +70,37 @@ class _Kernel:
                 for name in self._function.__code__.co_names:
                     if isinstance(names.get(name), _Kernel):
                         names[name] = names[name].made()
-                self._made = _jitted(self._function, self._fastmath)
+                self._made = _jitted(self._function, self._fastmath, _digest(self._function))
         return self._made
 
 
-def _jitted(function: Callable[..., Any], fastmath: bool | set[str]) -> Any:
+def _digest(function: Callable[..., Any]) -> str:
+    """Return a digest of what a kernel is compiled from: numba, its file, the kernels that it calls, its constants."""
+    import numba
+
+    parts = [numba.__version__, Path(function.__code__.co_filename).read_text(encoding="utf-8")]
+    for name in function.__code__.co_names:
+        value = function.__globals__.get(name)
+        parts.append(repr(value) if isinstance(value, int | float) else getattr(value, "digest", ""))
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
+
+
+def _jitted(function: Callable[..., Any], fastmath: bool | set[str], digest: str) -> Any:
     import numba
 
     settings: Any = numba.config
     folder = cache_folder()
-    before = settings.CACHE_DIR
-    # numba reads its setting once, when it is given the function; other packages' kernels keep their own folder.
-    settings.CACHE_DIR = str(folder or before)
+    before = settings.CACHE_DIR, getattr(settings, "CACHE_LOCATOR_CLASSES", "")  # older ones of numba know none
+    # numba reads its settings once, when it is given the function; other packages' kernels keep their own folder.
+    if folder is not None:
+        settings.CACHE_DIR = str(folder / digest)
+        settings.CACHE_LOCATOR_CLASSES = "lutforge.kernel_locator.KernelLocator"
     try:
-        return numba.njit(function, cache=folder is not None, nogil=True, fastmath=fastmath)
+        made: Any = numba.njit(function, cache=folder is not None, nogil=True, fastmath=fastmath)
     finally:
-        settings.CACHE_DIR = before
+        settings.CACHE_DIR, settings.CACHE_LOCATOR_CLASSES = before
+    made.digest = digest
+    return made
 
 
 def compiled(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:

@@ -56,6 +56,18 @@ def test_machine_code_is_kept_in_the_users_cache_folder_and_nowhere_else(script:
     assert len(list(tmp_path.rglob("*.nbi"))) == 1
 
 
+def test_machine_code_is_shared_by_copies_of_a_package_until_what_it_calls_changes(tmp_path: Path) -> None:
+    cache, caller = {"XDG_CACHE_HOME": str(tmp_path / "cache")}, KERNEL.replace("return 2 * x", "return once(x) + x")
+    for number, (place, once) in enumerate([("a", "x"), ("b", "x"), ("b", "x + 0.0 * x")]):
+        (tmp_path / place).mkdir(exist_ok=True)
+        called = KERNEL.replace("twice", "once").replace("return 2 * x", f"return {once}").split("if __name__")[0]
+        (tmp_path / place / "called.py").write_text(called, encoding="utf-8")
+        (tmp_path / place / "caller.py").write_text(f"from called import once\n{caller}", encoding="utf-8")
+        ran = run(cache, tmp_path / place / "caller.py")
+        assert ran.returncode == 0, ran.stderr
+        assert len(list((tmp_path / "cache").rglob("*.nbi"))) == (4 if number == 2 else 2)
+
+
 def test_without_a_folder_that_can_be_written_kernels_still_run(script: Path) -> None:
     ran = run(NOWHERE, script)
     assert ran.returncode == 0, ran.stderr
