@@ -10,7 +10,7 @@ from lutforge.luts.bake import bake
 from lutforge.luts.ops import Cube, Matrix, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
-from lutforge.luts.steps import grading_lut
+from lutforge.luts.steps import grading_lut, grading_steps
 from lutforge.model.camera_profile import CameraProfile, match, raw_to_balanced
 from lutforge.model.coverage import Refinish, confidence
 from lutforge.model.gamut_map import GamutMap
@@ -87,9 +87,22 @@ class BakedGrades:
             )
         return Lut(lattice_ops(confidence(camera.styles[given.style], refinish))).processor()
 
+    def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:
+        """The steps of a refinish that take seconds to bake, gamut maps, and that have not been baked."""
+        steps = () if refinish.is_identity else grading_steps(refinish)[1:]
+        return tuple(step for step in steps if isinstance(_core(step), GamutMap) and _core(step) not in self._luts)
+
+    def add(self, step: Transform, lut: Lut) -> None:
+        """Take over a step that was baked elsewhere."""
+        self._luts[_core(step)] = lut
+
     def _baked(self, step: Transform) -> Lut:
         """The LUT of a step that is the same under all white balances."""
-        core = next(stage for stage in step.stages if isinstance(stage, Lattice | GamutMap))
+        core = _core(step)
         if core not in self._luts:
             self._luts[core] = bake(step, display_referred=False)
         return self._luts[core]
+
+
+def _core(step: Transform) -> Lattice | GamutMap:
+    return next(stage for stage in step.stages if isinstance(stage, Lattice | GamutMap))

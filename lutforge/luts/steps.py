@@ -19,7 +19,7 @@ from lutforge.luts.shaper import SHAPER_SIZE, node_levels
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import CLIPPED
 from lutforge.model.lattice import Lattice, grid
-from lutforge.model.transform import Clip, ColourFunction, KeepNeutral, Transform, through_stages
+from lutforge.model.transform import Clip, ColourFunction, KeepNeutral, Stage, Transform, through_stages
 
 
 def bake_steps(
@@ -60,13 +60,22 @@ def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
     """
     if transform.is_identity:
         return Lut((Range(),))
+    (first, between), linearize, render = grading_steps(transform)
+    front, cube, encoded = _with_node(baked(linearize), 1.0 - CLIPPED)
+    balanced = first.kept(encoded, through_stages(between, cube.values))
+    return Lut((front, Cube(balanced, cube.interpolation), *baked(render).ops))
+
+
+def grading_steps(transform: Transform) -> tuple[tuple[KeepNeutral, tuple[Stage, ...]], Transform, Transform]:
+    """What a refinish for photographs does between its two baked steps, and these: JPEG → linear, linear → JPEG.
+
+    Raises LutError on a transform that keeps no neutrals.
+    """
     first = transform.stages[0]
     if not isinstance(first, KeepNeutral):
         raise LutError("LUT: photographs are graded by a refinish that keeps clipped neutrals")
     cut = 1 + next(at for at, stage in enumerate(first.stages) if isinstance(stage, Lattice | GamutMap))
-    front, cube, encoded = _with_node(baked(Transform(first.stages[:cut])), 1.0 - CLIPPED)
-    balanced = first.kept(encoded, through_stages(first.stages[cut:], cube.values))
-    return Lut((front, Cube(balanced, cube.interpolation), *baked(Transform(transform.stages[1:])).ops))
+    return (first, first.stages[cut:]), Transform(first.stages[:cut]), Transform(transform.stages[1:])
 
 
 @lru_cache(4)  # while a slider moves it is the same step

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.errors import LutForgeError, one_line
 from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import export_published
 from lutforge.pipeline.baking import bake_files
@@ -50,6 +51,23 @@ class Export:
             words += [option, value] if value else []
         words += ["-o", str(self.output)]
         return shlex.join([*words, *(["--check", *map(str, self.shots)] if self.shots else [])])
+
+
+def _checked(folder: Path, export: Export, progress: Progress) -> Iterator[str]:
+    """A line a shot: how far the program is from the camera's JPEG, or why that is not known."""
+    if not (folder / SCRIPT).is_file():
+        yield f"not checked: {export.program} is not run from the command line; compare a shot there by eye"
+        return
+    try:
+        checks, notes = check_kit(folder, export.shots, progress)
+    except LutForgeError as error:  # such as a program that is not installed here: the kit is written all the same
+        yield f"not checked: {one_line(str(error), 300)}"
+        return
+    yield from (
+        f"{each.shot}: the program against the camera's JPEG, ΔE00 mean {each.mean:.2f}, 95 % {each.p95:.2f}"
+        for each in checks
+    )
+    yield from notes
 
 
 def wanted_lut(kind: str, source: str, target: str, ev: float, space: str = "raw") -> TransformRequest:
@@ -100,13 +118,8 @@ def _run(export: Export, progress: Progress) -> Iterator[str]:
         progress("kit", 0.0)
         folder = write_kit(as_profile(export.profile), export.target, export.output, export.program or None)
         yield f"{', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first"
-        if export.shots and (folder / SCRIPT).is_file():
-            checks, notes = check_kit(folder, export.shots, progress)
-            yield from (
-                f"{each.shot}: the program against the camera's JPEG, ΔE00 mean {each.mean:.2f}, 95 % {each.p95:.2f}"
-                for each in checks
-            )
-            yield from notes
+        if export.shots:
+            yield from _checked(folder, export, progress)
     elif export.command == "config":
         written = write_checked_config([export.profile], export.output, progress=progress)
         yield f"{len(written.spaces)} input colour spaces, {len(written.looks)} looks; checked: " + (

@@ -193,6 +193,8 @@ class ExportPage:
     def _bake(self) -> None:
         look, kind = self.session.look, self.kind.value
         target = "" if kind == "linearize" else self._wanted()
+        if kind != "render" and not look.source:
+            raise WorkspaceError("what were the pictures taken as? choose that under Look, “Taken as”")
         wanted = wanted_lut(kind, look.source, target, look.ev, self.space.value)
         profile, output = self._paths(".npz", f"_{kind}{self.suffix.value}")
         self._run(f"LUT, {kind}", Export("bake", profile, output, wanted))

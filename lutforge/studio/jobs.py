@@ -26,7 +26,9 @@ def _context() -> Any:
     if os.name != "posix":
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["lutforge.studio.fits", "lutforge.studio.workspace_file"])
+    context.set_forkserver_preload(
+        ["lutforge.studio.fits", "lutforge.studio.workspace_file", "lutforge.studio.photographs"]
+    )
     return context
 
 

@@ -1,90 +1,45 @@
 """Look: a photograph with other settings while the sliders move, graded by what the exports hold."""
 
-from dataclasses import dataclass
-from functools import lru_cache
-from io import BytesIO
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import panel as pn
 
-from lutforge.apply.baked_grades import BakedGrades
-from lutforge.apply.candidates import read_small
-from lutforge.apply.source_settings import choose_camera, source_selector
-from lutforge.boundary import reading
-from lutforge.errors import ImageError, SettingsError
-from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import lattice_ops
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.coverage import confidence
+from lutforge.errors import SettingsError
+from lutforge.model.camera_profile import CameraProfile, match
 from lutforge.model.white_balance import temperature_range
+from lutforge.progress import silent
 from lutforge.settings import Selector
-from lutforge.shots.picture_settings import read_picture_settings
 from lutforge.studio.elements import NOTHING, TOGETHER, WIDE, entry, select, slider, text
 from lutforge.studio.look.view import LookView
+from lutforge.studio.photographs import (
+    IMAGE_SUFFIXES,
+    Photograph,
+    bake_all,
+    coverage_lut,
+    graded,
+    grades_of,
+    look_lut,
+    open_photograph,
+)
 from lutforge.studio.session import Look, Session
 from lutforge.studio.workspace import WorkspaceError
 
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 AS_SHOT, BY_TEMPERATURE, BY_MULTIPLIERS = "as shot", "by temperature", "by multipliers"
-
-
-@lru_cache(4)
-def grades_of(profile: CameraProfile) -> BakedGrades:
-    """The baked steps of a profile, kept between changes of the look."""
-    return BakedGrades()
-
-
-def look_lut(profile: CameraProfile, look: Look) -> Lut | None:
-    """The LUT that `apply` grades with; None where the look changes nothing. Raises SettingsError."""
-    given, wanted = profile.selector(look.source), profile.selector(look.target)
-    if not look.ev and str(given) == str(wanted):
-        return None
-    return grades_of(profile).refinish(profile, given, profile, wanted, look.ev)
-
-
-@lru_cache(8)
-def coverage_lut(profile: CameraProfile, style: str) -> Lut:
-    """Encoded colours of a style → (confidence, unclipped, covered), as of `confidence`, without a wanted look."""
-    return Lut(lattice_ops(confidence(profile.styles[style])))
-
-
-def thumbnail(picture: bytes) -> bytes:
-    """A picture file in small, upright, as JPEG."""
-    from PIL import Image, ImageOps
-
-    with Image.open(BytesIO(picture)) as file:
-        file.draft("RGB", (232, 156))  # a JPEG is decoded at a fraction of its size
-        small = ImageOps.exif_transpose(file.convert("RGB"))
-    small.thumbnail((232, 156))
-    buffer = BytesIO()
-    small.save(buffer, format="JPEG")
-    return buffer.getvalue()
-
-
-def picture_bytes(path: Path) -> bytes:
-    """A picture as a file that browsers read: itself, or as PNG of at most 8 million pixels. Raises ImageError."""
-    if path.suffix.lower() in (".jpg", ".jpeg", ".png"):
-        return path.read_bytes()
-    from PIL import Image
-
-    pixels, buffer = read_small(path, 8_000_000), BytesIO()
-    Image.fromarray(np.rint(255 * pixels).astype(np.uint8)).save(buffer, format="PNG")
-    return buffer.getvalue()
-
-
-@dataclass(frozen=True)
-class Taken:
-    """The photograph that is shown. selector: what it was taken as, None where neither it nor its name tells."""
-
-    path: Path
-    selector: Selector | None
+UNKNOWN = "not known: choose"
+BAKING = "preparing the look"
 
 
 class SettingControl:
-    """STYLE/WB by a preset, a temperature and tint, multipliers, or as the photograph was shot."""
+    """STYLE/WB by a preset, a temperature and tint, multipliers, or as the photograph was shot.
 
-    def __init__(self, title: str) -> None:
+    asks: nothing is chosen before the visitor, or the photograph's metadata, say so.
+    """
+
+    def __init__(self, title: str, asks: bool = False) -> None:
+        self.unknown = {UNKNOWN: ""} if asks else {}
         self.style = select(f"{title}: style", NOTHING)
         self.balance = select(f"{title}: white balance", NOTHING)
         self.kelvin = slider(f"{title}: temperature, K", 5200, 2000, 10000, 50)
@@ -101,8 +56,9 @@ class SettingControl:
             kelvins = None
         others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
         for widget, values in ((self.style, list(profile.styles)), (self.balance, [*profile.white_balances, *others])):
-            chosen = widget.value if widget.value in values else values[0]
-            widget.options, widget.value = values, chosen
+            options = {**self.unknown, **{value: value for value in values}}
+            chosen = widget.value if widget.value in options.values() else next(iter(options.values()))
+            widget.options, widget.value = options, chosen
         if kelvins is not None:
             low, high = round(kelvins[0] + 50, -2), round(kelvins[1] - 50, -2)
             self.kelvin.param.update(start=low, end=high, value=min(max(self.kelvin.value, low), high))
@@ -113,6 +69,11 @@ class SettingControl:
         """Enable what the white balance is set by; nothing moves."""
         self.kelvin.disabled = self.balance.value != BY_TEMPERATURE
         self.multipliers.disabled = self.balance.value != BY_MULTIPLIERS
+
+    @property
+    def is_known(self) -> bool:
+        """Whether both a style and a white balance are chosen."""
+        return bool(self.style.value and self.balance.value)
 
     def text(self, taken: Selector | None) -> str:
         """The selector, STYLE/WB. Raises WorkspaceError where it is not complete."""
@@ -135,12 +96,13 @@ class LookPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.taken: Taken | None = None
+        self.shown: Photograph | None = None
         self._known: tuple[CameraProfile, Selector] | None = None  # what the pipette's RAW is of
-        self.opened: dict[Path, bytes] = {}  # the thumbnails of the film strip
+        self.opened: dict[Path, Photograph] = {}  # of the film strip, without their pictures
+        self.sources: dict[Path, tuple[str, list[Any]]] = {}  # what each was taken as, and by which controls
         self.listed, self.path = select("Photograph in the folders", NOTHING), entry("or its path")
         opening = session.button("Show", self._open_named, variant="contained", **WIDE)
-        self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as")
+        self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as", asks=True)
         self.ev = slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
         session.watch(self._change, self.ev, *self.wanted.widgets, *self.source.widgets)
         self.told = text()
@@ -163,35 +125,39 @@ class LookPage:
             control.offer(self.session.profile)
         self._grade()
 
+    def _start(self, title: str, done: Callable[[Any], None], function: Callable[..., Any], *arguments: Any) -> None:
+        """Work in another process, or here where that one is busy."""
+        if pn.state.curdoc is not None and self.session.job is None:
+            self.session.start(title, done, function, *arguments)
+        else:
+            done(function(*arguments, silent))
+
     def _open_named(self) -> None:
         self._open(self.session.folders.inside(self.path.value_input or self.path.value or self.listed.value))
 
     def _choose(self, index: int) -> None:
         path = list(self.opened)[index]
-        if self.taken is None or self.taken.path != path:
+        if self.shown is None or self.shown.path != path:
             self._open(path)
 
     def _open(self, path: Path) -> None:
-        profile = self.session.profile
-        settings, picture = read_picture_settings(path), picture_bytes(path)
-        if path not in self.opened:
-            with reading(path, "a picture", ImageError):
-                self.opened[path] = thumbnail(picture)
-        self.view.show(picture, path.name)
-        notes: tuple[str, ...]
-        try:
-            choose_camera(path, settings, {profile.camera.lower(): profile}, asked=False)
-            given, notes = source_selector(path, settings, profile, None)
-            self.taken = Taken(path, given)
+        self._start(f"opening {path.name}", self._show, open_photograph, path, self.session.profile)
+
+    def _show(self, photograph: Photograph) -> None:
+        path, given = photograph.path, photograph.selector
+        self.shown = self.opened[path] = replace(photograph, picture=b"")
+        self.view.show(photograph.picture, path.name)
+        told = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
+        if given is not None:
             self.source.style.value, self.source.balance.value = given.style, AS_SHOT
             told = f"{path.name}: taken as {given}, as its metadata say"
-        except SettingsError:
-            self.taken, notes = Taken(path, None), ()
-            if self.source.balance.value == AS_SHOT:
-                self.source.balance.value = next(iter(profile.white_balances))
-            told = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
-        self.view.film([(each.name, small) for each, small in self.opened.items()], list(self.opened).index(path))
-        self.session.say("; ".join([told, *settings.notes, *notes]))
+        elif path in self.sources:
+            told = f"{path.name}: taken as {self.sources[path][0]}, as you said"
+            for widget, value in zip(self.source.widgets, self.sources[path][1], strict=True):
+                widget.value = value
+        else:
+            self.source.style.value, self.source.balance.value, self.source.tint.value = photograph.style, "", 0
+        self.session.say("; ".join([told, *photograph.notes]))
         self._grade()
 
     def _change(self) -> None:
@@ -200,25 +166,63 @@ class LookPage:
         self._grade()
 
     def _told(self) -> None:
+        """The words of the look, and the other photographs with it."""
         look = self.session.look
-        self.told.object = f"<p>From {look.source} to {look.target}, {look.ev:+g} EV.</p>"
+        source = look.source or "what it was taken as, to be chosen below,"
+        self.told.object = f"<p>From {source} to {look.target}, {look.ev:+g} EV.</p>"
+        if self.shown is not None:
+            strip = [(each.path.name, graded(each.small, self._lut_of(each))) for each in self.opened.values()]
+            self.view.film(strip, list(self.opened).index(self.shown.path))
         self.session.on_look()
+
+    def _lut_of(self, photograph: Photograph) -> Any:
+        """The look of a photograph of the film strip; None where it is not known, or takes seconds to prepare."""
+        source = self.sources.get(
+            photograph.path, ("" if photograph.selector is None else f"{photograph.selector}", [])
+        )
+        try:
+            look = Look(source[0], self.wanted.text(photograph.selector), float(self.ev.value))
+            return None if not look.source or self._slow_steps(look) else look_lut(self.session.profile, look)
+        except (SettingsError, WorkspaceError):
+            return None
+
+    def _slow_steps(self, look: Look) -> tuple[Any, ...]:
+        profile = self.session.profile
+        given, wanted = profile.selector(look.source), profile.selector(look.target)
+        return grades_of(profile).slow_steps(match(profile, given, profile, wanted, look.ev))
 
     def _grade(self) -> None:
         """The photograph as the controls say."""
         if not self.session.has_profile:
             return
-        profile, taken = self.session.profile, None if self.taken is None else self.taken.selector
+        profile, taken = self.session.profile, None if self.shown is None else self.shown.selector
+        known = self.source.is_known
         try:
-            look = Look(self.source.text(taken), self.wanted.text(taken), float(self.ev.value))
-            lut = look_lut(profile, look)
+            look = Look(self.source.text(taken) if known else "", self.wanted.text(taken), float(self.ev.value))
+            slow = self._slow_steps(look) if known else ()
+            if slow and (self.session.job is None or pn.state.curdoc is None):
+                self._start(BAKING, lambda luts: self._baked(slow, luts), bake_all, slow)
+            if slow:
+                return
+            lut = look_lut(profile, look) if known else None
         except SettingsError as error:
             raise WorkspaceError(str(error)) from error
-        given = profile.selector(look.source)
-        self.view.grade(lut, f"{look.target}{f' {look.ev:+g} EV' if look.ev else ''}")
-        if (profile, given) != self._known:
-            self._known = (profile, given)
-            self.view.cover(coverage_lut(profile, given.style))
-            self.view.raw_of = profile.linearize(given)
+        self.view.grade(lut, f"{look.target}{f' {look.ev:+g} EV' if look.ev else ''}" if known else "as it is")
+        self._inspect(profile, profile.selector(look.source) if known else None)
+        if self.shown is not None and known:
+            self.sources[self.shown.path] = look.source, [widget.value for widget in self.source.widgets]
         self.session.look = look
         self._tell()
+
+    def _baked(self, steps: tuple[Any, ...], luts: tuple[Any, ...]) -> None:
+        for step, lut in zip(steps, luts, strict=True):
+            grades_of(self.session.profile).add(step, lut)
+        self._grade()
+
+    def _inspect(self, profile: CameraProfile, given: Selector | None) -> None:
+        """What the marks of coverage and the pipette's RAW are of."""
+        known = None if given is None else (profile, given)
+        if known != self._known:
+            self._known = known
+            self.view.cover(None if given is None else coverage_lut(profile, given.style))
+            self.view.raw_of = None if given is None or profile.raw_camera else profile.linearize(given)

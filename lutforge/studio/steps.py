@@ -28,9 +28,9 @@ def states_of(session: Session) -> dict[str, tuple[State, str]]:
             if open_ else "Open shots or a sample table first."
         ),
         "Model": {
-            "to do": "Press Compute all, or fit stage by stage.",
+            "to do": "Press Compute: the lattice is what most want; or fit stage by stage.",
             "done": "The model is up to date: see its errors here, then choose a look.",
-            "stale": "Samples or options have changed since: press Compute all.",
+            "stale": "Samples or options have changed since: press Compute.",
         }[model],
         "Look": {
             "to do": "Choose a photograph and the style and white balance that you want.",

@@ -13,7 +13,9 @@ _COMMON: dict[str, Any] = {
             "styleOverrides": {"root": {"textTransform": "none", "transition": "none"}},
             "defaultProps": {"disableElevation": True},
         },
-        "MuiToggleButton": {"styleOverrides": {"root": {"textTransform": "none", "color": "inherit"}}},
+        "MuiToggleButton": {
+            "styleOverrides": {"root": {"textTransform": "none", "color": "inherit", "whiteSpace": "nowrap"}},
+        },
         "MuiInputLabel": {"styleOverrides": {"root": {"transition": "none"}}},
         "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
         "MuiAppBar": {

@@ -113,7 +113,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("profile", type=Path)
     parser.add_argument("picture", type=Path)
-    parser.add_argument("--setting", default="", help="white balance to take the picture as, where it does not tell")
+    parser.add_argument("--setting", default="", help="STYLE/WB to take the picture as, where it does not tell")
     parser.add_argument("--sizes", default="1280x720,1920x1080,3840x2160")
     given = parser.parse_args()
     spans: list[tuple[float, float]] = []
@@ -139,7 +139,9 @@ def main() -> None:
             visit.press("Show")
             visit.reads(given.picture.name)
             if given.setting:
-                visit.choose("Taken as: white balance", given.setting)
+                style, balance = given.setting.split("/")
+                visit.choose("Taken as: style", style)
+                visit.choose("Taken as: white balance", balance)
             root = visit.page.locator(".look")
             expect(root).to_have_attribute("data-opened", re.compile("×"), timeout=60_000)
             visit.choose("Wanted: white balance", "daylight")

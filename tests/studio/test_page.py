@@ -273,6 +273,7 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.choose("Photograph in the folders", "picture.jpg")
     visit.press("Show")
     visit.reads("picture.jpg does not tell how it was taken")
+    visit.choose("Taken as: style", "standard")
     visit.choose("Taken as: white balance", "tungsten")
     visit.choose("Wanted: style", "vivid")
     visit.choose("Wanted: white balance", "daylight")

@@ -37,8 +37,9 @@ from lutforge.studio.export_page import ExportPage
 from lutforge.studio.fits import evaluate_on
 from lutforge.studio.folders import FolderError, Folders
 from lutforge.studio.jobs import Job
-from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
+from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl
 from lutforge.studio.page import Page
+from lutforge.studio.photographs import look_lut
 from lutforge.studio.server import origins
 from lutforge.studio.session import Look
 from lutforge.studio.steps import STEPS, states_of
@@ -144,6 +145,17 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     look.path.value = "silent.jpg"
     look._open_named()
     assert "does not tell how it was taken" in page.session.status.object
+    assert (look.source.style.value, look.source.balance.value) == ("", "")  # not what the last was taken as
+    assert page.session.look == Look("", "standard/daylight") and look.view.a == []
+    look.source.style.value, look.source.balance.value = "standard", "tungsten"
+    assert page.session.look.source == "standard/tungsten" and look.view.a
+    look._choose(0)
+    assert page.session.look.source == "vivid/tungsten"
+    look._choose(1)
+    assert page.session.look.source == "standard/tungsten" and "as you said" in page.session.status.object
+    before = [each["thumbnail"] for each in look.view.pictures]
+    look.ev.value = 1.5
+    assert all(old != new["thumbnail"] for old, new in zip(before, look.view.pictures, strict=True))
 
 
 def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfile) -> None:
@@ -174,7 +186,8 @@ def test_a_profile_without_raw_works_in_every_step(step: str, tmp_path: Path) ->
         page.session.history = history
         page.show(step)
     if step == "Look":
-        page.pages["Look"].wanted.style.value = "vivid"
+        look = page.pages["Look"]
+        look.wanted.style.value, look.source.style.value, look.source.balance.value = "vivid", "standard", "daylight"
         assert look_lut(page.session.profile, page.session.look) is not None
         assert page.session.look.target.startswith("vivid/")
 
@@ -214,6 +227,23 @@ def test_an_export_is_the_command_that_it_tells(
     for file in sorted(mine.rglob("*")) if mine.is_dir() else [mine]:
         other = theirs / file.relative_to(mine) if mine.is_dir() else theirs
         assert file.read_bytes() == other.read_bytes(), file
+
+
+@pytest.mark.parametrize(
+    ("program", "why"), [("rawtherapee", "rawtherapee-cli is not installed"), ("resolve", "by eye")]
+)
+def test_a_kit_is_written_where_its_program_is_not(
+    profile: CameraProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, why: str
+) -> None:
+    monkeypatch.setenv("PATH", "/nowhere")
+    profile.save(tmp_path / "camera.npz")
+    (tmp_path / "one.dng").write_bytes(b"")
+    shots = (tmp_path / "one.dng",)
+    export = Export(
+        "kit", tmp_path / "camera.npz", tmp_path / "kit", target="vivid/daylight", program=program, shots=shots
+    )
+    lines = run(export, lambda what, share: None)
+    assert "read README.md first" in lines[0] and "not checked: " in lines[1] and why in lines[1]
 
 
 def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp_path: Path) -> None:
