@@ -89,6 +89,10 @@ def main() -> None:
         _stop("not enough memory: give fewer or smaller files at a time", 2)
     except OSError as error:
         _stop(f"{error.filename or 'file system'}: {error.strerror or error}", 2)
+    except RuntimeError as error:
+        if not str(error).startswith("Symlink loop"):  # what Python before 3.13 says of a link that leads to itself
+            raise
+        _stop(f"{error}: name the file that it should lead to", 2)
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -137,3 +137,9 @@ def test_a_folder_graded_into_itself(lutforge: CommandLine, profile: Path, tmp_p
     picture(tmp_path / "in" / "a.jpg")
     told = failed(lutforge("apply", profile, "in", "--from", "standard/daylight", "-o", "in", cwd=tmp_path))
     assert "choose another output folder" in told and "no image" not in told
+
+
+def test_a_link_that_leads_to_itself(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").symlink_to("b.jpg")
+    (tmp_path / "b.jpg").symlink_to("a.jpg")
+    assert "a.jpg" in failed(lutforge("apply", profile, tmp_path / "a.jpg", "--from", "standard/daylight", "-o", "out"))
