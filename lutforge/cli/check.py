@@ -12,7 +12,7 @@ def check(
     luts: Annotated[list[Path], typer.Argument(help="LUT files of any origin.", show_default=False)],
 ) -> None:
     """Show what LUT files hold, which programs read them, and which misread them."""
-    for_each(luts, _show)
+    for_each("checking", luts, _show)
 
 
 def _show(path: Path) -> None:

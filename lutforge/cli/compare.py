@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lutforge.cli.console import Profile, say
+from lutforge.cli.console import Profile, progress_bar, say
 
 
 def compare(
@@ -18,7 +18,8 @@ def compare(
     """Show what two cameras, or two styles of one, make of the same light: a chart, a picture, ΔE00."""
     from lutforge.pipeline.reports import compare as write_comparison
 
-    page = write_comparison(first, second, output, one, other)
+    with progress_bar("comparing") as report:
+        page = write_comparison(first, second, output, one, other, report)
     say(f"{output}: {page.title}")
     for line in page.lead:
         say(line)

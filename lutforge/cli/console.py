@@ -33,7 +33,8 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[what]}"),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+    bar = Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty())
+    with bar as bars:
         task = bars.add_task(title, total=1.0, what="")
 
         def report(what: str, share: float) -> None:
@@ -73,17 +74,19 @@ def complain(text: str) -> None:
     print(f"lutforge: {text}", file=sys.stderr)
 
 
-def for_each(files: Sequence[Path], show: Callable[[Path], None]) -> None:
+def for_each(title: str, files: Sequence[Path], show: Callable[[Path], None]) -> None:
     """Show each file. One that fails becomes an error line, the others are shown, and the exit status is 2."""
     failed = False
-    for file in files:
-        try:
-            show(file)
-        except LutForgeError as error:
-            if len(files) == 1:
-                raise
-            failed = True
-            complain(str(error))
+    with progress_bar(title) as report:
+        for index, file in enumerate(files):
+            report(file.name, index / len(files))
+            try:
+                show(file)
+            except LutForgeError as error:
+                if len(files) == 1:
+                    raise
+                failed = True
+                complain(str(error))
     if failed:
         raise typer.Exit(2)
 

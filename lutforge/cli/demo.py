@@ -1,6 +1,5 @@
 """`lutforge demo`: the whole journey on shots of a simulated camera, whose truth is known."""
 
-import subprocess
 import sys
 from collections.abc import Iterator
 from itertools import count
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lutforge import child_processes
 from lutforge.cli.calibrate import print_held_out
 from lutforge.cli.console import note, print_table, progress_bar, say
 from lutforge.model.diagnosis import told
@@ -110,7 +110,7 @@ def _config(profile: "CameraProfile", folder: Path) -> None:
     program = Path(sys.executable).with_name("ociocheck")
     if program.exists():
         checked = [str(program), "--iconfig", str(written.path)]
-        result = subprocess.run(checked, capture_output=True, text=True, timeout=120, check=False)
+        result = child_processes.run(checked, 120)
         verdict += "; ociocheck: " + ("passed" if result.returncode == 0 else "FAILED")
     say(f"   {written.path}: {verdict}")
 

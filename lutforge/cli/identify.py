@@ -35,7 +35,7 @@ def identify(
             say(f"{image}: {line}" if number == 0 else f"  {line}")
 
     try:
-        for_each(images, show)
+        for_each("identifying", images, show)
     finally:
         if as_json:
             say(json.dumps(records, indent=2))

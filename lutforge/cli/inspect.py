@@ -38,7 +38,7 @@ def inspect(
         for text in found.notes:
             note(text)
         return
-    for_each([file for path in files for file in files_to_inspect(path)], _show)
+    for_each("inspecting", [file for path in files for file in files_to_inspect(path)], _show)
 
 
 def _show(file: Path) -> None:

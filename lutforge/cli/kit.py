@@ -29,7 +29,9 @@ def kit(
     from lutforge.model.camera_profile import load_profile
     from lutforge.pipeline.kits import check_kit, write_kit
 
-    folder = write_kit(load_profile(profile), to, output, program)
+    with progress_bar("writing a kit") as report:
+        report(program or "", 0.0)
+        folder = write_kit(load_profile(profile), to, output, program)
     say(f"{folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first")
     if not check:
         return

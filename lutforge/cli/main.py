@@ -11,6 +11,7 @@ import typer
 
 from lutforge import __version__
 from lutforge.atomic_write import discard_unfinished
+from lutforge.child_processes import end_all
 from lutforge.cli.apply import apply
 from lutforge.cli.bake import bake
 from lutforge.cli.calibrate import calibrate
@@ -119,6 +120,7 @@ def _interruptible() -> object:
             command.join(0.2)  # Windows sees no signal before the time is over
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+        end_all()
         discard_unfinished()
         clear = "\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else ""  # a bar hides the cursor
         print(f"{clear}lutforge: stopped", file=sys.stderr, flush=True)

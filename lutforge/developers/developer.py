@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from lutforge import child_processes
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import scratch_folder
 from lutforge.colour.rgb_spaces import rgb_space
@@ -84,9 +85,7 @@ def run_command(command: Sequence[str], name: str, raw: Path, output: Path) -> s
     # Without a display variable no program waits for a window.
     environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     try:
-        run = subprocess.run(
-            command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, check=False, env=environment
-        )
+        run = child_processes.run(command, TIMEOUT_S, environment)
     except subprocess.TimeoutExpired:
         raise ShotError(f"{raw}: {name} did not finish within {TIMEOUT_S // 60} minutes") from None
     except OSError as error:
@@ -106,9 +105,7 @@ def program_version(developer: Developer) -> str:
             f"{developer.program} is not installed, which --developer {developer.name} runs: {developer.install}"
         )
     try:
-        run = subprocess.run(
-            [developer.program, "--version"], capture_output=True, text=True, errors="replace", timeout=60, check=False
-        )
+        run = child_processes.run([developer.program, "--version"], 60)
     except (OSError, subprocess.TimeoutExpired):
         raise ShotError(f"{developer.program} cannot be run: {developer.install}") from None
     found = re.search(r"\d+(?:\.\d+)+", run.stdout + run.stderr)

@@ -1,7 +1,6 @@
 """Use case: a profile → a kit, the folder that makes one program show the camera's look; and the check of a kit."""
 
 import re
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -92,7 +91,7 @@ def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str 
         steps = kit.write(look, filled)
         (filled / "README.md").write_text(_readme(kit, look, steps, filled), encoding="utf-8")
         if target.exists():
-            shutil.rmtree(target)
+            target.replace(scratch / "old")
         filled.replace(target)
     return Path(folder)
 

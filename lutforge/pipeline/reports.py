@@ -10,7 +10,7 @@ from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.raw_substitutes import raw_substitute_of
 from lutforge.pipeline.sample_origin import developer_of, require_same_origin
 from lutforge.pipeline.sampling import SampledShots, gather_samples
-from lutforge.progress import Progress, silent, telling_of_compilation
+from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.report.compare import build_comparison
 from lutforge.report.page import Report, write_figures, write_page
 from lutforge.report.report import build_report
@@ -40,17 +40,17 @@ def report(
         require_same_origin(camera, sampled.samples)
     with telling_of_compilation(progress) as telling:
         if sampled is None:
-            page = build_report(camera, progress=telling)
+            page = build_report(camera, progress=part(telling, 0.0, 0.3))
         else:
             page = build_report(
                 camera,
                 with_setting_names(sampled.samples),
                 sampled.shots,
                 {} if developer_of(camera) else sampled.files,  # the maps show camera RAW
-                telling,
+                part(telling, 0.0, 0.7),
             )
     if output is not None:
-        write_page(page, output)
+        write_page(page, output, part(progress, 0.3 if sampled is None else 0.7, 1.0))
     if figures is not None:
         write_figures(page, figures)
     return page
@@ -62,6 +62,7 @@ def compare(
     output: str | Path,
     one: str | None = None,
     other: str | None = None,
+    progress: Progress = silent,
 ) -> Report:
     """Write a page that shows two cameras, or two styles of one, side by side: a chart, a picture, ΔE00.
 
@@ -70,8 +71,9 @@ def compare(
     """
     check_report_output(output, None, [each for each in (first, second) if not isinstance(each, CameraProfile)])
     a, b = as_profile(first), as_profile(second)
+    progress(f"{a.camera} and {b.camera}", 0.0)
     page = build_comparison(a, one or _first_setting(a), b, other or _first_setting(b))
-    write_page(page, output)
+    write_page(page, output, part(progress, 0.5, 1.0))
     return page
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lutforge import child_processes
 from lutforge.arrays import Array
 from lutforge.atomic_write import scratch_folder
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
@@ -142,7 +143,7 @@ def _frames(film: Path, count: int, folder: Path) -> list[Path]:
         raise CalibrationError(f"{film}: a film states no exposures; give those of its equal parts, in order (--times)")
     probe = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0", str(film)]
     try:
-        told = subprocess.run(probe, capture_output=True, text=True, timeout=60, check=False)
+        told = child_processes.run(probe, 60)
         seconds = float(told.stdout)
     except (OSError, subprocess.TimeoutExpired):
         raise ShotError("ffprobe, which comes with ffmpeg, cannot be run: install ffmpeg, or give frames") from None

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -10,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from lutforge.atomic_write import atomic_path
+from lutforge.progress import Progress, silent
 from lutforge.report.figures import save_png, to_svg
 
 
@@ -38,7 +40,7 @@ class Picture:
     caption: str
     kind: Literal["picture"] = "picture"
 
-    @property
+    @cached_property
     def svg(self) -> str:
         """The figure as an <svg> element, whose ids are its own within a page."""
         prefix = re.sub(r"\W", "_", self.name)
@@ -91,7 +93,7 @@ class Report:
         return [block for section in self.sections for block in section.blocks if isinstance(block, Picture)]
 
 
-def write_page(report: Report, path: str | Path) -> None:
+def write_page(report: Report, path: str | Path, progress: Progress = silent) -> None:
     """One self-contained HTML file: no script, nothing from a network; names are escaped."""
     from lutforge import __version__
 
@@ -102,6 +104,9 @@ def write_page(report: Report, path: str | Path) -> None:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    for index, picture in enumerate(report.pictures):
+        progress(f"drawing {picture.name}", index / len(report.pictures))
+        _ = picture.svg
     html = environment.get_template("report.html").render(report=report, version=__version__)
     with atomic_path(path) as temporary:
         temporary.write_text(html, encoding="utf-8")

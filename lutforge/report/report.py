@@ -50,19 +50,19 @@ def build_report(
     tones = profile.tones
     shares: tuple[ErrorShares, ...] = ()
     if samples is not None:
-        evaluation = evaluate(profile, samples, part(progress, 0.0, 0.6))
+        evaluation = evaluate(profile, samples, part(progress, 0.0, 0.8))
         own = _own(profile, evaluation)
         tones, shares = evaluation.tones, evaluation.shares
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         notes = tuple(dict.fromkeys((*notes, *evaluation.notes)))
-        progress("error maps", 0.6)
+        progress("error maps", 0.8)
         judged.append(Section("Errors", (*error_tables(own, evaluation), *error_pictures(own, evaluation))))
         judged.append(
             Section("Errors on real shots", tuple(error_map_pictures(own, evaluation, files or {}, profile.falloffs)))
         )
         shown.append(Section("Samples", tuple(sample_blocks(samples, accounts))))
         shown.append(Section("Exposures", tuple(exposure_blocks(data))))
-    progress("models", 0.8)
+    progress("models", 0.9)
     models = [
         Section(f"Style {name}", tuple(style_pictures(profile, name, style, data.get(name))))
         for name, style in profile.styles.items()

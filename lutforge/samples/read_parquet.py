@@ -1,13 +1,13 @@
 """samples.parquet → the wanted columns."""
 
 import hashlib
-import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
 
 import polars as pl
 
+from lutforge import child_processes
 from lutforge.boundary import reading, silent_stderr
 from lutforge.errors import SampleError
 from lutforge.samples.columns import MAX_ROWS, NUMBER_COLUMNS, column_type, wanted_columns
@@ -72,6 +72,6 @@ def _require_readable(path: Path) -> None:
     Polars 2.1 ends its process where a damaged page claims more memory than there is.
     """
     code = "import sys, polars; polars.read_parquet(sys.argv[1], glob=False)"
-    tried = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, timeout=600)
+    tried = child_processes.run([sys.executable, "-c", code, str(path)], 600)
     if tried.returncode != 0:
         raise SampleError(f"{path}: cannot be read as a Parquet file (it is damaged); write it anew")

@@ -25,6 +25,7 @@ from exifread.core.exif_header import ExifHeader
 from exifread.core.find_exif import determine_type
 from exifread.tags.fields import FIELD_DEFINITIONS
 
+from lutforge import child_processes
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
 from lutforge.images.jpeg import SOI, read_header
@@ -281,7 +282,7 @@ def _exiftool_tags(path: Path) -> Tags:
     groups = maker_table("maker_notes")["exiftool_tables"]
     with contextlib.suppress(OSError, subprocess.SubprocessError, ValueError, LookupError, AttributeError):
         command = [program, "-j", "-n", "-t", "-D", "-fast", str(path.absolute())]
-        printed = subprocess.run(command, capture_output=True, timeout=20, check=True).stdout
+        printed = child_processes.run(command, 20).stdout
         for entry in json.loads(printed)[0].values():
             if isinstance(entry, dict) and entry["table"] in groups and str(entry["id"]).isdecimal():
                 found.setdefault((groups[entry["table"]], int(entry["id"])), _parsed(str(entry["val"])))

@@ -310,7 +310,7 @@ def test_damaged_pages_neither_end_the_process_nor_print(tmp_path: Path, capfd: 
 def test_own_parquet_is_known_by_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.csv").write_text(f"{HEADER}\n{ROW}\n")
     write_samples(tmp_path / "a.parquet", read_samples(tmp_path / "a.csv"))
-    monkeypatch.setattr("subprocess.run", None)  # no process is needed to try it
+    monkeypatch.setattr("lutforge.child_processes.run", None)  # no process is needed to try it
     assert len(read_samples(tmp_path / "a.parquet")) == 1
 
 
