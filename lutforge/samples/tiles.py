@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Codes, Mask
 from lutforge.compiled import compiled
 from lutforge.samples.clipping import Extremes
-from lutforge.shots.cells import REACH, CellStatistics, without_outliers
+from lutforge.shots.cells import REACH, CellStatistics, greatest, without_outliers
 from lutforge.shots.shot import Registration
 
 
@@ -136,12 +136,12 @@ def flatness(jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, us
     mean = np.maximum(np.nan_to_num(raw.mean), 1e-6)
     raw_std = np.nan_to_num(raw.std)
     raw_noise = np.minimum(_noise(mean, raw_std, usable, photons=True), (0.25 * mean) ** 2)
-    raw_structure = (_structure(raw_std, raw_noise) / mean).max(axis=-1)
+    raw_structure = greatest(_structure(raw_std, raw_noise) / mean)
     # The JPEG's noise is believed up to 5 codes, or what a power of 1/2.2 makes of the RAW's, which white balance,
     # colour matrix and demosaicking may double. More of it is texture.
-    explained = 2 / 2.2 * jpeg.mean * (np.sqrt(raw_noise) / mean).max(axis=-1, keepdims=True)
+    explained = 2 / 2.2 * jpeg.mean * greatest(np.sqrt(raw_noise) / mean)[..., None]
     jpeg_noise = np.minimum(_noise(jpeg.mean, jpeg.std, usable, photons=False), np.maximum(5, explained) ** 2)
-    jpeg_structure = _structure(jpeg.std, jpeg_noise).max(axis=-1)
+    jpeg_structure = greatest(_structure(jpeg.std, jpeg_noise))
     if multipliers is None:
         multipliers = mean[usable].mean() / mean[usable].mean(axis=0)
     # RAW on the scale of codes: cell means brought to the brightness of the JPEG's by one gain.
@@ -149,7 +149,7 @@ def flatness(jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, us
     encoded *= jpeg.mean[usable].mean() / encoded[usable].mean()
     # Neighbours' means differ by their noise, too: four standard deviations of a difference, where those of the means
     # are twice what they were if pixels were independent.
-    unsure = 4 * math.sqrt(2) * 2 * np.sqrt(_SPREAD * jpeg_noise.max(axis=-1) / jpeg.count)
+    unsure = 4 * math.sqrt(2) * 2 * np.sqrt(_SPREAD * greatest(jpeg_noise) / jpeg.count)
     step = np.sqrt(np.maximum(0, np.maximum(_step(jpeg.mean), _step(encoded)) ** 2 - unsure**2))
     around = scipy.ndimage.maximum_filter(jpeg_structure, 3)
     for index in reversed(range(len(LEVELS))):
@@ -213,8 +213,7 @@ def _step(mean: Array) -> Array:
     """(hc, wc): the largest difference of a cell's mean to the eight around, over the channels."""
     high = scipy.ndimage.maximum_filter(mean, (3, 3, 1)) - mean
     low = mean - scipy.ndimage.minimum_filter(mean, (3, 3, 1))
-    result: Array = np.maximum(high, low).max(axis=-1)
-    return result
+    return greatest(np.maximum(high, low))
 
 
 def _around(mean: Array) -> Array:

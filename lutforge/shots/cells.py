@@ -2,17 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Index, Mask
+from lutforge.arrays import Array, Index, Mask, Single
 from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.images.raw import RawImage
 from lutforge.shots.shot import Registration, Shot
 
 Mark = NDArray[np.uint8]
+Number = TypeVar("Number", Array, Single)
 REACH = 2.4
 """How far, in standard deviations, noise is taken to reach: 64 pixels of it do on average. Where no more than these
 0.8 % are clipped, the mean moves by less than 0.003 standard deviations."""
@@ -169,6 +171,11 @@ def without_outliers(
         values = np.where(outlier, centre, values)
         replaced |= outlier
     return values, average(replaced.astype(np.float64))
+
+
+def greatest(values: Number) -> Number:
+    """Return the greatest of three channels, (…); NumPy's own maximum over so short an axis takes ten times as long."""
+    return np.maximum(np.maximum(values[..., 0], values[..., 1]), values[..., 2])
 
 
 def cell_edges(scale: float, offset: float, count: int, cell: int, pixel_size: float) -> Array:

@@ -18,6 +18,9 @@ from lutforge.shots.local_structure import share, structure
 from lutforge.shots.pyramid import COARSE_SIDE, RawLevel, RawPyramid, ReducedJpeg
 from lutforge.shots.shot import Registration, unreduced
 
+OVERLAP = 0.8
+"""The share of a JPEG that must lie on the RAW."""
+
 
 def search(raw: RawPyramid, jpeg: ReducedJpeg, scale: float | None = None) -> list[Registration]:
     """The best place at all plausible scales (or at the one given) with all offsets, and the second best of that scale.
@@ -33,13 +36,20 @@ def search(raw: RawPyramid, jpeg: ReducedJpeg, scale: float | None = None) -> li
     if not scales.size:
         return []
     sides = [math.ceil(side / scales.min()) for side in size]
-    shape = [scipy.fft.next_fast_len(side + own, real=True) for side, own in zip(sides, template.shape, strict=True)]
+    # Shifts that leave enough of the mask on the picture are told apart; others may fall on one another.
+    reach = [max(_rows_to_spare(mask.sum(axis=axis)[::way]) for way in (1, -1)) for axis in (1, 0)]
+    shape = [scipy.fft.next_fast_len(side + most, real=True) for side, most in zip(sides, reach, strict=True)]
     spectra = [np.conj(scipy.fft.rfft2(plane, shape)) for plane in (template, mask)]
     pattern = _Pattern(template, mask, spectra[0], spectra[1], shape)
     level = raw.for_scale(scales.min())
     found = [_match(level, pattern, float(scale)) for scale in scales]
     best = max(found, key=lambda places: places[0].correlation)
     return [unreduced(place, whole) for place in best]
+
+
+def _rows_to_spare(mask: Single) -> int:
+    """How many of the first rows, whose masks add up to these sums (n,), may lie beside the picture."""
+    return int(np.searchsorted(np.cumsum(mask, dtype=np.float64), (1 - OVERLAP) * float(mask.sum()), side="right"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +108,7 @@ def _match(raw: RawLevel, pattern: _Pattern, scale: float) -> list[Registration]
     overlap = pattern.overlap(*(int(side.sum()) for side in (cover.max(axis=1), cover.max(axis=0))))
     total = float((pattern.template**2).sum())
     score = matched / np.sqrt(np.maximum(energy, 0.2 * total) * total + 1e-12)
-    score[overlap < 0.8 * pattern.mask.sum()] = -1.0
+    score[overlap < OVERLAP * pattern.mask.sum()] = -1.0
     places: list[Registration] = []
     for _ in range(2):
         y, x = np.unravel_index(int(np.argmax(score)), score.shape)

@@ -10,6 +10,7 @@ from lutforge.arrays import Codes, Single
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots.area_means import block_mean
+from lutforge.shots.cells import greatest
 
 MIN_SIDE = 200
 """A JPEG whose longer side is shorter than this is a thumbnail: its pixels average too much of the scene."""
@@ -104,7 +105,7 @@ class ReducedJpeg:
             raise ShotError(f"only {width}×{height} pixels: a thumbnail, too small to register")
         factor = reduction(raw, jpeg)
         small = block_mean(jpeg, factor)
-        brightest = np.maximum(np.maximum(small[..., 0], small[..., 1]), small[..., 2])
+        brightest = greatest(small)
         weight = np.where((brightest < 252) & (brightest > 4), _inside_bars(brightest), np.float32(0.0))
         return cls(small / np.float32(255), weight, factor)
 
