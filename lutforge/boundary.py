@@ -13,6 +13,9 @@ from pathlib import Path
 
 from lutforge.errors import LutForgeError, one_line
 
+MAX_SAMPLES = 1_200_000_000
+"""Largest width × height × channels that is read at once (400 Mpixel of RGB); larger claims are not allocated."""
+
 _redirection = threading.RLock()
 
 

@@ -1,8 +1,6 @@
 """Colour checks of an image: whether a grade can take it, its colour-space metadata, and notes for the user."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +10,7 @@ from lutforge.apply.grade import Grade
 from lutforge.arrays import Index, Pixels
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
+from lutforge.images.icc import is_srgb
 from lutforge.images.jpeg import JpegHeader
 from lutforge.images.output_spec import IN_ANOTHER_SPACE
 from lutforge.images.read import is_premultiplied
@@ -90,29 +89,9 @@ def _other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, 
     if "ICCProfile" in attributes:
         return "Adobe RGB"
     profile = source.getattribute("ICCProfile")
-    if profile is None or _is_srgb(bytes(profile)):
+    if profile is None or is_srgb(bytes(profile)):
         return ""
     return source.get_string_attribute("ICCProfile:profile_description").strip() or "a space without a name"
-
-
-@lru_cache(maxsize=64)
-def _is_srgb(profile: bytes) -> bool:
-    """True where an ICC profile moves 8-bit codes by less than one on their way to sRGB, in the mean, or is broken.
-
-    Its name does not tell: sRGB has many, and programs that save space give none.
-    """
-    from PIL import Image, ImageCms  # for pictures with a profile alone
-
-    axis = np.arange(0, 256, 15, dtype=np.uint8)
-    codes = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(1, -1, 3)
-    try:
-        convert = ImageCms.buildTransform(
-            BytesIO(profile), ImageCms.createProfile("sRGB"), "RGB", "RGB", ImageCms.Intent.RELATIVE_COLORIMETRIC
-        )
-        moved = ImageCms.applyTransform(Image.fromarray(codes), convert)
-    except ImageCms.PyCMSError:
-        return True
-    return bool(np.abs(np.asarray(moved, dtype=np.float64) - codes).mean() < 1)
 
 
 def layers(spec: oiio.ImageSpec) -> Iterator[str]:

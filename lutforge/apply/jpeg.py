@@ -62,6 +62,8 @@ class JpegSource:
     @property
     def notes(self) -> tuple[str, ...]:
         """What of the file is not in the graded one."""
+        if self.header.has_gain_map:
+            return ("the gain map (Ultra HDR) is of the old colours, and was left out: the picture is SDR now",)
         told = "the previews behind the picture show the old colours, and were left out"
         return (told,) if self.header.has_previews else ()
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.boundary import reading
+from lutforge.boundary import MAX_SAMPLES, reading
 from lutforge.errors import ImageError
 from lutforge.identification.noise_law import noise_log_likelihood, noise_parts
 from lutforge.identification.noise_tally import NoiseTally, tally_noise
 from lutforge.identification.rendering import Rendering
 from lutforge.identification.scene_colours import palette, scene_log_density
 from lutforge.images.jpeg import read_header
-from lutforge.images.read import MAX_SAMPLES, read_image
+from lutforge.images.read import read_image
 
 LEAST_COLOURS = 24
 """Fewer flat colours tell nothing."""

@@ -83,9 +83,23 @@ class JpegHeader:
         return tuple(body.rstrip(b"\0").decode("utf-8", "replace") for body in bodies)
 
     @property
+    def icc(self) -> bytes:
+        """The ICC profile, of all segments that hold a piece of it (ICC.1:2022, B.4); empty where there is none."""
+        pieces = [segment.body for segment in self.segments if segment.marker == APP2 and segment.body.startswith(_ICC)]
+        return b"".join(piece[len(_ICC) + 2 :] for piece in sorted(pieces, key=lambda piece: piece[len(_ICC)]))
+
+    @property
     def has_previews(self) -> bool:
         """True where further pictures follow the first, as of the Multi-Picture Format (CIPA DC-007)."""
         return any(segment.marker == APP2 and segment.body.startswith(_PREVIEWS) for segment in self.segments)
+
+    @property
+    def has_gain_map(self) -> bool:
+        """True where a gain map for HDR displays follows: Ultra HDR 1.1 says so in XMP, ISO 21496-1 in a segment."""
+        told = (b"ns.adobe.com/hdr-gain-map", b"urn:iso:std:iso:ts:21496:-1")
+        return any(
+            segment.marker in (EXIF, APP2) and any(word in segment.body for word in told) for segment in self.segments
+        )
 
 
 def read_header(data: bytes | mmap) -> JpegHeader | None:

@@ -7,11 +7,9 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.arrays import Pixels
-from lutforge.boundary import require_file
+from lutforge.boundary import MAX_SAMPLES, require_file
 from lutforge.errors import ImageError
-
-MAX_SAMPLES = 1_200_000_000
-"""Largest width × height × channels that is read at once (400 Mpixel of RGB); larger claims are not allocated."""
+from lutforge.images.heif import is_heif, read_heif
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +62,8 @@ class ImageReader:
 
     def __init__(self, path: Path) -> None:
         require_file(path, "an image", ImageError)
+        if is_heif(path):
+            raise ImageError(f"{path}: HEIF pictures are calibrated from, not graded; convert it to TIFF or JPEG")
         config = oiio.ImageSpec()
         config.attribute("oiio:UnassociatedAlpha", 1)
         source = oiio.ImageInput.open(str(path), config)
@@ -157,6 +157,10 @@ def read_image(path: str | Path) -> Image:
     Raises ImageError, in one line, for a file that is missing, empty, truncated, absurdly large, or no image.
     """
     path = Path(path)
+    if is_heif(path):
+        heif = read_heif(path)
+        pixels = np.asarray(heif.codes / np.float32(65535), dtype=np.float32)
+        return Image(pixels, oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, oiio.UINT16), "heif")
     with ImageReader(path) as reader:
         return Image(reader.read(reader.whole), reader.spec, reader.format, reader.count_parts())
 

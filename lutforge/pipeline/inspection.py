@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lutforge.errors import ImageError
+from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.model.diagnosis import told
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
@@ -17,7 +18,7 @@ from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
 if TYPE_CHECKING:
     from lutforge.model.camera_profile import CameraProfile
 
-PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", ".heic", ".hif"})
+PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", *HEIF_SUFFIXES})
 Rows = Iterator[tuple[str, str]]
 
 

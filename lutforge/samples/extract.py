@@ -91,7 +91,7 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     raw = raw_on_jpeg_cells(shot, cell)
     hot = raw.hot
     raw = raw_on_jpeg_cells(shot, cell, hot) if hot else raw
-    jpeg = jpeg_cells(shot.jpeg, cell, hot)
+    jpeg = jpeg_cells(shot.jpeg if shot.fine is None else shot.fine, cell, hot)
     inside: Mask = np.isfinite(raw.mean[..., 0])
     clip = clipping(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation)
     usable = inside & ~clip.any

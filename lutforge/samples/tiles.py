@@ -69,14 +69,15 @@ def cell_size(registration: Registration) -> int:
     return 8 * max(1, math.ceil(16 / (8 * registration.scale) - 0.05))
 
 
-def jpeg_cells(jpeg: Codes, cell: int, hot: bool = False) -> JpegCells:
+def jpeg_cells(jpeg: Codes | NDArray[np.uint16], cell: int, hot: bool = False) -> JpegCells:
     """Statistics over the grid of cells of a JPEG (h, w, 3), of which outliers are no part, as in `raw_on_grid`.
 
-    A rest at the right and bottom is left out.
+    16-bit values 0 … 65535 stand for codes 0 … 255. A rest at the right and bottom is left out.
     """
     h, w = jpeg.shape[0] // cell, jpeg.shape[1] // cell
     found = np.empty((4, h, w, 3))
-    _block_moments(jpeg, cell, found)
+    wide = np.int32 if jpeg.dtype == np.uint8 else np.int64  # holds the squares of a column of a cell
+    _block_moments(jpeg, cell, found, np.empty((2, 3 * cell * w), wide), np.empty((2, 3 * cell * w), jpeg.dtype))
     blocks = jpeg[: h * cell, : w * cell].reshape(h, cell, w, cell, 3).swapaxes(1, 2)
     for channel in range(3):
         mean, std, low, high = found[..., channel]
@@ -88,24 +89,33 @@ def jpeg_cells(jpeg: Codes, cell: int, hot: bool = False) -> JpegCells:
             (lambda values: np.median(values, axis=-1)) if hot else None,
         )
         found[:, doubtful, channel] = _moments(cleaned)
-    mean, std, low, high = found
+    mean, std, low, high = found if jpeg.dtype == np.uint8 else found / 257.0
     extremes = Extremes(np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std))
     return JpegCells(mean, std, extremes, cell * cell)
 
 
 @compiled()
-def _block_moments(jpeg: Codes, cell: int, found: Array) -> None:
-    """Fill mean, standard deviation, minimum and maximum, (4, h, w, 3), of each block of cell × cell codes."""
+def _block_moments(
+    jpeg: Codes | NDArray[np.uint16],
+    cell: int,
+    found: Array,
+    sums: NDArray[np.signedinteger],
+    ends: NDArray[np.unsignedinteger],
+) -> None:
+    """Fill mean, standard deviation, minimum and maximum, (4, h, w, 3), of each block of cell × cell codes.
+
+    sums, ends: (2, 3 cell w) room for sums of values and squares, and for the extremes, of columns.
+    """
     height, width = found.shape[1:3]
     length, count = 3 * cell * width, cell * cell
-    total, square = np.empty(length, np.int32), np.empty(length, np.int32)
-    low, high = np.empty(length, np.uint8), np.empty(length, np.uint8)
+    total, square, low, high = sums[0], sums[1], ends[0], ends[1]
     for i in range(height):
-        total[:], square[:], low[:], high[:] = 0, 0, 255, 0
+        total[:], square[:] = 0, 0
+        low[:] = high[:] = jpeg[i * cell].ravel()[:length]
         for y in range(i * cell, (i + 1) * cell):
             row = jpeg[y].ravel()
             for x in range(length):
-                value = np.int32(row[x])
+                value = np.int64(row[x])
                 total[x] += value
                 square[x] += value * value
                 low[x], high[x] = min(low[x], row[x]), max(high[x], row[x])

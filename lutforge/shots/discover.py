@@ -6,6 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from lutforge.errors import ShotError
+from lutforge.images.heif import HEIF_SUFFIXES, is_heif
 
 RAW_SUFFIXES = frozenset(
     [
@@ -33,7 +34,7 @@ def discover(paths: Iterable[Path | str]) -> list[Path]:
         if not path.exists():
             raise ShotError(f"{path}: no such file or folder")
         for file in _in_folder(path) if path.is_dir() else [path]:
-            if file.suffix.lower() not in JPEG_SUFFIXES or raw_beside(file) is None:
+            if file.suffix.lower() not in (*JPEG_SUFFIXES, *HEIF_SUFFIXES) or raw_beside(file) is None:
                 found.setdefault(file.resolve(), file)
     if not found:
         raise ShotError("no RAW files: name RAW files, or folders that hold some")
@@ -51,9 +52,11 @@ def jpegs_of(path: Path) -> list[Path]:
 
 
 def jpeg_beside(raw: Path) -> Path | None:
-    """The JPEG of the same stem in the RAW file's folder, whatever the case of its name; None where there is none."""
+    """The JPEG, else the HEIF, of the RAW file's stem in its folder, whatever the case of its name; None without."""
     try:
-        names = sorted(entry for entry in raw.parent.iterdir() if entry.suffix.lower() in JPEG_SUFFIXES)
+        kinds = (*JPEG_SUFFIXES, *HEIF_SUFFIXES)
+        names = [entry for entry in sorted(raw.parent.iterdir()) if entry.suffix.lower() in kinds]
+        names.sort(key=is_heif)
     except OSError:
         return None
     exact = [entry for entry in names if entry.stem == raw.stem]

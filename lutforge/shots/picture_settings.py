@@ -11,6 +11,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.boundary import require_file
 from lutforge.errors import ImageError, SettingsError
+from lutforge.images.heif import is_heif
 from lutforge.images.raw import read_multipliers
 from lutforge.images.read import ImageReader
 from lutforge.settings import Multipliers, parse_selector, setting_name
@@ -19,7 +20,7 @@ from lutforge.shots.editors import edited_notes
 from lutforge.shots.maker_multipliers import multipliers_of
 from lutforge.shots.maker_settings import notes_of, style_of, white_balance_of
 from lutforge.shots.metadata import UNKNOWN, tidy_camera
-from lutforge.shots.tags import MAKE, MODEL, Tags
+from lutforge.shots.tags import MAKE, MODEL, Tags, Value
 from lutforge.shots.tags import SOFTWARE as SOFTWARE_TAG
 from lutforge.shots.tags import tags as file_tags
 
@@ -51,7 +52,7 @@ def read_picture_settings(path: Path) -> PictureSettings:
     """
     is_raw = path.suffix.lower() in RAW_SUFFIXES
     require_file(path, "a RAW file" if is_raw else "an image", ImageError)
-    tags = file_tags(path) if is_raw else {**_header_tags(path), **file_tags(path)}
+    tags = file_tags(path) if is_raw or is_heif(path) else {**_header_tags(path), **file_tags(path)}
     made = None if is_raw else _made_by_lutforge(tags)
     if made is not None:
         return made
@@ -79,6 +80,10 @@ def read_picture_settings(path: Path) -> PictureSettings:
 
 def stated_exposure(path: Path) -> float:
     """The exposure that a picture's EXIF states, time · ISO / 100 / f-number²; NaN where it has no time."""
+    if is_heif(path):
+        tags = file_tags(path)
+        time, aperture, iso = (_ratio(tags.get(("Photo", tag))) for tag in (0x829A, 0x829D, 0x8827))
+        return time * (iso or 100.0) / 100.0 / (aperture or 1.0) ** 2 if time > 0 else math.nan
     with ImageReader(path) as image:
         spec = image.spec
 
@@ -88,6 +93,13 @@ def stated_exposure(path: Path) -> float:
     time, aperture = number("ExposureTime", "Exif:ExposureTime"), number("FNumber", "Exif:FNumber")
     iso = number("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")
     return time * (iso or 100.0) / 100.0 / (aperture or 1.0) ** 2 if time > 0 else math.nan
+
+
+def _ratio(value: Value | None) -> float:
+    """The number that EXIF stores as one or two integers; 0 where there is none."""
+    if not isinstance(value, tuple) or not value or (len(value) > 1 and not value[1]):
+        return 0.0
+    return float(value[0]) / (float(value[1]) if len(value) > 1 else 1.0)
 
 
 def camera_of(tags: Tags) -> str:

@@ -6,18 +6,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lutforge.arrays import Codes
 from lutforge.atomic_write import scratch_folder
+from lutforge.boundary import MAX_SAMPLES
 from lutforge.errors import ImageError, ShotError
 from lutforge.images.development import Development
+from lutforge.images.heif import is_heif, read_heif
+from lutforge.images.icc import is_srgb, profile_name, to_srgb
 from lutforge.images.jpeg import decode, read_header
 from lutforge.images.raw import RawImage, read_raw
-from lutforge.images.read import MAX_SAMPLES, read_image
+from lutforge.images.read import read_image
 from lutforge.shots.align import register_rotated
 from lutforge.shots.discover import JPEG_SUFFIXES, jpeg_beside
 from lutforge.shots.editors import edited_notes
+from lutforge.shots.maker_settings import in_adobe_rgb
 from lutforge.shots.metadata import read_metadata
 from lutforge.shots.shot import Registration, Shot
-from lutforge.shots.tags import tags
+from lutforge.shots.tags import tags, tags_of
 
 EMBEDDED = "embedded preview"
 
@@ -35,7 +40,7 @@ def read_shot(path: Path | str, development: Development | None = None) -> Shot:
     that its multipliers are 1. Raises ImageError where the RAW cannot be decoded, ShotError where no JPEG matches it.
     """
     path = Path(path)
-    if path.suffix.lower() in JPEG_SUFFIXES:
+    if path.suffix.lower() in JPEG_SUFFIXES or is_heif(path):
         raise ShotError(f"{path}: a JPEG by itself is not a shot; name the RAW file that it was made from")
     raw = read_raw(path, half_size=True)
     if development is not None:
@@ -45,15 +50,15 @@ def read_shot(path: Path | str, development: Development | None = None) -> Shot:
     candidates = sorted(_candidates(path), key=lambda candidate: len(candidate[1]))
     for index, (source, edited) in enumerate(candidates):
         try:
-            jpeg, registration = _registered(raw, path, source)
+            jpeg, fine, registration, converted = _registered(raw, path, source)
         except (ImageError, ShotError) as error:
             reasons.append(str(error))
             continue
         metadata = read_metadata(path, raw, Path(source) if source != EMBEDDED else None)
         reasons += [f"{other}: {note}" for other, notes in candidates[index + 1 :] for note in notes]
-        notes = (*edited, *(f"passed over: {reason}" for reason in reasons))
+        notes = (*edited, *converted, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
-        return Shot(path.stem, path, raw, jpeg, source, metadata, registration, development)
+        return Shot(path.stem, path, raw, jpeg, source, metadata, registration, development, fine=fine)
     size = (
         "" if development is None else "; the picture in the RAW's place, {1} × {0}, must be the whole frame, uncropped"
     )
@@ -69,20 +74,42 @@ def _candidates(path: Path) -> list[tuple[str, tuple[str, ...]]]:
     return [(str(beside), edited_notes(tags(beside))), embedded] if beside else [embedded]
 
 
-def _registered(raw: RawImage, path: Path, source: str) -> tuple[NDArray[np.uint8], Registration]:
+def _registered(
+    raw: RawImage, path: Path, source: str
+) -> tuple[Codes, NDArray[np.uint16] | None, Registration, tuple[str, ...]]:
+    """The picture in 8 bits and, where it has more, in 16, both as the sensor lies; where it lies on the RAW; notes."""
     if source == EMBEDDED and raw.preview is None:
         raise ShotError(raw.preview_note)
-    data = raw.preview if source == EMBEDDED else None
-    try:
-        jpeg = _decode(data, EMBEDDED) if data is not None else _decode(Path(source).read_bytes(), source)
-    except OSError as error:
-        raise ImageError(f"{source}: cannot be read ({error.strerror or error})") from None
+    heif = read_heif(Path(source)) if source != EMBEDDED and is_heif(Path(source)) else None
+    if heif is not None:
+        jpeg, fine, profile = heif.codes8, heif.codes if heif.bits > 8 else None, heif.icc
+    else:
+        try:
+            data = raw.preview if source == EMBEDDED and raw.preview is not None else Path(source).read_bytes()
+        except OSError as error:
+            raise ImageError(f"{source}: cannot be read ({error.strerror or error})") from None
+        jpeg, fine = _decode(data, source), None
+        header = read_header(data)
+        # A camera's Adobe RGB is a style of its own.
+        profile = header.icc if header is not None and not in_adobe_rgb(tags_of(data)) else b""
+    notes = []
+    if heif is not None and heif.hdr:
+        notes.append(f"the HEIF is encoded for HDR ({heif.hdr}): its codes are calibrated as they are")
+    if profile and not is_srgb(profile):
+        jpeg, fine = to_srgb(jpeg, profile), None
+        notes.append(
+            f"the picture is in {profile_name(profile)}: converted to sRGB, so grade pictures that are converted"
+        )
     # Previews lie like the sensor or upright; a file beside may have been turned by any program.
     likely = (0, TURNS.get(raw.flip, 0), 1, 2, 3)
     try:
-        return register_rotated(raw, jpeg, tuple(dict.fromkeys(likely)))
+        turned, registration = register_rotated(raw, jpeg, tuple(dict.fromkeys(likely)))
     except ShotError as error:
         raise ShotError(f"{source}: {error}") from None
+    if fine is not None:
+        turn = next(turn for turn in range(4) if np.array_equal(np.rot90(jpeg, turn), turned))
+        fine = np.ascontiguousarray(np.rot90(fine, turn))
+    return turned, fine, registration, tuple(notes)
 
 
 def _decode(data: bytes, source: str) -> NDArray[np.uint8]:

@@ -28,6 +28,7 @@ from exifread.tags.fields import FIELD_DEFINITIONS
 from lutforge import child_processes
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
+from lutforge.images.heif import is_heif, read_heif_exif
 from lutforge.images.jpeg import SOI, read_header
 from lutforge.shots.containers import Buffer, Handle, is_ciff, read_ciff, tiff_blocks
 
@@ -55,7 +56,7 @@ def tags(path: Path) -> Tags:
         path.open("rb") as file,
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
     ):
-        found = tags_of(data)
+        found = tags_of(read_heif_exif(path) if is_heif(path) else data)
     found = {**_exiv2_tags(path), **found}
     if MAKER_NOTE in found and {group for group, _ in found} <= {"Image", "Photo", "Iop"}:
         found = {**_exiftool_tags(path), **found}

@@ -15,6 +15,7 @@ import rawpy
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.model.falloff import Falloff
@@ -188,7 +189,12 @@ def _write_jpeg(path: Path, picture: NDArray[np.uint8], settings: CameraSettings
 
 
 def develop(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: CameraSettings) -> NDArray[np.uint8]:
-    """What the camera does to its mosaic (h, w): demosaic, crop the border, render, sharpen, round."""
+    """What the camera does to its mosaic (h, w) for a JPEG: all of `rendered`, rounded to 8 bits."""
+    return np.rint(255 * rendered(camera, mosaic, settings)).astype(np.uint8)
+
+
+def rendered(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: CameraSettings) -> Array:
+    """Encoded values (h, w, 3) of a mosaic (h, w): demosaicked, its border cropped, rendered and sharpened."""
     raw = demosaic(normalized(camera, mosaic), camera.cfa)
     if settings.falloff is not None:
         raw *= settings.falloff.gain(*mosaic.shape)[..., None].astype(np.float32)
@@ -197,7 +203,7 @@ def develop(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: Camer
     if settings.sharpening:
         blurred = ndimage.gaussian_filter(encoded, (1.0, 1.0, 0.0), mode="nearest")
         encoded = np.clip(encoded + settings.sharpening * (encoded - blurred), 0.0, 1.0)
-    return np.rint(255 * encoded).astype(np.uint8)
+    return encoded
 
 
 def shrink(picture: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:

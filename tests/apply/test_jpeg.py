@@ -21,7 +21,7 @@ from lutforge.apply.jpeg import Canvases
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.exif import exif_places
-from lutforge.images.jpeg import JpegHeader, read_header
+from lutforge.images.jpeg import JpegHeader, Segment, read_header
 from lutforge.images.output_spec import IN_ANOTHER_SPACE
 from lutforge.images.read import read_image
 from lutforge.shots.tags import SOFTWARE, tags
@@ -100,6 +100,21 @@ def assert_metadata_kept(before: JpegHeader, after: JpegHeader) -> None:
             hole = slice(places.thumbnail.start + 6, places.thumbnail.stop + 6)
             assert one.body[: hole.start] + one.body[hole.stop :] == other.body[: hole.start] + other.body[hole.stop :]
             assert one.body[hole] != other.body[hole]
+
+
+@pytest.mark.parametrize("said", ["xmp", "iso"])
+def test_a_gain_map_that_is_left_out_is_said(tmp_path: Path, grade: Grade, said: str) -> None:
+    source = with_everything(tmp_path / "a.jpg")
+    plain = apply_image(grade, source, tmp_path / "plain.jpg")
+    xmp = b"http://ns.adobe.com/xap/1.0/\0<x xmlns:hdrgm='http://ns.adobe.com/hdr-gain-map/1.0/'/>"
+    body = Segment(0xE1, xmp) if said == "xmp" else Segment(0xE2, b"urn:iso:std:iso:ts:21496:-1\0\0\0\0\0")
+    data = source.read_bytes()
+    source.write_bytes(data[:2] + body.stored + data[2:] + data)  # behind the picture lies another
+    done = apply_image(grade, source, tmp_path / "ultra.jpg")
+    told = [note for note in done.notes if "gain map (Ultra HDR)" in note]
+    assert len(told) == 1 and "left out" in told[0]
+    assert not [note for note in plain.notes if "gain map" in note]
+    assert (tmp_path / "ultra.jpg").read_bytes().count(b"\xff\xd9") < data.count(b"\xff\xd9") + 2
 
 
 @pytest.mark.parametrize("whole", [True, False])

@@ -1,10 +1,14 @@
 """A shot from its files: which JPEG is taken, what is said where none will do, and what the tags mean."""
 
+import struct
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image, ImageCms
 
+from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError, LutForgeError, ShotError
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
@@ -120,3 +124,44 @@ def test_unusual_raw_is_refused(shared_data: Path, file: str, why: str) -> None:
 def test_a_jpeg_alone_is_no_shot(shared_data: Path, jpeg: str) -> None:
     with pytest.raises(LutForgeError, match="a JPEG by itself is not a shot"):
         read_shot(shared_data / "canon_powershot_s40" / jpeg)
+
+
+WIDE = {
+    "Display P3": ((0.51512, 0.24119, -0.00105), (0.29198, 0.69225, 0.04189), (0.15710, 0.06657, 0.78407)),
+    "Rec. 2020": ((0.67346, 0.27904, -0.00193), (0.16566, 0.67534, 0.02997), (0.12505, 0.04561, 0.79686)),
+}
+"""XYZ of red, green and blue, adapted to D50, as ICC profiles of these spaces have them."""
+
+
+def wide_profile(name: str) -> bytes:
+    """An ICC profile with the primaries of a space, and the curve of Adobe RGB."""
+    profile = adobe_rgb_profile()
+    adobe = ((0.60974, 0.31111, 0.01947), (0.20528, 0.62567, 0.06087), (0.14919, 0.06322, 0.74457))
+    for old, new in zip(adobe, WIDE[name], strict=True):
+        before, after = (struct.pack(">3i", *(round(65536 * value) for value in xyz)) for xyz in (old, new))
+        assert profile.count(before) == 1
+        profile = profile.replace(before, after)
+    return profile
+
+
+@pytest.mark.parametrize("name", WIDE)
+def test_pictures_in_wide_spaces_are_converted_by_their_profiles(folder: Path, tmp_path: Path, name: str) -> None:
+    own = read_shot(folder / "pair.dng")
+    (tmp_path / "pair.dng").write_bytes((folder / "pair.dng").read_bytes())
+    profile = wide_profile(name)
+    with Image.open(folder / "pair.JPG") as picture:
+        exif = picture.info["exif"]
+        there = ImageCms.profileToProfile(
+            picture, ImageCms.createProfile("sRGB"), ImageCms.ImageCmsProfile(BytesIO(profile))
+        )
+    assert there is not None
+    there.save(tmp_path / "pair.JPG", quality=98, subsampling=0, exif=exif, icc_profile=profile)
+    shot = read_shot(tmp_path / "pair.dng")
+    assert any("converted to sRGB" in note for note in shot.metadata.notes)
+    assert not any("converted to sRGB" in note for note in own.metadata.notes)
+    assert shot.metadata.style == own.metadata.style == "vivid"
+    inside = np.all((own.jpeg > 12) & (own.jpeg < 243), axis=-1)
+    stored = np.asarray(there, dtype=np.float64)
+    difference = np.abs(shot.jpeg.astype(np.float64) - own.jpeg)[inside]
+    assert difference.mean() < 1.5
+    assert np.abs(stored - own.jpeg)[inside].mean() > 3 * difference.mean()  # they do differ

@@ -1,0 +1,93 @@
+"""HEIF pictures (.heic, .heif, .hif) of cameras and phones, by libheif: 8 to 12 bits a channel, turned as they say.
+
+pillow-heif, an optional package, brings libheif. A picture is decoded to RGB in its own encoding; nothing is converted.
+"""
+
+import importlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.boundary import MAX_SAMPLES, reading, require_file
+from lutforge.errors import ImageError
+
+HEIF_SUFFIXES = (".heic", ".heif", ".hif")
+
+HDR = {16: "PQ", 18: "HLG"}
+"""Transfer characteristics of HDR pictures (ITU-T H.273, table 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Heif:
+    """A decoded picture. codes: (h, w, 3), 0 … 65535 whatever the bits; exif: its TIFF structure; icc: the profile.
+
+    exif and icc are empty where there are none. hdr: "PQ", "HLG" or "". primaries: of H.273, 0 where not said.
+    """
+
+    codes: NDArray[np.uint16]
+    bits: int
+    exif: bytes
+    icc: bytes
+    hdr: str
+    primaries: int
+
+    @property
+    def codes8(self) -> NDArray[np.uint8]:
+        """The picture rounded to 8 bits."""
+        return np.asarray((self.codes.astype(np.uint32) + 128) // 257, dtype=np.uint8)
+
+
+def is_heif(path: Path) -> bool:
+    """True where a file's suffix is one of HEIF."""
+    return path.suffix.lower() in HEIF_SUFFIXES
+
+
+def read_heif(path: Path) -> Heif:
+    """Read the main picture of a file. Raises ImageError: pillow-heif is missing, the file is damaged or too large."""
+    opened = _opened(path)
+    with reading(path, "a HEIF picture", ImageError):
+        width, height = opened.size
+        if width * height * 3 > MAX_SAMPLES:
+            raise ImageError(f"{path}: claims {width} x {height} pixels, more than is read at once")
+        if not opened.mode.startswith("RGB"):
+            raise ImageError(f"{path}: its colours are {opened.mode[:20]}, not RGB")
+        pixels = np.asarray(opened)[..., :3]
+        bits = int(opened.info.get("bit_depth", 8))
+        if pixels.dtype == np.uint16:  # libheif's values stand in the upper bits
+            steps = 2**bits - 1
+            wide = ((pixels >> (16 - bits)).astype(np.uint32) * 65535 + steps // 2) // steps
+        else:
+            wide = pixels.astype(np.uint32) * 257
+        nclx = opened.info.get("nclx_profile") or {}
+        return Heif(
+            np.ascontiguousarray(wide.astype(np.uint16)),
+            bits,
+            exif_of(opened.info),
+            bytes(opened.info.get("icc_profile") or b""),
+            HDR.get(int(nclx.get("transfer_characteristics", 0)), ""),
+            int(nclx.get("color_primaries", 0)),
+        )
+
+
+def read_heif_exif(path: Path) -> bytes:
+    """The TIFF structure of a file's EXIF; empty where it has none. Raises ImageError as `read_heif`."""
+    return exif_of(_opened(path).info)
+
+
+def exif_of(info: dict[str, Any]) -> bytes:
+    """The TIFF structure in what pillow-heif tells of a picture."""
+    block = bytes(info.get("exif") or b"")
+    return block[6:] if block.startswith(b"Exif\0\0") else block
+
+
+def _opened(path: Path) -> Any:
+    require_file(path, "an image", ImageError)
+    try:
+        package = importlib.import_module("pillow_heif")
+    except ImportError:
+        raise ImageError(f"{path}: HEIF pictures are read by libheif: pip install 'lutforge[heif]'") from None
+    with reading(path, "a HEIF picture", ImageError):
+        return package.open_heif(str(path), convert_hdr_to_8bit=False)

@@ -1,0 +1,56 @@
+"""ICC profiles of pictures: which are sRGB, and the way to sRGB through the others, by LittleCMS."""
+
+from functools import lru_cache
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+
+from lutforge.arrays import Codes
+
+
+def to_srgb(codes: Codes, profile: bytes) -> Codes:
+    """Convert 8-bit codes (h, w, 3) from an ICC profile's space, relative to white; colours outside sRGB clip.
+
+    Codes stay as they are where the profile is sRGB's or broken.
+    """
+    if is_srgb(profile):
+        return codes
+    from PIL import Image, ImageCms  # for pictures with a profile alone
+
+    return np.array(ImageCms.applyTransform(Image.fromarray(codes), _transform(profile)), dtype=np.uint8)
+
+
+@lru_cache(maxsize=64)
+def is_srgb(profile: bytes) -> bool:
+    """True where an ICC profile moves 8-bit codes by less than one on their way to sRGB, in the mean, or is broken.
+
+    Its name does not tell: sRGB has many, and programs that save space give none.
+    """
+    from PIL import Image, ImageCms
+
+    axis = np.arange(0, 256, 15, dtype=np.uint8)
+    codes = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(1, -1, 3)
+    try:
+        moved = ImageCms.applyTransform(Image.fromarray(codes), _transform(profile))
+    except ImageCms.PyCMSError:
+        return True
+    return bool(np.abs(np.asarray(moved, dtype=np.float64) - codes).mean() < 1)
+
+
+def profile_name(profile: bytes) -> str:
+    """The description of an ICC profile in one line, "a space without a name" where it has none."""
+    from PIL import ImageCms
+
+    try:
+        told = ImageCms.getProfileDescription(BytesIO(profile))
+    except ImageCms.PyCMSError:
+        told = ""
+    return " ".join(told.split())[:80] or "a space without a name"
+
+
+def _transform(profile: bytes) -> Any:
+    from PIL import ImageCms
+
+    relative = ImageCms.Intent.RELATIVE_COLORIMETRIC
+    return ImageCms.buildTransform(BytesIO(profile), ImageCms.createProfile("sRGB"), "RGB", "RGB", relative)

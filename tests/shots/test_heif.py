@@ -1,0 +1,108 @@
+"""HEIF pictures: 10 bits are read, a shot's RAW is paired with one, and a camera is calibrated from them."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rawpy
+from PIL import Image
+
+import lutforge as lf
+from lutforge.errors import ImageError
+from lutforge.images.heif import read_heif
+from lutforge.images.read import read_image
+from lutforge.shots.discover import discover, jpeg_beside
+from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
+from lutforge.shots.read import read_shot
+from lutforge.simulate.camera import nikon_d5100
+from lutforge.simulate.photograph import CameraSettings, photograph, rendered
+from lutforge.simulate.scenes import SCENES
+
+heif = pytest.importorskip("pillow_heif", reason="needs the optional package pillow-heif")
+CAMERA = nikon_d5100()
+
+
+def write_heif(path: Path, encoded: np.ndarray, exif: bytes = b"", quality: int = 90) -> None:
+    """A 10-bit picture, its chroma at full resolution."""
+    codes = np.rint(encoded * 65535).astype(np.uint16)
+    picture = heif.from_bytes(mode="RGB;16", size=codes.shape[1::-1], data=codes.tobytes())
+    picture.save(str(path), quality=quality, chroma=444, exif=exif or None, matrix_coefficients=1)
+
+
+def pair(folder: Path, name: str, settings: CameraSettings, scene: str, seed: int) -> tuple[Path, Path]:
+    """A shot's DNG, beside its JPEG, and the same in another folder beside its HEIF."""
+    shot = photograph(CAMERA, SCENES[scene](448, 664, seed), settings, folder, name, seed=seed)
+    other = folder / "heif"
+    other.mkdir(exist_ok=True)
+    with rawpy.imread(str(shot.dng)) as raw:
+        picture = rendered(CAMERA, raw.raw_image_visible.copy(), settings)
+    assert shot.jpeg is not None
+    with Image.open(shot.jpeg) as jpeg:
+        exif = jpeg.info["exif"]
+    write_heif(other / f"{name}.HIF", picture, exif)
+    (other / shot.dng.name).write_bytes(shot.dng.read_bytes())
+    return shot.dng, other / shot.dng.name
+
+
+def test_ten_bits_are_read(tmp_path: Path) -> None:
+    ramp = np.broadcast_to(np.linspace(0.2, 0.3, 512)[None, :, None], (64, 512, 3))
+    write_heif(tmp_path / "ramp.heic", ramp, quality=100)
+    found = read_heif(tmp_path / "ramp.heic")
+    assert found.bits == 10
+    assert np.abs(found.codes / 65535 - ramp).max() < 2 / 1023
+    assert len(np.unique(found.codes[..., 1])) > 80  # 26 in 8 bits
+    assert np.abs(found.codes8 / 255 - ramp).max() < 1 / 255
+    np.testing.assert_allclose(read_image(tmp_path / "ramp.heic").pixels, ramp, atol=2 / 1023)
+
+
+def test_what_is_none_is_said_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = tmp_path / "broken.heic"
+    for data in (b"", b"no picture", b"\0\0\0\x18ftypheic" + bytes(100)):
+        broken.write_bytes(data)
+        with pytest.raises(ImageError, match=r"broken\.heic"):
+            read_heif(broken)
+    write_heif(broken, np.full((64, 64, 3), 0.5))
+    whole = broken.read_bytes()
+    broken.write_bytes(whole[: len(whole) * 2 // 3])
+    with pytest.raises(ImageError, match=r"broken\.heic"):
+        read_heif(broken)
+    broken.write_bytes(whole)
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    with pytest.raises(ImageError, match=r"lutforge\[heif\]"):
+        read_heif(broken)
+
+
+def test_a_shot_is_paired_with_its_heif(tmp_path: Path) -> None:
+    settings = CameraSettings(style="vivid", white_balance="tungsten", exposure_s=1 / 30)
+    _, dng = pair(tmp_path, "shot", settings, "still-life", 1)
+    picture = dng.with_suffix(".HIF")
+    assert jpeg_beside(dng) == picture
+    assert discover([dng, picture]) == [dng]
+    shot = read_shot(dng)
+    assert shot.jpeg_source == str(picture) and shot.fine is not None
+    assert np.abs(shot.fine / 257 - shot.jpeg).max() <= 0.5
+    assert shot.metadata.style == "vivid" and shot.metadata.white_balance == "tungsten"
+    assert read_picture_settings(picture).camera == CAMERA.name
+    assert stated_exposure(picture) == pytest.approx(stated_exposure(tmp_path / "shot.JPG"))
+    with pytest.raises(ImageError, match="not graded"):
+        from lutforge.images.read import ImageReader
+
+        ImageReader(picture)
+
+
+@pytest.mark.slow
+def test_calibrating_from_heif_is_no_worse_than_from_jpeg(tmp_path: Path) -> None:
+    raws, heifs = [], []
+    for index, (scene, exposure) in enumerate((("chart", 1.0), ("wall", 1.2), ("wall", 0.4), ("still-life", 0.8))):
+        settings = CameraSettings(style="standard", white_balance="daylight", exposure_s=exposure / 60)
+        raw, other = pair(tmp_path, f"s{index}", settings, scene, index)
+        raws.append(raw)
+        heifs.append(other)
+    errors = {}
+    for kind, files in (("jpeg", raws), ("heif", heifs)):
+        profile = lf.calibrate(files)
+        errors[kind] = profile.styles["standard"].errors
+    print({kind: (told["render_mean"], told["linearize_mean"]) for kind, told in errors.items()})
+    for direction in ("render_mean", "linearize_mean"):
+        assert errors["heif"][direction] <= errors["jpeg"][direction]
