@@ -171,18 +171,9 @@ def print_held_out(profile: "CameraProfile") -> None:
     rows = []
     for name, style in profile.styles.items():
         for direction in ("render", "linearize"):
-            mean = style.errors.get(f"{direction}_mean")
-            if mean is None:
-                continue
-            difference = style.errors.get(f"{direction}_de00_mean")
-            rows.append(
-                (
-                    name,
-                    direction,
-                    f"{mean:.4f}",
-                    f"{style.errors[f'{direction}_max']:.4f}",
-                    "–" if difference is None else f"{difference:.2f}",
-                )
-            )
+            figures = [style.errors.get(f"{direction}_{kind}") for kind in ("mean", "max", "de00_mean")]
+            if figures[0] is not None:
+                told = ("–" if value is None else f"{value:.{d}f}" for value, d in zip(figures, (4, 4, 2), strict=True))
+                rows.append((name, direction, *told))
     if rows:
         print_table("Error on held-out shots", ("style", "direction", "mean", "max", "mean ΔE00"), rows)

@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import threading
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -68,6 +69,9 @@ def _root(
 
 def main() -> None:
     """Run the command line and exit: 0 done, 1 some images of a batch failed, 2 bad input or usage, 130 stopped."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed, as under some daemons: the next file to be opened would take its place
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - open until the end
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without "→" and "Δ" shows "?"
     if "" in sys.argv[1:]:  # a path would take it for this folder

@@ -143,3 +143,10 @@ def test_a_link_that_leads_to_itself(lutforge: CommandLine, profile: Path, tmp_p
     (tmp_path / "a.jpg").symlink_to("b.jpg")
     (tmp_path / "b.jpg").symlink_to("a.jpg")
     assert "a.jpg" in failed(lutforge("apply", profile, tmp_path / "a.jpg", "--from", "standard/daylight", "-o", "out"))
+
+
+def test_closed_streams_are_no_fault(profile: Path) -> None:
+    words = f'"{sys.executable}" -m lutforge inspect "{profile}"'
+    quiet = subprocess.run(f"{words} >&-", shell=True, capture_output=True, text=True, check=False)
+    assert (quiet.returncode, quiet.stderr) == (0, "")
+    assert subprocess.run(f"{words} >&- 2>&-", shell=True, check=False).returncode == 0
