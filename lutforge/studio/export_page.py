@@ -34,6 +34,7 @@ class WrittenList(JSComponent):  # type: ignore[misc]  # Panel's classes are see
         :host { overflow: auto; color: var(--mui-palette-text-primary); font: 0.875rem/1.4 system-ui, sans-serif; }
         section { margin: 8px; padding: 8px 12px; border: 1px solid var(--mui-palette-divider); border-radius: 4px; }
         h2 { font-size: 0.9375rem; margin: 0 0 4px; } p { margin: 2px 0; overflow-wrap: anywhere; }
+        div > p { margin: 8px 12px; }
         .line { display: flex; gap: 8px; align-items: start; }
         code { flex: 1; padding: 6px; background: var(--mui-palette-background-default); overflow-wrap: anywhere;
           font-size: 0.8125rem; }
@@ -51,6 +52,9 @@ class WrittenList(JSComponent):  # type: ignore[misc]  # Panel's classes are see
       };
       const draw = () => {
         root.replaceChildren();
+        if (!model.entries.length) {
+          words(root, "p", "Nothing is written yet. Each file will stand here with its error, and with its command.");
+        }
         for (const entry of model.entries) {
           const box = document.createElement("section"), line = document.createElement("div");
           line.className = "line";

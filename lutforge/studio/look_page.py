@@ -40,8 +40,8 @@ class SettingControl:
 
     def __init__(self, title: str, asks: bool = False) -> None:
         self.unknown = {UNKNOWN: ""} if asks else {}
-        self.style = select(f"{title}: style", NOTHING)
-        self.balance = select(f"{title}: white balance", NOTHING)
+        self.style = select(f"{title}: style", self.unknown or NOTHING)
+        self.balance = select(f"{title}: white balance", self.unknown or NOTHING)
         self.kelvin = slider(f"{title}: temperature, K", 5200, 2000, 10000, 50)
         self.tint = slider(f"{title}: tint", 0, -50, 50, 1)
         self.multipliers = entry(f"{title}: multipliers r,g,b", placeholder="2.10,1,1.43")
@@ -168,8 +168,8 @@ class LookPage:
     def _told(self) -> None:
         """The words of the look, and the other photographs with it."""
         look = self.session.look
-        source = look.source or "what it was taken as, to be chosen below,"
-        self.told.object = f"<p>From {source} to {look.target}, {look.ev:+g} EV.</p>"
+        taken = f"From {look.source}" if look.source else "From what it was taken as, which is to be chosen below,"
+        self.told.object = f"<p>{taken} to {look.target}, {look.ev:+g} EV.</p>"
         if self.shown is not None:
             strip = [(each.path.name, graded(each.small, self._lut_of(each))) for each in self.opened.values()]
             self.view.film(strip, list(self.opened).index(self.shown.path))

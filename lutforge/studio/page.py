@@ -12,7 +12,7 @@ from lutforge.studio.folders import Folders
 from lutforge.studio.session import Session
 from lutforge.studio.shots_page import ShotsPage
 from lutforge.studio.steps import STEPS, states_of
-from lutforge.studio.theme import TEMPLATE, THEME
+from lutforge.studio.theme import BESIDE, TEMPLATE, THEME
 
 ICONS = {"done": "check_circle", "to do": "radio_button_unchecked", "stale": "sync_problem"}
 
@@ -59,8 +59,9 @@ class Page:
         self.session.on_select = self._selected
         self.steps = pmui.StepperMenu(non_linear=True, sizing_mode="stretch_width", margin=(6, 12))
         self.steps.param.watch(self.session.guarded(lambda event: self.show(STEPS[event.new])), "active")
-        self.undo = self.session.button("Undo", self.session.undo, variant="text")
-        self.redo = self.session.button("Redo", self.session.redo, variant="text")
+        on_dark = {"variant": "text", "sx": {"&.Mui-disabled": {"color": "#8f8f8f"}}}  # the bar is dark in both themes
+        self.undo = self.session.button("Undo", self.session.undo, **on_dark)
+        self.redo = self.session.button("Redo", self.session.redo, **on_dark)
         self.next = text(margin=(6, 12))
         bar = pn.Row(self.steps, self.undo, self.redo, sizing_mode="stretch_width")
         news = pn.Row(
@@ -72,6 +73,7 @@ class Page:
             title="LutForge studio", header=[bar], sidebar=[self.controls],
             main=[pn.Column(self.next, news, self.body, **FILL)], sidebar_variant="permanent", sidebar_width=290,
             sidebar_resizable=False, busy_indicator=None, theme="dark", theme_config=THEME, template=TEMPLATE,
+            stylesheets=[BESIDE],
         )  # fmt: skip
         self.layout.param.watch(self.session.guarded(lambda event: self._theme()), "dark_theme")
         self.show(self.shown)

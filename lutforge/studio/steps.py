@@ -34,11 +34,17 @@ def states_of(session: Session) -> dict[str, tuple[State, str]]:
         }[model],
         "Look": {
             "to do": "Choose a photograph and the style and white balance that you want.",
-            "done": "The look is what the exports hold.",
+            "done": (
+                "The look is what the exports hold." if session.look.source
+                else "A kit is made for this look; a picture needs “Taken as”, too: choose what it was taken as."
+            ),
             "stale": "The model is not up to date: compute it again under Model.",
         }[chosen],
         "Export": {
-            "to do": "Name the files, and write what your program needs: a kit, a LUT, a config.",
+            "to do": (
+                "Name the files, and write what your program needs: a kit, a LUT, a config." if session.has_profile
+                else "Compute a model under Model first, or open a profile under Shots."
+            ),
             "done": "Written as below; each line can be run again as a command.",
             "stale": "Model or look have changed since: write again what you need.",
         }[export],

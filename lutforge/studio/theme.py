@@ -61,6 +61,12 @@ body { background: #262626; color: #e6e6e6; font-family: system-ui, sans-serif; 
 #first b { font-size: 1.4rem; display: block; margin-bottom: 1.5rem; }
 """
 
+BESIDE = """
+nav { width: max(290px, 17.6rem) !important; }
+main.main { width: calc(100% - max(290px, 17.6rem)) !important; }
+"""
+"""The page beside its controls, whose width grows with the letters."""
+
 TEMPLATE = """
 {% extends "base.html" %}
 {% block js_resources %}
