@@ -2,6 +2,7 @@
 
 import zipfile
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
@@ -19,10 +20,12 @@ from lutforge.ocio.looks import REFINISH, add_looks
 from lutforge.ocio.lut_files import write_compact
 from lutforge.ocio.merge import BaseConfig, merged, open_base
 from lutforge.ocio.names import UniqueNames, config_names
-from lutforge.ocio.renderings import Rendering, baked, renderings
+from lutforge.ocio.renderings import BakedRendering, Rendering, baked, renderings
 from lutforge.ocio.spaces import add_contextual, add_jpegs, add_raw, add_views, any_names, default_balances
 from lutforge.ocio.versions import DEFAULT_VERSION, OLDEST
 from lutforge.progress import Progress, silent
+from lutforge.solvers.blas import one_blas_thread
+from lutforge.threads import each
 
 
 def write_archive(folder: Path, target: Path) -> Path:
@@ -101,13 +104,9 @@ def write_config(
     _require_usable(target, replace)
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)
-        errors: dict[str, str] = {}
-        luts: dict[str, Lut] = {}
-        for index, rendering in enumerate(parts):
-            progress(f"{rendering.camera.name} {rendering.style}", index / len(parts))
-            made = baked(rendering, inverse)
-            errors[rendering.stem] = made.error
-            luts |= made.luts
+        made = _all_baked(parts, inverse, progress)
+        errors = {rendering.stem: each_made.error for rendering, each_made in zip(parts, made, strict=True)}
+        luts = {name: lut for each_made in made for name, lut in each_made.luts.items()}
         config = _assembled(cameras, parts, base, version, errors)
         if base is not None:
             base.copy_files(target)
@@ -121,6 +120,19 @@ def write_config(
         temporary.write_text(config.serialize(), encoding="utf-8", newline="\n")
     progress("done", 1.0)
     return path
+
+
+@one_blas_thread
+def _all_baked(
+    parts: Sequence[Rendering], inverse: InverseOptions | None, progress: Progress
+) -> tuple[BakedRendering, ...]:
+    """Bake renderings, as many beside each other as there are cores; a single one has all cores for itself."""
+    bake_one, made = partial(baked, options=inverse), list[BakedRendering]()
+    running = each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts)
+    for index, rendering in enumerate(parts):
+        progress(f"{rendering.camera.name} {rendering.style}", index / len(parts))
+        made.append(next(running))
+    return tuple(made)
 
 
 def _require_usable(target: Path, replace: bool) -> None:

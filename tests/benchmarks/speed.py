@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -26,6 +26,7 @@ from PIL import Image as Pillow
 
 from lutforge.arrays import Pixels
 from lutforge.calibration.calibrate import calibrate
+from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.profile_file import save_profile
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
@@ -197,12 +198,32 @@ def fit_lines(folder: Path, table: Path, profile: Path) -> Iterator[Line]:
     many = "calibrate: 5,000 samples, with held-out errors"
     yield timed(many, 2.0, lambda: lutforge("calibrate", table, "-o", folder / "c.npz"))
     yield timed("config of one style", 4.0, lambda: lutforge("config", profile, "-o", folder / "ocio", "--replace"))
+    yield config_of_many(folder, load_profile(profile))
+
+
+def config_of_many(folder: Path, profile: CameraProfile, cameras: int = 2) -> Line:
+    """A config of cameras with four styles each, beside two bakes a camera."""
+    (style,) = profile.styles.values()
+    four = {f"style {number}": style for number in range(4)}
+    paths = [folder / f"camera_{number}.npz" for number in range(cameras)]
+    for path in paths:
+        save_profile(replace(profile, camera=path.stem, styles=four), path)
+    wanted = ("render", "--to", "style 0/daylight", "-o", folder / "baked.cube")
+    whole, one = alternating(
+        lambda: lutforge("config", *paths, "-o", folder / "ocio_of_many", "--replace"),
+        lambda: lutforge("bake", paths[0], *wanted),
+    )
+    ratio = median(a.seconds / b.seconds for a, b in zip(whole, one, strict=True))
+    processor = median(ran.processor for ran in whole)
+    return Line(
+        f"config of {cameras} cameras with 4 styles: bakes' time", ratio, 2.0 * cameras, "", processor=processor
+    )
 
 
 def demo_lines(folder: Path) -> Iterator[Line]:
-    cache = str(folder / "cache")
-    first = lutforge("demo", "-o", folder / "demo", XDG_CACHE_HOME=cache)
-    again = lutforge("demo", "-o", folder / "demo", XDG_CACHE_HOME=cache)
+    cache = {"XDG_CACHE_HOME": str(folder / "cache"), "NUMBA_CACHE_DIR": ""}
+    first = lutforge("demo", "-o", folder / "demo", **cache)
+    again = lutforge("demo", "-o", folder / "demo", **cache)
     yield Line("demo", again.seconds, 45.0, processor=again.processor)
     longer, more = first.seconds - again.seconds, first.processor - again.processor
     yield Line("demo: the first run, with no kernel compiled, longer by", longer, 15.0, processor=more)
