@@ -63,4 +63,10 @@ def test_a_chart_that_no_detector_knows_needs_its_corners(tmp_path: Path) -> Non
     with pytest.raises(CalibrationError, match="no ColorChecker Classic"):  # upside down
         turned = KnownChart(chart_kind("classic"), "D50", np.roll(corners, 2, axis=0))
         write_input_transform(files, tmp_path / "camera.npz", turned)
+    for times, said in (([1.0, 0.0], "not above 0"), ([1.0], "1 exposure times for 2")):
+        with pytest.raises(CalibrationError, match=said):
+            write_input_transform(files, tmp_path / "camera.npz", KnownChart(kind, "D50", corners), times)
+    outside = KnownChart(kind, "D50", corners + 5000)
+    with pytest.raises(CalibrationError, match="no SpyderCheckr 24"):
+        write_input_transform(files, tmp_path / "camera.npz", outside)
     assert not (tmp_path / "camera.npz").exists()

@@ -22,7 +22,7 @@ from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
-from lutforge.pipeline.response import bracket_files, stated_exposures
+from lutforge.pipeline.response import bracket_files, check_exposures, stated_exposures
 from lutforge.pipeline.sample_origin import CHART
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.chart import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
@@ -80,8 +80,7 @@ def write_input_transform(
     with scratch_folder() as folder:
         files = bracket_files(bracket, len(exposure_s or ()), folder)
         times = stated_exposures(files) if exposure_s is None else list(exposure_s)
-        if len(times) != len(files):
-            raise CalibrationError(f"{len(times)} exposure times for {len(files)} pictures; give one for each")
+        check_exposures(files, times)
         settings = read_picture_settings(files[0])
         codes, found = _patches(files, times, chart, part(progress, 0.0, 0.2))
     names = [file.name for file in files]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lutforge.errors import ImageError
-from lutforge.images.heif import HEIF_SUFFIXES
+from lutforge.images.heif import HEIF_SUFFIXES, is_heif, read_heif
 from lutforge.model.diagnosis import told
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
@@ -90,15 +90,19 @@ def _picture(path: Path) -> Rows:
     from lutforge.images.read import ImageReader
     from lutforge.shots.picture_settings import read_picture_settings
 
-    settings = read_picture_settings(path)
-    with ImageReader(path) as image:
-        for region in image.regions(1 << 22, rows_only=True):
-            image.read(region)  # a file that is cut short is of no use
-        yield "picture", f"{image.spec.width} × {image.spec.height}, {image.format}"
+    settings, use = read_picture_settings(path), "apply; a"
+    if is_heif(path):
+        heif, use = read_heif(path), "convert it to grade it; a"
+        yield "picture", f"{heif.codes.shape[1]} × {heif.codes.shape[0]}, heif, {heif.bits} bits"
+    else:
+        with ImageReader(path) as image:
+            for region in image.regions(1 << 22, rows_only=True):
+                image.read(region)  # a file that is cut short is of no use
+            yield "picture", f"{image.spec.width} × {image.spec.height}, {image.format}"
     yield "camera", settings.camera or "the file does not name it"
     yield "picture style", settings.style
     yield "white balance", f"{settings.white_balance}, multipliers {_numbers(settings.multipliers)}"
-    yield "use", "a finished picture: apply; a RAW file of the same name beside it makes it a pair to calibrate from"
+    yield "use", f"a finished picture: {use} RAW file of the same name beside it makes it a pair to calibrate from"
     yield from (("note", text) for text in settings.notes)
 
 

@@ -85,10 +85,7 @@ def write_response(
 
 
 def _fit(files: Sequence[Path], times: Sequence[float], beta: float, progress: Progress) -> BracketFit:
-    if len(times) != len(files):
-        raise CalibrationError(f"{len(times)} exposure times for {len(files)} pictures; give one for each, in order")
-    if not all(0 < time < np.inf for time in times):
-        raise CalibrationError("an exposure time is not above 0; give seconds, such as 1/60 or 0.5")
+    check_exposures(files, times)
 
     def pixels() -> Iterator[Array]:
         for index, file in enumerate(files):
@@ -107,6 +104,14 @@ def bracket_files(bracket: Sequence[Path], count: int, folder: Path) -> list[Pat
     if len(bracket) == 1 and bracket[0].suffix.lower() in VIDEO_SUFFIXES:
         return _frames(bracket[0], count, folder)
     return [file for path in bracket for file in _pictures(path)]
+
+
+def check_exposures(files: Sequence[Path], times: Sequence[float]) -> None:
+    """Raise CalibrationError where pictures and exposure times differ in number, or a time is none."""
+    if len(times) != len(files):
+        raise CalibrationError(f"{len(times)} exposure times for {len(files)} pictures; give one for each, in order")
+    if not all(0 < time < np.inf for time in times):
+        raise CalibrationError("an exposure time is not above 0; give seconds, such as 1/60 or 0.5")
 
 
 def stated_exposures(files: Sequence[Path]) -> list[float]:

@@ -108,4 +108,9 @@ def parse_corners(text: str) -> Array:
         raise CalibrationError(
             f'corners "{text[:60]}": give four points x,y in pixels, clockwise from the first patch\'s outer corner'
         )
-    return np.array(numbers, dtype=np.float64).reshape(4, 2)
+    corners = np.array(numbers, dtype=np.float64).reshape(4, 2)
+    sides = np.roll(corners, -1, axis=0) - corners
+    turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
+    if not np.all(turns > 0):  # y runs downwards
+        raise CalibrationError(f'corners "{text[:60]}": these are not four corners of a chart, clockwise')
+    return corners

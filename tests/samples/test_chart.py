@@ -208,9 +208,12 @@ def test_own_charts_are_files(tmp_path: Path) -> None:
 
 
 def test_corners_are_four_points() -> None:
-    np.testing.assert_array_equal(parse_corners("1,2 30,4.5 5,6 7,8"), [[1, 2], [30, 4.5], [5, 6], [7, 8]])
+    np.testing.assert_array_equal(parse_corners("1,2 30,4.5 25,26 2,25"), [[1, 2], [30, 4.5], [25, 26], [2, 25]])
     with pytest.raises(CalibrationError, match="four points"):
         parse_corners("1,2 3,4")
+    for wrong in ("1,1 1,1 1,1 1,1", "0,0 0,9 9,9 9,0", "0,0 9,9 9,0 0,9", "0,0 1,1 2,2 3,3"):
+        with pytest.raises(CalibrationError, match="clockwise"):
+            parse_corners(wrong)
 
 
 @needs_detector

@@ -12,6 +12,7 @@ import lutforge as lf
 from lutforge.errors import ImageError
 from lutforge.images.heif import read_heif
 from lutforge.images.read import read_image
+from lutforge.pipeline.inspection import inspect
 from lutforge.shots.discover import discover, jpeg_beside
 from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
 from lutforge.shots.read import read_shot
@@ -85,6 +86,7 @@ def test_a_shot_is_paired_with_its_heif(tmp_path: Path) -> None:
     assert shot.metadata.style == "vivid" and shot.metadata.white_balance == "tungsten"
     assert read_picture_settings(picture).camera == CAMERA.name
     assert stated_exposure(picture) == pytest.approx(stated_exposure(tmp_path / "shot.JPG"))
+    assert ("picture", "648 × 440, heif, 10 bits") in inspect(picture).rows
     with pytest.raises(ImageError, match="not graded"):
         from lutforge.images.read import ImageReader
 
