@@ -137,13 +137,12 @@ def main() -> None:
             visit.step("Look")
             visit.write("or its path", str(given.picture.resolve()))
             visit.press("Show")
-            visit.reads(given.picture.name)
+            root = visit.page.locator(".look")
+            expect(root).to_have_attribute("data-opened", re.compile("×"), timeout=60_000)
             if given.setting:
                 style, balance = given.setting.split("/")
                 visit.choose("Taken as: style", style)
                 visit.choose("Taken as: white balance", balance)
-            root = visit.page.locator(".look")
-            expect(root).to_have_attribute("data-opened", re.compile("×"), timeout=60_000)
             visit.choose("Wanted: white balance", "daylight")
             visit.page.wait_for_timeout(2000)
             values = [round(-1 + 0.1 * move, 1) for move in range(24) if move != 10]
