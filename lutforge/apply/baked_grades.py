@@ -76,15 +76,13 @@ class BakedGrades:
         transfer: RawTransfer | None = None,
     ) -> OCIO.CPUProcessor:
         """Colours of a picture → (confidence, unclipped, covered) of their refinish, as of `Grade.confidence`."""
-        refinish = None
-        if not camera.raw_camera and not look.raw_camera:
-            linearize = camera.linearize(given)
-            stages = raw_to_balanced(camera, given, look, wanted, ev, transfer)
-            refinish = Refinish(
-                match(camera, given, look, wanted, ev, transfer=transfer),
-                lambda encoded: through_stages(stages, linearize(encoded)),
-                look.styles[wanted.style],
-            )
+        linearize = camera.linearize_to_own_raw(given)
+        stages = raw_to_balanced(camera, given, look, wanted, ev, transfer)
+        refinish = Refinish(
+            match(camera, given, look, wanted, ev, transfer=transfer),
+            lambda encoded: through_stages(stages, linearize(encoded)),
+            look.styles[wanted.style],
+        )
         return Lut(lattice_ops(confidence(camera.styles[given.style], refinish))).processor()
 
     def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:

@@ -4,7 +4,7 @@ import json
 import math
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -126,12 +126,14 @@ def read_profile(path: str | Path) -> ProfileData:
             return _read_array(archive, name)
 
         styles = {str(name): _style_from_json(entry, array) for name, entry in document["styles"].items()}
-        transfer = document.get("raw_transfer")
+        matrix, transfer = document["matrix"], document.get("raw_transfer")
         if document["version"] < 6 and document.get("raw_camera"):
-            styles, transfer = _through_transfer(styles)
+            # Each white balance had a model of its own, which starts from the reference's RAW.
+            matrix = next(model.matrix for style in styles.values() for model in style.physical)
+            transfer = np.eye(3)
         return ProfileData(
             camera=str(document["camera"]),
-            matrix=np.array(document["matrix"], dtype=np.float64),
+            matrix=np.array(matrix, dtype=np.float64),
             white_balances={str(name): _balance(entry) for name, entry in document["white_balances"].items()},
             styles=styles,
             shots=tuple(str(shot) for shot in document.get("shots", [])),
@@ -146,20 +148,6 @@ def read_profile(path: str | Path) -> ProfileData:
                 for entry in document.get("diagnoses", [])
             ),
         )
-
-
-def _through_transfer(styles: Mapping[str, PictureStyle]) -> tuple[dict[str, PictureStyle], Array]:
-    """Styles of a camera without RAW as versions up to 5 had them, a matrix from the reference's RAW a white balance.
-
-    One of these becomes Tc, and each white balance keeps a model whose matrix is what its own differs by: no render
-    changes.
-    """
-    transfer = next(model.matrix for style in styles.values() for model in style.physical)
-    back = np.linalg.inv(transfer)
-    return {
-        name: replace(style, physical=tuple(replace(one, matrix=one.matrix @ back) for one in style.physical))
-        for name, style in styles.items()
-    }, transfer
 
 
 def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:

@@ -99,7 +99,12 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
     hold the style, or two of its white balances are "other".
     """
     models = profile.styles[style].physical
-    if not models or profile.raw_camera:
+    if profile.raw_camera:
+        raise ProfileError(
+            f"{profile.camera} has no RAW: the authors' files start from a camera's own, and hold no matrix from that "
+            f"of {profile.raw_camera}; bake LUTs instead"
+        )
+    if not models:
         raise ProfileError(
             f"{profile.camera}, {style}: no physical model of its own RAW to write; calibrate with --model rbf"
         )

@@ -181,7 +181,8 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
         yield Text(
             f"{name}: the response is {fixed}. Shots depart from it by up to {255 * verdict.shift:.1f} codes of 255 in "
             f"the median of their unsaturated colours; {verdict.outliers:.0%} of the colours leave it by more than "
-            "three codes, which the gamut map does to saturated ones."
+            "three codes, which the gamut map does to saturated ones. Curves of single shots explain "
+            f"{max(verdict.own_curves, 0.0):.0%} of what is left."
         )
         caption = f"{name}: JPEG values of one exposure against another's, with f(k f⁻¹(I)); crosses leave it."
         yield Picture(f"brightness_transfer_{name}", brightness_transfer_figure(functions), caption)

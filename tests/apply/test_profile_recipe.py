@@ -9,6 +9,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.apply.baked_grades import BakedGrades
 from lutforge.apply.batch import apply_batch
 from lutforge.apply.candidates import candidate_sheet
 from lutforge.apply.profile_recipe import ProfileRecipe
@@ -236,6 +237,17 @@ def test_clipped_whites_and_blacks_stay_neutral_and_are_counted(
     mask = read_image(tmp_path / "masks" / "clipped.tif").pixels[..., 0]
     assert np.all(mask[:30] == 0)
     assert mask[40:].mean() > 0.5
+
+
+def test_the_mask_of_a_camera_without_raw_is_that_of_the_same_lattices(profile: CameraProfile) -> None:
+    without = replace(profile, raw_camera="Reference", raw_transfer=np.diag([0.8, 1.0, 0.9]))
+    codes = np.random.default_rng(2).random((500, 3))
+    given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/shade")
+    one, other = (
+        evaluate(BakedGrades().confidence(camera, given, camera, wanted, 0.0, None), codes)
+        for camera in (profile, without)
+    )
+    np.testing.assert_allclose(other, one, atol=1e-6)
 
 
 def test_a_raw_file_is_rendered_as_the_camera_renders_it(

@@ -1,8 +1,13 @@
 """Brackets of a camera whose response is known: noise, clipping, a shutter that is off, and a mild gamut map."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+
+from lutforge.calibration.physical.bracket import BracketFit
+from lutforge.colour.srgb import srgb_encode
+from lutforge.simulate.gamut_map import ToneResponse
 
 
 def bracket(
@@ -24,3 +29,67 @@ def bracket(
         light = np.clip(grey + (light - grey) * (1 + 0.3 * np.maximum(chroma - 0.45, 0)), 0, 1)
         images.append(np.rint(255 * response(light)) / 255)
     return times, errors, images
+
+
+def _filmic(x: np.ndarray) -> np.ndarray:
+    """John Hable's curve (2010) behind a gamma."""
+
+    def curve(v: np.ndarray) -> np.ndarray:
+        return (v * (0.22 * v + 0.03) + 0.002) / (v * (0.22 * v + 0.3) + 0.06) - 0.01 / 0.3
+
+    return np.asarray((curve(4 * x) / curve(np.array(4.0))) ** (1 / 1.9))
+
+
+CURVES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "sRGB": srgb_encode,
+    "Rec.709": lambda x: np.where(x < 0.018, 4.5 * x, 1.099 * np.maximum(x, 1e-9) ** 0.45 - 0.099),
+    "gamma 1.8": lambda x: x ** (1 / 1.8),
+    "gamma 2.6": lambda x: x ** (1 / 2.6),
+    "standard": lambda x: ToneResponse((0.26,) * 3, (0.94,) * 3)(np.stack([x] * 3, axis=-1))[..., 0],
+    "vivid": lambda x: ToneResponse((0.2,) * 3, (0.97,) * 3)(np.stack([x] * 3, axis=-1))[..., 0],
+    "filmic": _filmic,
+    "log": lambda x: np.log1p(60 * x) / np.log1p(60),
+}
+
+
+@dataclass(frozen=True)
+class BracketErrors:
+    """Relative errors of f⁻¹ at white and at code 20, both over middle grey, and of the worst exposure."""
+
+    white: float
+    dark: float
+    shutter: float
+
+
+def errors_of(
+    fit: BracketFit, response: Callable[[np.ndarray], np.ndarray], times: Sequence[float], errors: np.ndarray
+) -> BracketErrors:
+    """How far a fit is off; a power common to f⁻¹ and to all exposures cannot be told, and is taken out of these."""
+    light = np.linspace(0, 1, 100_001)
+    codes = np.array([20 / 255, 0.5, 1.0])
+    dark, middle, white = np.interp(codes, response(light), light)
+    found = fit.response.linearize(np.stack([codes] * 3, axis=1))
+    at = np.log(times) - np.mean(np.log(times))
+    off = np.log([fit.exposure_error[f"{time:g}"] for time in times]) - np.log(errors)
+    off -= off.mean() + at * (off @ at) / (at @ at)
+    return BracketErrors(
+        float(np.abs(found[2] / found[1] / (white / middle) - 1).max()),
+        float(np.abs(found[0] / found[1] / (dark / middle) - 1).max()),
+        float(np.abs(off).max()),
+    )
+
+
+ADAPTATIONS: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
+    "gamma": lambda x, amount: x ** (1 + amount),
+    "shadows": lambda x, amount: x + 4 * max(-amount, 0.0) * x * (1 - x) ** 3,
+    "highlights": lambda x, amount: x - 4 * max(amount, 0.0) * x**3 * (1 - x),
+    "contrast": lambda x, amount: x + 4 * amount * (x - 0.5) * x * (1 - x),
+}
+"""What a camera does to a shot, by how bright it is: −1 … 1 times a size."""
+
+
+def adapted(kind: str, size: float, images: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The images of a camera that adapts to what it sees, in whole codes."""
+    amounts = [size * float(np.clip((image.mean() - 0.45) * 2, -1, 1)) for image in images]
+    changed = (ADAPTATIONS[kind](image, amount) for image, amount in zip(images, amounts, strict=True))
+    return [np.rint(255 * np.clip(image, 0, 1)) / 255 for image in changed]

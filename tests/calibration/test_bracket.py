@@ -1,21 +1,19 @@
 """The response from JPEGs alone: real brackets, without RAW."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
+from lutforge.calibration.physical.brightness_transfer import judge
 from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket
-from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.response import Response
 from lutforge.pipeline.response import response_from_bracket
-from lutforge.simulate.gamut_map import ToneResponse
-from tests.calibration.brackets_simulated import bracket
+from tests.calibration.brackets_simulated import CURVES, adapted, bracket, errors_of
 
 
 @pytest.fixture(scope="module")
@@ -74,27 +72,6 @@ def test_a_simulated_bracket_gives_all_four_curves() -> None:
     assert fit.curves[2].name.startswith("gamma 1.8")
 
 
-def _filmic(x: np.ndarray) -> np.ndarray:
-    """John Hable's curve (2010) behind a gamma."""
-
-    def curve(v: np.ndarray) -> np.ndarray:
-        return (v * (0.22 * v + 0.03) + 0.002) / (v * (0.22 * v + 0.3) + 0.06) - 0.01 / 0.3
-
-    return np.asarray((curve(4 * x) / curve(np.array(4.0))) ** (1 / 1.9))
-
-
-CURVES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "sRGB": srgb_encode,
-    "Rec.709": lambda x: np.where(x < 0.018, 4.5 * x, 1.099 * np.maximum(x, 1e-9) ** 0.45 - 0.099),
-    "gamma 1.8": lambda x: x ** (1 / 1.8),
-    "gamma 2.6": lambda x: x ** (1 / 2.6),
-    "standard": lambda x: ToneResponse((0.26,) * 3, (0.94,) * 3)(np.stack([x] * 3, axis=-1))[..., 0],
-    "vivid": lambda x: ToneResponse((0.2,) * 3, (0.97,) * 3)(np.stack([x] * 3, axis=-1))[..., 0],
-    "filmic": _filmic,
-    "log": lambda x: np.log1p(60 * x) / np.log1p(60),
-}
-
-
 @pytest.mark.parametrize(
     "name", [name if name in ("sRGB", "filmic") else pytest.param(name, marks=pytest.mark.slow) for name in CURVES]
 )
@@ -102,19 +79,20 @@ def test_eight_responses_with_noise_clipping_and_an_inexact_shutter(name: str) -
     curve = CURVES[name]
     times, errors, images = bracket(curve)
     fit = fit_bracket(pairs_of_bracket([f"{time:g}" for time in times], images, times))
-    light = np.linspace(0, 1, 100_001)
-    codes = np.array([20 / 255, 0.5, 1.0])
-    dark, middle, white = np.interp(codes, curve(light), light)
-    found = fit.response.linearize(np.stack([codes] * 3, axis=1))
-    np.testing.assert_allclose(found[2] / found[1], white / middle, rtol=0.1)
-    np.testing.assert_allclose(found[0] / found[1], dark / middle, rtol=0.1)
-    # A power common to f⁻¹ and to all exposures cannot be told: it is taken out of both.
-    at = np.log(times) - np.mean(np.log(times))
-    off = np.log([fit.exposure_error[f"{time:g}"] for time in times]) - np.log(errors)
-    off -= off.mean() + at * (off @ at) / (at @ at)
-    assert np.abs(off).max() < 0.01
+    off = errors_of(fit, curve, times, errors)
+    assert off.white < 0.1
+    assert off.dark < 0.1
+    assert off.shutter < 0.01
     assert fit.held_out < 0.5
     assert fit.verdict.fixed
+
+
+def test_a_camera_that_adapts_to_the_scene_is_told() -> None:
+    times, errors, images = bracket(CURVES["vivid"], cells=28)
+    for kind in (None, "shadows", "highlights", "contrast"):
+        seen = images if kind is None else adapted(kind, 0.1, images)
+        verdict = judge(pairs_of_bracket([f"{time:g}" for time in times], seen, list(np.multiply(times, errors))))
+        assert verdict.fixed == (kind is None)
 
 
 def test_what_it_cannot_use_it_says(tmp_path: Path, shared_data: Path) -> None:

@@ -14,6 +14,7 @@ import pytest
 from lutforge.errors import LutForgeError, ProfileError
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.profile_file import save_profile
+from lutforge.model.white_balance import WhiteBalance
 from tests.model.profiles_synthetic import small_profile
 
 
@@ -105,6 +106,33 @@ def test_gamut_maps_of_versions_without_an_even_scale_are_on_linear_values(saved
     _edit(saved, version=2, styles=document["styles"])
     older = load_profile(saved).styles["standard"].physical[0]
     assert (older.gamut_map.offset, older.inverse_gamut_map.offset) == (0.0, 0.0)
+
+
+def test_cameras_without_raw_of_version_5_render_as_they_did(tmp_path: Path) -> None:
+    """They held a physical model a white balance, each with its matrix Tz from the reference camera's RAW."""
+    path, small = tmp_path / "camera.npz", small_profile()
+    (daylight,) = small.styles["standard"].physical
+    tungsten = replace(daylight, matrix=daylight.matrix @ np.diag([0.7, 1.0, 1.4]), white_balances=("tungsten",))
+    models = (replace(daylight, white_balances=("daylight",)), tungsten)
+    style = replace(small.styles["standard"], physical=models, render=None, linearize=None, coverage={})
+    balances = {name: WhiteBalance((1.0, 1.0, 1.0)) for name in ("daylight", "tungsten")}
+    older = replace(
+        small,
+        styles={"standard": style},
+        white_balances=balances,
+        raw_camera="Reference",
+        raw_transfer=np.eye(3),
+        options={"model": "rbf"},
+    )
+    save_profile(older, path)
+    _edit(path, version=5, raw_transfer=None)
+    read, raw = load_profile(path), 0.4 * np.random.default_rng(0).random((50, 3))
+    for model in models:
+        expected = model.response.encode(model.gamut_map(raw @ model.matrix.T))
+        np.testing.assert_allclose(read.render(f"standard/{model.white_balances[0]}")(raw), expected, atol=1e-9)
+    codes = np.random.default_rng(1).random((50, 3))
+    selectors = ("standard/tungsten", "standard/daylight")
+    np.testing.assert_allclose(read.refinish(*selectors)(codes), older.refinish(*selectors)(codes), atol=1e-9)
 
 
 def test_everything_comes_back(saved: Path) -> None:

@@ -72,6 +72,8 @@ def test_what_the_files_cannot_hold_is_refused(shared_data: Path, tmp_path: Path
         export_published(replace(profile, styles={"standard": PictureStyle(physical=(even,))}), "standard", tmp_path)
     with pytest.raises(ProfileError, match="no physical model"):
         export_published(replace(profile, styles={"standard": PictureStyle()}), "standard", tmp_path)
+    with pytest.raises(ProfileError, match="no matrix from that of Reference"):
+        export_published(replace(profile, raw_camera="Reference", raw_transfer=np.eye(3)), "standard", tmp_path)
 
 
 def test_it_linearizes_what_it_renders(published: PublishedModel) -> None:

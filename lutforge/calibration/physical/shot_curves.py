@@ -1,0 +1,69 @@
+"""Whether shots follow one response: how much curves of their own tell of surfaces that they were not fitted to.
+
+What a shutter explains, or another common f, is no departure of a shot. What is left counts beside the noise of the
+pairs, whatever makes that: quantization, compression, a gamut map that moves some colours.
+"""
+
+import numpy as np
+
+from lutforge.arrays import Array, Mask
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs
+from lutforge.model.response import Response
+from lutforge.solvers.cross_validation import leave_groups_out
+from lutforge.solvers.robust_weights import cauchy
+
+
+def share_of_own_curves(pairs: ExposurePairs, response: Response, rows: Mask) -> float:
+    """Share of the variance of left-out pairs that a curve of each shot explains beyond a common one; of a mask (n,).
+
+    It is below 0 where the curves fit noise, and 0 where there is nothing to fit.
+    """
+    rows = rows.copy()
+    rows[np.random.default_rng(0).permutation(np.flatnonzero(rows))[5000:]] = False
+    chosen = pairs.select(rows)
+    surfaces = np.char.mod("%d", chosen.first_row)
+    if len(np.unique(surfaces)) < 5:
+        return 0.0
+    common, own, departure = _terms(chosen, response)
+    rest = departure - common @ _solution(common, departure)
+    weight = np.sqrt(cauchy(rest / max(3.0 * float(np.median(np.abs(rest))), 1e-6)))
+    left = np.zeros((2, len(rest)))
+    for held in leave_groups_out(np.repeat(surfaces, 3)):
+        for residual, terms in zip(left, (common, np.hstack([common, own])), strict=True):
+            found = _solution((weight[:, None] * terms)[~held], (weight * departure)[~held])
+            residual[held] = (weight * (departure - terms @ found))[held]
+    without, with_own = np.sum(left**2, axis=1)
+    return float(1.0 - with_own / max(without, 1e-12))
+
+
+def _terms(pairs: ExposurePairs, response: Response) -> tuple[Array, Array, Array]:
+    """What shots share, and their shutters (3 n, p); curves of single shots (3 n, q); the departure of pairs (3 n,).
+
+    Shots that depart from f by δ and δ' move I' − τ(I) by δ'(I') − τ'(I) δ(I), where τ' is the slope of the brightness
+    transfer function. δ of a shot is of sin πI and sin 2πI, which tell a gamma, lifted shadows, held highlights and a
+    contrast; that of all shots goes on to sin 6πI. A row is scaled to the noise of one JPEG value.
+    """
+    first, second, ratio = pairs.first, pairs.second, np.exp(pairs.log_ratio)[:, None]
+    codes = np.linspace(0.0, 1.0, len(response.inverse))
+    speed = np.maximum(np.gradient(response.inverse, codes, axis=0), 1e-3)
+    light = ratio * response.linearize(first)
+    expected = response.encode(light)
+    before, after = (
+        np.stack([np.interp(side[:, c], codes, speed[:, c]) for c in range(3)], axis=1) for side in (first, expected)
+    )
+    slope = ratio * before / after
+    scale = np.where(np.all(expected < 0.98, axis=1)[:, None], 1.0 / np.hypot(1.0, slope), 0.0)
+    shots = np.arange(len(pairs.shots))[:, None, None]
+    is_first, is_second = pairs.first_shot[:, None] == shots, pairs.second_shot[:, None] == shots
+    waves = [(np.sin(j * np.pi * second), slope * np.sin(j * np.pi * first)) for j in range(1, 7)]
+    common = [np.eye(3)[:, None, :] * (there - here) for there, here in waves]
+    shutters = (is_second * 1.0 - is_first) * light / after
+    own = [is_second * there - is_first * here for there, here in waves[:2]]
+    columns = [np.concatenate(parts) * scale for parts in ([*common, shutters], own)]
+    shared, single = (column.reshape(len(column), -1).T for column in columns)
+    return shared, single, ((second - expected) * scale).ravel()
+
+
+def _solution(terms: Array, values: Array) -> Array:
+    """Least squares; directions of the terms that hardly show in them are left at 0."""
+    return np.asarray(np.linalg.pinv(terms.T @ terms, rcond=1e-6, hermitian=True) @ (terms.T @ values))
