@@ -17,7 +17,8 @@
 
 Directions are "render" (RAW → JPEG) and "linearize" (JPEG → white-balanced RAW). Methods are "rbf" (the full model of
 chapter 4), "f and T, no h", "lattice" (the profile's own), "matrix and response", "polynomial per channel", "polynomial
-of all channels", "uniform lattice N", "nonuniform lattice N", and under refinish "unchanged".
+of all channels", "uniform lattice N", "nonuniform lattice N", "lattice by (5.3) N" (the lattice regression that the
+thesis compares itself with), and under refinish "unchanged".
 """
 
 from collections.abc import Iterator, Mapping

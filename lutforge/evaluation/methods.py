@@ -16,6 +16,7 @@ from lutforge.calibration.physical.matrix_and_response import (
 from lutforge.calibration.physical.physical_model import conventional, linearize, render
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import StyleFit, fit_linearize, fit_render, refit_physical
+from lutforge.calibration.thesis.lattice import fit_uniform
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
@@ -111,6 +112,7 @@ class Fitter:
         """
         self.name, self.data, self.options, self.notes = name, data, options, notes
         self._fitted = {} if fitted is None else {LATTICE: _TimedFit(fitted)}
+        self.sizes = tuple(sizes)
         has_lattice = style.render is not None and not (own and options.model == "rbf")
         self.lattices = {LATTICE: options} if has_lattice or sizes else {}
         for size in sizes:
@@ -130,6 +132,7 @@ class Fitter:
         for method, options in self.lattices.items():
             fits[method], pair = _lattices(train, options, base, self._fitted[method], len(np.unique(self.data.shot)))
             own = pair if method == LATTICE else own
+        fits |= {f"lattice by (5.3) {size}": _plain_regression(train, self.options, size) for size in self.sizes}
         return Fits({**fits, **self._physical(train), **fit_baselines(train, base)}, own)
 
     def search(self) -> None:
@@ -193,6 +196,17 @@ def _lattices(
         shrinkable(render, base, *samples, inverse=False),
         shrinkable(linearize, base, *samples, inverse=True),
     )
+
+
+def _plain_regression(train: StyleData, options: CalibrationOptions, size: int) -> Fit:
+    """The lattice regression that the thesis compares itself with: evenly spaced nodes, no smoothness but λ_K."""
+    options = replace(options, size=size)
+    x, y = train.balanced, train.encoded
+    start = time.perf_counter()
+    render = fit_uniform(x, y, options).lattice
+    middle = time.perf_counter()
+    linearize = fit_uniform(y, x, options).lattice
+    return Fit(render, linearize, middle - start, time.perf_counter() - middle)
 
 
 def shrinks(data: StyleData, options: CalibrationOptions) -> bool:

@@ -48,7 +48,8 @@ def plain(profile: CameraProfile, samples: SampleSet) -> Evaluation:
 
 
 def test_every_method_of_the_thesis_is_in_the_error_table(tables: Evaluation) -> None:
-    lattices = [f"{kind} lattice {size}" for size in (13, 17, 24) for kind in ("uniform", "nonuniform")]
+    kinds = ("uniform lattice", "nonuniform lattice", "lattice by (5.3)")
+    lattices = [f"{kind} {size}" for size in (13, 17, 24) for kind in kinds]
     for direction in ("render", "linearize"):
         rows = {row.method: row for row in tables.rows if (row.direction, row.shot) == (direction, "all")}
         assert set(rows) == {"lattice", "rbf", "matrix and response", *BASELINES, *lattices}
@@ -139,5 +140,10 @@ def test_the_json_has_the_keys_that_are_documented(tables: Evaluation, plain: Ev
         assert document[name]
         for key in document[name][0]:
             assert re.search(rf"\b{key}\b", described), (name, key)
-    assert {row["method"] for row in document["rows"]} >= {"rbf", "lattice", "nonuniform lattice 17"}
+    assert {row["method"] for row in document["rows"]} >= {
+        "rbf",
+        "lattice",
+        "nonuniform lattice 17",
+        "lattice by (5.3) 17",
+    }
     assert replace(tables, rows=()).as_json()["rows"] == []
