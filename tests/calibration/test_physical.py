@@ -5,13 +5,21 @@ import pytest
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
-from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map
+from lutforge.calibration.physical.physical_model import (
+    fit_gamut_maps,
+    fit_shared_gamut_maps,
+    fit_stages,
+    linearize,
+    render,
+)
 from lutforge.calibration.physical.unsaturated import untouched
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style_data import unclipped
 from lutforge.evaluation.linearization import model_delta
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
+from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
@@ -90,6 +98,17 @@ def test_the_thesis_preset_from_exposure_pairs(style: str, patches: int, known: 
     codes = np.stack([np.linspace(0.03, 0.95, 200)] * 3, axis=1)
     true = CAMERA.styles[style].response.inverse(codes)
     np.testing.assert_allclose(stages.styles[style].response.encode(true), codes, atol=0.005)
+
+
+def test_the_thesis_preset_weighs_all_colours_of_the_gamut_map_alike() -> None:
+    linear = np.random.default_rng(3).uniform(0.02, 0.9, (300, 3))
+    response = Response(np.linspace(0.0, 1.0, 256)[:, None] ** [2.2, 2.2, 2.2])
+    encoded, shot = response.encode(linear**1.1), np.repeat(["a", "b", "c"], 100)
+    maps = fit_shared_gamut_maps(linear, encoded, shot, response, (0.1, 0.1), "thesis")
+    mapped = response.linearize(encoded)
+    for found, (x, y) in zip(maps, ((linear, mapped), (mapped, linear)), strict=True):
+        alike = fit_gamut_map(x, y, GamutMapOptions(nugget=0.1), groups=shot)
+        np.testing.assert_array_equal(found.gamut_map(x), alike.gamut_map(x))  # (4.8)
 
 
 @pytest.fixture(scope="module")

@@ -213,10 +213,11 @@ def fit_shared_gamut_maps(
 ) -> tuple[GamutMapFit, GamutMapFit]:
     """h and h⁻¹ between linear (n, 3), the matrix's side, and f⁻¹(encoded) (n, 3).
 
-    The residual of h counts in JPEG values; that of h⁻¹ between RAW and JPEG values, so that dark colours count.
+    The residual of h counts in JPEG values; that of h⁻¹ between RAW and JPEG values, so that dark colours count. With
+    the preset "thesis" all residuals count alike, in linear values, as (4.8) has it.
     """
     mapped, offset = response.linearize(encoded), 0.0 if preset == "thesis" else OFFSET
-    slope = encoding_slope(response, encoded)
+    slope = np.ones_like(encoded) if preset == "thesis" else encoding_slope(response, encoded)
     forward = fit_gamut_map(
         linear,
         mapped,
