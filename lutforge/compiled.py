@@ -91,12 +91,13 @@ def _jitted(function: Callable[..., Any], fastmath: bool | set[str], digest: str
     settings: Any = numba.config
     folder = cache_folder()
     before = settings.CACHE_DIR, getattr(settings, "CACHE_LOCATOR_CLASSES", "")  # older ones of numba know none
+    # error_model: a division by 0 gives an infinity, as in numpy; the checks that numba else adds take time to compile.
     # numba reads its settings once, when it is given the function; other packages' kernels keep their own folder.
     if folder is not None:
         settings.CACHE_DIR = str(folder / digest)
         settings.CACHE_LOCATOR_CLASSES = "lutforge.kernel_locator.KernelLocator"
     try:
-        made: Any = numba.njit(function, cache=folder is not None, nogil=True, fastmath=fastmath)
+        made: Any = numba.njit(function, cache=folder is not None, nogil=True, fastmath=fastmath, error_model="numpy")
     finally:
         settings.CACHE_DIR, settings.CACHE_LOCATOR_CLASSES = before
     made.digest = digest
