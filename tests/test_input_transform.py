@@ -35,7 +35,7 @@ def test_the_whole_way_on_the_command_line(tmp_path: Path, lutforge: CommandLine
     profile, clf, cube = tmp_path / "camera.npz", tmp_path / "input.clf", tmp_path / "input.dctl"
     words = ("--chart", "classic", "--light", "5200K", "--camera", "Drone 7", "-o", profile)
     said = lutforge("response", *files, *words).stdout
-    assert "ColorChecker Classic under 5200K" in said and "is a fixed property" in said and "held-out error" in said
+    assert "ColorChecker Classic under 5200K" in said and "is a fixed property" in said and "held-out shots" in said
     lutforge("bake", profile, "linearize", "--from", "standard/auto", "--space", "aces2065-1", "-o", clf, "-o", cube)
     lut = lf.read_lut(clf)
     assert lut.metadata[ACES_ID] == "urn:ampas:aces:transformId:v2.0:CSC.LutForge.Drone_7_standard_auto_to_ACES.a2.v1"

@@ -9,6 +9,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 
 import lutforge as lf
+from lutforge.cli.response import response
 from lutforge.errors import LutForgeError
 from lutforge.pipeline.response import parse_times, write_response
 from tests.calibration.brackets_simulated import bracket
@@ -81,3 +82,5 @@ def test_what_is_wrong_is_said_in_a_line(frames: Path, tmp_path: Path) -> None:
         write_response([tmp_path], tmp_path / "camera.npz", [1, 2])
     with pytest.raises(LutForgeError, match="give seconds"):
         parse_times("1/0,two")
+    with pytest.raises(LutForgeError, match="--light is of a colour chart"):
+        response([frames], light="5200K")

@@ -32,7 +32,8 @@ def config(
         written = write_checked_config(
             profiles, output, version=ocio_version, merge=merge, replace=replace, progress=progress
         )
-    for text in (*(f"version {written.version}: {loss}" for loss in written.losses), *map(str, written.findings)):
+    losses = (f"version {written.version}: {loss}" for loss in written.losses)
+    for text in (*losses, *(finding.note for finding in written.findings)):
         note(text)
     say(f"{written.path}: profile version {written.version}, checked")
     for title, entries in (

@@ -105,8 +105,8 @@ def _config(profile: "CameraProfile", folder: Path) -> None:
 
     written = write_checked_config([profile], folder, replace=True)
     for finding in written.findings:
-        note(str(finding))
-    verdict = f"{len(written.findings)} findings" if written.findings else "sound"
+        note(finding.note)
+    verdict = f"{len(written.findings)} notes" if written.findings else "sound"
     program = Path(sys.executable).with_name("ociocheck")
     if program.exists():
         checked = [str(program), "--iconfig", str(written.path)]

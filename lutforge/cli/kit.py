@@ -17,7 +17,8 @@ def kit(
         typer.Option(
             "--for",
             help="darktable, rawtherapee, art, lightroom, resolve, nuke, blender, ffmpeg, obs, gimp or lumix; "
-            "unless given, the one that developed the profile's pictures.",
+            "unless given, the one that developed the profile's pictures; of camera RAW "
+            "rawtherapee.",
         ),
     ] = None,
     check: Annotated[

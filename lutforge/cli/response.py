@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lutforge.cli.calibrate import print_held_out
 from lutforge.cli.console import ProfileOutput, note, print_table, progress_bar, say
+from lutforge.errors import CalibrationError
 
 if TYPE_CHECKING:
     from lutforge.calibration.physical.bracket import BracketFit
@@ -31,7 +33,9 @@ def response(
             "rendering is calibrated on its colours."
         ),
     ] = None,
-    light: Annotated[str, typer.Option(help="The light on the chart: 5500K, D55, A, LED-B3 …")] = "D50",
+    light: Annotated[
+        str | None, typer.Option(help="The light on the chart: 5500K, D55, A, LED-B3 …", show_default="D50")
+    ] = None,
     corners: Annotated[
         str | None,
         typer.Option(help='The chart\'s outer corners in pixels, clockwise from the first patch: "x,y x,y x,y x,y".'),
@@ -41,8 +45,11 @@ def response(
     from lutforge.pipeline.response import parse_times, write_response
 
     if chart is not None:
-        _of_chart(bracket, output, chart, light, corners, times, camera)
+        _of_chart(bracket, output, chart, light or "D50", corners, times, camera)
         return
+    for option, value in (("--light", light), ("--corners", corners)):
+        if value is not None:
+            raise CalibrationError(f"{option} is of a colour chart: name the chart, too, such as --chart classic")
     with progress_bar("response") as report:
         fitted = write_response(
             bracket, output, None if times is None else parse_times(times), camera=camera, all_colours=all_colours,
@@ -100,9 +107,7 @@ def _of_chart(
     _tell_verdict(fitted.fit)
     for text in profile.notes:
         note(text)
-    for direction, error in profile.styles[selector.partition("/")[0]].errors.items():
-        if direction.endswith("_mean"):
-            say(f"held-out error by shot, {direction.removesuffix('_mean').replace('_', ', ')}: {error:.4f}")
+    print_held_out(profile)
     say(f"next: lutforge bake {output} linearize --from {selector} --space aces2065-1 -o input.clf")
 
 
@@ -111,8 +116,8 @@ def _tell_verdict(fit: "BracketFit") -> None:
     say(
         f"the response {'is a fixed property of this camera' if verdict.fixed else 'is not the same in all shots'}: "
         f"unsaturated colours of the worst shot depart by {255 * verdict.shift:.1f} codes, "
-        f"{verdict.outliers:.0%} of all colours by more than 3; curves of single shots explain "
-        f"{max(verdict.own_curves, 0.0):.0%} of what is left (10 % and more: they are not the same)"
+        f"{100 * verdict.outliers:.0f} % of all colours by more than 3; a curve of its own for each shot explains "
+        f"{100 * max(verdict.own_curves, 0.0):.0f} % of what is left (10 % or more: something adapts to the scene)"
     )
     if not verdict.fixed:
         note("fix exposure mode, white balance and picture style, and switch off what adapts to the scene (HDR, DRO)")

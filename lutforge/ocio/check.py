@@ -47,7 +47,12 @@ class Finding:
     what: str
 
     def __str__(self) -> str:
-        return f"{self.severity}: {self.where}: {self.what}"
+        return f"{self.severity}: {self.note}"
+
+    @property
+    def note(self) -> str:
+        """What is wrong, and where: for those who are told that it is a warning."""
+        return f"{self.where}: {self.what}"
 
 
 @dataclass(frozen=True)
@@ -111,7 +116,8 @@ def _lossy_round_trips(config: OCIO.Config) -> Iterator[Finding]:
             spaces.setdefault(f"mean {mean:.2g}, max {largest:.2g}", []).append(trip.space)
     for found, names in spaces.items():
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        yield Finding("warning", f"colour space {names[0]}{others}", f"to the reference and back: {found}")
+        what = f"to the reference and back, RGB is off by {found}"
+        yield Finding("warning", f"colour space {names[0]}{others}", what)
 
 
 def round_trips(config: OCIO.Config) -> Iterator[SpaceRoundTrip]:

@@ -83,7 +83,8 @@ def chart_kind(word: str) -> ChartKind:
     path = Path(word)
     if path.suffix.lower() != ".json":
         raise CalibrationError(
-            f'no chart "{word[:60]}"; known: {", ".join(known)}, or a .json file with columns, rows and lab'
+            f'no chart "{word[:60]}"; known: {", ".join(known)}, or a .json file with columns, rows and lab; a '
+            "Passport, Nano or Mega shows a classic, or a classic2014 if made after November 2014"
         )
     require_file(path, "a chart", CalibrationError, most=1 << 20)
     with reading(path, "a chart", CalibrationError):

@@ -69,7 +69,7 @@ def test_a_space_that_does_not_come_back_is_a_warning(path: Path) -> None:
         OCIO.MatrixTransform(np.diag([1.9, 1.9, 1.9, 1]).ravel().tolist()), OCIO.COLORSPACE_DIR_FROM_REFERENCE
     )
     config.addColorSpace(space)
-    assert said(config).startswith("warning: colour space one way: to the reference and back: mean 0.0")
+    assert said(config).startswith("warning: colour space one way: to the reference and back, RGB is off by mean 0.0")
     space.setDescription("It says: round trip mean 0.0002, max 0.25, of more colours")
     config.addColorSpace(space)
     assert said(config).endswith(", max 0.25")
