@@ -10,7 +10,7 @@ from lutforge.cli.console import Profile, progress_bar, say
 
 def compare(
     first: Profile,
-    second: Profile,
+    second: Annotated[Path | None, typer.Argument(help="Another profile (.npz).", show_default="the first")] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="The page to write (.html).")] = Path("compare.html"),
     one: Annotated[str | None, typer.Option("--from", help="STYLE/WB of the first, else its first.")] = None,
     other: Annotated[str | None, typer.Option("--to", help="STYLE/WB of the second, else its first.")] = None,
@@ -19,7 +19,7 @@ def compare(
     from lutforge.pipeline.reports import compare as write_comparison
 
     with progress_bar("comparing") as report:
-        page = write_comparison(first, second, output, one, other, report)
+        page = write_comparison(first, second or first, output, one, other, report)
     say(f"{output}: {page.title}")
     for line in page.lead:
         say(line)

@@ -133,9 +133,11 @@ def from_linear_srgb(name: str) -> Array:
 
 def rgb_space(name: str) -> RgbSpace:
     """A space by its name, in any case. Raises SettingsError, which lists the names, on an unknown one."""
-    found = SPACES.get(name.strip().lower())
+    word = name.strip().lower()
+    found = SPACES.get(word)
     if found is None:
-        raise SettingsError(f'no colour space "{name[:60]}"; known: {", ".join(SPACES)}')
+        known = sorted(SPACES, key=lambda each: word not in each)  # names that hold the word first: the list is long
+        raise SettingsError(f'no colour space "{name[:60]}"; known: {", ".join(known)}')
     return found
 
 

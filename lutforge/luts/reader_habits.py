@@ -41,6 +41,8 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
             return {"RawTherapee, ART, ImageMagick, G'MIC, darktable": "read it", "video programs": "mostly do not"}
         case ((".spi1d" | ".spi3d"), _):
             return {"other programs": "mostly do not read it; it belongs in an OpenColorIO config"}
+        case ".dctl", _:
+            return {"Resolve": "reads it", "other programs": "do not read it"}
         case _:
             return {"other programs": "mostly do not read it"}
 

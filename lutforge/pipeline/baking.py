@@ -83,7 +83,7 @@ def bake_files(
     camera_profiles = _camera_profiles(paths, camera, chosen, program)
     if camera_profiles and set(paths) <= set(camera_profiles):
         return BakedFiles(tuple(_bake_camera_profile(camera, wanted, path) for path in camera_profiles), ())
-    _require_feeds(program, chosen, wanted.target)
+    _require_feeds(program, camera, chosen, wanted.target)
     named, notes = _files([path for path in paths if path not in camera_profiles], program, chosen.title, stages)
     kind = chosen.kind
     ends = input_and_output_of(kind, space_of(camera) if chosen.space == "raw" else chosen.space)
@@ -152,13 +152,14 @@ def _camera_profiles(
     return found
 
 
-def _require_feeds(program: str | None, chosen: DescribedTransform, target: str | None) -> None:
+def _require_feeds(program: str | None, camera: CameraProfile, chosen: DescribedTransform, target: str | None) -> None:
     """Raise SettingsError, with the command that helps, where a program never feeds to a LUT what a render takes."""
     if program is not None and chosen.kind == "render" and program_named(program).develops:
-        raise SettingsError(
-            f"{program} feeds a LUT with what it developed, never with camera RAW: make a kit for it, "
-            f"lutforge kit camera.npz --to {target} --for {program.lower()} -o kit"
-        )
+        word = program.lower()
+        helps = f"make a kit for it, lutforge kit camera.npz --to {target} --for {word} -o kit"
+        if not developer_of(camera) and CAMERA_PROFILE not in program_named(program).reads:  # nor has it a kit of RAW
+            helps = f"lutforge calibrate SHOT… --developer {word} -o developed.npz, then lutforge kit developed.npz"
+        raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {helps}")
 
 
 def _bake_camera_profile(camera: CameraProfile, wanted: TransformRequest, path: Path) -> BakedFile:

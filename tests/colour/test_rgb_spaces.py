@@ -67,3 +67,5 @@ def test_names_are_taken_in_any_case_and_unknown_ones_listed() -> None:
     assert rgb_space("ACEScct").name == "acescct"
     with pytest.raises(SettingsError, match="known: linear-srgb"):
         rgb_space("technicolor")
+    with pytest.raises(SettingsError, match="known: acescg, aces2065-1"):  # those that hold the word come first
+        rgb_space("ACES")

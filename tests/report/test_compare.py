@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lutforge.cli.compare import compare as compare_command
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import import_published
@@ -29,6 +30,8 @@ def test_a_page_shows_chart_picture_and_differences(profile_path: Path, tmp_path
     assert len(table.rows) == 24
     with pytest.raises(SettingsError, match="vivid"):
         compare(profile_path, profile_path, tmp_path / "compare.html", "vivid/daylight")
+    compare_command(profile_path, output=tmp_path / "one.html", one="standard/daylight", other="standard/shade")
+    assert "Nikon D40 standard/shade" in (tmp_path / "one.html").read_text()
 
 
 def test_the_same_setting_differs_by_nothing_and_an_exposure_is_levelled(profile_path: Path) -> None:
