@@ -25,23 +25,25 @@ def interrupted(folder: Path, seconds: float, *words: object, **environment: str
 
     The half second within which it ends is of its own work: other processes may keep it from its processor for longer.
     """
-    run = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-m", "lutforge", *map(str, words)], cwd=folder, stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE, text=True, start_new_session=True,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), **environment},
-    )  # fmt: skip
-    time.sleep(seconds)
-    if run.poll() is not None:
-        assert run.returncode == 0
+    ) as run:  # fmt: skip
+        time.sleep(seconds)
+        if run.poll() is not None:
+            assert run.returncode == 0
+            return False
+        worked, began = psutil.Process(run.pid).cpu_times(), time.monotonic()
+        run.send_signal(signal.SIGINT)
+        _, status, usage = os.wait4(run.pid, 0)
+        took, run.returncode = time.monotonic() - began, os.waitstatus_to_exitcode(status)
+        assert run.stderr is not None
+        said = run.stderr.read().splitlines()
+    if run.returncode == 0:  # the signal came when all was done
         return False
-    worked, began = psutil.Process(run.pid).cpu_times(), time.monotonic()
-    run.send_signal(signal.SIGINT)
-    _, status, usage = os.wait4(run.pid, 0)
-    took, run.returncode = time.monotonic() - began, os.waitstatus_to_exitcode(status)
     assert run.returncode == 130
-    assert run.stderr is not None
-    with run, run.stderr as said:
-        assert said.read().splitlines()[-1] == "lutforge: stopped"
+    assert said[-1] == "lutforge: stopped"
     assert usage.ru_utime + usage.ru_stime - worked.user - worked.system < 0.5
     assert took < 5.0
     assert not [
