@@ -87,10 +87,10 @@ def _physical_fits(model: PhysicalModel, seconds: float | None = None) -> dict[s
 class Fitter:
     """Fits all methods to parts of a style's shots.
 
-    What is searched in a fit serves all parts: λ_S, the node levels and the outliers of a fit to all the shots, and the
-    smoothness of the gamut map that the first part chose. Searched anew for each part, levels and λ_S give mean errors
-    on left-out shots that differ by 0 % in the median (S40, D40 and ten cameras' charts; -5 % to +5 %), outliers by
-    0.1 % (-2 % to +1 %), in more than twice the time. notes: is told what could not be done.
+    What is searched in a fit serves all parts: λ_S and the node levels of a fit to all the shots, and the smoothness of
+    the gamut map that the first part chose. Searched anew for each part, levels and λ_S give mean errors on left-out
+    shots that differ by 0 % in the median (S40, D40 and ten cameras' charts; -5 % to +5 %), in twice the time. notes:
+    is told what could not be done.
     """
 
     def __init__(
@@ -173,11 +173,11 @@ class _TimedFit:
 
 
 def _timed_fit(data: StyleData, options: CalibrationOptions) -> _TimedFit:
-    """Fit both lattices as `fit_style` does, and measure the time that takes."""
+    """Fit both lattices, with what they search and the time that takes."""
     start = time.perf_counter()
-    render = fit_render(data, options, data.base)
+    render = fit_render(data, options, data.base, tolerance=MEASURING_TOLERANCE)
     middle = time.perf_counter()
-    linearize = fit_linearize(data, options, data.base, render)
+    linearize = fit_linearize(data, options, data.base, render, tolerance=MEASURING_TOLERANCE)
     return _TimedFit(StyleFit(data.base, render, linearize), (middle - start, time.perf_counter() - middle))
 
 

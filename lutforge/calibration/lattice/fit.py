@@ -82,7 +82,7 @@ def fit_samples(
     options.output_curve off, the result is the plain form of that fit.
     points: x and y (m, 3) that the lattice follows beside the samples.
     smoothness: λ_S where it is known already; else it is cross-validated over the groups. like: a fit to samples of the
-    same camera, whose λ_S, node levels and outliers are taken; nothing is searched then.
+    same camera, whose λ_S and node levels are taken; nothing is searched then.
     tolerance: relative residual of the last solve; that of the options where None.
     """
     if options.preset == "thesis":
@@ -91,52 +91,24 @@ def fit_samples(
     weight = np.ones(len(x)) if curve is None else curve_weights(curve, y)
     begin = options.lattice.smoothness if smoothness is None else smoothness
     problem = LatticeProblem(x, y, target, weight, guess, options, clips, begin, curve)
+    rows = search_rows(len(x), options.size)
+    search = problem if len(rows) == len(x) else problem.select(rows, guess)
+    levels = search.levels(min(SEARCH_SIZE, options.size)) if like is None else like.lattice.levels
     if like is not None:
-        chosen, lattice = like.smoothness, _refit(replace(problem, smoothness=like.smoothness), like, points, tolerance)
+        chosen = like.smoothness
     else:
-        chosen, lattice = _searched(problem, groups, points, smoothness, tolerance)
-    if curve is not None and not options.output_curve:
-        return fit_plain(x, y, lattice, options, chosen)
-    return result(lattice, x, y, chosen)
-
-
-def _refit(
-    problem: LatticeProblem, like: LatticeResult, points: tuple[Array, Array] | None, tolerance: float | None
-) -> Lattice:
-    """Fit at the node levels of another fit, from its values on; its errors tell which samples are outliers."""
-    levels, values, curve = like.lattice.levels, like.lattice.values, problem.curve
-    if curve is not None and like.lattice.output_curve is None:
-        values = curve.to_values(np.clip(values, 0.0, 1.0))
-    options = problem.options.lattice
-    weight = outlier_weights(problem.at(levels).squared_error(LatticeFit(levels, values)), options)
-    if points is not None:
-        problem, weight = problem.with_points(*points), np.concatenate([weight, np.ones(len(points[0]))])
-    placed = problem.at(levels)
-    return placed.lattice(placed.fit(weight, tolerance or options.tolerance, LatticeFit(levels, values)))
-
-
-def _searched(
-    problem: LatticeProblem,
-    groups: NDArray[np.str_],
-    points: tuple[Array, Array] | None,
-    smoothness: float | None,
-    tolerance: float | None,
-) -> tuple[float, Lattice]:
-    """Choose λ_S, unless it is known, and node levels, and fit with them."""
-    options, guess = problem.options, problem.guess
-    rows = search_rows(len(problem.x), options.size)
-    search = problem if len(rows) == len(problem.x) else problem.select(rows, guess)
-    levels = search.levels(min(SEARCH_SIZE, options.size))
-    if smoothness is None:
-        smoothness = choose_smoothness(search, groups[rows], levels, points)
-    problem, search = (replace(each, smoothness=smoothness) for each in (problem, search))
+        chosen = begin if smoothness is not None else choose_smoothness(search, groups[rows], levels, points)
+    problem, search = (replace(each, smoothness=chosen) for each in (problem, search))
     if points is not None:
         problem = problem.with_points(*points)
         rows = search_rows(len(problem.x), options.size)
         search = problem if len(rows) == len(problem.x) else problem.select(rows, guess)
-        levels = search.levels(min(SEARCH_SIZE, options.size))
-    found = _search(search, levels)
-    return smoothness, _final_fit(problem, found, found.error if len(rows) == len(problem.x) else None, tolerance)
+        levels = search.levels(min(SEARCH_SIZE, options.size)) if like is None else levels
+    found = _search(search, levels) if like is None else _fit_at(search, levels)
+    lattice = _final_fit(problem, found, found.error if len(rows) == len(problem.x) else None, tolerance)
+    if curve is not None and not options.output_curve:
+        return fit_plain(x, y, lattice, options, chosen)
+    return result(lattice, x, y, chosen)
 
 
 @dataclass(frozen=True, eq=False)
