@@ -55,7 +55,7 @@ def response(
             bracket, output, None if times is None else parse_times(times), camera=camera, all_colours=all_colours,
             progress=report,
         )  # fmt: skip
-    fit, profile = fitted.fit, fitted.profile
+    fit, profile, exposures = fitted.fit, fitted.profile, fitted.exposure_s
     say(f"{output}: {profile.camera}, {', '.join(profile.styles)}/{', '.join(profile.white_balances)}")
     say(
         f"EMoR with {fit.basis_curves} curves, from {fit.pairs} pairs of patches; pairs of shots that it had not seen "
@@ -63,7 +63,6 @@ def response(
     )
     rows = [(curve.name, f"{curve.median:.1f}", f"{curve.rms:.1f}") for curve in fit.curves]
     print_table("Error of the next exposure in codes, exposures as stated", ("curve", "median", "RMS"), rows)
-    exposures = fitted.exposure_s
     print_table(
         "Exposures",
         ("shot", "stated, relative", "true / stated"),

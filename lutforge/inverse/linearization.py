@@ -32,10 +32,11 @@ class InverseOptions:
 
     size: nodes per axis; a file of 49³ has 0.9 MB, one of 65³ has 2. rounds: fits, each of which weighs the largest
     errors of the one before more. The second takes the largest loss on the published D40 from 0.027 to 0.014; after
-    five it is no less (D40 0.015; demo 0.033 to 0.037, S40 0.018 to 0.038). smoothness: weight of second differences
-    beside a colour; with a hundredth of it the rim of the gamut rings. margin: how far beyond the end of the render's
-    curve the scene of a clipped colour is sought, in lattice values, so that it stays clipped between nodes: with four
-    times as much the largest loss of the demo's styles doubles. entries: of the shaper that holds the node levels.
+    five it is more or less by chance (D40 0.015, S40 0.018 to 0.038, demo 0.033 to 0.037; of four unseen cameras 0.34
+    to 0.18, 0.31 to 0.35, two alike). smoothness: weight of second differences beside a colour; with a hundredth of it
+    the rim of the gamut rings. margin: how far beyond the end of the render's curve the scene of a clipped colour is
+    sought, in lattice values, so that it stays clipped between nodes: with four times as much the largest loss of the
+    demo's styles doubles. entries: of the shaper that holds the node levels.
     """
 
     size: int = 49
