@@ -1,5 +1,6 @@
 """The `lutforge` command."""
 
+import signal
 import sys
 
 
@@ -12,3 +13,5 @@ def start() -> None:
     except KeyboardInterrupt:
         print("lutforge: stopped", file=sys.stderr)
         sys.exit(130)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: Python's own end would else die by the signal

@@ -122,7 +122,6 @@ def _interruptible() -> object:
     try:
         while command.is_alive():
             command.join(0.2)  # Windows sees no signal before the time is over
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done; Python's own end would else die by the signal
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         end_all()
