@@ -8,7 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from lutforge.colour.spectra import reflectances
+from lutforge.samples.chart_kinds import chart_kind
+from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import demo_shots
+from tests.calibration.charts_simulated import photograph_chart
 from tests.test_documentation import README, commands
 
 LINES = [line for line in dict.fromkeys(commands(README)) if "studio" not in line]
@@ -16,13 +20,16 @@ LINES = [line for line in dict.fromkeys(commands(README)) if "studio" not in lin
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Photographs named as the README names them, RAW and JPEG, the profile made of them, and two copies of it."""
+    """Photographs named as the README names them, a chart's too, the profile made of them, and two copies of it."""
     made, there = tmp_path_factory.mktemp("made"), tmp_path_factory.mktemp("readme")
     shots = demo_shots(made, shape=(400, 600))
     for number, raw in enumerate(shots.calibration, start=1):
         shutil.copy(raw, there / f"IMG_{number:04d}.DNG")
         for jpeg in raw.parent.glob(f"{raw.stem}.[jJ]*"):
             shutil.copy(jpeg, there / f"IMG_{number:04d}.JPG")
+    (there / "chart").mkdir()
+    kind = chart_kind("classic")
+    photograph_chart(nikon_d5100(), kind, reflectances(kind.spectra), there / "chart")
     first = next(line for line in LINES if line.startswith("lutforge calibrate"))
     ran = run(first, there)
     assert ran.returncode == 0, ran.stderr
