@@ -42,7 +42,7 @@ def _points(levels: Levels) -> Array:
     share = apart[:, 0] / np.where(crossing, apart[:, 0] - apart[:, 1], 1.0)
     kinks = (low + share * (high - low))[crossing]
     inside = low + (np.arange(4)[:, None] + 0.5) / 4 * (high - low)  # cubic there, if trilinear
-    return np.unique(np.concatenate([np.linspace(0.0, 1.0, 513), knots, kinks, inside.ravel()]))
+    return np.unique(np.concatenate([np.linspace(0.0, 1.0, 1025), knots, kinks, inside.ravel()]))
 
 
 def _raise(values: Array, nodes: Index, weights: Array, around: int, bounds: tuple[float, float]) -> None:
