@@ -366,3 +366,12 @@ def test_what_the_page_cannot_draw_is_refused() -> None:
     (same, tables), (other, _) = packed(bent()), packed(bent(seed=2))
     assert (same, tables) == packed(bent())
     assert same[0]["key"] != other[0]["key"] and set(tables) == {op["key"] for op in same if "key" in op}
+
+
+def test_overlays_switched_on_in_one_message_are_both_drawn() -> None:
+    view = LookView(renderer="python")
+    view.show(png(colours()))
+    view.grade(bent())
+    plain = view.a_picture
+    view.param.update(clipping=True, unsure=True)
+    assert view.a_picture != plain

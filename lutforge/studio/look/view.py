@@ -99,7 +99,7 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         self._raw_of: Callable[[Array], Array] | None = None
         self.param.watch(self._keep, "kept")
         self.param.watch(self._probe, "probe")
-        self.param.watch(lambda event: self._grade_here(), ["renderer", "clipping", "unsure"])
+        self.param.watch(lambda *events: self._grade_here(), ["renderer", "clipping", "unsure"])
 
     def show(self, picture: bytes, title: str = "") -> None:
         """Show another picture, a JPEG or PNG file, with the look that is set."""
