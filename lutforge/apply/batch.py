@@ -20,6 +20,7 @@ from lutforge.apply.journal import add_to_journal, read_journal
 from lutforge.apply.jpeg import Canvases
 from lutforge.atomic_write import remove_temporaries
 from lutforge.errors import ImageError
+from lutforge.images.heif import is_heif
 from lutforge.shots.discover import RAW_SUFFIXES
 
 
@@ -132,7 +133,7 @@ def plan_jobs(
     jobs = []
     for image in inputs:
         raw = image.place.suffix.lower() in RAW_SUFFIXES  # rendered, not refinished: there is no confidence to tell
-        chosen = suffix or (".jpg" if raw else image.place.suffix)
+        chosen = suffix or (".jpg" if raw or is_heif(image.place) else image.place.suffix)
         mask = masks / image.place.with_suffix(".tif") if masks is not None and not raw else None
         jobs.append(Job(image.path, folder / image.place.with_suffix(chosen), mask, quality))
     sources = {job.source.resolve() for job in jobs}

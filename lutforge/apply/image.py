@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import zip_longest
 from os import cpu_count
@@ -32,8 +32,10 @@ from lutforge.apply.jpeg import Canvases, JpegSource, grade_whole, jpeg_source
 from lutforge.arrays import Index, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
-from lutforge.images.output_spec import describe_output, keeps_orientation, with_shape
-from lutforge.images.read import ImageReader, Region, is_premultiplied
+from lutforge.images.heif import is_heif
+from lutforge.images.icc import is_srgb, profile_name, to_srgb
+from lutforge.images.output_spec import IN_SRGB, describe_output, keeps_orientation, with_shape
+from lutforge.images.read import ImageReader, Region, is_premultiplied, read_image
 from lutforge.images.write import ImageWriter, image_writer, upright
 from lutforge.shots.discover import RAW_SUFFIXES
 
@@ -66,12 +68,16 @@ class GradedImage:
 
 @dataclass(frozen=True, eq=False)
 class _InMemory:
-    """An image that is needed as a whole: RAW files, and those that must be turned for a format without orientation."""
+    """An image that is needed as a whole: RAW files and HEIF pictures, and those that must be turned or converted.
+
+    profile: the ICC profile of the space that the pixels were converted from, to sRGB; empty where they were not.
+    """
 
     pixels: Pixels
     spec: oiio.ImageSpec
     format: str = ""
     parts: int = 1
+    profile: bytes = b""
 
     def regions(self, pixels: int, rows_only: bool) -> list[Region]:
         height, width = self.pixels.shape[:2]
@@ -111,7 +117,10 @@ def apply_image(
     count = workers or cpu_count() or 1
     with ExitStack() as stack:
         image = stack.enter_context(_open(source, target, grade))
-        spec = image.spec
+        spec, profile = image.spec, image.profile if isinstance(image, _InMemory) else b""
+        if profile:
+            said = f"the picture is in {profile_name(profile)}: converted to sRGB"
+            grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, said))
         check_colours(source, spec)
         jpeg = jpeg_source(source, target, image.format)
         attributes = _attributes(source, image, grade, jpeg)
@@ -127,11 +136,11 @@ def apply_image(
             if progress is not None:
                 progress(pixels, pixels / total)
 
-        if jpeg is not None and jpeg.is_graded_whole and grade.codes is not None:
+        if jpeg is not None and jpeg.is_graded_whole and grade.codes is not None and not profile:
             whole = canvases or Canvases(1)
             doubtful = grade_whole(jpeg, grade, target, quality, threads, whole, masking, done)
         else:
-            start = None if jpeg is None else jpeg.metadata(grade)
+            start = None if jpeg is None else jpeg.metadata(grade, profile)
             writer = stack.enter_context(image_writer(target, output, start))
             doubtful = _grade_regions(grade, image, writer, masking, threads, region_samples, count > 1, done)
         notes = (
@@ -267,16 +276,42 @@ def _open(source: Path, target: Path, grade: Grade) -> Iterator[ImageReader | _I
         return
     if source.suffix.lower() in RAW_SUFFIXES:
         raise ImageError(f"{source}: a RAW file; what renders it is a camera's profile (.npz)")
+    if is_heif(source):
+        with _in_memory():
+            picture = read_image(source)
+            yield _in_srgb(_InMemory(picture.pixels, picture.spec, picture.format), grade)
+        return
     with ImageReader(source) as reader:
         orientation = reader.spec.get_int_attribute("Orientation", 1)
-        if orientation == 1 or keeps_orientation(target):
+        turned = orientation != 1 and not keeps_orientation(target)
+        if not turned and not _converts(reader.spec, grade):
             yield reader
             return
         with _in_memory():
-            pixels = upright(reader.read(reader.whole), orientation)
-            spec = with_shape(reader.spec, pixels.shape)
-            spec.attribute("Orientation", 1)
-            yield _InMemory(pixels, spec, reader.format, reader.count_parts())
+            pixels, spec = reader.read(reader.whole), reader.spec
+            if turned:
+                pixels = upright(pixels, orientation)
+                spec = with_shape(spec, pixels.shape)
+                spec.attribute("Orientation", 1)
+            yield _in_srgb(_InMemory(pixels, spec, reader.format, reader.count_parts()), grade)
+
+
+def _converts(spec: oiio.ImageSpec, grade: Grade) -> bool:
+    """True where a picture of 8 bits is in another space than sRGB, which its grade is for."""
+    profile = spec.getattribute("ICCProfile")
+    eight_bits = spec.nchannels == 3 and str(spec.format) == "uint8"
+    return bool(grade.for_srgb and eight_bits and profile is not None and not is_srgb(bytes(profile)))
+
+
+def _in_srgb(image: _InMemory, grade: Grade) -> _InMemory:
+    """The image, converted to sRGB where its grade wants that."""
+    if not _converts(image.spec, grade):
+        return image
+    profile, spec = bytes(image.spec.getattribute("ICCProfile")), oiio.ImageSpec(image.spec)
+    spec.erase_attribute("ICCProfile")
+    spec.attribute("Exif:ColorSpace", IN_SRGB)
+    codes = to_srgb(np.rint(image.pixels * np.float32(255)).astype(np.uint8), profile)
+    return replace(image, pixels=np.divide(codes, 255, dtype=np.float32), spec=spec, profile=profile)
 
 
 def _mask_spec(output: oiio.ImageSpec) -> oiio.ImageSpec:

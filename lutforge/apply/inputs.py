@@ -12,6 +12,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.apply import journal
 from lutforge.errors import ImageError, SettingsError
+from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.shots.discover import RAW_SUFFIXES
 
 _PATTERN = re.compile(
@@ -144,7 +145,7 @@ def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bo
 
     Links to files are images, those to folders are not followed.
     """
-    suffixes = _suffixes() | (RAW_SUFFIXES if raw else frozenset())
+    suffixes = _suffixes() | frozenset(HEIF_SUFFIXES) | (RAW_SUFFIXES if raw else frozenset())
     excluded = {path.resolve() for path in leave_out}
     found: list[Input] = []
     notes: list[str] = []

@@ -15,6 +15,7 @@ from lutforge.apply.colours import count_doubtful
 from lutforge.apply.grade import Grade
 from lutforge.arrays import Codes, Index
 from lutforge.atomic_write import atomic_path
+from lutforge.images.icc import to_srgb
 from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours, with_thumbnail
 from lutforge.images.output_spec import IN_ANOTHER_SPACE, SOFTWARE, format_of
 from lutforge.images.read import Region
@@ -67,18 +68,25 @@ class JpegSource:
         told = "the previews behind the picture show the old colours, and were left out"
         return (told,) if self.header.has_previews else ()
 
-    def metadata(self, grade: Grade) -> bytes:
+    def metadata(self, grade: Grade, profile: bytes = b"") -> bytes:
         """What stands in front of the graded pixels: the source's segments, with a comment on what was done.
 
         The thumbnail is graded in its place; where the colours get another space, ICC profile and ColorSpace change.
+        profile: of the space that the picture was converted from, to sRGB, before it was graded.
         """
         segments, attributes, codes = self.header.segments, grade.attributes, grade.codes
         if "ICCProfile" in attributes:
-            profile = attributes["ICCProfile"]
+            new = attributes["ICCProfile"]
             adobe_rgb = attributes.get("Exif:ColorSpace") == IN_ANOTHER_SPACE
-            segments = with_colours(segments, profile if isinstance(profile, bytes) else None, adobe_rgb)
+            segments = with_colours(segments, new if isinstance(new, bytes) else None, adobe_rgb)
         if codes is not None:
-            segments = with_thumbnail(segments, lambda canvas: grade_codes(codes, canvas, None))
+
+            def graded(canvas: Codes) -> None:
+                if profile:
+                    canvas[..., :3] = to_srgb(np.ascontiguousarray(canvas[..., :3]), profile)
+                grade_codes(codes, canvas, None)
+
+            segments = with_thumbnail(segments, graded)
         comment = f"{attributes.get('Software', SOFTWARE)}\n{' '.join(grade.history.split())}"
         return stored_metadata(segments, self.header.plain, comment)
 

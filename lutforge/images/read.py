@@ -5,11 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import PIL.Image
 
 from lutforge.arrays import Pixels
+from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import MAX_SAMPLES, require_file
 from lutforge.errors import ImageError
-from lutforge.images.heif import is_heif, read_heif
+from lutforge.images.heif import Heif, is_heif, read_heif
+
+_OF_THE_SHOT = frozenset({"Make", "Model", "DateTime", "ExposureTime", "FNumber", "Software", "Artist", "Copyright"})
+"""OpenImageIO's names of the tags of a picture's first directory that a graded one keeps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +68,7 @@ class ImageReader:
     def __init__(self, path: Path) -> None:
         require_file(path, "an image", ImageError)
         if is_heif(path):
-            raise ImageError(f"{path}: HEIF pictures are calibrated from, not graded; convert it to TIFF or JPEG")
+            raise ImageError(f"{path}: HEIF pictures are not read in regions; convert it to TIFF or JPEG")
         config = oiio.ImageSpec()
         config.attribute("oiio:UnassociatedAlpha", 1)
         source = oiio.ImageInput.open(str(path), config)
@@ -159,10 +164,25 @@ def read_image(path: str | Path) -> Image:
     path = Path(path)
     if is_heif(path):
         heif = read_heif(path)
-        pixels = np.asarray(heif.codes / np.float32(65535), dtype=np.float32)
-        return Image(pixels, oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, oiio.UINT16), "heif")
+        return Image(np.divide(heif.codes, 65535, dtype=np.float32), _heif_spec(heif), "heif")
     with ImageReader(path) as reader:
         return Image(reader.read(reader.whole), reader.spec, reader.format, reader.count_parts())
+
+
+def _heif_spec(heif: Heif) -> oiio.ImageSpec:
+    """Describe a HEIF picture, with its EXIF as OpenImageIO reads it from a JPEG, which holds at most 64 kB of it."""
+    height, width, _ = heif.codes.shape
+    spec = oiio.ImageSpec(width, height, 3, oiio.UINT8 if heif.bits == 8 else oiio.UINT16)
+    if 0 < len(heif.exif) < 65_500:
+        with scratch_folder() as folder:
+            PIL.Image.new("RGB", (8, 8)).save(folder / "exif.jpg", exif=b"Exif\0\0" + heif.exif)
+            with ImageReader(folder / "exif.jpg") as reader:
+                for told in reader.spec.extra_attribs:
+                    if told.name.startswith(("Exif:", "GPS:")) or told.name in _OF_THE_SHOT:
+                        spec.attribute(told.name, told.type, told.value)
+    if heif.icc:
+        spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(heif.icc)}]"), heif.icc)
+    return spec
 
 
 def jpeg_quality(path: Path) -> int | None:

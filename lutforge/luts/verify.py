@@ -134,7 +134,7 @@ class FileError:
     def __str__(self) -> str:
         text = f"mean {self.mean:.2g}, 99 % {self.p99:.2g}, max {self.max:.2g}"
         if self.mean_de00 is not None and self.max_de00 is not None:
-            text += f"; dE00 mean {self.mean_de00:.2g}, max {self.max_de00:.2g}"
+            text += f"; ΔE00 mean {self.mean_de00:.2g}, max {self.max_de00:.2g}"
         if self.second is not None:
             text += f"; colour-science agrees within {self.second:.1g}"
         return text

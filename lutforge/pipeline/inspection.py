@@ -90,9 +90,9 @@ def _picture(path: Path) -> Rows:
     from lutforge.images.read import ImageReader
     from lutforge.shots.picture_settings import read_picture_settings
 
-    settings, use = read_picture_settings(path), "apply; a"
+    settings = read_picture_settings(path)
     if is_heif(path):
-        heif, use = read_heif(path), "convert it to grade it; a"
+        heif = read_heif(path)
         yield "picture", f"{heif.codes.shape[1]} × {heif.codes.shape[0]}, heif, {heif.bits} bits"
     else:
         with ImageReader(path) as image:
@@ -102,7 +102,7 @@ def _picture(path: Path) -> Rows:
     yield "camera", settings.camera or "the file does not name it"
     yield "picture style", settings.style
     yield "white balance", f"{settings.white_balance}, multipliers {_numbers(settings.multipliers)}"
-    yield "use", f"a finished picture: {use} RAW file of the same name beside it makes it a pair to calibrate from"
+    yield "use", "a finished picture: apply; a RAW file of the same name beside it makes it a pair to calibrate from"
     yield from (("note", text) for text in settings.notes)
 
 

@@ -302,7 +302,7 @@ def test_a_camera_profile_is_a_format_of_bake(
     words = ("bake", "camera.npz", "render", "--to", SETTING, "-o", "look.dcp")
     run = lutforge(*words, "-o", "look.cube", "--size", "17", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
-    assert re.search(r"look.dcp.*\n.*dE00 mean 0\.[0-3]", run.stdout)
+    assert re.search(r"look.dcp.*\n.*ΔE00 mean 0\.[0-3]", run.stdout)
     assert lutforge(*words, "--for", "rawtherapee", cwd=tmp_path).returncode == 0
     x = np.random.default_rng(3).random((500, 3))
     mine, other = read_dcp(tmp_path / "look.dcp")(x), developed_by_dcp(dcp_tags(tmp_path / "look.dcp"), x)

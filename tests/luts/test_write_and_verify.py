@@ -170,7 +170,7 @@ def test_verify_reports_a_known_difference(tmp_path: Path) -> None:
     assert error.mean == pytest.approx(error.max, rel=1e-4)
     assert error.max_de00 is not None
     assert 0.2 < error.max_de00 < 5
-    assert "dE00" in str(error)
+    assert "ΔE00" in str(error)
 
 
 def test_clear_refusals(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """HEIF pictures: 10 bits are read, a shot's RAW is paired with one, and a camera is calibrated from them."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,15 @@ import rawpy
 from PIL import Image
 
 import lutforge as lf
+from lutforge.apply.batch import plan_jobs
+from lutforge.apply.blocks import apply_to_pixels
+from lutforge.apply.grade import LutRecipe
+from lutforge.apply.image import apply_image
+from lutforge.apply.inputs import find_inputs
+from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.heif import read_heif
+from lutforge.images.icc import to_srgb
 from lutforge.images.read import read_image
 from lutforge.pipeline.inspection import inspect
 from lutforge.shots.discover import discover, jpeg_beside
@@ -19,6 +27,7 @@ from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph, rendered
 from lutforge.simulate.scenes import SCENES
+from tests.apply.graded_images import write_cube
 
 heif = pytest.importorskip("pillow_heif", reason="needs the optional package pillow-heif")
 CAMERA = nikon_d5100()
@@ -87,10 +96,36 @@ def test_a_shot_is_paired_with_its_heif(tmp_path: Path) -> None:
     assert read_picture_settings(picture).camera == CAMERA.name
     assert stated_exposure(picture) == pytest.approx(stated_exposure(tmp_path / "shot.JPG"))
     assert ("picture", "648 × 440, heif, 10 bits") in inspect(picture).rows
-    with pytest.raises(ImageError, match="not graded"):
-        from lutforge.images.read import ImageReader
+    assert (picture, Path(picture.name)) in [(each.path, each.place) for each in find_inputs([picture.parent]).images]
 
-        ImageReader(picture)
+
+@pytest.mark.parametrize(("bits", "suffix", "depth"), [(8, ".jpg", "uint8"), (10, ".tif", "uint16")])
+def test_a_heif_is_graded(tmp_path: Path, bits: int, suffix: str, depth: str) -> None:
+    """Eight bits in a wide space become a JPEG in sRGB; ten bits keep them in a TIFF."""
+    colours, exif = np.linspace(0.2, 0.8, 64 * 96 * 3).reshape(64, 96, 3), Image.Exif()
+    exif[0x0110] = "A phone"
+    exif.get_ifd(0x8769)[0xA001] = 0xFFFF
+    source = tmp_path / "a.heic"
+    if bits == 8:
+        codes = np.rint(colours * 255).astype(np.uint8)
+        wide = heif.from_pillow(Image.fromarray(codes))
+        wide.save(str(source), quality=100, chroma=444, exif=exif.tobytes(), icc_profile=adobe_rgb_profile())
+        expected = to_srgb(read_heif(source).codes8, adobe_rgb_profile()) / 255
+    else:
+        write_heif(source, colours, exif.tobytes(), quality=100)
+        expected = read_image(source).pixels.astype(np.float64)
+    grade = replace(LutRecipe(write_cube(tmp_path / "look.cube")).grade(source), for_srgb=True)
+    (job,) = plan_jobs(find_inputs([source]).images, tmp_path, None if bits == 8 else suffix)
+    assert job.target == tmp_path / f"a{suffix}"
+    result = apply_image(grade, source, job.target)
+    graded = read_image(job.target)
+    assert str(graded.spec.format) == depth and graded.spec.get_string_attribute("Model") == "A phone"
+    straight = apply_to_pixels(grade.processor, expected.astype(np.float32))
+    assert np.abs(graded.pixels - straight).mean() < (1 / 255 if bits == 8 else 1 / 65535)
+    if bits == 8:
+        assert any("converted to sRGB" in note for note in result.notes)
+        assert graded.spec.getattribute("ICCProfile") is None
+        assert graded.spec.get_int_attribute("Exif:ColorSpace") == 1
 
 
 @pytest.mark.slow

@@ -6,11 +6,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import PIL.Image
 import polars as pl
 import pytest
 
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
+from lutforge.images.icc import to_srgb
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
@@ -106,19 +108,34 @@ def test_a_long_parquet_table_is_hashed_in_parts(tmp_path: Path, monkeypatch: py
     assert _is_as_written(path)
 
 
-def test_a_picture_in_another_space_is_refused_by_what_is_for_srgb(
+def test_a_picture_in_another_space_is_converted_for_what_is_for_srgb(
     lutforge: CommandLine, profile: Path, tmp_path: Path
 ) -> None:
-    wide = tmp_path / "wide.jpg"
-    PIL.Image.fromarray(np.full((8, 8, 3), 90, np.uint8)).save(wide, icc_profile=adobe_rgb_profile())
+    wide, deep = tmp_path / "wide.jpg", tmp_path / "deep.png"
+    codes = np.full((8, 8, 3), (60, 140, 90), np.uint8)
+    PIL.Image.fromarray(codes).save(wide, icc_profile=adobe_rgb_profile(), quality=95)
+    spec = oiio.ImageSpec(8, 8, 3, oiio.UINT16)
+    spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(adobe_rgb_profile())}]"), adobe_rgb_profile())
+    writer = oiio.ImageOutput.create(str(deep))
+    assert writer is not None and writer.open(str(deep), spec)
+    writer.write_image(codes / np.float32(255))
+    writer.close()
     settings = ("--from", "standard/daylight", "--to", "vivid/tungsten")
     baked = lutforge("bake", profile, "refinish", *settings, "-o", tmp_path / "a.cube", "-o", tmp_path / "a.clf")
     assert baked.returncode == 0, baked.stderr
-    for grade in ((tmp_path / "a.cube",), (tmp_path / "a.clf",)):
-        assert "convert it to sRGB" in failed(lutforge("apply", *grade, wide, "-o", tmp_path / "out"))
-    run = lutforge("apply", profile, wide, *settings, "-o", tmp_path / "out")
-    assert run.returncode == 2 and "convert it to sRGB" in run.stderr.splitlines()[-1]
-    assert not (tmp_path / "out").exists()
+    for name, grade in (("cube", [tmp_path / "a.cube"]), ("clf", [tmp_path / "a.clf"]), ("profile", [profile])):
+        chosen = settings if name == "profile" else ()
+        run = lutforge("apply", *grade, wide, *chosen, "-o", tmp_path / name)
+        assert run.returncode == 0 and "converted to sRGB" in run.stdout + run.stderr, run.stderr
+        with PIL.Image.open(tmp_path / name / "wide.jpg") as picture:
+            assert "icc_profile" not in picture.info
+        run = lutforge("apply", *grade, deep, *chosen, "-o", tmp_path / name)
+        assert run.returncode == 2 and "convert it to sRGB" in run.stderr.splitlines()[-1]
+    straight = tmp_path / "srgb.png"
+    PIL.Image.fromarray(to_srgb(codes, adobe_rgb_profile())).save(straight)
+    assert lutforge("apply", tmp_path / "a.cube", straight, "-o", tmp_path / "cube").returncode == 0
+    both = [np.asarray(PIL.Image.open(tmp_path / "cube" / file), dtype=float) for file in ("wide.jpg", "srgb.png")]
+    assert np.abs(both[0] - both[1]).max() <= 3
 
 
 @pytest.mark.skipif(not Path("/sys/kernel").is_dir(), reason="no folder in which nobody can make a file")
