@@ -79,6 +79,7 @@ def main() -> None:
     try:
         # The studio's server wants signals for itself.
         status = app(standalone_mode=False) if sys.argv[1:2] == ["studio"] else _interruptible()
+        sys.stdout.flush()  # a full disk is told here
     except LutForgeError as error:
         _stop(str(error), 2)
     except UsageErrors as error:
