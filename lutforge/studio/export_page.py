@@ -1,6 +1,8 @@
 """Export: profile, LUTs, kits, config, report, as files of the command line, each with its command and its error."""
 
+import re
 from html import escape
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +86,8 @@ class ExportPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.name = entry("Name of the files", value="camera")
+        self.proposed = "camera"
+        self.name = entry("Name of the files", value=self.proposed)
         self.program = select("Program of the kit", {"choose a look first": ""})
         self.check = pmui.Checkbox(label="Check the kit on the shots", **WIDE)
         self.kind = select("Transform of the LUT", ["refinish", "render", "linearize"])
@@ -130,17 +133,40 @@ class ExportPage:
         ]  # fmt: skip
 
     def _paths(self, *suffixes: str) -> list[Path]:
-        """Return where files go, under one name. Raises WorkspaceError, once, where there are other files already."""
-        name = self.name.value_input or self.name.value
-        paths = [self.session.folders.inside(name + suffix) for suffix in suffixes]
-        for path in paths:
-            require_writable(path)
-        there = [path for path in paths if path.exists() and path not in self.written]
-        if there and there != self.asked:
-            self.asked = there
-            names = ", ".join(path.name for path in there)
-            raise WorkspaceError(f"{names}: there already; press again to replace, or choose another name")
+        """Return where files go, under one name.
+
+        A proposed name gives way to files of before. Raises WorkspaceError, once, where one that the visitor wrote has
+        such.
+        """
+        name = written = self.name.value_input or self.name.value
+        for number in count(2):
+            paths = [self.session.folders.inside(name + suffix) for suffix in suffixes]
+            for path in paths:
+                require_writable(path)
+            there = [path for path in paths if path.exists() and path not in self.written]
+            if not there or there == self.asked:
+                break
+            if written != self.proposed:
+                self.asked = there
+                names = ", ".join(path.name for path in there)
+                raise WorkspaceError(f"{names}: there already; press again to replace, or choose another name")
+            name = f"{re.sub(r'_[0-9]+$', '', written)}_{number}"
+        if name != written:
+            self.proposed = name
+            self.name.param.update(value=name, value_input=name)
         self.written.update(paths)
+        return paths
+
+    def _with_profile(self, *suffixes: str) -> list[Path]:
+        """Return the profile's file and where others go.
+
+        The profile is saved where it was made in this visit; one that was opened is where it was.
+        """
+        opened = self.session.profile_file
+        if opened is not None and opened.is_file():
+            return [opened, *self._paths(*suffixes)]
+        paths = self._paths(".npz", *suffixes)
+        self.session.profile.save(paths[0])
         return paths
 
     def _tell(self, what: str, path: Path, told: tuple[str, ...], command: str) -> None:
@@ -186,12 +212,12 @@ class ExportPage:
         def done(lines: tuple[str, ...]) -> None:
             self._tell(what, export.output, lines, str(export))
 
-        self.session.profile.save(export.profile)
         self.session.start(f"lutforge {export.command}", done, run, export)
 
     def _wanted(self) -> str:
         if not self.session.look.target:
             raise WorkspaceError("no look yet: choose the style and white balance under Look")
+        self.session.look_chosen = True
         return self.session.look.target
 
     def _bake(self) -> None:
@@ -200,30 +226,30 @@ class ExportPage:
         if kind != "render" and not look.source:
             raise WorkspaceError("what were the pictures taken as? choose that under Look, “Taken as”")
         wanted = wanted_lut(kind, look.source, target, look.ev, self.space.value)
-        profile, output = self._paths(".npz", f"_{kind}{self.suffix.value}")
+        profile, output = self._with_profile(f"_{kind}{self.suffix.value}")
         self._run(f"LUT, {kind}", Export("bake", profile, output, wanted))
 
     def _kit(self) -> None:
         target, program = self._wanted(), self.program.value
-        profile, output = self._paths(".npz", f"_{program}_kit")
+        profile, output = self._with_profile(f"_{program}_kit")
         shots = tuple(self.session.files.values()) if self.check.value else ()
         self._run(f"kit for {program}", Export("kit", profile, output, target=target, program=program, shots=shots))
 
     def _config(self) -> None:
-        profile, output = self._paths(".npz", ".ocioz")
+        profile, output = self._with_profile(".ocioz")
         self._run("config", Export("config", profile, output))
 
     def _parameters(self) -> None:
         style = next(iter(self.session.profile.styles))
-        profile, output = self._paths(".npz", "_parameters")
+        profile, output = self._with_profile("_parameters")
         self._run("parameters", Export("export-nus", profile, output, style=style))
 
     def _report(self) -> None:
         if self.session.history is None:
-            profile, output = self._paths(".npz", ".html")
+            profile, output = self._with_profile(".html")
             self._run("report", Export("report", profile, output))
             return
-        profile, output, table = self._paths(".npz", ".html", ".parquet")
+        profile, output, table = self._with_profile(".html", ".parquet")
         samples = self.session.workspace.samples.select(self.session.workspace.fitted_rows)
         write_samples(table, samples)
         self._run("report", Export("report", profile, output, samples=samples, table=table))

@@ -9,7 +9,7 @@ import panel as pn
 
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile, match
-from lutforge.model.white_balance import temperature_range
+from lutforge.model.white_balance import NAMED_KELVIN, temperature_range
 from lutforge.progress import silent
 from lutforge.settings import Selector
 from lutforge.studio.elements import NOTHING, TOGETHER, WIDE, entry, select, slider, text
@@ -49,15 +49,24 @@ class SettingControl:
         self.layout = pn.Column(*self.widgets, **TOGETHER)
 
     def offer(self, profile: CameraProfile) -> None:
-        """Offer the settings of a profile; what is chosen stays where it has that."""
+        """Offer the settings of a profile; what is chosen stays where it has that.
+
+        A control that does not ask begins at the style "standard", and at the white balance that is nearest daylight.
+        """
         try:
             kelvins = None if profile.raw_camera else temperature_range(profile.white_balances)
         except SettingsError:
             kelvins = None
         others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
-        for widget, values in ((self.style, list(profile.styles)), (self.balance, [*profile.white_balances, *others])):
+        styles = sorted(profile.styles, key=lambda name: name.lower() != "standard")
+        daylight, known = NAMED_KELVIN["daylight"], profile.white_balances
+        nearest = min(known, key=lambda name: abs((known[name].kelvin or NAMED_KELVIN.get(name, 0.0)) - daylight))
+        for widget, values, usual in (
+            (self.style, styles, styles[0]), (self.balance, [*profile.white_balances, *others], nearest)
+        ):  # fmt: skip
             options = {**self.unknown, **{value: value for value in values}}
-            chosen = widget.value if widget.value in options.values() else next(iter(options.values()))
+            first = "" if self.unknown else usual
+            chosen = widget.value if widget.value in values else first
             widget.options, widget.value = options, chosen
         if kelvins is not None:
             low, high = round(kelvins[0] + 50, -2), round(kelvins[1] - 50, -2)
@@ -69,6 +78,12 @@ class SettingControl:
         """Enable what the white balance is set by; nothing moves."""
         self.kelvin.disabled = self.balance.value != BY_TEMPERATURE
         self.multipliers.disabled = self.balance.value != BY_MULTIPLIERS
+
+    def set(self, selector: Selector) -> None:
+        """Set the settings of a photograph: by its preset, where it has one of those offered, else as it was shot."""
+        preset = selector.white_balance in self.balance.options.values()
+        self.style.value, self.tint.value = selector.style, 0
+        self.balance.value = selector.white_balance if preset else AS_SHOT
 
     @property
     def is_known(self) -> bool:
@@ -104,7 +119,8 @@ class LookPage:
         opening = session.button("Show", self._open_named, variant="contained", **WIDE)
         self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as", asks=True)
         self.ev = slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
-        session.watch(self._change, self.ev, *self.wanted.widgets, *self.source.widgets)
+        session.watch(self._choose_look, self.ev, *self.wanted.widgets)
+        session.watch(self._change, *self.source.widgets)
         self.told = text()
         self.view = LookView(raw_name="RAW, by the model")
         self.view.param.watch(session.guarded(lambda event: self._choose(event.new)), "chosen")
@@ -126,9 +142,9 @@ class LookPage:
         self._grade()
 
     def _start(self, title: str, done: Callable[[Any], None], function: Callable[..., Any], *arguments: Any) -> None:
-        """Work in another process, or here where that one is busy."""
-        if pn.state.curdoc is not None and self.session.job is None:
-            self.session.start(title, done, function, *arguments)
+        """Work in another process, or here where no page waits for it."""
+        if pn.state.curdoc is not None:
+            self.session.start_short(title, done, function, *arguments)
         else:
             done(function(*arguments, silent))
 
@@ -148,17 +164,24 @@ class LookPage:
         self.shown = self.opened[path] = replace(photograph, picture=b"")
         self.view.show(photograph.picture, path.name)
         told = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
-        if given is not None:
-            self.source.style.value, self.source.balance.value = given.style, AS_SHOT
-            told = f"{path.name}: taken as {given}, as its metadata say"
-        elif path in self.sources:
-            told = f"{path.name}: taken as {self.sources[path][0]}, as you said"
-            for widget, value in zip(self.source.widgets, self.sources[path][1], strict=True):
-                widget.value = value
-        else:
-            self.source.style.value, self.source.balance.value, self.source.tint.value = photograph.style, "", 0
+        with self.session.setting():
+            if given is not None:
+                self.source.style.value, self.source.balance.value = given.style, AS_SHOT
+                told = f"{path.name}: taken as {given}, as its metadata say"
+                if not self.session.look_chosen:
+                    self.wanted.set(given)
+            elif path in self.sources:
+                told = f"{path.name}: taken as {self.sources[path][0]}, as you said"
+                for widget, value in zip(self.source.widgets, self.sources[path][1], strict=True):
+                    widget.value = value
+            else:
+                self.source.style.value, self.source.balance.value, self.source.tint.value = photograph.style, "", 0
         self.session.say("; ".join([told, *photograph.notes]))
-        self._grade()
+        self._change()
+
+    def _choose_look(self) -> None:
+        self.session.look_chosen = True
+        self._change()
 
     def _change(self) -> None:
         for control in (self.wanted, self.source):
@@ -200,7 +223,7 @@ class LookPage:
         try:
             look = Look(self.source.text(taken) if known else "", self.wanted.text(taken), float(self.ev.value))
             slow = self._slow_steps(look) if known else ()
-            if slow and (self.session.job is None or pn.state.curdoc is None):
+            if slow and (self.session.short_job is None or pn.state.curdoc is None):
                 self._start(BAKING, lambda luts: self._baked(slow, luts), bake_all, slow)
             if slow:
                 return

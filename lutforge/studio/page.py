@@ -108,11 +108,8 @@ class Page:
         self._tell()
         if self.shown in self._stale or self.shown == "Export":
             self._stale.discard(self.shown)
-            self.session.refreshing = True
-            try:
+            with self.session.setting():
                 self.pages[self.shown].refresh()
-            finally:
-                self.session.refreshing = False
 
     def _tell(self) -> None:
         """The steps' states, and what to do next in this one."""

@@ -18,6 +18,7 @@ PLOTS = {
     "srgb_btf": "sRGB BTF",
     "raw_btf": "RAW BTF",
     "srgb_raw": "sRGB against RAW",
+    "saturation": "Saturation against brightness",
     "transformed": "Transformed RAW against sRGB",
     "both_linear": "Transformed RAW against linearised sRGB",
     "linearization": "Linearization",
@@ -72,6 +73,8 @@ def _of_samples(workspace: Workspace, plot: str, channel: int) -> Points:
         return Points(
             samples.raw[:, channel], samples.srgb[:, channel], row, row, pair, "RAW, before white balance", "sRGB"
         )
+    if plot == "saturation":
+        return Points(samples.srgb.max(axis=1), workspace.chroma, row, row, pair, "largest channel, sRGB", "saturation")
     if fitted is None:
         return _nothing("fit a model first: this plot shows what it makes of the RAW values")
     if plot == "transformed":

@@ -51,6 +51,7 @@ class SamplesPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
+        self._seen: SampleSet | None = None
         self.controls = [self._view(), self._filters(), self._hand()]
         self.main = self._plots()
 
@@ -121,6 +122,10 @@ class SamplesPage:
         if self.session.history is None:
             return
         workspace = self.session.workspace
+        if self._seen is not workspace.samples:
+            self._seen = workspace.samples
+            if self.first.value in ("srgb_btf", "saturation"):  # without pairs, what the filters cut
+                self.first.value = "saturation" if workspace.pairs is None else "srgb_btf"
         self._set_controls(workspace)
         for drawing, choice in ((self.left, self.first), (self.right, self.second)):
             shown = points(workspace, choice.value, self.channel.value)

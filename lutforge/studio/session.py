@@ -1,8 +1,8 @@
 """What one visitor has open: a workspace with its history, a look, what was written, and the work under way."""
 
 import logging
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import wraps
 from html import escape
@@ -55,11 +55,12 @@ def _held(document: Any, work: Callable[[], None]) -> None:
 
 @dataclass(eq=False)
 class _Work:
-    """A job under way: what gets its result, and the callback that asks for it."""
+    """A job under way: what gets its result, the callback that asks for it, and what it last said."""
 
     job: Job
     done: Callable[[Any], None]
     poll: Any = None
+    said: str = ""
 
 
 @dataclass(eq=False)
@@ -67,7 +68,8 @@ class Session:
     """Shared by the steps of one page, which are told of each change.
 
     accounts: of the shots that were sampled; left_out: why others were not; files: by shot its RAW file; look: of the
-    Look step; written: by kind of export the last file.
+    Look step; look_chosen: whether the visitor chose it; written: by kind of export the last file; profile_source: the
+    file that `loaded_profile` was opened from.
     """
 
     folders: Folders
@@ -78,13 +80,15 @@ class Session:
     left_out: tuple[str, ...] = ()
     files: Mapping[str, Path] = field(default_factory=dict)
     look: Look = field(default_factory=Look)
+    look_chosen: bool = False
+    profile_source: Path | None = None
     written: dict[str, Written] = field(default_factory=dict)
     on_change: Callable[[], None] = lambda: None
     on_look: Callable[[], None] = lambda: None
     on_select: Callable[[], None] = lambda: None
 
     def __post_init__(self) -> None:
-        self._work: _Work | None = None
+        self._works: dict[str, _Work] = {}  # "long": fits, exports, samples; "short": pictures and their looks
         self.refreshing = False
         self.status = text(margin=(2, 12), height=22)
         self.progress = text(visible=False, sizing_mode="fixed", width=200, height=24, margin=(4, 8))
@@ -127,6 +131,15 @@ class Session:
         made.on_click(self.guarded(lambda event: action()))
         return made
 
+    @contextmanager
+    def setting(self) -> Iterator[None]:
+        """What a page sets meanwhile is no wish of the visitor: `watch` does not call back."""
+        before, self.refreshing = self.refreshing, True
+        try:
+            yield
+        finally:
+            self.refreshing = before
+
     def watch(self, callback: Callable[[], None], *widgets: Any) -> None:
         """Call back, guarded, when widgets change, a slider while it moves; once for several changes at a time."""
         waiting: list[bool] = []
@@ -138,7 +151,7 @@ class Session:
         soon = self.guarded(run)
 
         def changed(event: Any) -> None:
-            if not waiting and not self.refreshing:  # what a page sets itself is no wish of the visitor
+            if not waiting and not self.refreshing:
                 waiting.append(True)
                 soon()
 
@@ -184,6 +197,11 @@ class Session:
         """Whether `profile` is there."""
         return self.loaded_profile is not None or (self.history is not None and bool(self.history.present.model))
 
+    @property
+    def profile_file(self) -> Path | None:
+        """The file that `profile` was opened from; None where it was made in this visit."""
+        return self.profile_source if self.has_profile and self.profile is self.loaded_profile else None
+
     def change(self, workspace: Workspace) -> None:
         """Make this the present state of the workspace."""
         assert self.history is not None
@@ -213,50 +231,68 @@ class Session:
 
     def start(self, title: str, done: Callable[[Any], None], function: Callable[..., Any], *arguments: Any) -> None:
         """Work in another process; `done` gets its result. One at a time. Raises WorkspaceError while one runs."""
-        if self._work is not None:
-            raise WorkspaceError(f"{self._work.job.title} is still under way: cancel it, or wait")
-        self._work = _Work(Job(title, function, *arguments), done)
+        if "long" in self._works:
+            raise WorkspaceError(f"{self._works['long'].job.title} is still under way: cancel it, or wait")
+        self._begin("long", title, done, function, *arguments)
+
+    def start_short(
+        self, title: str, done: Callable[[Any], None], function: Callable[..., Any], *arguments: Any
+    ) -> None:
+        """Work of seconds in another process, beside what takes long; it takes the place of the last such work."""
+        if "short" in self._works:
+            self._end("short").job.cancel()
+        self._begin("short", title, done, function, *arguments)
+
+    def _begin(self, kind: str, title: str, done: Callable[[Any], None], *call: Any) -> None:
+        work = self._works[kind] = _Work(Job(title, *call), done)
         self.say(f"{title} …")
         self._share(0.0)
         self.progress.visible = self.cancel.visible = True
         if pn.state.curdoc is not None:
-            self._work.poll = pn.state.add_periodic_callback(self.guarded(self.poll), period=120)
+            work.poll = pn.state.add_periodic_callback(self.guarded(lambda: self.poll(kind)), period=120)
 
-    def poll(self) -> None:
-        """Take over what the job has reported."""
-        if self._work is None:
-            return
-        work, report = self._work, self._work.job.report
-        if report.state == "running":
-            self._share(report.share)
-            self.say(f"{work.job.title}: {report.message}")
-            return
-        self._work = None
-        self.progress.visible = self.cancel.visible = False
+    def _end(self, kind: str) -> _Work:
+        work = self._works.pop(kind)
+        self.progress.visible = self.cancel.visible = bool(self._works)
         if work.poll is not None:
             work.poll.stop()
+        return work
+
+    def poll(self, kind: str) -> None:
+        """Take over what the job of a kind has reported."""
+        if kind not in self._works:
+            return
+        work = self._works[kind]
+        report, title = work.job.report, work.job.title
+        if report.state == "running":
+            self._share(report.share)
+            if report.message != work.said:  # other news stay until there are new ones
+                work.said = report.message
+                self.say(f"{title}: {report.message}")
+            return
+        self._end(kind)
         if report.state == "done":
             work.done(report.result)
         else:
-            self.say(f"{work.job.title}: {report.message}", wrong=report.state == "failed")
+            self.say(f"{title}: {report.message}", wrong=report.state == "failed")
 
     def _share(self, done: float) -> None:
         self.progress.object = f"<progress aria-label='done' value='{done:.2f}' style='width:100%'></progress>"
 
     @property
-    def job(self) -> Job | None:
-        """The job under way."""
-        return None if self._work is None else self._work.job
+    def short_job(self) -> Job | None:
+        """The short work under way."""
+        return self._works["short"].job if "short" in self._works else None
 
     def _cancel(self) -> None:
-        if self._work is not None:
-            self._work.job.cancel()
-            self.poll()
+        for kind in [kind for kind in ("long", "short") if kind in self._works][:1]:
+            self._works[kind].job.cancel()
+            self.poll(kind)
 
     def close(self) -> None:
         """The visitor has gone."""
-        if self._work is not None:
-            self._work.job.cancel()
+        for work in self._works.values():
+            work.job.cancel()
 
     def fit(self, *kinds: str) -> None:
         """Fit models one after the other, each on those before it."""
@@ -284,7 +320,7 @@ class Session:
 
     def _opened(self, opened: Opened, names: str) -> None:
         if opened.profile is not None:
-            self.loaded_profile = opened.profile
+            self.loaded_profile, self.profile_source = opened.profile, opened.profile_source
         if opened.workspace is not None:
             if opened.profile is None:
                 self.loaded_profile = None

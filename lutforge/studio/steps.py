@@ -13,7 +13,7 @@ def states_of(session: Session) -> dict[str, tuple[State, str]]:
     open_ = session.history is not None
     stale = open_ and bool(session.workspace.model) and session.workspace.is_stale(session.workspace.model)
     model: State = "stale" if stale else "done" if session.has_profile else "to do"
-    chosen: State = "to do" if not session.look.target or model == "to do" else "stale" if stale else "done"
+    chosen: State = "to do" if not session.look_chosen or model == "to do" else "stale" if stale else "done"
     made = (session.profile if session.has_profile else None, session.look)
     old = stale or any(each.of[0] is not made[0] or each.of[1] != made[1] for each in session.written.values())
     export: State = "to do" if not session.written else "stale" if old else "done"

@@ -135,13 +135,18 @@ def _marks(marks: NDArray[Any], document: dict[str, Any]) -> NDArray[np.int8]:
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """What was opened. workspace: None where it was profiles alone; files: by shot its RAW file; accounts: of shots."""
+    """What was opened.
+
+    workspace: None where it was profiles alone; profile_source: the file of the profile; files: by shot its RAW file;
+    accounts: of shots.
+    """
 
     workspace: Workspace | None
     profile: CameraProfile | None = None
     accounts: tuple[ShotSamples, ...] = ()
     left_out: tuple[str, ...] = ()
     files: Mapping[str, Path] = field(default_factory=dict)
+    profile_source: Path | None = None
 
 
 def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
@@ -155,17 +160,17 @@ def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
         progress("reading", 0.0)
         workspace = open_workspace(paths[0])
         return Opened(replace(workspace, pairs=find_pairs(workspace.samples)))
-    profiles = [load_profile(path) for path in paths if path.suffix.lower() == ".npz"]
-    profile = profiles[-1] if profiles else None
+    source = next((path for path in reversed(paths) if path.suffix.lower() == ".npz"), None)
+    profile = None if source is None else load_profile(source)
     sources = [path for path in paths if path.suffix.lower() != ".npz"]
     if not sources:
-        return Opened(None, profile)
+        return Opened(None, profile, profile_source=source)
     sampled = gather_samples(sources, progress)
     progress("looking for exposure pairs", 0.95)
     workspace = Workspace(sampled.samples, find_pairs(sampled.samples))
     if profile is not None:
         workspace = with_profile(workspace, profile)
-    return Opened(workspace, profile, sampled.shots, sampled.left_out, sampled.files)
+    return Opened(workspace, profile, sampled.shots, sampled.left_out, sampled.files, source)
 
 
 def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:

@@ -30,6 +30,7 @@ from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
+from lutforge.progress import silent
 from lutforge.settings import Selector
 from lutforge.shots.picture_settings import software_tag
 from lutforge.studio.export import Export, run, wanted_lut
@@ -44,7 +45,7 @@ from lutforge.studio.server import origins
 from lutforge.studio.session import Look
 from lutforge.studio.steps import STEPS, states_of
 from lutforge.studio.workspace import History, Workspace, WorkspaceError
-from lutforge.studio.workspace_file import with_profile
+from lutforge.studio.workspace_file import find_pairs, open_paths, with_profile
 
 
 def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
@@ -137,9 +138,11 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     page = opened(tmp_path, profile)
     page.show("Look")
     look = page.pages["Look"]
+    assert page.session.look.target == "standard/daylight"  # not the first of the alphabet, cloudy
     look.path.value = "tells.jpg"
     look._open_named()
     assert "taken as vivid/tungsten" in page.session.status.object
+    assert page.session.look == Look("vivid/tungsten", "vivid/tungsten") and not page.session.look_chosen
     look.wanted.style.value, look.wanted.balance.value = "standard", "daylight"
     assert page.session.look == Look("vivid/tungsten", "standard/daylight")
     look.path.value = "silent.jpg"
@@ -176,6 +179,33 @@ def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfil
         control.text(None)
 
 
+def test_a_picture_is_opened_beside_a_fit(tmp_path: Path) -> None:
+    session, found = opened(tmp_path).session, list[int]()
+    session.start("a fit", lambda result: None, endless, tmp_path / "alive")
+    with pytest.raises(WorkspaceError, match="a fit is still under way"):
+        session.start("another", lambda result: None, doubled, 1)
+    session.start_short("a picture", found.append, endless, tmp_path / "alive too")
+    session.start_short("the next picture", found.append, doubled, 21)  # takes its place
+    job = session.short_job
+    assert job is not None and job.wait(120).state == "done"
+    session.poll("short")
+    assert found == [42] and session.cancel.visible
+    session._cancel()
+    assert "a fit: cancelled" in session.status.object and not session.cancel.visible
+
+
+def test_the_first_plots_of_samples_show_something(tmp_path: Path) -> None:
+    page, samples = opened(tmp_path), chart_samples(patches=9)
+    for pairs, shown in ((None, "saturation"), (find_pairs(samples), "srgb_btf")):
+        page.session.history = History(Workspace(replace(samples), pairs))
+        page.session.selected = np.zeros(len(samples), dtype=np.bool_)
+        page.session.on_change()
+        page.show("Samples")
+        view = page.pages["Samples"]
+        assert view.first.value == shown
+        assert all(len(plot.source.data["x"]) for plot in (view.left, view.right))
+
+
 @pytest.mark.parametrize("step", STEPS)
 def test_a_profile_without_raw_works_in_every_step(step: str, tmp_path: Path) -> None:
     samples = chart_samples(patches=45)
@@ -194,14 +224,33 @@ def test_a_profile_without_raw_works_in_every_step(step: str, tmp_path: Path) ->
 
 def test_a_profile_does_not_replace_a_file_unasked(profile: CameraProfile, tmp_path: Path) -> None:
     view = ExportPage(opened(tmp_path, profile).session)
-    (tmp_path / "camera.npz").write_text("another's")
-    view.name.value = "camera"
+    for name in ("camera", "mine"):
+        (tmp_path / f"{name}.npz").write_text("another's")
+    view._save_profile()  # under the name that the page proposes, which gives way
+    assert load_profile(tmp_path / "camera_2.npz").camera == profile.camera
+    view._save_profile()  # its own file
+    assert not (tmp_path / "camera_3.npz").exists()
+    view.name.value = "mine"
     with pytest.raises(WorkspaceError, match="press again"):
         view._save_profile()
-    assert (tmp_path / "camera.npz").read_text() == "another's"
+    assert [(tmp_path / f"{name}.npz").read_text() for name in ("camera", "mine")] == ["another's"] * 2
     view._save_profile()
-    assert load_profile(tmp_path / "camera.npz").camera == profile.camera
-    view._save_profile()  # its own file
+    assert load_profile(tmp_path / "mine.npz").camera == profile.camera
+
+
+def test_exports_of_an_opened_profile_leave_it_as_it_is(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path)
+    profile.save(tmp_path / "camera.npz")
+    page.session._opened(open_paths((tmp_path / "camera.npz",), silent), "camera.npz")
+    page.session.look = Look("standard/tungsten", "vivid/daylight")
+    runs: list[Export] = []
+    page.show("Export")
+    view = page.pages["Export"]
+    view._run = lambda what, export: runs.append(export)
+    (tmp_path / "camera_refinish.clf").write_text("another's")
+    view._bake()
+    assert runs[0].profile == tmp_path / "camera.npz" and runs[0].output == tmp_path / "camera_2_refinish.clf"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.npz", "camera_refinish.clf"]
 
 
 @pytest.mark.parametrize(
@@ -257,6 +306,8 @@ def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp
     session.change(session.workspace.with_model("lattice", model))
     assert [state for state, _ in states_of(session).values()] == ["done", "done", "done", "to do", "to do"]
     page.show("Look")
+    assert states_of(session)["Look"][0] == "to do"
+    page.pages["Look"].wanted.style.value = "vivid"
     page.show("Export")
     page.pages["Export"].name.value = "mine"
     page.pages["Export"]._save_profile()
