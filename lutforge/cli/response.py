@@ -57,10 +57,8 @@ def response(
         )  # fmt: skip
     fit, profile, exposures = fitted.fit, fitted.profile, fitted.exposure_s
     say(f"{output}: {profile.camera}, {', '.join(profile.styles)}/{', '.join(profile.white_balances)}")
-    say(
-        f"EMoR with {fit.basis_curves} curves, from {fit.pairs} pairs of patches; pairs of shots that it had not seen "
-        f"are predicted to {fit.held_out:.1f} codes (median)"
-    )
+    known, follows = fit.told
+    say(known)
     rows = [(curve.name, f"{curve.median:.1f}", f"{curve.rms:.1f}") for curve in fit.curves]
     print_table("Error of the next exposure in codes, exposures as stated", ("curve", "median", "RMS"), rows)
     print_table(
@@ -71,7 +69,7 @@ def response(
             for name, time in exposures.items()
         ],
     )
-    say(f"JPEG values follow the exposure from {255 * fit.black.max():.0f} to {255 * fit.white.min():.0f}")
+    say(follows)
     _tell_verdict(fit)
 
 
@@ -111,12 +109,6 @@ def _of_chart(
 
 
 def _tell_verdict(fit: "BracketFit") -> None:
-    verdict = fit.verdict
-    say(
-        f"the response {'is a fixed property of this camera' if verdict.fixed else 'is not the same in all shots'}: "
-        f"unsaturated colours of the worst shot depart by {255 * verdict.shift:.1f} codes, "
-        f"{100 * verdict.outliers:.0f} % of all colours by more than 3; a curve of its own for each shot explains "
-        f"{100 * max(verdict.own_curves, 0.0):.0f} % of what is left (10 % or more: something adapts to the scene)"
-    )
-    if not verdict.fixed:
+    say(fit.verdict.told)
+    if not fit.verdict.fixed:
         note("fix exposure mode, white balance and picture style, and switch off what adapts to the scene (HDR, DRO)")

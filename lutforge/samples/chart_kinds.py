@@ -71,12 +71,22 @@ class ChartKind:
         return np.asarray(colour.XYZ_to_RGB(xyz, "sRGB", white, "Bradford", apply_cctf_encoding=False))
 
 
+def chart_names() -> tuple[str, ...]:
+    """The charts in data/charts.json."""
+    return tuple(_known())
+
+
+def _known() -> dict[str, Any]:
+    known: dict[str, Any] = json.loads(files(__package__).joinpath("data", "charts.json").read_text(encoding="utf-8"))
+    return known
+
+
 def chart_kind(word: str) -> ChartKind:
     """Return a chart by its name in data/charts.json, or of a JSON file.
 
     Raises CalibrationError, which lists the names, on an unknown one, and on a file that describes no chart.
     """
-    known: dict[str, Any] = json.loads(files(__package__).joinpath("data", "charts.json").read_text(encoding="utf-8"))
+    known = _known()
     entry = known.get(word.lower())
     if entry is not None:
         return _kind(entry)

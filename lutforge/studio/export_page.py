@@ -23,7 +23,7 @@ from lutforge.studio.steps import states_of
 from lutforge.studio.workspace import WorkspaceError
 from lutforge.studio.workspace_file import SUFFIX, save_workspace
 
-LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".csp", ".3dl", ".png")
+LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".dctl", ".csp", ".spi1d", ".3dl", ".png")
 
 
 class WrittenList(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
@@ -94,6 +94,7 @@ class ExportPage:
         self.space = select("Scene of render and linearize", ["raw", *SPACES])
         self.suffix = select("LUT file", list(LUT_SUFFIXES))
         self.written: set[Path] = set()
+        self._offered: object = None
         self.asked: list[Path] = []
         self.list = WrittenList(**FILL)
         self.main = self.list
@@ -121,6 +122,10 @@ class ExportPage:
         session = self.session
         if session.has_profile and session.look.target:
             self.program.options = kits_of(session.profile, session.look.target)
+        if self._offered is not session.response and session.response is not None:  # what a bracket is taken for
+            self.kind.value = "linearize"
+            self.space.value = "aces2065-1" if session.response[0].chart else "raw"
+        self._offered = session.response
         now = (session.profile if session.has_profile else None, session.look)
         stale = states_of(session)["Model"][0] == "stale"
         self.list.entries = [
@@ -191,7 +196,9 @@ class ExportPage:
         if task is None:
             (path,) = self._paths(".npz")
             profile.save(path)
-            self._tell("profile", path, (f"profile of {profile.camera}",), "")
+            response = self.session.response
+            command = "" if response is None or response[1].profile is not profile else response[0].command(path)
+            self._tell("profile", path, (f"profile of {profile.camera}", *profile.notes), command)
             return
         stages = task.stages.task if task.stages is not None else None
         path, table, *others = self._paths(".npz", ".parquet", *(["_inliers.parquet"] if stages is not None else []))
@@ -223,11 +230,14 @@ class ExportPage:
     def _bake(self) -> None:
         look, kind = self.session.look, self.kind.value
         target = "" if kind == "linearize" else self._wanted()
-        if kind != "render" and not look.source:
+        profile, source = self.session.profile, look.source
+        if not source and len(profile.styles) == len(profile.white_balances) == 1:
+            source = f"{next(iter(profile.styles))}/{next(iter(profile.white_balances))}"
+        if kind != "render" and not source:
             raise WorkspaceError("what were the pictures taken as? choose that under Look, “Taken as”")
-        wanted = wanted_lut(kind, look.source, target, look.ev, self.space.value)
-        profile, output = self._with_profile(f"_{kind}{self.suffix.value}")
-        self._run(f"LUT, {kind}", Export("bake", profile, output, wanted))
+        wanted = wanted_lut(kind, source, target, look.ev, self.space.value)
+        path, output = self._with_profile(f"_{kind}{self.suffix.value}")
+        self._run(f"LUT, {kind}", Export("bake", path, output, wanted))
 
     def _kit(self) -> None:
         target, program = self._wanted(), self.program.value

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.errors import LutForgeError
-from lutforge.shots.discover import RAW_SUFFIXES
+from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES
 
 
 class FolderError(LutForgeError):
@@ -59,9 +59,12 @@ class Folders:
         return list(dict.fromkeys(found))
 
     def with_shots(self) -> list[str]:
-        """The folders that hold RAW files, as a visitor may name them."""
-        found = {(self.roots[0] / name).parent for name in self.files(RAW_SUFFIXES)}
-        return sorted(self.name(folder) for folder in found)
+        """The folders that hold RAW files, or at least two JPEGs of which none has any, as a visitor may name them."""
+        raw, jpeg = (
+            [(self.roots[0] / name).parent for name in self.files(kind)] for kind in (RAW_SUFFIXES, JPEG_SUFFIXES)
+        )
+        brackets = {folder for folder in jpeg if jpeg.count(folder) > 1}
+        return sorted(self.name(folder) for folder in {*raw, *brackets})
 
     def name(self, path: Path) -> str:
         """A path as a visitor would name it: relative to the first folder where it lies there."""

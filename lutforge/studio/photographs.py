@@ -6,11 +6,10 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageOps
+from PIL import Image
 
 from lutforge.apply.baked_grades import BakedGrades
 from lutforge.apply.blocks import apply_to_pixels
-from lutforge.apply.candidates import read_small
 from lutforge.apply.source_settings import choose_camera, source_selector
 from lutforge.boundary import reading
 from lutforge.errors import ImageError, SettingsError
@@ -24,6 +23,7 @@ from lutforge.progress import Progress
 from lutforge.settings import Selector
 from lutforge.shots.picture_settings import read_picture_settings
 from lutforge.studio.session import Look
+from lutforge.studio.shot_pictures import jpeg_of, picture_bytes, thumbnail
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 
@@ -48,7 +48,7 @@ def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> P
     progress("reading", 0.1)
     settings, picture = read_picture_settings(path), picture_bytes(path)
     with reading(path, "a picture", ImageError):
-        small = _thumbnail(picture)
+        small = thumbnail(picture)
     notes: tuple[str, ...] = ()
     selector, style = None, settings.style if settings.style in profile.styles else ""
     try:
@@ -59,29 +59,6 @@ def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> P
     return Photograph(path, picture, small, selector, style, (*settings.notes, *notes))
 
 
-def picture_bytes(path: Path) -> bytes:
-    """A picture as a file that browsers read: itself, or as PNG of at most 8 million pixels. Raises ImageError."""
-    if path.suffix.lower() in (".jpg", ".jpeg", ".png"):
-        return path.read_bytes()
-    pixels, buffer = read_small(path, 8_000_000), BytesIO()
-    Image.fromarray(np.rint(255 * pixels).astype(np.uint8)).save(buffer, format="PNG")
-    return buffer.getvalue()
-
-
-def _thumbnail(picture: bytes) -> bytes:
-    with Image.open(BytesIO(picture)) as file:
-        file.draft("RGB", (232, 156))  # a JPEG is decoded at a fraction of its size
-        small = ImageOps.exif_transpose(file.convert("RGB"))
-    small.thumbnail((232, 156))
-    return _jpeg(small)
-
-
-def _jpeg(image: Image.Image) -> bytes:
-    buffer = BytesIO()
-    image.save(buffer, format="JPEG", quality=92)
-    return buffer.getvalue()
-
-
 def graded(small: bytes, lut: Lut | None) -> bytes:
     """A thumbnail, a JPEG file, through a LUT."""
     if lut is None:
@@ -89,7 +66,7 @@ def graded(small: bytes, lut: Lut | None) -> bytes:
     with Image.open(BytesIO(small)) as file:
         pixels = np.asarray(file, dtype=np.float32) / np.float32(255)
     codes = np.rint(255 * np.clip(apply_to_pixels(lut.processor(), pixels), 0.0, 1.0)).astype(np.uint8)
-    return _jpeg(Image.fromarray(codes))
+    return jpeg_of(Image.fromarray(codes))
 
 
 @lru_cache(4)

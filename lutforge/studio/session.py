@@ -16,7 +16,10 @@ import panel_material_ui as pmui
 from lutforge.arrays import Mask
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline.charts import FittedChart
+from lutforge.pipeline.response import FittedResponse
 from lutforge.samples.extract import ShotSamples
+from lutforge.studio.brackets import Bracket, BracketRequest
 from lutforge.studio.elements import text
 from lutforge.studio.fits import fit_model
 from lutforge.studio.folders import Folders
@@ -69,7 +72,8 @@ class Session:
 
     accounts: of the shots that were sampled; left_out: why others were not; files: by shot its RAW file; look: of the
     Look step; look_chosen: whether the visitor chose it; written: by kind of export the last file; profile_source: the
-    file that `loaded_profile` was opened from.
+    file that `loaded_profile` was opened from; bracket: pictures without RAW, open instead of samples, of which
+    left_out names those that take no part; response: what was asked for and fitted to them.
     """
 
     folders: Folders
@@ -82,6 +86,8 @@ class Session:
     look: Look = field(default_factory=Look)
     look_chosen: bool = False
     profile_source: Path | None = None
+    bracket: Bracket | None = None
+    response: tuple[BracketRequest, FittedResponse | FittedChart] | None = None
     written: dict[str, Written] = field(default_factory=dict)
     on_change: Callable[[], None] = lambda: None
     on_look: Callable[[], None] = lambda: None
@@ -319,6 +325,11 @@ class Session:
         self.start(f"opening {names[:80]}", lambda opened: self._opened(opened, names), open_paths, paths)
 
     def _opened(self, opened: Opened, names: str) -> None:
+        self.bracket, self.response = opened.bracket, None
+        if opened.bracket is not None:
+            self.history = self.loaded_profile = None
+            self.accounts, self.left_out, self.files = (), (), {}
+            self.say(f"{names}: {opened.bracket}")
         if opened.profile is not None:
             self.loaded_profile, self.profile_source = opened.profile, opened.profile_source
         if opened.workspace is not None:
@@ -333,4 +344,10 @@ class Session:
             if self.history is not None and str(self.workspace.samples.camera[0]) == opened.profile.camera:
                 self.history = self.history.do(with_profile(self.workspace, opened.profile))
             self.say(f"{names}: profile of {opened.profile.camera}")
+        self.on_change()
+
+    def take_response(self, request: BracketRequest, fitted: FittedResponse | FittedChart) -> None:
+        """Take over what was fitted to a bracket."""
+        self.response, self.loaded_profile, self.profile_source = (request, fitted), fitted.profile, None
+        self.say(f"response: fitted to {len(fitted.exposure_s)} pictures")
         self.on_change()

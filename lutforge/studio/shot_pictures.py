@@ -3,13 +3,16 @@
 from base64 import b64encode
 from collections.abc import Mapping
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import param
 from numpy.typing import NDArray
 from panel.custom import JSComponent
+from PIL import Image, ImageOps
 
+from lutforge.apply.candidates import read_small
 from lutforge.arrays import Array
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
@@ -22,11 +25,39 @@ FATE_COLOURS = ("#ffffff", "#e69f00", "#111111", "#8c8c8c", "#cc79a7", "#4f83e0"
 
 def picture_url(pixels: NDArray[np.uint8]) -> str:
     """A picture (h, w, 3) as a PNG data URL."""
-    from PIL import Image
-
     buffer = BytesIO()
     Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="PNG")
     return "data:image/png;base64," + b64encode(buffer.getvalue()).decode("ascii")
+
+
+def jpeg_url(file: bytes) -> str:
+    """A JPEG file as a data URL."""
+    return "data:image/jpeg;base64," + b64encode(file).decode("ascii")
+
+
+def picture_bytes(path: Path) -> bytes:
+    """A picture as a file that browsers read: itself, or as PNG of at most 8 million pixels. Raises ImageError."""
+    if path.suffix.lower() in (".jpg", ".jpeg", ".png"):
+        return path.read_bytes()
+    pixels, buffer = read_small(path, 8_000_000), BytesIO()
+    Image.fromarray(np.rint(255 * pixels).astype(np.uint8)).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def thumbnail(picture: bytes) -> bytes:
+    """A picture file as a small JPEG, upright."""
+    with Image.open(BytesIO(picture)) as file:
+        file.draft("RGB", (232, 156))  # a JPEG is decoded at a fraction of its size
+        small = ImageOps.exif_transpose(file.convert("RGB"))
+    small.thumbnail((232, 156))
+    return jpeg_of(small)
+
+
+def jpeg_of(image: Image.Image) -> bytes:
+    """A picture as a JPEG file."""
+    buffer = BytesIO()
+    image.save(buffer, format="JPEG", quality=92)
+    return buffer.getvalue()
 
 
 def fates_drawn(cells: ShotCells) -> NDArray[np.uint8]:

@@ -6,8 +6,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import panel as pn
 import panel_material_ui as pmui
 
+from lutforge.studio.bracket_view import BracketView
 from lutforge.studio.elements import FILL, NOTHING, WIDE, entry, select, text
 from lutforge.studio.session import Session
 from lutforge.studio.shot_pictures import LEGEND, ShotGrid, cards
@@ -31,12 +33,14 @@ class ShotsPage:
         self.shown = select("Shown", list(SHOWN))
         session.watch(self.refresh, self.shown)
         self.notes = text()
-        self.grid = ShotGrid(**FILL)
+        self.grid, self.bracket = ShotGrid(**FILL), BracketView(session)
         self.grid.param.watch(session.guarded(lambda event: self._left_out()), "out")
         sample = session.button("Sample", self._open, variant="contained", **WIDE)
         again = session.button("List again", self.list_files, variant="text", **WIDE)
-        self.controls = [self.drop, self.listed, self.path, sample, again, self.shown, self.notes]
-        self.main = self.grid
+        self.controls = [
+            self.drop, self.listed, self.path, sample, again, self.bracket.controls, self.shown, self.notes
+        ]  # fmt: skip
+        self.main = pn.Column(self.bracket.layout, self.grid, **FILL)
         self.list_files()
 
     def list_files(self) -> None:
@@ -69,6 +73,8 @@ class ShotsPage:
         self.session.open((Path(self._dropped.name),))
 
     def _left_out(self) -> None:
+        if self.session.bracket is not None:
+            self.session.left_out = tuple(self.grid.out)
         if self.session.history is None:
             return
         workspace, out = self.session.workspace, frozenset(self.grid.out)
@@ -78,8 +84,13 @@ class ShotsPage:
 
     def refresh(self) -> None:
         """The shots of the workspace."""
+        self.bracket.refresh()
+        self.shown.visible = self.session.bracket is None
         if self.session.history is None:
-            self.grid.shots, self.notes.object = [], ""
+            bracket, self._drawn = self.session.bracket, None
+            self.grid.shots = [] if bracket is None else self.bracket.cards(bracket)
+            self.grid.out = list(self.session.left_out)
+            self.notes.object = "" if bracket is None else f"<p>{escape(str(bracket))}.</p>"
             return
         workspace = self.session.workspace
         profile = self.session.profile if self.session.has_profile else None

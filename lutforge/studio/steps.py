@@ -20,12 +20,16 @@ def states_of(session: Session) -> dict[str, tuple[State, str]]:
     shots: State = "done" if open_ or session.has_profile else "to do"
     telling = {
         "Shots": {
-            "to do": "Drop RAW files with their JPEGs here, or choose a folder; then press Sample.",
+            "to do": (
+                "Drop RAW files with their JPEGs here, or choose a folder; then press Sample."
+                if session.bracket is None else "Name the chart, if the pictures show one, and press Fit response."
+            ),
             "done": "Click a shot to leave it out or take it back in; then look at the samples.",
         }[shots],
         "Samples": (
             "Keep saturated and clipped colours from the response by the filters, or mark samples with the lasso."
-            if open_ else "Open shots or a sample table first."
+            if open_ else "A bracket has no samples to choose from: go on to the look, or to Export."
+            if session.bracket is not None else "Open shots or a sample table first."
         ),
         "Model": {
             "to do": "Press Compute: the lattice is what most want; or fit stage by stage.",

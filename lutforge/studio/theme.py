@@ -17,6 +17,7 @@ _COMMON: dict[str, Any] = {
             "styleOverrides": {"root": {"textTransform": "none", "color": "inherit", "whiteSpace": "nowrap"}},
         },
         "MuiInputLabel": {"styleOverrides": {"root": {"transition": "none"}}},
+        "MuiSlider": {"styleOverrides": {"thumb": {"transition": "none"}, "track": {"transition": "none"}}},
         "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
         "MuiAppBar": {
             "styleOverrides": {

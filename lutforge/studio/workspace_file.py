@@ -27,6 +27,7 @@ from lutforge.progress import Progress
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.samples.table import read_samples, write_samples
+from lutforge.studio.brackets import Bracket, bracket_in
 from lutforge.studio.fits import evaluate_on
 from lutforge.studio.workspace import (
     MODELS,
@@ -138,7 +139,7 @@ class Opened:
     """What was opened.
 
     workspace: None where it was profiles alone; profile_source: the file of the profile; files: by shot its RAW file;
-    accounts: of shots.
+    accounts: of shots; bracket: pictures without RAW, where that is all.
     """
 
     workspace: Workspace | None
@@ -147,6 +148,7 @@ class Opened:
     left_out: tuple[str, ...] = ()
     files: Mapping[str, Path] = field(default_factory=dict)
     profile_source: Path | None = None
+    bracket: Bracket | None = None
 
 
 def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
@@ -165,6 +167,9 @@ def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
     sources = [path for path in paths if path.suffix.lower() != ".npz"]
     if not sources:
         return Opened(None, profile, profile_source=source)
+    bracket = bracket_in(sources, progress)
+    if bracket is not None:
+        return Opened(None, bracket=bracket)
     sampled = gather_samples(sources, progress)
     progress("looking for exposure pairs", 0.95)
     workspace = Workspace(sampled.samples, find_pairs(sampled.samples))

@@ -55,6 +55,15 @@ class BracketFit:
         """The camera's response: the EMoR curve."""
         return self.curves[0].response
 
+    @property
+    def told(self) -> tuple[str, str]:
+        """How well the response is known, and between which values, in words."""
+        return (
+            f"EMoR with {self.basis_curves} curves, from {self.pairs} pairs of patches; pairs of shots that it had not "
+            f"seen are predicted to {self.held_out:.1f} codes (median)",
+            f"JPEG values follow the exposure from {255 * self.black.max():.0f} to {255 * self.white.min():.0f}",
+        )
+
 
 def fit_bracket(pairs: ExposurePairs, beta: float = BETA) -> BracketFit:
     """Fit EMoR (robust, its curves chosen on held-out pairs), a monotone spline, the best gamma and sRGB to a bracket.

@@ -61,6 +61,16 @@ class ResponseVerdict:
     own_curves: float
     fixed: bool
 
+    @property
+    def told(self) -> str:
+        """The verdict in words, with its figures."""
+        return (
+            f"the response {'is a fixed property of this camera' if self.fixed else 'is not the same in all shots'}: "
+            f"unsaturated colours of the worst shot depart by {255 * self.shift:.1f} codes, "
+            f"{100 * self.outliers:.0f} % of all colours by more than 3; a curve of its own for each shot explains "
+            f"{100 * max(self.own_curves, 0.0):.0f} % of what is left (10 % or more: something adapts to the scene)"
+        )
+
 
 def transfer_functions(pairs: ExposurePairs) -> tuple[TransferFunction, ...]:
     """The pairs by exposure ratio, each with the function that the camera's one response implies.

@@ -223,9 +223,27 @@ class WebGLGrader {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  draw(regions, view) {
-    for (const region of regions) this.region(region, view, this.canvas.width, this.canvas.height);
-    return this.gl.fenceSync(this.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+  // Draw with `width` × `height` pixels, stretched over the canvas: to resize that itself waits for what is drawn.
+  draw(regions, view, width, height) {
+    const gl = this.gl, { width: w, height: h } = this.canvas, fewer = width < w || height < h;
+    if (fewer) {
+      if (!this.fewer) [this.fewer, this.few] = [gl.createFramebuffer(), gl.createRenderbuffer()];
+      gl.bindFramebuffer(gl.FRAMEBUFFER, this.fewer);
+      if (this.few.size !== `${w} × ${h}`) {
+        gl.bindRenderbuffer(gl.RENDERBUFFER, this.few);
+        gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, w, h);
+        gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, this.few);
+        this.few.size = `${w} × ${h}`;
+      }
+    }
+    for (const region of regions) this.region(region, view, width, height);
+    if (fewer) {
+      gl.disable(gl.SCISSOR_TEST);
+      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+      gl.blitFramebuffer(0, 0, width, height, 0, 0, w, h, gl.COLOR_BUFFER_BIT, gl.LINEAR);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    }
+    return gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
   }
 
   // Whether what a fence stands behind has been drawn.

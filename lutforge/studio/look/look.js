@@ -183,9 +183,9 @@ export function render({ model, el }) {
     if (!loaded || !stage.clientWidth) return;
     if (pending) { again = true; return; }
     const moving = performance.now() - moved < 150, [w, h] = whole();
-    quality = moving && cost > 16 ? Math.max(0.25, Math.sqrt(16 / cost)) : 1;
+    quality = live && moving && cost > 16 ? Math.max(0.25, Math.sqrt(16 / cost)) : 1;
     const width = Math.max(1, Math.round(w * quality)), height = Math.max(1, Math.round(h * quality));
-    if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
+    if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
     settleView();
     const style = getComputedStyle(root).getPropertyValue("--surround").trim();
     const surround = [1, 3, 5].map(at => parseInt(style.slice(at, at + 2), 16) / 255);
@@ -194,15 +194,15 @@ export function render({ model, el }) {
     const parts = regions(width).map(part => ({ ...part, ops: opsOf(part.side), marks: part.side !== "original" }));
     if (live && !complete([...parts.flatMap(part => part.ops), ...(shrunk.coverage || [])])) return;
     const began = performance.now();
-    pending = { fence: grader.draw(parts, shrunk), began, number, full: quality === 1, area: width * height / (w * h) };
+    pending = { fence: grader.draw(parts, shrunk, width, height), began, number, full: quality === 1 };
     furnish(regions(w));
     watch();
   }
 
   function watch() {
     if (!grader.done(pending.fence)) { setTimeout(watch, 1); return; }
-    const { began, area, full } = pending;
-    cost = (performance.now() - began) / area;
+    const { began, full } = pending;
+    if (full) cost = performance.now() - began;
     Object.assign(root.dataset, { drawn: pending.number, ms: (performance.now() - began).toFixed(1), full, frames: ++frames });
     pending = null;
     if (again) { again = false; draw(false); }

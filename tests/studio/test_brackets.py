@@ -1,0 +1,130 @@
+"""A bracket of a camera without RAW in the studio: what it says, and exports that equal the command line's."""
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from PIL.TiffImagePlugin import IFDRational
+from typer.testing import CliRunner
+
+from lutforge.cli.main import app
+from lutforge.colour.spectra import chart_reflectances
+from lutforge.progress import silent
+from lutforge.samples.chart_kinds import chart_kind
+from lutforge.simulate.camera import nikon_d5100
+from tests.calibration.brackets_simulated import bracket
+from tests.calibration.charts_simulated import photograph_chart
+
+pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
+from lutforge.studio.brackets import BracketRequest, bracket_in
+from lutforge.studio.export import Export
+from lutforge.studio.export import run as run_export
+from lutforge.studio.folders import Folders
+from lutforge.studio.page import Page
+from lutforge.studio.steps import STEPS, states_of
+from lutforge.studio.workspace_file import open_paths
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a bracket in it, whose files state their exposure times."""
+    folder = tmp_path_factory.mktemp("studio") / "bracket"
+    folder.mkdir()
+    times, _, images = bracket(lambda light: light ** (1 / 1.8))
+    for index, (time, image) in enumerate(zip(times, images, strict=True)):
+        exif = Image.Exif()
+        exif[0x0110] = "Drone 7"
+        exif.get_ifd(0x8769)[0x829A] = IFDRational(float(time))
+        picture = Image.fromarray(np.rint(255 * image).astype(np.uint8))
+        picture.save(folder / f"{index}.jpg", quality=97, exif=exif)
+    return folder
+
+
+def opened(folder: Path) -> Page:
+    """The page of a visit that has opened the folder of a bracket."""
+    page = Page(Folders.of([folder.parent]), ())
+    page.session._opened(open_paths((folder,), silent), folder.name)
+    return page
+
+
+def test_what_is_a_bracket(folder: Path, tmp_path: Path) -> None:
+    found = bracket_in([folder], silent)
+    assert found is not None and "pictures of Drone 7 without RAW: a bracket of" in str(found)
+    assert bracket_in([folder / "0.jpg"], silent) is None  # a picture alone
+    assert bracket_in([tmp_path], silent) is None
+    for name in ("a.jpg", "b.jpg"):
+        Image.new("RGB", (8, 8)).save(tmp_path / name)
+    assert "do not state their exposures" in str(bracket_in([tmp_path], silent))
+    (tmp_path / "a.dng").write_bytes(b"")
+    assert bracket_in([tmp_path], silent) is None
+    assert "bracket" in Folders.of([folder.parent]).with_shots()
+
+
+def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(folder: Path) -> None:
+    page = opened(folder)
+    session, shots = page.session, page.pages["Shots"]
+    assert "a bracket of" in session.status.object and "press Fit response" in states_of(session)["Shots"][1]
+    assert shots.bracket.controls.visible and not shots.bracket.layout.visible
+    shots.grid.out = ["1.jpg"]
+    asked: list[BracketRequest] = []
+
+    def start(title: str, done: Any, function: Any, request: BracketRequest) -> None:
+        asked.append(request)
+        done(function(request, silent))
+
+    session.start = start  # type: ignore[method-assign]
+    shots.bracket._fit()
+    assert [file.name for file in asked[0].files][:2] == ["0.jpg", "2.jpg"]
+    assert "is a fixed property of this camera" in shots.bracket.told.object and shots.bracket.layout.visible
+    assert any("true / stated" in fact for card in shots.grid.shots for fact in card["facts"])
+    for step in STEPS:
+        page.show(step)
+    view = page.pages["Export"]
+    assert (view.kind.value, view.space.value) == ("linearize", "raw")
+    view.name.value = "drone"
+    view._save_profile()
+    root = folder.parent
+    runs: list[Export] = []
+    view._run = lambda what, export: runs.append(export)
+    for suffix in (".cube", ".clf", ".dctl"):
+        view.suffix.value = suffix
+        view._bake()
+    view._config()
+    run_export(runs[0], silent)
+    assert "LUT_1D_SIZE" in (root / "drone_linearize.cube").read_text()
+    for export in runs[1:]:
+        run_export(export, silent)
+    commands = [session.written["profile"].command.replace("drone", str(root / "drone")), *map(str, runs)]
+    made = [path for path in root.iterdir() if path.name.startswith("drone")]
+    assert len(made) >= 5
+    for command in commands:
+        words = [word.replace("drone", "theirs") for word in shlex.split(command)[1:]]
+        words = [str(root / word) if word.startswith("bracket/") else word for word in words]
+        assert CliRunner().invoke(app, words).exit_code == 0, command
+    for path in made:
+        theirs = root / path.name.replace("drone", "theirs")
+        assert theirs.read_bytes().replace(b"theirs", b"drone") == path.read_bytes(), path
+
+
+@pytest.mark.slow
+def test_a_chart_gives_an_input_transform(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "chart"
+    folder.mkdir()
+    photograph_chart(nikon_d5100(), chart_kind("classic"), chart_reflectances(), folder, (-3.0, -2.0, -1.0, 0.0, 1.0))
+    page = opened(folder)
+    view = page.pages["Shots"].bracket
+    view.chart.value, view.light.value = "classic", "5200K"
+    monkeypatch.setattr(page.session, "start", lambda title, done, function, *asked: done(function(*asked, silent)))
+    view._fit()
+    assert any("chart found here" in card["facts"] for card in page.pages["Shots"].grid.shots)
+    page.show("Export")
+    export = page.pages["Export"]
+    assert (export.kind.value, export.space.value) == ("linearize", "aces2065-1")
+    export._save_profile()
+    command = shlex.split(page.session.written["profile"].command)[1:]
+    words = [str(tmp_path / word) if word.startswith("chart/") else word for word in command]
+    assert CliRunner().invoke(app, [*words[:-1], str(tmp_path / "theirs.npz")]).exit_code == 0
+    assert (tmp_path / "theirs.npz").read_bytes() == (tmp_path / "camera.npz").read_bytes()
