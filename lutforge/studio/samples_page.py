@@ -125,7 +125,8 @@ class SamplesPage:
         if self._seen is not workspace.samples:
             self._seen = workspace.samples
             if self.first.value in ("srgb_btf", "saturation"):  # without pairs, what the filters cut
-                self.first.value = "saturation" if workspace.pairs is None else "srgb_btf"
+                paired = workspace.pairs is not None
+                self.first.value, self.by.value = ("srgb_btf", COLOURS[0]) if paired else ("saturation", COLOURS[1])
         self._set_controls(workspace)
         for drawing, choice in ((self.left, self.first), (self.right, self.second)):
             shown = points(workspace, choice.value, self.channel.value)

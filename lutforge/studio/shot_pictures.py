@@ -148,7 +148,7 @@ class ShotGrid(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         }
       };
       const mark = () => {
-        for (const card of grid.children) {
+        for (const card of grid.querySelectorAll("button")) {
           const out = model.out.includes(card.dataset.shot);
           card.className = out ? "out" : ""; card.setAttribute("aria-pressed", String(!out));
           card.querySelector(".state").textContent = out ? "left out" : "in";
@@ -156,6 +156,10 @@ class ShotGrid(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
       };
       const draw = () => {
         grid.replaceChildren();
+        if (!model.shots.length) {
+          words(grid, "p", "No shots yet. To calibrate a camera takes five photographs or more, each as RAW with its " +
+            "JPEG, inside the RAW file or beside it; without RAW, JPEGs of one scene at several exposures.");
+        }
         for (const shot of model.shots) {
           const card = document.createElement("button"), row = document.createElement("div");
           card.dataset.shot = shot.name; row.className = "pictures";
