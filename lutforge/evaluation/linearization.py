@@ -6,6 +6,11 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.calibration.physical.response_from_exposures import (
+    ExposureResponseFit,
+    fit_response_to_all_colours,
+    fit_response_to_exposures,
+)
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.held_out import Predictions
 from lutforge.model.profile_data import PhysicalModel
@@ -55,7 +60,30 @@ def linearization_errors(style: str, predictions: Predictions, matrix: Array) ->
             held_out = bool(np.all(predictions.held_out[used]))
             error = delta(first[said], second[said], ratio[said])
             result.append(LinearizationError(style, method, held_out, int(said.sum()), error))
+    for name, error in response_deltas(pairs).items():
+        result.append(LinearizationError(style, f"f of exposures, {name}", False, len(pairs), error))
     return tuple(result)
+
+
+def response_deltas(pairs: ExposurePairs) -> dict[str, tuple[float, float, float]]:
+    """δ (r, g, b) of f⁻¹ alone, by what f was fitted to: "outliers removed", and "all colours" (thesis, Fig. 4.2).
+
+    Empty where the pairs do not determine a response.
+    """
+
+    def of(fit: ExposureResponseFit) -> tuple[float, float, float]:
+        errors = np.array([fit.shot_error[name] for name in pairs.shots])
+        ratio = np.exp(pairs.log_ratio + errors[pairs.second_shot] - errors[pairs.first_shot])
+        return delta(fit.response.linearize(pairs.first), fit.response.linearize(pairs.second), ratio)
+
+    try:
+        fits = {
+            "outliers removed": fit_response_to_exposures(pairs),
+            "all colours": fit_response_to_all_colours(pairs),
+        }
+    except CalibrationError:
+        return {}
+    return {name: of(fit) for name, fit in fits.items()}
 
 
 def model_delta(pairs: ExposurePairs, model: PhysicalModel) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -15,6 +15,7 @@ from lutforge.calibration.style_fit import uniform_lattice_errors
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
 from lutforge.evaluation.expected_error import by_distance, held_out_errors
+from lutforge.evaluation.linearization import response_deltas
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE
 from lutforge.evaluation.refinish_errors import RefinishError
 from lutforge.model.camera_profile import CameraProfile
@@ -184,7 +185,13 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
             "three codes, which the gamut map does to saturated ones. Curves of single shots explain "
             f"{max(verdict.own_curves, 0.0):.0%} of what is left."
         )
-        caption = f"{name}: JPEG values of one exposure against another's, with f(k f⁻¹(I)); crosses leave it."
+        header = ("f is fitted to", "red", "green", "blue")
+        rows = tuple((what, *(f"{value:.4f}" for value in each)) for what, each in response_deltas(pairs).items())
+        yield Table(f"{name}: linearization error of f over pairs of exposures (1 = full scale)", header, rows)
+        caption = (
+            f"{name}: JPEG values of one exposure against another's, with f(k f⁻¹(I)); crosses leave it. Dashed: an f "
+            "that is fitted to all colours, outliers too."
+        )
         yield Picture(f"brightness_transfer_{name}", brightness_transfer_figure(functions), caption)
 
 

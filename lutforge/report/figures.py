@@ -140,7 +140,10 @@ def response_figure(style: PictureStyle) -> Figure:
 
 
 def brightness_transfer_figure(functions: Sequence[TransferFunction]) -> Figure:
-    """JPEG values of the longer exposure over those of the shorter, per channel, with τ of each ratio (thesis, 3.1)."""
+    """JPEG values of the longer exposure over those of the shorter, per channel, with τ of each ratio (thesis, 3.1).
+
+    Dashed: τ of a response that was fitted without the removal of outliers (Fig. 4.2).
+    """
     figure = Figure(figsize=(9, 3.4), layout="constrained")
     for channel, axis in enumerate(figure.subplots(1, 3)):
         for index, function in enumerate(functions):
@@ -151,6 +154,7 @@ def brightness_transfer_figure(functions: Sequence[TransferFunction]) -> Figure:
                 axis.plot(x[some], y[some], marker, color=colour, markersize=3, alpha=0.5, rasterized=True)
             even = np.linspace(0, 1, len(function.curve))
             axis.plot(even, function.curve[:, channel], color=colour, label=f"{function.stops:+.1f} stops")
+            axis.plot(even, function.of_all[:, channel], "--", color=colour, linewidth=0.8)
         axis.set(title=CHANNELS[channel][0], xlabel="shorter exposure", ylabel="longer exposure", aspect="equal")
     figure.axes[0].legend(frameon=False, fontsize=8)
     return figure

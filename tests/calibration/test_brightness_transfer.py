@@ -29,6 +29,21 @@ def test_one_function_a_ratio_and_it_is_the_cameras() -> None:
     assert np.nanmedian(one.raw_second / one.raw_first) == pytest.approx(2.0**one.stops, rel=0.05)
 
 
+def test_removing_outliers_brings_the_function_nearer_to_the_cameras() -> None:
+    """The thesis's Fig. 4.2, where the gamut map moves much."""
+    vivid = photograph_patches(CAMERA, chart_140(), styles=("vivid",), balances=("daylight",), stops=(-3, -2, -1, 0))
+    one = min(transfer_functions(pairs_of_samples(vivid)), key=lambda function: abs(function.stops - 1.0))
+    codes = np.linspace(0.1, 0.7, 100)
+    true = CAMERA.styles["vivid"].response
+    expected = true(2.0**one.stops * true.inverse(np.stack([codes] * 3, axis=1)))
+    even = np.linspace(0, 1, 256)
+    removed, everything = (
+        np.abs(np.stack([np.interp(codes, even, curve[:, c]) for c in range(3)], axis=1) - expected).mean()
+        for curve in (one.curve, one.of_all)
+    )
+    assert removed < 0.7 * everything
+
+
 def test_outliers_are_the_saturated_colours_and_the_response_is_fixed() -> None:
     assert judge(PAIRS).fixed
     vivid = photograph_patches(CAMERA, chart_140(), styles=("vivid",), balances=("daylight",), stops=(-3, -2, -1, 0))

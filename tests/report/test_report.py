@@ -214,8 +214,11 @@ def test_gaps_are_where_errors_are_expected() -> None:
 def test_exposures_say_whether_the_response_is_fixed() -> None:
     samples = photograph_patches(nikon_d5100(), chart_140(), balances=("daylight",), stops=(-2, -1, 0))
     data, _ = style_data(samples, samples.wb)
-    text, picture = exposure_blocks(data)
+    text, table, picture = exposure_blocks(data)
     assert isinstance(text, Text) and "standard: the response is a fixed property of the camera" in text.text
+    assert isinstance(table, Table)
+    removed, everything = (np.array(row[1:], dtype=float) for row in table.rows)
+    assert (removed < 0.05).all() and not np.array_equal(removed, everything)
     assert isinstance(picture, Picture) and picture.name == "brightness_transfer_standard"
     single = data["standard"].select(data["standard"].shot == data["standard"].shot[0])
     assert list(exposure_blocks({"standard": single})) == []

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
-from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
+from lutforge.calibration.physical.response_from_exposures import (
+    fit_response_to_all_colours,
+    fit_response_to_exposures,
+)
 from lutforge.calibration.physical.shot_curves import share_of_own_curves
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.model.response import Response
@@ -27,7 +30,7 @@ class TransferFunction:
     """The pairs of one exposure ratio.
 
     stops: log2 k'; first, second: JPEG values (n, 3); raw_first, raw_second: (n, 3) or NaN; outlier: (n,); pair: (n,)
-    which pair of shots; curve: τ at 256 JPEG values (256, 3).
+    which pair of shots; curve: τ at 256 JPEG values (256, 3); of_all: the same of an f that is fitted to outliers, too.
     """
 
     stops: float
@@ -38,6 +41,7 @@ class TransferFunction:
     outlier: Mask
     pair: NDArray[np.intp]
     curve: Array
+    of_all: Array
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ def transfer_functions(pairs: ExposurePairs) -> tuple[TransferFunction, ...]:
 
     Raises CalibrationError where the pairs do not determine a response.
     """
-    response = fit_response_to_exposures(pairs).response
+    response, of_all = fit_response_to_exposures(pairs).response, fit_response_to_all_colours(pairs).response
     shots = pairs.first_shot * len(pairs.shots) + pairs.second_shot
     stops = pairs.log_ratio / np.log(2.0)
     result = []
@@ -94,6 +98,7 @@ def transfer_functions(pairs: ExposurePairs) -> tuple[TransferFunction, ...]:
                 outlier=np.any(np.abs(departure) > OUTLIER, axis=1),
                 pair=np.unique(shots[rows], return_inverse=True)[1].astype(np.intp),
                 curve=_curve(response, centre),
+                of_all=_curve(of_all, centre),
             )
         )
     return tuple(result)

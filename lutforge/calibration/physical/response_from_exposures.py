@@ -56,6 +56,14 @@ def fit_response_to_exposures(
     return _fit(pairs, low, preset, basis or log_emor_basis())
 
 
+def fit_response_to_all_colours(pairs: ExposurePairs) -> ExposureResponseFit:
+    """Fit f without the removal of outliers: the conventional way that the thesis compares with (Fig. 4.2, [24]).
+
+    Raises CalibrationError as `fit_response_to_exposures`.
+    """
+    return fit_response_to_exposures(pairs, "thesis", beta=np.inf)
+
+
 def _fit(pairs: ExposurePairs, low: Mask, preset: Preset, basis: CurveBasis) -> ExposureResponseFit:
     """f in one basis; low: (n,) the pairs to start from."""
     robust = preset == "lutforge"
