@@ -12,6 +12,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError
+from lutforge.model.highlights import white_as_grey
 from lutforge.model.profile_data import PhysicalModel, ProfileData
 from lutforge.model.profile_file import read_profile, save_profile
 from lutforge.model.raw_transfer import RawTransfer
@@ -206,7 +207,8 @@ def match(
     render = target_camera.render_balanced(target, model)
     if not neutral_highlights:
         return Transform((*balanced, *render.stages))
-    return Transform((KeepNeutral(balanced, 2.0**ev, target_camera.matrix), *render.stages))
+    white = white_as_grey(render, Transform(balanced)(np.ones(3)), 2.0**ev, target_camera.matrix)
+    return Transform((KeepNeutral(balanced, white, target_camera.matrix), *render.stages))
 
 
 def _same_setting(camera: CameraProfile, one: Selector, other: Selector) -> bool:

@@ -135,7 +135,7 @@ class KeepNeutral:
     """
 
     stages: "tuple[Stage, ...]"
-    white: float = 1.0
+    white: float | Array = 1.0
     to_linear: Array | None = None
 
     def __call__(self, x: Array) -> Array:

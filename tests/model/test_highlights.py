@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import lutforge as lf
-from lutforge.model.highlights import CLIPPED, clipped, neutral_where_clipped
+from lutforge.arrays import Array
+from lutforge.model.highlights import CLIPPED, clipped, neutral_where_clipped, white_as_grey
 from tests.model.profiles_synthetic import small_profile
 
 
@@ -52,3 +53,20 @@ def test_no_channel_of_the_output_becomes_darker_where_a_tinted_grey_becomes_whi
         assert np.any((neutral_where_clipped(grey, balanced) - balanced) @ to_linear.T < -0.01)
         assert np.ptp(raised[-1]) < 1e-12
         np.testing.assert_array_equal(raised[below], balanced[below])
+
+
+def test_white_exposed_down_is_what_the_camera_renders_grey() -> None:
+    """A camera whose own white balance is off its multipliers', behind a matrix and a curve."""
+    matrix = np.array([[1.5, -0.4, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.5, 1.5]]) @ np.diag([0.95, 1.0, 1.03])
+
+    def render(light: Array) -> Array:
+        return np.asarray(np.clip(light @ matrix.T, 0.0, 1.0) ** (1 / 2.2))
+
+    bare = np.array([0.55, 0.4, 0.3])
+    for least in (0.02, 0.2, 0.5):
+        light = white_as_grey(render, least * bare, least, np.eye(3))
+        assert 255 * np.ptp(render(light)) < 0.1
+        assert np.all(render(light) >= max(render(np.full(3, least)).max(), render(least * bare).max()) - 1e-3)
+    np.testing.assert_array_equal(white_as_grey(render, bare, 1.7, np.eye(3)), 1.7)
+    toned = white_as_grey(lambda light: render(light) * [1.0, 0.9, 0.7], bare, 0.5, np.eye(3))
+    assert np.all(np.abs(np.log(toned / 0.55)) < 0.3)

@@ -54,7 +54,7 @@ def log_likelihood(chain: ColourChain, *, known_multipliers: bool, rms: float | 
     if known_multipliers:
         neutral = np.log(np.maximum(chain.neutral[[0, 2]] / chain.neutral[1], 1e-3))
         # Gains of a few per cent: warm or cool taste, and lights that the setting does not quite meet.
-        total += _student(neutral, np.eye(2) * 0.025**2 + 0.5 * np.diag(np.diag(covariance)[[0, 5]]))
+        total += _student(neutral, np.eye(2) * 0.025**2 + _neutral_covariance(chain))
     seen = (chain.low <= TONES) & (chain.high >= TONES)
     if seen.any():
         total += _student((stops(chain) - STOPS)[seen], _stops_covariance()[np.ix_(seen, seen)])
@@ -78,6 +78,14 @@ def _stops_covariance() -> Array:
     """Exposure, common to all tones, and contrast, whose departures add up from white down."""
     steps = np.array([0.43, 0.33, 0.23, 0.14, 0.08]) ** 2
     return np.asarray(0.2**2 + np.minimum(steps[:, None], steps[None, :]))
+
+
+def _neutral_covariance(chain: ColourChain) -> Array:
+    """Return the covariance (2, 2) of log n_r / n_g and log n_b / n_g, n = A⁻¹ (1, 1, 1), as dn = -A⁻¹ dA n."""
+    neutral = chain.neutral
+    slopes = -np.einsum("ij,k->ijk", np.linalg.inv(chain.matrix), neutral).reshape(3, 9) / neutral[:, None]
+    ratios = slopes[[0, 2]] - slopes[1]
+    return np.asarray(ratios @ chain.covariance @ ratios.T)
 
 
 def _matrix_covariance(chain: ColourChain) -> Array:

@@ -64,9 +64,8 @@ def mixed_shots(
     two = np.where(group, _left_out(fitting, judging, group), _left_out(fitting, judging, ~group))
     if group.sum() == 1:
         two[group] = judging.errors(_coefficients(fitting, group))[group]
-    gains = _gains(chain, linear, encoded, index, len(names))
-    brightened = chain.encoded(linear * 2.0 ** gains[index, None])
-    fitting, judging = _halves(_terms(brightened), encoded - brightened, index, len(names))
+    gains, rendered = _brightened(chain, x, encoded, multipliers, index)
+    fitting, judging = _halves(_terms(rendered), encoded - rendered, index, len(names))
     each = _left_out(fitting, judging, whole)
     found = _explanation(one, two, each, group, gains)
     if found == "each":
@@ -170,17 +169,30 @@ def _two_groups(fitting: _Sums, judging: _Sums, whole: Mask) -> Mask:
     return found if 2 * found.sum() <= len(whole) else ~found
 
 
-def _gains(chain: ColourChain, linear: Array, encoded: Array, index: NDArray[np.intp], count: int) -> Array:
+def _brightened(
+    chain: ColourChain, x: Array, encoded: Array, multipliers: Array, index: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    """What each shot's JPEG is brighter than the median one's, in EV (m,), and all colours rendered so, (n, 3).
+
+    chain: of all shots as they are. One that is fitted to shots of different brightness takes a part of it for colour,
+    so the chain and the brightness are fitted in turn.
+    """
+    gains = _gains(chain, x, encoded, multipliers, index)
+    for _ in range(2):
+        brighter = x * 2.0 ** gains[index, None]
+        chain = fit_chain(brighter, encoded, multipliers)
+        gains = gains + _gains(chain, brighter, encoded, multipliers, index)
+        gains -= np.median(gains)
+    return gains, chain.encoded(chain.predicted(x * 2.0 ** gains[index, None], multipliers))
+
+
+def _gains(chain: ColourChain, x: Array, encoded: Array, multipliers: Array, index: NDArray[np.intp]) -> Array:
     """What each shot's JPEG is brighter than the chain renders it, in EV (m,)."""
-    light = curve_terms(encoded) @ chain.curve
+    light, linear = curve_terms(encoded) @ chain.curve, chain.predicted(x, multipliers)
     plain = (saturation(encoded) < 0.4) & (encoded.max(axis=1) > 0.2) & (linear.min(axis=1) > 1e-4)
     ratio = np.log2(np.maximum(light.sum(axis=1), 1e-6) / np.maximum(linear.sum(axis=1), 1e-6))
-    return np.array(
-        [
-            float(np.median(ratio[plain & (index == shot)])) if (plain & (index == shot)).sum() >= 4 else 0.0
-            for shot in range(count)
-        ]
-    )
+    shots = [plain & (index == shot) for shot in range(index.max() + 1)]
+    return np.array([float(np.median(ratio[rows])) if rows.sum() >= 4 else 0.0 for rows in shots])
 
 
 def _of_groups(
