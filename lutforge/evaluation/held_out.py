@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, REACHES, chosen_reach
+from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, REACHES, UNSHRUNK, reach_weights
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import StyleFit
@@ -31,7 +31,7 @@ class Predictions:
 
     fold: (n,) which of `fits` (by method) predicts a sample; held_out: (n,) whether that fit has not seen its shot.
     rendered, linearized: by method (n, 3), NaN where the method says nothing. notes: what could not be done, and why.
-    reaches: how far the lattices of the refits reach from their samples, (render, linearize); see `shrinkage`.
+    weights: of REACHES, how far the lattices of the refits reach from their samples, (render, linearize).
     """
 
     data: StyleData
@@ -41,7 +41,7 @@ class Predictions:
     notes: tuple[str, ...]
     rendered: Mapping[str, Array]
     linearized: Mapping[str, Array]
-    reaches: tuple[float, float]
+    weights: tuple[Array, Array]
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -95,7 +95,7 @@ def predict(
     as_is = ~seen if left_out else np.ones_like(seen)
     if seen.any() and not left_out:
         notes.append(f"{name}: one shot only; its error is on the samples that it was fitted to")
-    inside, reaches = data.select(seen), (np.inf, np.inf)
+    inside, weights = data.select(seen), (UNSHRUNK, UNSHRUNK)
     fitter = Fitter(name, style, inside, options, notes, sizes=sizes, own=own_only, fitted=fitted)
     if as_is.any():
         others: dict[str, Fit] = {}
@@ -107,11 +107,11 @@ def predict(
     if left_out:
         masks = leave_groups_out(inside.shot)
         refits = _without_each(inside, masks, fitter, progress)
-        reaches = _reaches(inside, masks, refits)
+        weights = _weights(inside, masks, refits)
         for mask, refit in zip(masks, refits, strict=True):
             places = np.flatnonzero(seen)[mask]
             fold[places], held_out[places] = len(fits), True
-            fits.append(refit.shrunk(reaches).by_method)
+            fits.append(refit.shrunk(weights).by_method)
     methods = tuple(dict.fromkeys(method for fitted in fits for method in fitted))
     return Predictions(
         data,
@@ -121,14 +121,14 @@ def predict(
         tuple(dict.fromkeys(notes)),
         {method: _by_fold(fits, fold, method, "render", data.balanced) for method in methods},
         {method: _by_fold(fits, fold, method, "linearize", data.encoded) for method in methods},
-        reaches,
+        weights,
     )
 
 
-def reaches_within_a_shot(
+def weights_within_a_shot(
     style: PictureStyle, name: str, data: StyleData, options: CalibrationOptions, fitted: StyleFit
-) -> tuple[float, float]:
-    """Return the reaches (render, linearize) that colours of one shot ask for: quarters of them are left out in turn.
+) -> tuple[Array, Array]:
+    """Return the weights of reaches (render, linearize) from colours of one shot, quarters of them left out in turn.
 
     The quarters are cut at the medians along the two principal axes of the colours, so that each fit has to predict
     colours that lie away from its own, as another shot's do. fitted: the fit by the options to all of them.
@@ -139,7 +139,7 @@ def reaches_within_a_shot(
     masks = [np.all(high == quarter, axis=1) for quarter in ((0, 0), (0, 1), (1, 0), (1, 1))]
     masks = [mask for mask in masks if mask.any() and (~mask).sum() >= LEAST_SAMPLES]
     fitter = Fitter(name, style, data, options, [], own=True, fitted=fitted)
-    return _reaches(data, masks, _without_each(data, masks, fitter, lambda share: None))
+    return _weights(data, masks, _without_each(data, masks, fitter, lambda share: None))
 
 
 @one_blas_thread
@@ -159,23 +159,22 @@ def _without_each(
     return refits
 
 
-def _reaches(data: StyleData, masks: Sequence[Mask], refits: Sequence[Fits]) -> tuple[float, float]:
-    """Choose the reaches (render, linearize) by the errors of the refits on the samples that they have not seen."""
+def _weights(data: StyleData, masks: Sequence[Mask], refits: Sequence[Fits]) -> tuple[Array, Array]:
+    """Weigh the reaches (render, linearize) by the errors of the refits on the samples that they have not seen."""
     pairs = [refit.own for refit in refits if refit.own is not None]
-    shots, chosen = len(np.unique(data.shot)), []
-    if not pairs or len(pairs) < len(refits) or shots > MOST_SHOTS:
-        return np.inf, np.inf
+    if not pairs or len(pairs) < len(refits) or len(np.unique(data.shot)) > MOST_SHOTS:
+        return UNSHRUNK, UNSHRUNK
+    weights = []
     for direction, (x, y) in enumerate(((data.balanced, data.encoded), (data.encoded, data.balanced))):
-
-        def total(reach: float, direction: int = direction, x: Array = x, y: Array = y) -> float:
-            errors = [
-                np.linalg.norm(np.clip(pair[direction].at(reach)(x[mask]), 0.0, 1.0) - y[mask], axis=1)
+        errors = [
+            [
+                np.linalg.norm(np.clip(pair[direction].averaged(only)(x[mask]), 0.0, 1.0) - y[mask], axis=1).mean()
                 for pair, mask in zip(pairs, masks, strict=True)
             ]
-            return float(np.concatenate(errors).mean())
-
-        chosen.append(chosen_reach([total(reach) for reach in REACHES], shots))
-    return chosen[0], chosen[1]
+            for only in np.eye(len(REACHES))
+        ]
+        weights.append(reach_weights(np.array(errors)))
+    return weights[0], weights[1]
 
 
 def _by_model(

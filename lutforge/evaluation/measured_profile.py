@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from lutforge.arrays import Array
 from lutforge.calibration.calibrate import CalibratedStyle, Calibration
-from lutforge.calibration.lattice.shrinkage import shrinkable
+from lutforge.calibration.lattice.shrinkage import UNSHRUNK, shrinkable
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_fit import render_with_plain
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
 from lutforge.evaluation.expected_error import expected_errors, held_out_errors
-from lutforge.evaluation.held_out import Predictions, predict, reaches_within_a_shot
+from lutforge.evaluation.held_out import Predictions, predict, weights_within_a_shot
 from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, shrinks
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
@@ -43,10 +44,10 @@ def _measured(
         weak.append(f"only {len(data.shot)} samples: colours between them are guessed from the matrix and response")
     if len(shots) < 2:
         weak.append("one shot only: no shot is left to measure the error on; add another of other colours")
-        reaches = (np.inf, np.inf)
+        weights = (UNSHRUNK, UNSHRUNK)
         if shrinks(data, options):
-            reaches = reaches_within_a_shot(model, name, data, options, style.fit)
-        return _shrunk(model, style, options, reaches), weak
+            weights = weights_within_a_shot(model, name, data, options, style.fit)
+        return _shrunk(model, style, options, weights), weak
     try:
         found = predict(model, name, data, shots, options, own_only=True, fitted=style.fit)
     except CalibrationError:
@@ -57,7 +58,7 @@ def _measured(
     if not errors:
         weak.append(f"without one of its shots the rest does not suffice, so the error is not known{_why(found)}")
     weak.extend(_worse_than_baselines(found, errors))
-    model = replace(_shrunk(model, style, options, found.reaches), errors=errors)
+    model = replace(_shrunk(model, style, options, found.weights), errors=errors)
     told = held_out_errors(found, own, style.fit.base)
     for direction, values in told.items():
         for name, value in zip(("at_sample", "per_distance", "per_doubt"), values.coefficients(), strict=True):
@@ -70,18 +71,16 @@ def _why(found: Predictions) -> str:
 
 
 def _shrunk(
-    model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions, reaches: tuple[float, float]
+    model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions, weights: tuple[Array, Array]
 ) -> PictureStyle:
-    """A style with its lattices shrunk; reaches: of render and linearize."""
-    fit, data = style.fit, style.data
-    if np.isfinite(reaches[0]):
-        lattice = shrinkable(fit.render.lattice, fit.base, data.balanced, data.encoded, inverse=False).at(reaches[0])
-        fit = replace(fit, render=replace(fit.render, lattice=lattice))
-        model = replace(model, render=render_with_plain(data, fit, options))
-    if np.isfinite(reaches[1]):
-        lattice = shrinkable(fit.linearize.lattice, fit.base, data.balanced, data.encoded, inverse=True).at(reaches[1])
-        model = replace(model, linearize=lattice)
-    return model
+    """A style with its lattices shrunk; weights: of the reaches, for render and linearize."""
+    if weights[0] is UNSHRUNK:
+        return model
+    fit, samples = style.fit, (style.data.balanced, style.data.encoded)
+    render = shrinkable(fit.render.lattice, fit.base, *samples, inverse=False).averaged(weights[0])
+    linearize = shrinkable(fit.linearize.lattice, fit.base, *samples, inverse=True).averaged(weights[1])
+    fit = replace(fit, render=replace(fit.render, lattice=render))
+    return replace(model, render=render_with_plain(style.data, fit, options), linearize=linearize)
 
 
 def _errors(found: Predictions, own: str) -> dict[str, float]:

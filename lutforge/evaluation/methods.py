@@ -49,11 +49,11 @@ class Fits:
     by_method: dict[str, Fit]
     own: tuple[Shrinkable, Shrinkable] | None = None
 
-    def shrunk(self, reaches: tuple[float, float]) -> "Fits":
-        """Return the fits with shrunk lattices; reaches: of render and linearize."""
+    def shrunk(self, weights: tuple[Array, Array]) -> "Fits":
+        """Return the fits with shrunk lattices; weights: of REACHES, for render and linearize."""
         if self.own is None:
             return self
-        render, linearize = (one.at(reach) for one, reach in zip(self.own, reaches, strict=True))
+        render, linearize = (one.averaged(each) for one, each in zip(self.own, weights, strict=True))
         return Fits({**self.by_method, LATTICE: replace(self.by_method[LATTICE], render=render, linearize=linearize)})
 
 

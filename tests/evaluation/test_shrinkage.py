@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.calibration.calibrate import data_by_style
-from lutforge.calibration.lattice.shrinkage import REACHES, between_nodes, chosen_reach, shrinkable
+from lutforge.calibration.lattice.shrinkage import REACHES, UNSHRUNK, between_nodes, reach_weights, shrinkable
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import with_matrix_of_all
 from lutforge.calibration.style_fit import fit_style
@@ -45,12 +45,12 @@ def test_one_shot_of_few_colours_is_no_worse_than_matrix_and_response(samples: S
     assert error(style.linearize, rest.encoded, rest.balanced) <= worst
 
 
-def test_a_short_reach_gives_matrix_and_response_far_away_and_keeps_black_and_white(samples: SampleSet) -> None:
+def test_no_reach_gives_matrix_and_response_far_away_and_keeps_black_and_white(samples: SampleSet) -> None:
     data = next(iter(data_by_style(samples).values()))
     fit = fit_style(data, CalibrationOptions(size=9))
     pair = shrinkable(fit.render.lattice, fit.base, data.balanced, data.encoded, inverse=False)
-    assert pair.at(np.inf) is fit.render.lattice
-    near = pair.at(1e-4)
+    assert pair.averaged(UNSHRUNK) is fit.render.lattice
+    near = pair.averaged(np.eye(len(REACHES))[0])
     plain = with_matrix_of_all(fit.base, data.balanced, data.encoded)
     green = np.array([[0.0, 1.0, 0.0]])
     np.testing.assert_allclose(np.clip(near(green), 0, 1), plain.render(green), atol=0.02)
@@ -66,9 +66,14 @@ def test_five_shots_leave_a_lattice_as_it_is(samples: SampleSet) -> None:
     np.testing.assert_allclose(style.linearize.values, fitted.linearize.lattice.values, atol=1e-6)
 
 
-def test_the_reach_is_the_shortest_that_is_as_good() -> None:
-    falling = list(np.linspace(1.035, 1.0, len(REACHES)))
-    assert chosen_reach(falling, shots=1) < chosen_reach(falling, shots=2) < chosen_reach(falling, shots=100) == np.inf
+def test_reaches_weigh_by_the_likelihood_of_what_was_left_out() -> None:
+    even = np.full((len(REACHES), 2), 0.01)
+    np.testing.assert_allclose(reach_weights(even), 1.0 / len(REACHES))
+    better = even.copy()
+    better[1, 0] = 0.005
+    weights = reach_weights(better)
+    assert weights.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(weights[1] / weights[0], 8.0, rtol=1e-3)  # (0.01 / 0.005)³: a part is one colour
 
 
 def test_the_profile_holds_the_figure_that_evaluate_prints(samples: SampleSet) -> None:

@@ -2,14 +2,19 @@
 
 Few shots tell little of colours that they do not show; there matrix and response alone are often nearer to the truth
 than what a lattice continues from its samples. A node at the distance d from the nearest sample keeps the share
-1 / (1 + d / r) of its difference from matrix and response. The reach r is chosen on shots that the fits have not seen:
-stacking of two predictors (Wolpert 1992, https://doi.org/10.1016/S0893-6080(05)80023-1) with a weight that depends on
-place. More than four shots leave a lattice as it is: what they show reaches so far that the shots which are left out
-say nothing of the rest, and there the lattice continues them better (the demo's 8 shots: mean error of linearizing
-left-out shots 0.0025 unshrunk, 0.0019 shrunk, but the RMSE of saturated colours beyond them 0.0017 and 0.0021).
+1 / (1 + d / r) of its difference from matrix and response. Which reach r is right a few left-out shots hardly tell: one
+that is picked by them is often the luckiest. So the shares are averaged over reaches, weighted by how likely each makes
+the left-out shots (Hoeting et al. 1999, Bayesian model averaging, https://doi.org/10.1214/ss/1009212519).
+
+Of 200 draws of 1 to 4 shots of a dozen cameras, at 17 nodes, the mean error on other shots is at most 1.02 times that
+of the best plain method in 90 % (render) and 92 % (linearize); with the one reach that is picked in 86 and 89 %. At 33
+nodes it is in 98 and 95 % of 65 of these draws.
+
+More than four shots leave a lattice as it is: what they show reaches so far that the shots which are left out say
+nothing of the rest, and there the lattice continues them better (the demo's 8 shots: mean error of linearizing left-out
+shots 0.0025 unshrunk, 0.0019 shrunk, but the RMSE of saturated colours beyond them 0.0017 and 0.0021).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,8 +31,10 @@ from lutforge.model.response import Response
 
 MOST_SHOTS = 4
 """More shots leave a lattice as it is."""
-REACHES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, np.inf)
-"""Reaches that are tried, in encoded RGB; with the last one nothing is shrunk."""
+REACHES = np.array([0.0, 0.02, 0.08, 0.32, np.inf])
+"""Reaches, in encoded RGB: at the first only matrix and response are left, at the last nothing is shrunk."""
+UNSHRUNK = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
+"""Weights of REACHES that leave a lattice as it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +49,15 @@ class Shrinkable:
     target: Array
     distance: Array
 
-    def at(self, reach: float) -> Lattice:
-        """Return the lattice shrunk with a reach; its black and its white stay."""
-        if not np.isfinite(reach):
+    def averaged(self, weights: Array) -> Lattice:
+        """Return the lattice with the shares of REACHES averaged by weights that sum to 1; black and white stay."""
+        if np.array_equal(weights, UNSHRUNK):
             return self.lattice
-        own = self.lattice.values
-        values = self.target + (own - self.target) / (1.0 + self.distance / reach)[..., None]
+        own, distance = self.lattice.values, self.distance[..., None]
+        share = weights[-1] + sum(
+            weight * reach / (reach + distance) for weight, reach in zip(weights[1:-1], REACHES[1:-1], strict=True)
+        )
+        values = self.target + share * (own - self.target)
         for corner in (0, -1):
             values[corner, corner, corner] = own[corner, corner, corner]
         return replace(
@@ -96,11 +106,12 @@ def between_nodes(response: Response, levels: Levels) -> Array:
     return grid((axes[0], axes[1], axes[2]))
 
 
-def chosen_reach(errors: Sequence[float], shots: int) -> float:
-    """Return the reach to shrink with, from the mean errors of REACHES on shots that the fits had not seen.
+def reach_weights(errors: Array) -> Array:
+    """Return the weights (k,) of REACHES, from their mean errors on each of the parts left out, (k, m).
 
-    It is the shortest one whose error is within a share of the least that falls with the number of shots, 3 % at one:
-    200 draws of 1 to 4 shots from a dozen cameras were then worse than matrix and response in 2 % (render) and 5 %.
+    A part, such as a shot, counts as one colour: its errors are alike. The likelihood of m colours whose three channels
+    have normal errors, of a size that is not known, is the product of (mean error)⁻³.
     """
-    limit = (1.0 + 0.03 / shots) * min(errors)
-    return next(reach for reach, error in zip(REACHES, errors, strict=True) if error <= limit)
+    logarithm = -3.0 * np.log(errors + 1e-6).sum(axis=1)
+    likelihood = np.exp(logarithm - logarithm.max())
+    return np.asarray(likelihood / likelihood.sum())
