@@ -11,6 +11,7 @@ from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.apply.source_settings import AS_SHOT, STEADY, choose_camera
 from lutforge.arrays import Pixels
 from lutforge.errors import ImageError, SettingsError
+from lutforge.images.icc import pixels_to_srgb, wants_conversion
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import upright, write_image
 from lutforge.model.camera_profile import CameraProfile
@@ -76,11 +77,17 @@ def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[s
 
 
 def read_small(path: Path, most: int) -> Pixels:
-    """Read an image upright, RGB in [0, 1], averaged down to at most so many pixels. Raises ImageError."""
+    """Read an image upright, RGB in [0, 1], averaged down to at most so many pixels. Raises ImageError.
+
+    A picture of 8 bits in another space than sRGB is converted, as `apply_image` does.
+    """
     image = read_image(path)
-    if image.pixels.ndim != 3 or image.pixels.shape[2] < 3:
+    pixels = image.pixels
+    if pixels.ndim != 3 or pixels.shape[2] < 3:
         raise ImageError(f"{path.name}: it needs red, green and blue")
-    pixels = np.clip(upright(image.pixels[..., :3], image.spec.get_int_attribute("Orientation", 1)), 0.0, 1.0)
+    if wants_conversion(image.spec):
+        pixels = pixels_to_srgb(pixels, bytes(image.spec.getattribute("ICCProfile")))
+    pixels = np.clip(upright(pixels[..., :3], image.spec.get_int_attribute("Orientation", 1)), 0.0, 1.0)
     height, width = pixels.shape[:2]
     factor = int(np.ceil(np.sqrt(height * width / most)))
     if factor > 1:

@@ -33,7 +33,7 @@ from lutforge.arrays import Index, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif
-from lutforge.images.icc import is_srgb, profile_name, to_srgb
+from lutforge.images.icc import pixels_to_srgb, profile_name, wants_conversion
 from lutforge.images.output_spec import IN_SRGB, describe_output, keeps_orientation, with_shape
 from lutforge.images.read import ImageReader, Region, is_premultiplied, read_image
 from lutforge.images.write import ImageWriter, image_writer, upright
@@ -284,7 +284,7 @@ def _open(source: Path, target: Path, grade: Grade) -> Iterator[ImageReader | _I
     with ImageReader(source) as reader:
         orientation = reader.spec.get_int_attribute("Orientation", 1)
         turned = orientation != 1 and not keeps_orientation(target)
-        if not turned and not _converts(reader.spec, grade):
+        if not turned and not (grade.for_srgb and wants_conversion(reader.spec)):
             yield reader
             return
         with _in_memory():
@@ -296,22 +296,14 @@ def _open(source: Path, target: Path, grade: Grade) -> Iterator[ImageReader | _I
             yield _in_srgb(_InMemory(pixels, spec, reader.format, reader.count_parts()), grade)
 
 
-def _converts(spec: oiio.ImageSpec, grade: Grade) -> bool:
-    """True where a picture of 8 bits is in another space than sRGB, which its grade is for."""
-    profile = spec.getattribute("ICCProfile")
-    eight_bits = spec.nchannels == 3 and str(spec.format) == "uint8"
-    return bool(grade.for_srgb and eight_bits and profile is not None and not is_srgb(bytes(profile)))
-
-
 def _in_srgb(image: _InMemory, grade: Grade) -> _InMemory:
     """The image, converted to sRGB where its grade wants that."""
-    if not _converts(image.spec, grade):
+    if not (grade.for_srgb and wants_conversion(image.spec)):
         return image
     profile, spec = bytes(image.spec.getattribute("ICCProfile")), oiio.ImageSpec(image.spec)
     spec.erase_attribute("ICCProfile")
     spec.attribute("Exif:ColorSpace", IN_SRGB)
-    codes = to_srgb(np.rint(image.pixels * np.float32(255)).astype(np.uint8), profile)
-    return replace(image, pixels=np.divide(codes, 255, dtype=np.float32), spec=spec, profile=profile)
+    return replace(image, pixels=pixels_to_srgb(image.pixels, profile), spec=spec, profile=profile)
 
 
 def _mask_spec(output: oiio.ImageSpec) -> oiio.ImageSpec:

@@ -5,8 +5,9 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.arrays import Codes
+from lutforge.arrays import Codes, Pixels
 
 
 def to_srgb(codes: Codes, profile: bytes) -> Codes:
@@ -19,6 +20,20 @@ def to_srgb(codes: Codes, profile: bytes) -> Codes:
     from PIL import Image, ImageCms  # for pictures with a profile alone
 
     return np.array(ImageCms.applyTransform(Image.fromarray(codes), _transform(profile)), dtype=np.uint8)
+
+
+def wants_conversion(spec: oiio.ImageSpec) -> bool:
+    """True where a picture has 8 bits a channel, three channels, and an ICC profile of another space than sRGB."""
+    profile = spec.getattribute("ICCProfile")
+    return bool(
+        spec.nchannels == 3 and str(spec.format) == "uint8" and profile is not None and not is_srgb(bytes(profile))
+    )
+
+
+def pixels_to_srgb(pixels: Pixels, profile: bytes) -> Pixels:
+    """Convert the pixels (h, w, 3) of an 8-bit picture, in [0, 1], as `to_srgb`."""
+    codes = np.rint(pixels * np.float32(255)).astype(np.uint8)
+    return np.divide(to_srgb(codes, profile), 255, dtype=np.float32)
 
 
 @lru_cache(maxsize=64)

@@ -13,6 +13,7 @@ from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.source_settings import choose_camera, source_selector
 from lutforge.boundary import reading
 from lutforge.errors import ImageError, SettingsError
+from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.luts.bake import bake
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
@@ -25,7 +26,7 @@ from lutforge.shots.picture_settings import read_picture_settings
 from lutforge.studio.session import Look
 from lutforge.studio.shot_pictures import jpeg_of, picture_bytes, thumbnail
 
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES)
 
 
 @dataclass(frozen=True, eq=False)

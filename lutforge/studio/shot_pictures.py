@@ -14,6 +14,8 @@ from PIL import Image, ImageOps
 
 from lutforge.apply.candidates import read_small
 from lutforge.arrays import Array
+from lutforge.images.icc import wants_conversion
+from lutforge.images.read import ImageReader
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
 from lutforge.samples.extract import FATES, ShotCells, ShotSamples
@@ -36,9 +38,12 @@ def jpeg_url(file: bytes) -> str:
 
 
 def picture_bytes(path: Path) -> bytes:
-    """A picture as a file that browsers read: itself, or as PNG of at most 8 million pixels. Raises ImageError."""
+    """A picture in sRGB as a file that browsers read: itself, or PNG of at most 8 million pixels. Raises ImageError."""
     if path.suffix.lower() in (".jpg", ".jpeg", ".png"):
-        return path.read_bytes()
+        with ImageReader(path) as image:
+            as_it_is = not wants_conversion(image.spec)
+        if as_it_is:
+            return path.read_bytes()
     pixels, buffer = read_small(path, 8_000_000), BytesIO()
     Image.fromarray(np.rint(255 * pixels).astype(np.uint8)).save(buffer, format="PNG")
     return buffer.getvalue()

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from functools import partial
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lutforge.arrays import Array
+from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import LutError
+from lutforge.images.icc import to_srgb
 from lutforge.luts.ops import Cube, Curve, Matrix, Range
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
@@ -29,6 +32,7 @@ import panel as pn
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from lutforge.studio.look.view import LookView, packed
+from lutforge.studio.shot_pictures import picture_bytes
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
@@ -375,3 +379,13 @@ def test_overlays_switched_on_in_one_message_are_both_drawn() -> None:
     plain = view.a_picture
     view.param.update(clipping=True, unsure=True)
     assert view.a_picture != plain
+
+
+def test_a_picture_in_another_space_is_shown_as_it_will_be_graded(tmp_path: Path) -> None:
+    wide, plain = tmp_path / "wide.jpg", tmp_path / "plain.jpg"
+    codes = np.full((16, 24, 3), (60, 140, 90), np.uint8)
+    Image.fromarray(codes).save(wide, icc_profile=adobe_rgb_profile(), quality=100)
+    Image.fromarray(codes).save(plain, quality=100)
+    assert picture_bytes(plain) == plain.read_bytes()
+    with Image.open(BytesIO(picture_bytes(wide))) as shown:
+        assert np.abs(np.asarray(shown, float) - to_srgb(codes, adobe_rgb_profile())).max() <= 2
