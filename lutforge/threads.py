@@ -1,7 +1,8 @@
 """Run work on all cores.
 
 A numba kernel is cut into slabs, and their number does not change the result. Whole fits run beside each other, and
-each then keeps its kernels to its own thread, so that no core waits for another within a fit.
+each then keeps its kernels to its own thread, so that no core waits for another within a fit; only the last one that
+runs spreads them over all cores.
 """
 
 import os
@@ -15,7 +16,7 @@ from typing import TypeVar
 Item = TypeVar("Item")
 Made = TypeVar("Made")
 
-_task = local()  # its attribute `beside` is there in a thread that runs one of several tasks
+_task = local()  # its attribute `unfinished` is there in a thread that runs one of several tasks: these
 
 
 @cache
@@ -50,7 +51,7 @@ if hasattr(os, "register_at_fork"):
 
 def run(task: Callable[[int, int], object], parts: Sequence[tuple[int, int]]) -> None:
     """Call task(start, stop) for each part: several parts in parallel on a thread pool, a single one in this thread."""
-    if len(parts) == 1 or hasattr(_task, "beside"):
+    if len(parts) == 1 or len(getattr(_task, "unfinished", ())) > 1:
         for part in parts:
             task(*part)
         return
@@ -64,11 +65,19 @@ def each(task: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
     BLAS must have been limited to one thread by the caller: its limit is of the process, not of a thread.
     """
 
+    unfinished = list(items)
+
     def begin() -> None:
-        _task.beside = True
+        _task.unfinished = unfinished
+
+    def run_one(item: Item) -> Made:
+        try:
+            return task(item)
+        finally:
+            unfinished.pop()  # whichever: their number is what counts
 
     with ThreadPoolExecutor(cores(), thread_name_prefix="task", initializer=begin) as pool:
         try:
-            yield from pool.map(task, items)
+            yield from pool.map(run_one, tuple(unfinished))
         finally:
             pool.shutdown(wait=True, cancel_futures=True)

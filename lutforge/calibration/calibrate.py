@@ -33,6 +33,8 @@ from lutforge.model.reference_raw import with_own_raw
 from lutforge.model.shot_tone import ShotTone
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.blas import one_blas_thread
+from lutforge.threads import each
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,21 +236,28 @@ def _weaknesses(samples: SampleSet, data: Mapping[str, StyleData], clipped: int)
     return notes
 
 
+@one_blas_thread
 def _fit_styles(
     data: Mapping[str, StyleData], maps: Mapping[str, GamutMaps], options: CalibrationOptions, progress: Progress
 ) -> dict[str, CalibratedStyle]:
-    """Fit the lattices of both directions, style by style."""
-    styles = {}
-    for index, (name, style) in enumerate(data.items()):
-        progress(f"{name}: fitting", index / len(data))
-        fit, physical = fit_style(style, options), maps.get(name)
+    """Fit the lattices of both directions; several styles beside each other."""
+
+    def fitted(name: str) -> CalibratedStyle:
+        style, physical = data[name], maps.get(name)
+        fit = fit_style(style, options)
         picture = PictureStyle(
             render=render_with_plain(style, fit, options),
             linearize=fit.linearize.lattice,
             physical=() if physical is None else (physical.model,),
             coverage={"render": fit.render.coverage, "linearize": fit.linearize.coverage},
         )
-        styles[name] = CalibratedStyle(style, fit, physical, picture)
+        return CalibratedStyle(style, fit, physical, picture)
+
+    progress(f"fitting {', '.join(data)}", 0.0)
+    styles = {}
+    for name, style in zip(data, each(fitted, data) if len(data) > 1 else map(fitted, data), strict=True):
+        styles[name] = style
+        progress(f"{name}: fitted", len(styles) / len(data))
     return styles
 
 

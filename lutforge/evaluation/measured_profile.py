@@ -1,6 +1,7 @@
 """Measure a calibration on shots that were left out, and shrink its lattices as far as these shots ask for."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from lutforge.evaluation.held_out import Predictions, predict, weights_within_a_
 from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, shrinks
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
-from lutforge.progress import Progress
+from lutforge.progress import Progress, part
 
 
 def measured_and_shrunk(calibration: Calibration, options: CalibrationOptions, progress: Progress) -> CameraProfile:
@@ -27,19 +28,21 @@ def measured_and_shrunk(calibration: Calibration, options: CalibrationOptions, p
     profile = calibration.profile
     styles, notes = dict(profile.styles), list(profile.notes)
     for index, (name, style) in enumerate(calibration.styles.items()):
-        progress(f"{name}: held-out error", index / len(calibration.styles))
-        styles[name], weak = _measured(name, profile.styles[name], style, options)
+        within = part(progress, index / len(calibration.styles), (index + 1) / len(calibration.styles), name)
+        styles[name], weak = _measured(name, profile.styles[name], style, options, within)
         notes.extend(f"{name}: {note}" for note in weak)
     progress("done", 1.0)
     return replace(profile, styles=styles, notes=tuple(notes))
 
 
 def _measured(
-    name: str, model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions
+    name: str, model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions, progress: Progress
 ) -> tuple[PictureStyle, list[str]]:
     """One style with its errors and shrunk lattices, and what makes its calibration weak."""
     data, weak = style.data, []
     shots = tuple(str(shot) for shot in np.unique(data.shot))
+    refitted = partial(progress, "held-out error")
+    refitted(0.0)
     if len(data.shot) < 500:
         weak.append(f"only {len(data.shot)} samples: colours between them are guessed from the matrix and response")
     if len(shots) < 2:
@@ -49,7 +52,7 @@ def _measured(
             weights = weights_within_a_shot(model, name, data, options, style.fit)
         return _shrunk(model, style, options, weights), weak
     try:
-        found = predict(model, name, data, shots, options, own_only=True, fitted=style.fit)
+        found = predict(model, name, data, shots, options, own_only=True, fitted=style.fit, progress=refitted)
     except CalibrationError:
         weak.append("too few samples to leave a shot out: the error is not known")
         return model, weak
