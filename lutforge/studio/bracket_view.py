@@ -11,7 +11,7 @@ from lutforge.pipeline.charts import FittedChart
 from lutforge.pipeline.response import FittedResponse
 from lutforge.samples.chart_kinds import chart_names
 from lutforge.studio.brackets import Bracket, BracketRequest, fit_request
-from lutforge.studio.elements import CHANNELS, LINE, TOGETHER, WIDE, entry, plot, select, table, text
+from lutforge.studio.elements import CHANNELS, FILL, LINE, TOGETHER, WIDE, entry, plot, select, table, text
 from lutforge.studio.session import Session
 from lutforge.studio.shot_pictures import jpeg_url
 from lutforge.studio.workspace import WorkspaceError
@@ -33,7 +33,7 @@ class BracketView:
         )
         session.watch(self._enable, self.chart)
         self.told = text(sizing_mode="stretch_both", styles={"overflow": "auto"})
-        self.layout = pn.Row(visible=False, height=330, **TOGETHER)
+        self.layout = pn.Row(visible=False, **{**FILL, "min_height": 260})
         self._enable()
 
     def _enable(self) -> None:

@@ -191,8 +191,9 @@ class LookPage:
     def _told(self) -> None:
         """The words of the look, and the other photographs with it."""
         look = self.session.look
-        taken = f"From {look.source}" if look.source else "From what it was taken as, which is to be chosen below,"
-        self.told.object = f"<p>{taken} to {look.target}, {look.ev:+g} EV.</p>"
+        unknown = "" if self.shown is None else "From what it was taken as, which is to be chosen below, to "
+        taken = f"From {look.source} to " if look.source else unknown or "Wanted: "
+        self.told.object = f"<p>{taken}{look.target}, {look.ev:+g} EV.</p>"
         if self.shown is not None:
             strip = [(each.path.name, graded(each.small, self._lut_of(each))) for each in self.opened.values()]
             self.view.film(strip, list(self.opened).index(self.shown.path))

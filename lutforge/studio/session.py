@@ -326,6 +326,7 @@ class Session:
 
     def _opened(self, opened: Opened, names: str) -> None:
         self.bracket, self.response = opened.bracket, None
+        self.look_chosen &= opened.bracket is None and opened.workspace is None
         if opened.bracket is not None:
             self.history = self.loaded_profile = None
             self.accounts, self.left_out, self.files = (), (), {}

@@ -89,7 +89,7 @@ class ShotsPage:
         if self.session.history is None:
             bracket, self._drawn = self.session.bracket, None
             self.grid.shots = [] if bracket is None else self.bracket.cards(bracket)
-            self.grid.out = list(self.session.left_out)
+            self.grid.out, self.grid.legend = list(self.session.left_out), []
             self.notes.object = "" if bracket is None else f"<p>{escape(str(bracket))}.</p>"
             return
         workspace = self.session.workspace

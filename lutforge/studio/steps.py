@@ -24,12 +24,15 @@ def states_of(session: Session) -> dict[str, tuple[State, str]]:
                 "Drop RAW files with their JPEGs here, or choose a folder; then press Sample."
                 if session.bracket is None else "Name the chart, if the pictures show one, and press Fit response."
             ),
-            "done": "Click a shot to leave it out or take it back in; then look at the samples.",
+            "done": (
+                "Click a shot to leave it out or take it back in; then look at the samples." if session.bracket is None
+                else "Click a picture to leave it out, and fit again; or go on to Export."
+            ),
         }[shots],
         "Samples": (
             "Keep saturated and clipped colours from the response by the filters, or mark samples with the lasso."
             if open_ else "A bracket has no samples to choose from: go on to the look, or to Export."
-            if session.bracket is not None else "Open shots or a sample table first."
+            if session.bracket else "Open shots or a sample table first."
         ),
         "Model": {
             "to do": "Press Compute: the lattice is what most want; or fit stage by stage.",
