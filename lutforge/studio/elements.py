@@ -95,8 +95,6 @@ def plot(title: str, tools: str = "pan,wheel_zoom,box_zoom,reset,save", **option
         min_border=4, **ranges,
     )  # fmt: skip
     drawing.toolbar.logo = None
-    drawing.title.text_font_size = "0.82rem"  # letters that grow with the page's
-    drawing.axis.axis_label_text_font_size, drawing.axis.major_label_text_font_size = "0.8rem", "0.75rem"
     svg = CustomJS(args={"drawing": drawing}, code=_SAVE_SVG)
     drawing.add_tools(CustomAction(description="Save as SVG", icon="text_align_left", callback=svg))
     return drawing

@@ -123,7 +123,9 @@ class ShotGrid(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         """
         :host { overflow: auto; color: var(--mui-palette-text-primary); font: 0.875rem/1.35 system-ui, sans-serif; }
         .legend span { display: inline-block; margin: 2px 14px 6px 8px; }
-        .legend i { display: inline-block; width: 0.8em; height: 0.8em; margin-right: 0.4em; }
+        .legend i { display: inline-block; width: 0.8em; height: 0.8em; margin-right: 0.4em;
+          outline: 1px solid var(--mui-palette-divider); }
+        .grid p { grid-column: 1 / -1; }
         .grid { display: grid; gap: 10px; padding: 4px 8px; width: 100%; box-sizing: border-box;
           grid-template-columns: repeat(auto-fill, minmax(min(24rem, 100%), 1fr)); }
         button { all: unset; box-sizing: border-box; padding: 8px; cursor: pointer; display: block; border-radius: 4px;

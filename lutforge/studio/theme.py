@@ -69,6 +69,7 @@ body { background: #262626; color: #e6e6e6; font-family: system-ui, sans-serif; 
 """
 
 BESIDE = """
+.sidebar { padding-top: 0.5rem; }
 nav { width: max(290px, 17.6rem) !important; }
 main.main { width: calc(100% - max(290px, 17.6rem)) !important; }
 """

@@ -18,6 +18,7 @@ from urllib.parse import urlparse
 
 import pytest
 
+from tests.calibration.charts_simulated import photograph_chart
 from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
@@ -25,8 +26,11 @@ pytest.importorskip("playwright.sync_api", reason="playwright drives the browser
 from platformdirs import user_cache_path
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
+from lutforge.colour.spectra import chart_reflectances
+from lutforge.samples.chart_kinds import chart_kind
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
+from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import demo_shots
 from lutforge.studio.steps import STEPS
 from lutforge.studio.workspace import Filters, Workspace
@@ -317,6 +321,26 @@ def test_dropped_files_are_sampled(visit: Visit, folder: Path) -> None:
     visit.page.locator("input[type=file]").set_input_files(files)
     visit.reads("samples of 1 shots")
     assert visit.page.locator(".grid button").count() == 1
+
+
+@pytest.mark.slow
+def test_a_dropped_bracket_gives_a_linearization(visit: Visit, folder: Path, tmp_path: Path) -> None:
+    files = photograph_chart(
+        nikon_d5100(), chart_kind("classic"), chart_reflectances(), tmp_path, (-3.0, -2.0, -1.0, 0.0, 1.0)
+    )
+    visit.page.locator("input[type=file]").set_input_files(files)
+    visit.reads("5 pictures without RAW: a bracket of 5 exposures over 4.0 stops")
+    visit.press("Fit response")
+    visit.reads("response: fitted to 5 pictures")
+    visit.reads("the response is a fixed property of this camera")
+    visit.page.wait_for_timeout(500)
+    visit.picture("bracket")
+    visit.step("Export")
+    visit.write("Name of the files", "phone")
+    visit.choose("LUT file", ".cube")
+    visit.press("Bake LUT")
+    visit.reads("LUT, linearize: written")
+    assert "LUT_1D_SIZE" in (folder / "phone_linearize.cube").read_text()
 
 
 @pytest.mark.slow
