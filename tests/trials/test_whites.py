@@ -29,6 +29,7 @@ from lutforge.ocio.cameras import name_cameras
 from lutforge.ocio.check import load_config
 from lutforge.ocio.config import write_config
 from lutforge.pipeline.calibration import calibrate
+from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from tests.apply.test_profile_recipe import samples_of
 from tests.model.profiles_synthetic import small_profile
@@ -139,6 +140,16 @@ def test_ramps_of_a_calibrated_camera_rise_to_a_neutral_white(camera: SimulatedC
         assert ways.apart.pop("clf") <= 0.01, ways
         # A cube is a fit; a config has the exact inverse of the render where apply has the calibrated linearization.
         assert max(ways.apart.values()) <= 6.5, ways
+
+
+@pytest.mark.slow
+def test_white_of_real_photographs_is_grey_when_exposed_down(s40_samples: SampleSet) -> None:
+    """The S40's automatic white balance renders neutral RAW with 5 codes too little red."""
+    profile = calibrate(s40_samples, CalibrationOptions(size=17))
+    for target in ("standard/1.9,1,1.3", "standard/1.8,1,1.8"):
+        for ev in (-0.5, -1.0, -2.0):
+            white = 255 * profile.refinish("standard/2.0,1,1.5", target, ev)(np.ones(3))
+            assert np.ptp(white) <= 2.0, (target, ev, white)
 
 
 if __name__ == "__main__":
