@@ -13,7 +13,7 @@ from lutforge.studio.elements import CHANNELS, FILL, LINE, frame, plot, table, t
 from lutforge.studio.fits import before, held_out_error, residuals
 from lutforge.studio.plots import curves
 from lutforge.studio.session import Session
-from lutforge.studio.workspace import MODELS, FittedModel, Workspace
+from lutforge.studio.workspace import MODELS, Workspace
 
 
 class FitView:
@@ -46,24 +46,28 @@ class FitView:
     def refresh(self) -> None:
         """Everything, from the session's workspace."""
         if self.session.history is None:
-            self.numbers.object = _numbers(self.session.profile) if self.session.has_profile else ""
+            profile = self.session.profile if self.session.has_profile else None
+            self._draw_curves(profile)
+            self.histogram.title.text = "Residuals: of samples, of which none are open"
+            self.numbers.object = "" if profile is None else _numbers(profile)
             return
         workspace = self.session.workspace
         if self._before[0] is not workspace.samples:
             self._before = (workspace.samples, before(workspace.samples))
-        self._draw_curves(workspace.fitted)
+        self._draw_curves(None if workspace.fitted is None else workspace.fitted.profile)
+        self.histogram.title.text = "Residuals"
         self._draw_residuals(workspace)
         fitted = workspace.fitted
         self.numbers.object = self._residual_table(workspace) + (
             _numbers(fitted.profile) if fitted else "<p>The matrix and the white balances stand here after a fit.</p>"
         )
 
-    def _draw_curves(self, fitted: FittedModel | None) -> None:
-        if fitted is None:
+    def _draw_curves(self, profile: CameraProfile | None) -> None:
+        if profile is None:
             self.curve.data = {name: [] for name in ("x", "r", "g", "b", "mean")}
             return
-        linear, values, mean = curves(fitted)
-        lattice = self.session.workspace.model == "lattice"
+        linear, values, mean = curves(profile)
+        lattice = not next(iter(profile.styles.values())).physical
         self.response.title.text = "The grey axis of the lattice" if lattice else "The response f, first style"
         self.curve.data = {"x": linear, "r": values[:, 0], "g": values[:, 1], "b": values[:, 2], "mean": mean}
 

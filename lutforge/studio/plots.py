@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import D65, SRGB_TO_XYZ
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.emor import mean_response
 from lutforge.model.response import Response
-from lutforge.studio.workspace import FittedModel, Workspace
+from lutforge.studio.workspace import Workspace
 
 Rows = NDArray[np.intp]
 
@@ -250,10 +251,10 @@ def cube_edges() -> tuple[Array, Array]:
 # --- the fitted curves ----------------------------------------------------------------------------------------------
 
 
-def curves(fitted: FittedModel) -> tuple[Array, Array, Array]:
+def curves(profile: CameraProfile) -> tuple[Array, Array, Array]:
     """Return linear values (m,), f of the first style at them per channel (m, 3), and EMoR's mean (m,).
 
     A lattice shows its grey axis.
     """
     linear = np.linspace(0.0, 1.0, 257)
-    return linear, next(iter(fitted.profile.styles.values())).tones(linear), mean_response(linear)
+    return linear, next(iter(profile.styles.values())).tones(linear), mean_response(linear)
