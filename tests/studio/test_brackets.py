@@ -82,9 +82,8 @@ def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(folder: 
     assert any("true / stated" in fact for card in shots.grid.shots for fact in card["facts"])
     for step in STEPS:
         page.show(step)
-    assert (
-        np.ptp(page.pages["Model"].views["Fit"].curve.data["g"]) > 0.9
-    )  # a profile shows its response, without samples
+    curve = page.pages["Model"].views["Fit"].curve.data  # a profile shows its response, without samples
+    assert np.ptp(curve["g"]) > 0.9
     view = page.pages["Export"]
     assert (view.kind.value, view.space.value) == ("linearize", "raw")
     view.name.value = "drone"
