@@ -109,7 +109,6 @@ def calibrate(
     from lutforge.pipeline.calibration import calibrate as fit
     from lutforge.pipeline.calibration import calibrate_stages, calibration_options, pair_of_shots, smallest_size
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
-    from lutforge.pipeline.raw_substitutes import raw_substitute, sample_pairs
     from lutforge.pipeline.sampling import gather_samples
 
     check_output(output, PROFILE_SUFFIXES, [*(sources or ()), *(inliers or ())])
@@ -119,9 +118,16 @@ def calibrate(
         raise SettingsError("give --pairs or shots, not both")
     with progress_bar("sampling") as report:
         if pairs is not None:
+            from lutforge.pipeline.raw_substitutes import sample_pairs
+
             tell(sampled := sample_pairs(*pairs, from_space, report))
+        elif developer is None and developed is None and developed_space is None:
+            sampled = gather_samples(sources or [], report, tell)
         else:
-            sampled = gather_samples(sources or [], report, tell, raw_substitute(developer, developed, developed_space))
+            from lutforge.pipeline.raw_substitutes import raw_substitute
+
+            substitute = raw_substitute(developer, developed, developed_space)
+            sampled = gather_samples(sources or [], report, tell, substitute)
     samples = sampled.samples
     if tolerance is not None:
         with progress_bar("choosing a size") as report:

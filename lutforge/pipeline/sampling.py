@@ -6,22 +6,22 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lutforge.errors import LutForgeError, SampleError, ShotError
-from lutforge.images.development import Development
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
 from lutforge.progress import Progress, silent
-from lutforge.samples.extract import ShotSamples, extract
 from lutforge.samples.sample_set import SampleSet, concatenate
-from lutforge.shots.discover import discover, jpegs_of
-from lutforge.shots.other_view import read_other_view
-from lutforge.shots.read import read_shot
-from lutforge.shots.shot import Shot
 from lutforge.threads import cores
 
-RawSubstitute = Callable[[Path], Development]
+if TYPE_CHECKING:  # tables are read without what decodes RAW files
+    from lutforge.images.development import Development
+    from lutforge.samples.extract import ShotSamples
+    from lutforge.shots.shot import Shot
+
+RawSubstitute = Callable[[Path], "Development"]
 """A function of a RAW file that gives the picture to use instead of it, as a program developed it."""
 
 
@@ -56,6 +56,9 @@ def sample_shots(paths: Paths, progress: Progress = silent, substitute: RawSubst
 
     Raises ShotError where no shot is left.
     """
+    from lutforge.shots.discover import discover
+    from lutforge.shots.read import read_shot
+
     files = discover(several(paths))
     stems = [file.stem for file in files]
     # The whole path where two files share a stem.
@@ -76,6 +79,8 @@ def sample_each(
 
     Raises ShotError where no shot is left, and what is wrong with an only one.
     """
+    from lutforge.samples.extract import ShotSamples, extract
+
     accounts: list[ShotSamples] = []
     left_out: list[str] = []
 
@@ -112,6 +117,10 @@ def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progre
     those of one place in the order of names. The two may stand in different places. RAW values are scaled by what the
     files state of both exposures. Raises ShotError where no shot is usable, or it is not clear what belongs together.
     """
+    from lutforge.samples.extract import extract
+    from lutforge.shots.discover import discover, jpegs_of
+    from lutforge.shots.other_view import read_other_view
+
     files = [file for path in several(pictures) for file in jpegs_of(Path(path))]
     raws = discover([reference])
     by_stem = {raw.stem.lower(): raw for raw in raws}

@@ -11,6 +11,8 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.profile_file import save_profile
 from lutforge.model.white_balance import WhiteBalance
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import write_samples
 from tests.apply.graded_images import write_cube, write_picture
 
 SLOW = {
@@ -54,3 +56,9 @@ def test_grading_with_a_lut_loads_what_reads_grades_and_writes(tmp_path: Path, s
     found = loaded(tmp_path, "apply", "look.cube", f"a{suffix}", "-o", "out")
     assert (tmp_path / "out" / f"a{suffix}").exists()
     assert found <= {"numpy", "OpenImageIO", "PyOpenColorIO", "PIL", "simplejpeg"}
+
+
+def test_calibrating_a_table_loads_nothing_that_reads_pictures(tmp_path: Path, s40_samples: SampleSet) -> None:
+    write_samples(tmp_path / "samples.csv", s40_samples)
+    found = loaded(tmp_path, "calibrate", "samples.csv", "--size", "5")
+    assert not found & {"rawpy", "exifread", "OpenImageIO", "PIL", "cv2"}
