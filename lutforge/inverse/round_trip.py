@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, Mask
 from lutforge.inverse.colours import as_8_bit, climbed, raw_colours
 
 ColourFunction = Callable[[Array], Array]
@@ -19,11 +19,17 @@ MEAN_GOAL, MAX_GOAL = 0.001, 0.02
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """JPEG → RAW → JPEG: mean, 99.9th percentile and maximum of the RGB norm of the encoded difference."""
+    """JPEG → RAW → JPEG: mean, 99.9th percentile and maximum of the RGB norm of the encoded difference.
+
+    worst: the 8-bit code nearest to the colour of the maximum; shown: the maximum of the colours that samples showed,
+    0 where it is within the goal, None where the samples are not known.
+    """
 
     mean: float
     p999: float
     maximum: float
+    worst: tuple[int, ...] = ()
+    shown: float | None = None
 
     @property
     def met(self) -> bool:
@@ -33,7 +39,14 @@ class RoundTrip:
     def __str__(self) -> str:
         mean, p999, maximum = (rounded_up(value) for value in (self.mean, self.p999, self.maximum))
         text = f"round trip mean {mean}, max {maximum}, 99.9 % within {p999}"
-        return text if self.met else f"{text}; more than {MAX_GOAL:g} for codes at the edge of what the camera makes"
+        if self.maximum <= MAX_GOAL:
+            return text
+        text += f"; the largest at JPEG code {' '.join(map(str, self.worst))}"
+        if self.shown is None:
+            return text
+        if self.shown == 0:
+            return f"{text}; more than {MAX_GOAL:g} only for colours that no sample showed"
+        return f"{text}; {rounded_up(self.shown)} for colours that samples showed"
 
 
 def rounded_up(value: float) -> str:
@@ -44,24 +57,35 @@ def rounded_up(value: float) -> str:
     return f"{np.ceil(value / unit - 1e-9) * unit:.2g}"
 
 
-def measure(render: ColourFunction, linearize: ColourFunction, count: int = 1 << 15, seed: int = 11) -> RoundTrip:
+def measure(
+    render: ColourFunction,
+    linearize: ColourFunction,
+    count: int = 1 << 15,
+    seed: int = 11,
+    shown: Callable[[Array], Mask] | None = None,
+) -> RoundTrip:
     """Measure the round trip of the JPEG of 5 · `count` RAW colours, in floats and in 8 bits, and near the worst ones.
 
-    render, linearize: as their files evaluate them.
+    render, linearize: as their files evaluate them; shown: tells of JPEG colours (n, 3) whether samples showed them.
     """
 
     def lost(jpeg: Array) -> Array:
         return np.asarray(np.linalg.norm(np.clip(render(linearize(jpeg)), 0.0, 1.0) - jpeg, axis=1))
 
-    def lost_of(raw: Array) -> Array:
-        return lost(np.clip(render(raw), 0.0, 1.0))
+    def made(raw: Array) -> Array:
+        return np.clip(render(raw), 0.0, 1.0)
 
     raw = raw_colours(count, seed)
-    jpeg = np.clip(render(raw), 0.0, 1.0)
+    jpeg = made(raw)
     errors, of_codes = lost(jpeg), lost(as_8_bit(jpeg))
-    worst = float(lost_of(climbed(lost_of, raw, errors, seed)).max())
+    climb = made(climbed(lambda near: lost(made(near)), raw, errors, seed))
+    every = np.concatenate([errors, of_codes, lost(climb)])
+    colours = np.concatenate([jpeg, as_8_bit(jpeg), climb])
+    largest, beyond = int(every.argmax()), every > MAX_GOAL
     return RoundTrip(
         max(float(part.mean()) for part in (errors, of_codes)),
         max(float(np.quantile(part, 0.999)) for part in (errors, of_codes)),
-        max(worst, float(errors.max()), float(of_codes.max())),
+        float(every[largest]),
+        tuple(int(code) for code in np.rint(255 * colours[largest])),
+        None if shown is None else float(np.max(every[beyond], where=shown(colours[beyond]), initial=0.0)),
     )

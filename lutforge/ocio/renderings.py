@@ -16,6 +16,7 @@ from lutforge.inverse.linearization import InverseOptions, inverse_of
 from lutforge.inverse.round_trip import measure, rounded_up
 from lutforge.luts.bake import bake
 from lutforge.luts.sequence import Lut
+from lutforge.model.coverage import uncovered
 from lutforge.model.transform import Gain, KeepNeutral, Transform
 from lutforge.ocio.cameras import Camera
 from lutforge.ocio.lut_files import compact
@@ -108,7 +109,8 @@ def baked(rendering: Rendering, options: InverseOptions | None = None) -> BakedR
             inverse.values[-1, -1, -1] = 4.0
             model = Transform((KeepNeutral(model.stages, 4.0),))
             linearize = compact(inverse.as_lut(f"{title} linearize"))
-            trip = str(measure(render, linearize))
+            style = rendering.camera.profile.styles[rendering.style]
+            trip = str(measure(render, linearize, shown=lambda jpeg: ~uncovered(style, jpeg)))
         told = [f"linearize LUT against the model: {_error(linearize, model, rendering.render)}", *filter(None, [trip])]
         luts[rendering.linearize_file] = replace(linearize, comments=tuple(told))
         said += told

@@ -77,6 +77,18 @@ def test_jpegs_come_back(render: BakedRender, inverse: Linearization) -> None:
         assert trip.p999 <= 0.01
 
 
+def test_colours_at_the_end_of_raw_come_back_where_no_code_clips() -> None:
+    """The table may not run on past RAW 1 in the cells at the rim: the render clamps that, and hues change."""
+    whole = clipping_render()
+    dim = BakedRender(whole.levels, 0.7 * grid(whole.levels) @ MIXED.T, True, whole.output_curve)
+    without = InverseOptions(size=33, outside=np.inf)
+    trips = [
+        measure(dim, inverse_of(dim, options=options).as_lut(), count=1 << 12)
+        for options in (without, InverseOptions(size=33))
+    ]
+    assert trips[1].p999 < 0.2 * trips[0].p999, trips
+
+
 def test_neutrals_stay_neutral_and_rise(render: BakedRender, inverse: Linearization) -> None:
     """White, too, whose scene clipping hides."""
     grey = np.repeat(np.linspace(0.0, 1.0, 256)[:, None], 3, axis=1)
@@ -147,5 +159,27 @@ def test_errors_are_said_no_smaller_than_they_are() -> None:
 
 
 def test_a_loss_beyond_the_goal_says_where() -> None:
-    assert "edge of what the camera makes" not in str(RoundTrip(0.0005, 0.005, MAX_GOAL))
-    assert "edge of what the camera makes" in str(RoundTrip(0.0005, 0.005, 0.03))
+    """The worst code, and what is lost where samples were: only there is it known what the camera does."""
+    within = RoundTrip(0.0005, 0.005, MAX_GOAL, (1, 2, 3), 0.0)
+    assert str(within).endswith("99.9 % within 0.005")
+    assert "at JPEG code 254 254 43" in str(RoundTrip(0.0005, 0.005, 0.03, (254, 254, 43)))
+    assert "only for colours that no sample showed" in str(RoundTrip(0.0005, 0.005, 0.03, (254, 254, 43), 0.0))
+    assert "; 0.025 for colours that samples showed" in str(RoundTrip(0.0005, 0.005, 0.03, (254, 254, 43), 0.025))
+
+
+def test_the_worst_code_and_what_samples_showed_are_measured(render: BakedRender, inverse: Linearization) -> None:
+    """A linearization that is wrong for reds alone."""
+
+    def red(jpeg: Array) -> NDArray[np.bool_]:
+        return np.asarray((jpeg[:, 0] > 0.7) & (jpeg[:, 1:].max(axis=1) < 0.3))
+
+    def wrong(jpeg: Array) -> Array:
+        return np.asarray(np.where(red(jpeg)[:, None], 0.5, 1.0) * inverse(jpeg))
+
+    others_shown = measure(render, wrong, count=1 << 10, shown=lambda jpeg: ~red(jpeg))
+    reds_shown = measure(render, wrong, count=1 << 10, shown=red)
+    assert others_shown.maximum > 0.1
+    assert others_shown.shown == 0
+    assert reds_shown.shown == reds_shown.maximum
+    assert reds_shown.worst[0] > 0.69 * 255
+    assert max(reds_shown.worst[1:]) < 0.31 * 255
