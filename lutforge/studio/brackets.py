@@ -38,7 +38,8 @@ class Bracket:
         steps = len(np.unique(known))
         if steps < 2:
             return f"{seen}, all of one exposure: a response needs one scene at several"
-        return f"{seen}: a bracket of {steps} exposures over {np.log2(known.max() / known.min()):.1f} stops"
+        stops = np.log2(known.max() / known.min())
+        return f"{seen}: a bracket of {steps} exposures over {stops:.1f} stops, if they show one scene"
 
 
 def bracket_in(sources: Sequence[Path], progress: Progress) -> Bracket | None:
