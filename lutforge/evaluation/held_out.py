@@ -7,7 +7,7 @@ console or in a report, is made of these predictions.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,6 +123,27 @@ def predict(
         {method: _by_fold(fits, fold, method, "linearize", data.encoded) for method in methods},
         weights,
     )
+
+
+def with_compared(
+    predictions: Predictions, shot: str, style: PictureStyle, seen_shots: tuple[str, ...], options: CalibrationOptions
+) -> Predictions:
+    """Add a uniform lattice and the model by RBFs to the fits that predict a shot, fitted to the same samples.
+
+    They are for `render` and `linearize`: what is predicted of samples stays as it is. Where the samples are too few,
+    nothing is added.
+    """
+    data = predictions.data
+    own = data.shot == shot
+    index, train = int(predictions.fold[own][0]), np.isin(data.shot, seen_shots)
+    if shot in seen_shots and predictions.held_out[own].all():
+        train &= predictions.fold != index
+    if train.sum() < LEAST_SAMPLES:
+        return predictions
+    inside = data.select(train)
+    more = Fitter("", style, inside, options, [], sizes=(options.size,)).compared(inside)
+    fits = tuple({**more, **fits} if place == index else fits for place, fits in enumerate(predictions.fits))
+    return replace(predictions, fits=fits)
 
 
 def weights_within_a_shot(

@@ -29,6 +29,11 @@ CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL = "polynomial per channel", "polynomial o
 BASELINES = (MATRIX_AND_RESPONSE, CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL)
 
 
+def uniform_name(size: int) -> str:
+    """The method of lattices with evenly spaced nodes, `size` per axis."""
+    return f"uniform lattice {size}"
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """One method, fitted once. render: Tw E (n, 3) → I; linearize: I → Tw E, not clipped.
@@ -117,7 +122,7 @@ class Fitter:
         self.lattices = {LATTICE: options} if has_lattice or sizes else {}
         for size in sizes:
             for nonuniform in (False, True):
-                method = f"{'nonuniform' if nonuniform else 'uniform'} lattice {size}"
+                method = f"non{uniform_name(size)}" if nonuniform else uniform_name(size)
                 self.lattices[method] = replace(options, size=size, nonuniform=nonuniform)
         self.own_physical = bool(style.physical)
         self.physical = self.own_physical or bool(sizes)
@@ -134,6 +139,12 @@ class Fitter:
             own = pair if method == LATTICE else own
         fits |= {f"lattice by (5.3) {size}": _plain_regression(train, self.options, size) for size in self.sizes}
         return Fits({**fits, **self._physical(train), **fit_baselines(train, base)}, own)
+
+    def compared(self, train: StyleData) -> dict[str, Fit]:
+        """Return what the thesis's error maps show beside its own model: a uniform lattice, and the model by RBFs."""
+        even = _timed_fit(train, replace(self.options, nonuniform=False)).fit
+        lattice = Fit(even.render.lattice, even.linearize.lattice)
+        return {uniform_name(self.options.size): lattice, **self._physical(train)}
 
     def search(self) -> None:
         """Fit each lattice to all the shots, once, for what is searched in it."""

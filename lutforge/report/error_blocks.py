@@ -1,7 +1,6 @@
 """The blocks of a report: errors, maps of real shots, samples, settings, and the models of a style."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +15,10 @@ from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
 from lutforge.evaluation.expected_error import by_distance, held_out_errors
 from lutforge.evaluation.linearization import response_deltas
-from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE
 from lutforge.evaluation.refinish_errors import RefinishError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import PictureStyle
-from lutforge.report.error_maps import error_maps, error_maps_figure
+from lutforge.report.error_maps import error_maps_figure, maps_of_shot
 from lutforge.report.figures import (
     brightness_transfer_figure,
     chromaticity_figure,
@@ -36,14 +33,13 @@ from lutforge.report.sheets import DIRECTIONS
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.settings import setting_name
-from lutforge.shots.read import read_shot
 
 TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW, white-balanced"}
-BASELINES = (COLOUR_POLYNOMIAL, MATRIX_AND_RESPONSE)
 MAPS_TEXT = (
-    "Each shot's JPEG predicted from its RAW, and its white-balanced RAW from its JPEG. Each direction has one scale "
-    "in all maps; grey: clipped, or outside the RAW. Above each map is its mean over the picture, edges and textures "
-    "included; the tables count the shot's even areas only."
+    "Each shot's JPEG predicted from its RAW, and its white-balanced RAW from its JPEG: by the profile's own model, a "
+    "lattice of evenly spaced nodes, the physical model with its gamut map by RBFs, and a polynomial. Each direction "
+    "has one scale in all maps; grey: clipped, or outside the RAW. Above each map is its mean over the picture, edges "
+    "and textures included; the tables count the shot's even areas only."
 )
 
 
@@ -137,18 +133,16 @@ def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Block]:
 
 
 def error_map_pictures(
-    own: str, evaluation: Evaluation, files: Mapping[str, Path], falloffs: Sequence[Falloff]
+    profile: CameraProfile, own: str, evaluation: Evaluation, files: Mapping[str, Path]
 ) -> Iterator[Block]:
-    """Draw the errors of the best, the middle and the worst shot whose RAW file is at hand; falloffs: the profile's."""
+    """Draw the errors of the best, the middle and the worst shot whose RAW file is at hand."""
     rows = [row for row in evaluation.rows if row.direction == "render" and row.method == own and row.shot in files]
     rows.sort(key=lambda row: row.figures.mean)
     chosen = {rows[round(index)].shot: rows[round(index)] for index in np.linspace(0, len(rows) - 1, 3) if rows}
     if chosen:
         yield Text(MAPS_TEXT)
     for name, row in chosen.items():
-        predictions = evaluation.predictions[row.style]
-        methods = [method for method in (own, *BASELINES) if method in predictions.methods]
-        maps = error_maps(replace(read_shot(files[name]), name=name), predictions, methods, falloffs)
+        maps = maps_of_shot(profile, evaluation, name, files[name])
         held = "not seen by the fits" if maps.held_out else "the fit had seen it"
         caption = f"{name}, {maps.setting}; {held}; mean error of the shot's samples {row.figures.mean:.4f}."
         yield Picture(f"error_map_{setting_name(name)}", error_maps_figure(maps), caption)

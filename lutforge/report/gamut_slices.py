@@ -36,14 +36,19 @@ def gamut_slice(gamut_map: GamutMap, luminance: float, grid: int = 25) -> GamutS
     inside = (green >= 0) & (green <= 1)
     before = np.stack([red, green, blue], axis=1)[inside]
     after = gamut_map(before) if len(before) else before
-    near = np.abs(gamut_map.centres @ LUMINANCE - luminance) < 0.04
     return GamutSlice(
         luminance,
         _on_plane(before),
         _on_plane(after),
         np.linalg.norm(after - before, axis=1),
-        _on_plane(gamut_map.centres[near]),
+        _on_plane(centres_near(gamut_map, luminance)),
     )
+
+
+def centres_near(gamut_map: GamutMap, luminance: float) -> Array:
+    """The control points (m, 3) of h that lie near this luminance."""
+    near = np.abs(gamut_map.centres @ LUMINANCE - luminance) < 0.04
+    return np.asarray(gamut_map.centres[near])
 
 
 def gamut_figure(maps: dict[str, GamutMap]) -> Figure:

@@ -9,8 +9,7 @@ from lutforge.calibration.options import options_from_json
 from lutforge.calibration.style_data import StyleData
 from lutforge.evaluation.error_shares import ErrorShares
 from lutforge.evaluation.evaluate import evaluate
-from lutforge.evaluation.evaluation import Evaluation
-from lutforge.evaluation.methods import LATTICE, RBF
+from lutforge.evaluation.methods import LATTICE
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.progress import Progress, part, silent
 from lutforge.report.answers import answers
@@ -23,6 +22,7 @@ from lutforge.report.error_blocks import (
     setting_tables,
     style_pictures,
 )
+from lutforge.report.error_maps import own_method
 from lutforge.report.page import Points, Report, Section
 from lutforge.report.scene_blocks import falloff_blocks, tone_blocks
 from lutforge.samples.extract import ShotSamples
@@ -51,15 +51,13 @@ def build_report(
     shares: tuple[ErrorShares, ...] = ()
     if samples is not None:
         evaluation = evaluate(profile, samples, part(progress, 0.0, 0.8))
-        own = _own(profile, evaluation)
+        own = own_method(profile, evaluation)
         tones, shares = evaluation.tones, evaluation.shares
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         notes = tuple(dict.fromkeys((*notes, *evaluation.notes)))
         progress("error maps", 0.8)
         judged.append(Section("Errors", (*error_tables(own, evaluation), *error_pictures(own, evaluation))))
-        judged.append(
-            Section("Errors on real shots", tuple(error_map_pictures(own, evaluation, files or {}, profile.falloffs)))
-        )
+        judged.append(Section("Errors on real shots", tuple(error_map_pictures(profile, own, evaluation, files or {}))))
         shown.append(Section("Samples", tuple(sample_blocks(samples, accounts))))
         shown.append(Section("Exposures", tuple(exposure_blocks(data))))
     progress("models", 0.9)
@@ -87,10 +85,3 @@ def _subtitle(profile: CameraProfile) -> str:
         f"Picture styles: {', '.join(profile.styles)}. White balances: {', '.join(profile.white_balances)}. "
         f"Shots: {len(profile.shots)}. Model: {model}, preset {options.preset}."
     )
-
-
-def _own(profile: CameraProfile, evaluation: Evaluation) -> str:
-    """The method that is the profile's own model."""
-    methods = {row.method for row in evaluation.rows}
-    physical = LATTICE not in methods or options_from_json(profile.options).model == "rbf"
-    return RBF if physical and RBF in methods else LATTICE

@@ -8,14 +8,17 @@ from bokeh.models import ColorBar, ColumnDataSource, LinearColorMapper, Range1d
 
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PictureStyle
 from lutforge.report.gamut_slices import gamut_slice
 from lutforge.studio.elements import CHANNELS, FILL, LINE, NOTHING, extent, frame, plot, select, slider, text
+from lutforge.studio.gamut_surface import GamutSurface, surface_of
 from lutforge.studio.session import Session
 
 PALETTE = "Cividis256"
 DIRECTIONS = {"RAW → JPEG": "render", "JPEG → RAW": "linearize"}
+MISSING = "no gamut map: compute the model “Gamut map”"
 NARROW: dict[str, Any] = {"sizing_mode": "fixed", "width": 230}
 
 
@@ -51,29 +54,47 @@ class _Slice:
 
 
 class GamutView:
-    """Slices of the gamut map of constant luminance, one a style."""
+    """Slices of the gamut map of constant luminance: arrows, one a style, or the surface of one in 3D."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.direction = select("Direction", DIRECTIONS, **NARROW)
         self.luminance = slider("Luminance Y of the slices", 0.25, 0.02, 0.9, **NARROW)
-        session.watch(self.refresh, self.direction, self.luminance)
+        self.drawn = select("Drawn as", ["arrows", "surface in 3D"], **NARROW)
+        self.style = select("Style", NOTHING, visible=False, **NARROW)
+        session.watch(self.refresh, self.direction, self.luminance, self.drawn, self.style)
         self.slices = [_Slice() for _ in range(3)]
-        figures = pn.Row(*(one.figure for one in self.slices), **FILL)
-        self.layout = pn.Column(pn.Row(self.direction, self.luminance), figures, **FILL)
+        self.figures = pn.Row(*(one.figure for one in self.slices), **FILL)
+        self.surface = GamutSurface(missing=MISSING, **FILL)
+        controls = pn.Row(self.direction, self.luminance, self.drawn, self.style)
+        self.layout = pn.Column(controls, self.figures, **FILL)
 
     def refresh(self) -> None:
         """Everything, from the session's profile."""
         profile, direction = _mapped_profile(self.session), self.direction.value
-        shown = [] if profile is None else [(name, _map_of(style, direction)) for name, style in profile.styles.items()]
-        shown = [(name, one) for name, one in shown if one is not None]
+        styles = {} if profile is None else profile.styles
+        maps = {name: _map_of(style, direction) for name, style in styles.items()}
+        shown = [(name, one) for name, one in maps.items() if one is not None]
+        solid = self.drawn.value != "arrows"
+        self.style.visible, self.layout[1] = solid, self.surface if solid else self.figures
+        if solid:
+            self._draw_surface(dict(shown))
+            return
         for place, drawing in enumerate(self.slices):
             drawing.figure.visible = place < max(1, len(shown))
             if place < len(shown):
                 name, one = shown[place]
                 drawing.show(f"{name}, Y = {self.luminance.value:.2f}", gamut_slice(one, self.luminance.value))
             else:
-                drawing.show("" if shown else "no gamut map: compute the model “Gamut map”", None)
+                drawing.show("" if shown else MISSING, None)
+
+    def _draw_surface(self, maps: dict[str, GamutMap]) -> None:
+        self.style.options = list(maps) or NOTHING
+        if self.style.value not in maps:
+            self.style.value = next(iter(maps), "")
+        name, level = self.style.value, self.luminance.value
+        title = f"{name}, Y = {level:.2f}: where the gamut map takes this slice"
+        self.surface.surface = surface_of(maps[name], level, title) if maps else {}
 
 
 class LatticeView:
@@ -185,7 +206,7 @@ def _mapped_profile(session: Session) -> CameraProfile | None:
     return session.profile if session.has_profile else None
 
 
-def _map_of(style: PictureStyle, direction: str) -> Any:
+def _map_of(style: PictureStyle, direction: str) -> GamutMap | None:
     """h or h⁻¹ where it maps anything."""
     if not style.physical:
         return None

@@ -11,12 +11,13 @@ from lutforge.calibration.options import LARGEST, PRESETS, SMALLEST, Calibration
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.studio.comparison_view import ComparisonView
 from lutforge.studio.elements import FILL, NOTHING, TOGETHER, WIDE, sections, select, slider, text, ticks
+from lutforge.studio.error_map_view import ErrorMapView
 from lutforge.studio.fit_view import FitView
 from lutforge.studio.maps_view import GamutView, LatticeView
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import MODELS, Workspace
 
-VIEWS = ("Fit", "Gamut map", "Lattice", "Comparison")
+VIEWS = ("Fit", "Gamut map", "Lattice", "Comparison", "Error maps")
 SMOOTHNESS = {"by held-out shots": None, **{f"{rho:g}": rho for rho in (1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5)}}
 
 
@@ -39,7 +40,7 @@ class ModelPage:
             Exposure_pairs=self._pairs(),
         )
         self.controls = [self.kind, compute, self.own_stages, self.takes, self.used, folds]
-        views = (FitView(session), GamutView(session), LatticeView(session), ComparisonView(session))
+        views = (make(session) for make in (FitView, GamutView, LatticeView, ComparisonView, ErrorMapView))
         self.views: dict[str, Any] = dict(zip(VIEWS, views, strict=True))
         self.shown = pmui.RadioButtonGroup(label="View", options=list(VIEWS), value="Fit", size="small", margin=(2, 8))
         session.watch(self._show, self.shown)

@@ -431,6 +431,31 @@ def axe() -> str:
     return script.read_text(encoding="utf-8")
 
 
+def everywhere_in_the_window(visit: Visit, name: str, figures: str) -> None:
+    """In each size and theme, figures lie in the window, and axe-core finds no serious fault."""
+    for theme in ("dark", "light"):
+        for width, height in SIZES:
+            visit.page.set_viewport_size({"width": width, "height": height})
+            visit.page.wait_for_timeout(500)
+            for place in visit.page.locator(figures).all():
+                box = place.bounding_box()
+                assert box is not None and box["width"] >= 150 and box["height"] >= 130, box
+                assert box["x"] + box["width"] <= width + 1 and box["y"] + box["height"] <= height + 1, box
+            visit.picture(f"{name}_{width}_{theme}")
+        assert serious_faults(visit.page) == []
+        visit.press("Toggle theme")
+    visit.page.set_viewport_size({"width": 1280, "height": 720})
+
+
+def serious_faults(page: Page) -> list[tuple[str, list[str]]]:
+    """What axe-core, which the page holds, finds."""
+    return [
+        (fault["id"], [node["html"][:160] for node in fault["nodes"]][:4])
+        for fault in page.evaluate("axe.run()")["violations"]
+        if fault["impact"] in ("serious", "critical")
+    ]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("theme", ["dark", "light"])
 def test_every_step_fills_the_window_and_axe_finds_no_serious_fault(visit: Visit, axe: str, theme: str) -> None:
@@ -454,12 +479,40 @@ def test_every_step_fills_the_window_and_axe_finds_no_serious_fault(visit: Visit
                 assert box is not None and box["width"] >= 150 and box["height"] >= 130, (step, box)
                 assert box["x"] + box["width"] <= width + 1 and box["y"] + box["height"] <= height + 1, (step, box)
             visit.picture(f"{step.lower()}_{width}_{theme}")
-        serious = [
-            (fault["id"], [node["html"][:160] for node in fault["nodes"]][:4])
-            for fault in page.evaluate("axe.run()")["violations"]
-            if fault["impact"] in ("serious", "critical")
-        ]
-        assert serious == [], (step, theme)
+        assert serious_faults(page) == [], (step, theme)
+
+
+@pytest.mark.slow
+def test_gamut_map_in_3d_and_error_maps_on_a_shot(visit: Visit, folder: Path, axe: str) -> None:
+    if not (folder / "shots").is_dir():
+        demo_shots(folder / "shots", lambda name: None)
+    page = visit.page
+    page.evaluate(axe)
+    visit.open("shots", "samples of 16 shots")
+    visit.step("Model")
+    visit.fold("Options")
+    visit.slide("Nodes per axis", 9)
+    visit.choose("Model", "Gamut map")
+    visit.press("Compute")
+    visit.reads("Gamut map: fitted to")
+    visit.press("Gamut map")
+    visit.choose("Drawn as", "surface in 3D")
+    visit.reads("standard, Y = 0.25: where the gamut map takes this slice")
+    visit.choose("Style", "vivid")
+    visit.choose("Direction", "JPEG → RAW")
+    visit.slide("Luminance Y of the slices", 0.5)
+    visit.reads("vivid, Y = 0.50: where the gamut map takes this slice")
+    everywhere_in_the_window(visit, "gamut_surface", ".drawing")
+    visit.press("Error maps")
+    visit.choose("Shot", "LF0015-vivid-cloudy-still-life")
+    visit.press("Draw its errors")
+    visit.reads("LF0015-vivid-cloudy-still-life, vivid/cloudy: no model has seen it")
+    everywhere_in_the_window(visit, "error_maps", ".bk-Figure")
+    with page.expect_download() as download:
+        page.get_by_title("Save as SVG").nth(1).click()
+    assert "rbf" in download.value.suggested_filename
+    visit.press("Comparison")
+    visit.reads("Compare on shots left out")
 
 
 @pytest.mark.slow
