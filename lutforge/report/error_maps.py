@@ -100,7 +100,7 @@ def maps_of_shot(profile: CameraProfile, evaluation: Evaluation, shot: str, raw_
     options = options_from_json(profile.options)
     found = with_compared(found, shot, profile.styles[style], profile.shots, options)
     fits = found.fits[found.fold[found.data.shot == shot][0]]
-    named = (own_method(profile, evaluation), uniform_name(options.size), RBF, COLOUR_POLYNOMIAL)
+    named = (own_method(profile, evaluation), LATTICE, uniform_name(options.size), RBF, COLOUR_POLYNOMIAL)
     methods = [method for method in dict.fromkeys(named) if method in fits]
     return error_maps(replace(read_shot(raw_file), name=shot), found, methods, profile.falloffs)
 

@@ -13,25 +13,25 @@ function load(address) {
 }
 
 // Axes: R to the right, B to the back, G up, so that a slice of constant luminance lies nearly flat.
-function traces({ after, change, outline, centres, cube }, ink) {
+function traces({ after, change, outline, centres, cube }, ink, size) {
   const line = (ends) => [0, 2, 1].map((channel) => ends.flatMap((two) => [...two.map((end) => end[channel]), null]));
   const [x, y, z] = line(cube);
   const at = ([r, g, b]) => ({ x: r, y: b, z: g });
   return [
     { type: "surface", ...at(after), surfacecolor: change, colorscale: "Cividis", cmin: 0, showlegend: false,
-      cmax: Math.max(0.02, ...change.flat()), colorbar: { thickness: 12, len: 0.7, title: { text: "change" } },
+      cmax: Math.max(0.02, ...change.flat()), colorbar: { thickness: size, len: 0.7, title: { text: "change" } },
       hovertemplate: "R %{x:.3f}, G %{z:.3f}, B %{y:.3f}<br>moved by %{surfacecolor:.4f}" },
     { type: "scatter3d", mode: "lines", x, y, z, line: { color: ink, width: 1 }, hoverinfo: "skip", showlegend: false },
     { type: "scatter3d", mode: "lines", ...at(outline), line: { color: "#4f83e0", width: 5 }, name: "the slice" },
-    { type: "scatter3d", mode: "markers", ...at(centres), marker: { color: "#e0503c", size: 2 }, name: "control points" },
+    { type: "scatter3d", mode: "markers", ...at(centres), marker: { color: "#e0503c", size: size / 6 }, name: "control points" },
   ];
 }
 
-function layout(title, ink, paper) {
+function layout(title, ink, paper, size) {
   const axis = (text) => ({ title: { text }, range: [-0.05, 1.05], color: ink, gridcolor: "#8c8c8c", zeroline: false });
   return {
-    title: { text: title, font: { size: 14 } }, font: { color: ink, family: "system-ui, sans-serif", size: 12 },
-    paper_bgcolor: paper, margin: { l: 0, r: 0, t: 30, b: 0 }, uirevision: "kept",
+    title: { text: title, font: { size } }, font: { color: ink, family: "system-ui, sans-serif", size: 0.85 * size },
+    paper_bgcolor: paper, margin: { l: 0, r: 0, t: 2.2 * size, b: 0 }, uirevision: "kept",
     legend: { x: 0, y: 0, bgcolor: "rgba(0, 0, 0, 0)", itemclick: false },
     scene: { xaxis: axis("R"), yaxis: axis("B"), zaxis: axis("G"), aspectmode: "cube", camera: FIRST_VIEW,
       dragmode: false },
@@ -86,8 +86,10 @@ export function render({ model }) {
     drawing.setAttribute("aria-label", `${model.surface.title}: arrow keys turn, + and − zoom, 0 goes back`);
     const Plotly = await load(model.library);
     const style = getComputedStyle(root), paper = style.getPropertyValue("--mui-palette-background-paper");
-    await Plotly.react(drawing, traces(model.surface, style.color), layout(model.surface.title, style.color, paper),
-      { displayModeBar: false });
+    const size = parseFloat(style.fontSize);  // letters grow with the window
+    await Plotly.react(drawing, traces(model.surface, style.color, size),
+      layout(model.surface.title, style.color, paper, size), { displayModeBar: false });
+    await Plotly.Plots.resize(drawing);
   };
   // plotly's own turning runs on by itself, too far where a frame takes long
   const look = (camera) => window.Plotly.relayout(drawing, { "scene.camera": camera });
@@ -109,10 +111,8 @@ export function render({ model }) {
     event.preventDefault();
     if (drawing.layout) turn(0, 0, Math.exp(-event.deltaY / 1000));
   }, { passive: false });
-  new ResizeObserver(() => drawing.layout && drawing.clientWidth && window.Plotly.Plots.resize(drawing)).observe(drawing);
-  const theme = new MutationObserver(draw);  // its colours are the theme's
-  theme.observe(document.documentElement, { attributeFilter: ["class"] });
-  model.on("remove", () => theme.disconnect());
+  new ResizeObserver(() => drawing.layout && drawing.clientWidth && draw()).observe(drawing);
+  root.addEventListener("transitionend", draw);  // the theme has another colour of text: see the style sheet
   model.on("surface", draw);
   draw();
   return root;

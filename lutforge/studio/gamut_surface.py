@@ -61,7 +61,8 @@ class GamutSurface(JSComponent):  # type: ignore[misc]  # Panel's classes are se
     _stylesheets = [  # noqa: RUF012 - Panel's own way to declare it
         """
         :host { color: var(--mui-palette-text-primary); font: 0.875rem/1.4 system-ui, sans-serif; }
-        .all { display: flex; flex-direction: column; width: 100%; height: 100%; }
+        .all { display: flex; flex-direction: column; width: 100%; height: 100%;
+          transition: color 1ms; }
         .drawing { flex: 1; min-height: 200px; position: relative; touch-action: none; cursor: grab; }
         .drawing:focus-visible { outline: 3px solid currentColor; outline-offset: -3px; }
         .drawing svg { position: absolute; top: 0; left: 0; pointer-events: none; }

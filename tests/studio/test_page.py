@@ -437,7 +437,7 @@ def everywhere_in_the_window(visit: Visit, name: str, figures: str) -> None:
         for width, height in SIZES:
             visit.page.set_viewport_size({"width": width, "height": height})
             visit.page.wait_for_timeout(500)
-            for place in visit.page.locator(figures).all():
+            for place in visit.page.locator(f"{figures}:visible").all():
                 box = place.bounding_box()
                 assert box is not None and box["width"] >= 150 and box["height"] >= 130, box
                 assert box["x"] + box["width"] <= width + 1 and box["y"] + box["height"] <= height + 1, box
