@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from lutforge.arrays import Array
 from lutforge.calibration.options import options_from_json
 from lutforge.colour.srgb import srgb_encode
+from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.evaluation.held_out import Predictions, with_compared
@@ -93,10 +94,14 @@ def own_method(profile: CameraProfile, evaluation: Evaluation) -> str:
 
 
 def maps_of_shot(profile: CameraProfile, evaluation: Evaluation, shot: str, raw_file: Path) -> ErrorMaps:
-    """Predict a shot of an evaluation by the profile's own model, a uniform lattice, RBFs and a polynomial."""
-    style, found = next(
-        (name, found) for name, found in evaluation.predictions.items() if (found.data.shot == shot).any()
-    )
+    """Predict a shot of an evaluation by the profile's own model, a uniform lattice, RBFs and a polynomial.
+
+    Raises CalibrationError where the evaluation holds no sample of the shot.
+    """
+    held = [(name, each) for name, each in evaluation.predictions.items() if (each.data.shot == shot).any()]
+    if not held:
+        raise CalibrationError(f"{shot}: all its samples are clipped; choose another shot")
+    style, found = held[0]
     options = options_from_json(profile.options)
     found = with_compared(found, shot, profile.styles[style], profile.shots, options)
     fits = found.fits[found.fold[found.data.shot == shot][0]]
