@@ -36,7 +36,7 @@ class ErrorMapView:
 
     def _drawing(self, ranges: dict[str, Any], scale: float) -> tuple[Any, ColumnDataSource]:
         """A map of errors up to a scale; a picture where that is 0."""
-        drawing = plot(" \n \n ", "pan,wheel_zoom,box_zoom,reset,save", match_aspect=True, **ranges)
+        drawing = plot(" \n \n ", "pan,wheel_zoom,reset,save", match_aspect=True, **ranges)
         drawing.axis.visible = drawing.grid.visible = False
         source = ColumnDataSource({"image": [], "width": [], "height": []})
         place = {"image": "image", "x": 0, "y": 0, "dw": "width", "dh": "height", "source": source}
@@ -68,11 +68,11 @@ class ErrorMapView:
         self.session.start(f"errors of {shot}", self._done, maps_of_file, profile, samples, shot, file)
 
     def _done(self, maps: ErrorMaps) -> None:
-        pictures = (("the camera's JPEG", maps.picture), ("the RAW, balanced, stretched", maps.raw))
+        pictures = (("the camera's JPEG\n ", maps.picture), ("the RAW,\nbalanced, stretched", maps.raw))
         for row, (direction, _), (name, picture), errors in zip(
             self.drawings, DIRECTIONS, pictures, (maps.rendered, maps.linearized), strict=True
         ):
-            _show(*row[0], f"{name}\n \n ", _packed(picture))
+            _show(*row[0], f"{name}\n ", _packed(picture))
             for place, (drawing, source) in enumerate(row[1:]):
                 drawing.visible = place < len(errors)
                 if drawing.visible:
