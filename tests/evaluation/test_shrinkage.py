@@ -70,10 +70,12 @@ def test_reaches_weigh_by_the_likelihood_of_what_was_left_out() -> None:
     even = np.full((len(REACHES), 2), 0.01)
     np.testing.assert_allclose(reach_weights(even), 1.0 / len(REACHES))
     better = even.copy()
-    better[1, 0] = 0.005
+    better[1, 0] = 0.009
     weights = reach_weights(better)
     assert weights.sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(weights[1] / weights[0], 8.0, rtol=1e-3)  # (0.01 / 0.005)³: a part is one colour
+    np.testing.assert_allclose(
+        weights[1] / weights[0], (0.01 / 0.009) ** 30, rtol=1e-2
+    )  # ten colours of three channels
 
 
 def test_the_profile_holds_the_figure_that_evaluate_prints(samples: SampleSet) -> None:
