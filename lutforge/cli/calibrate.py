@@ -23,6 +23,7 @@ from lutforge.model.diagnosis import told
 if TYPE_CHECKING:
     from lutforge.evaluation.learning_curve import LearningCurve
     from lutforge.model.camera_profile import CameraProfile
+    from lutforge.pipeline.sampling import SampledShots
     from lutforge.samples.sample_set import SampleSet
 
 
@@ -109,25 +110,13 @@ def calibrate(
     from lutforge.pipeline.calibration import calibrate as fit
     from lutforge.pipeline.calibration import calibrate_stages, calibration_options, pair_of_shots, smallest_size
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
-    from lutforge.pipeline.sampling import gather_samples
 
     check_output(output, PROFILE_SUFFIXES, [*(sources or ()), *(inliers or ())])
     physical = PhysicalOptions(beta, curves, weighting, centres, rho, tuple(map(pair_of_shots, without_pair or ())))
     options = calibration_options(model, preset, size, tolerance, interpolation, not uniform, physical)
     if pairs is not None and sources:
         raise SettingsError("give --pairs or shots, not both")
-    with progress_bar("sampling") as report:
-        if pairs is not None:
-            from lutforge.pipeline.raw_substitutes import sample_pairs
-
-            tell(sampled := sample_pairs(*pairs, from_space, report))
-        elif developer is None and developed is None and developed_space is None:
-            sampled = gather_samples(sources or [], report, tell)
-        else:
-            from lutforge.pipeline.raw_substitutes import raw_substitute
-
-            substitute = raw_substitute(developer, developed, developed_space)
-            sampled = gather_samples(sources or [], report, tell, substitute)
+    sampled = _sampled(sources or [], pairs, from_space, (developer, developed, developed_space))
     samples = sampled.samples
     if tolerance is not None:
         with progress_bar("choosing a size") as report:
@@ -144,6 +133,26 @@ def calibrate(
     if learning_curve:
         _measure_learning_curves(samples)
     say(f"styles: {', '.join(profile.styles)}; white balances: {', '.join(profile.white_balances)}")
+
+
+def _sampled(
+    sources: list[Path],
+    pairs: tuple[Path, Path] | None,
+    from_space: str,
+    substitute: tuple[str | None, Path | None, str | None],
+) -> "SampledShots":
+    """Take the samples of pairs, or of sources; substitute: what stands in for RAW, if anything."""
+    from lutforge.pipeline.sampling import gather_samples
+
+    with progress_bar("sampling") as report:
+        if pairs is None and substitute == (None, None, None):
+            return gather_samples(sources, report, tell)
+        from lutforge.pipeline.raw_substitutes import raw_substitute, sample_pairs  # loads what decodes RAW files
+
+        if pairs is None:
+            return gather_samples(sources, report, tell, raw_substitute(*substitute))
+        tell(sampled := sample_pairs(*pairs, from_space, report))
+        return sampled
 
 
 def _measure_learning_curves(samples: "SampleSet") -> None:
