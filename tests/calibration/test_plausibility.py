@@ -53,6 +53,7 @@ def test_good_sets_are_not_accused(sets: dict[str, SampleSet], chart_samples: Sa
     assert len(accused) <= 1, accused
 
 
+@pytest.mark.slow
 def test_brightness_and_balance_are_told_of_five_photographs() -> None:
     for case in ("each JPEG brightened by up to 0.3 EV", "white balance shifted in the camera"):
         words, spoil = CASES[case]

@@ -131,6 +131,7 @@ def test_two_cameras_go_through_their_common_reference(samples: SampleSet) -> No
     assert np.linalg.norm(matched[seen] - wanted[seen], axis=1).mean() < 0.03
 
 
+@pytest.mark.slow
 def test_bright_greys_are_not_cut_at_the_references_saturation(samples: SampleSet) -> None:
     """A camera that exposes brighter than its reference reaches its white beyond the reference's 1."""
     rows = samples.raw.max(axis=1) > 0  # a reference that is four times as sensitive clips most bright colours

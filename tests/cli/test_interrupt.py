@@ -101,6 +101,7 @@ def test_fits_samples_configs_and_reports_stop_at_once(demo: tuple[Path, str], t
                 load_profile(tmp_path / output)
 
 
+@pytest.mark.slow
 def test_programs_that_it_runs_end_with_it(tmp_path: Path, shared_data: Path) -> None:
     """A developer that never ends, and that begins a program of its own, as the scripts of kits do."""
     program = tmp_path / "darktable-cli"

@@ -115,6 +115,7 @@ def test_page_stands_alone_and_names_are_only_text(hostile: tuple[CameraProfile,
     assert HOSTILE not in html
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
 def test_it_prints_on_a4_with_the_answers_on_the_first_page(
     hostile: tuple[CameraProfile, SampleSet], tmp_path: Path

@@ -63,6 +63,7 @@ def test_what_is_a_bracket(folder: Path, tmp_path: Path) -> None:
     assert "bracket" in Folders.of([folder.parent]).with_shots()
 
 
+@pytest.mark.slow
 def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(folder: Path) -> None:
     page = opened(folder)
     session, shots = page.session, page.pages["Shots"]

@@ -71,6 +71,7 @@ def url() -> Iterator[str]:
     server.stop()
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_it_is_turned_and_zoomed_by_mouse_and_keys_and_saved(url: str, tmp_path: Path) -> None:
     with sync_playwright() as playwright:

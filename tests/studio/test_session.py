@@ -254,7 +254,13 @@ def test_exports_of_an_opened_profile_leave_it_as_it_is(profile: CameraProfile, 
 
 
 @pytest.mark.parametrize(
-    ("command", "suffix"), [("bake", ".clf"), ("kit", "_kit"), ("config", ".ocioz"), ("report", ".html")]
+    ("command", "suffix"),
+    [
+        ("bake", ".clf"),
+        ("kit", "_kit"),
+        pytest.param("config", ".ocioz", marks=pytest.mark.slow),
+        pytest.param("report", ".html", marks=pytest.mark.slow),
+    ],
 )
 def test_an_export_is_the_command_that_it_tells(
     profile: CameraProfile, tmp_path: Path, command: str, suffix: str
