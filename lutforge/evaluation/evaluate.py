@@ -73,10 +73,11 @@ def evaluate(
         )
         predictions[name] = found
         notes = (*notes, *found.notes, *([monochrome_note(name)] if style.monochrome else []))
-    progress("done", 1.0)
     tones = (*profile.tones, *unseen_tones(profile, samples, multipliers))
     notes = (*notes, *(f"{tone.shot} departs from the fixed rendering: {tone.words}" for tone in tones))
-    return _evaluation(profile, predictions, notes, tones, tables=tables)
+    evaluation = _evaluation(profile, predictions, notes, tones, tables=tables)
+    progress("done", 1.0)
+    return evaluation
 
 
 def unseen_tones(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> tuple[ShotTone, ...]:

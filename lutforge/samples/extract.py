@@ -62,7 +62,8 @@ class ShotSamples:
     @property
     def summary(self) -> str:
         """One line for people."""
-        kept = f"kept {self.kept} ({self.tiles} tiles, {self.patches} chart patches)"
+        kinds = f"{self.tiles} tiles, {self.patches} chart patches"
+        kept = f"kept {self.kept} ({kinds})" if self.patches else f"kept {self.tiles} tiles"
         parts = [kept, _account("clipped", self.clipped), _account("rejected", self.rejected), *self.notes]
         return f"{self.shot}: " + "; ".join(parts)
 

@@ -14,11 +14,12 @@ from lutforge.pipeline.evaluation import evaluate
 from lutforge.progress import Progress
 from lutforge.report.figures import ERROR_SCALE
 from lutforge.samples.sample_set import SampleSet
-from lutforge.studio.elements import FILL, frame, plot, table, text
+from lutforge.studio.elements import FILL, frame, plot, select, table, text
 from lutforge.studio.maps_view import DIRECTIONS, PALETTE
 from lutforge.studio.session import Session
 
-MOST_METHODS = 4
+METHODS = ("nonuniform", "uniform", "rbf", "polynomial of all")
+"""How the names of the methods begin whose errors are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,20 +55,24 @@ def compare_methods(
 
 
 class ComparisonView:
-    """A table of all methods, and where the errors of four of them lie."""
+    """A table of all methods, and where the errors of four of them lie, in one direction."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         compute = session.button("Compare on shots left out", self._compute)
         self.told = text("<p>Fits every method once for each group of shots left out: this takes a while.</p>")
-        self.table = text(sizing_mode="stretch_height", width=520, styles={"overflow": "auto"})
+        self.direction = select("Direction", DIRECTIONS, sizing_mode="fixed", width=230, visible=False)
+        session.watch(self._draw, self.direction)
+        self.found: tuple[MethodErrors, ...] = ()
+        # In rem: letters grow with the window.
+        self.table = text(sizing_mode="stretch_height", styles={"overflow": "auto", "width": "27rem"})
         self.mapper = LinearColorMapper(palette=PALETTE, low=0.0, high=ERROR_SCALE)
-        self.maps = [[self._map() for _ in range(MOST_METHODS)] for _ in DIRECTIONS]
-        rows = [pn.Row(*(drawing for drawing, _ in row), **FILL) for row in self.maps]
-        self.layout = pn.Column(
-            pn.Row(compute, self.told, sizing_mode="stretch_width"),
-            pn.Row(pn.Column(*rows, **FILL), self.table, **FILL), **FILL,
-        )  # fmt: skip
+        self.maps = [self._map() for _ in METHODS]
+        drawings = [drawing for drawing, _ in self.maps]
+        rows = (pn.Row(*drawings[:2], **FILL), pn.Row(*drawings[2:], **FILL))
+        self.result = pn.Row(pn.Column(*rows, **FILL), self.table, visible=False, **FILL)
+        controls = pn.Row(compute, self.direction, self.told, sizing_mode="stretch_width")
+        self.layout = pn.Column(controls, self.result, **FILL)
 
     def _map(self) -> tuple[Any, ColumnDataSource]:
         drawing, source = plot(""), ColumnDataSource({"x": [], "y": [], "error": []})
@@ -75,6 +80,7 @@ class ComparisonView:
         drawing.scatter("x", "y", source=source, color=colour, size=4)
         frame(drawing, (-80.0, 80.0), (-80.0, 90.0))
         drawing.xaxis.axis_label, drawing.yaxis.axis_label = "a*", "b*"
+        drawing.xaxis.ticker.desired_num_ticks = 4
         drawing.add_layout(ColorBar(color_mapper=self.mapper, width=6), "right")
         return drawing, source
 
@@ -88,21 +94,24 @@ class ComparisonView:
         self.session.start("comparison", self._done, compare_methods, profile, samples, size)
 
     def _done(self, found: tuple[MethodErrors, ...]) -> None:
+        self.found = found
+        self._draw()
+        self.result.visible = self.direction.visible = True
+        self.session.say("comparison: done")
+
+    def _draw(self) -> None:
+        found = [one for one in self.found if one.direction == self.direction.value]
         rows = []
-        titles = {direction: title for title, direction in DIRECTIONS.items()}
         for one in found:
             q3, high = np.percentile(one.error, [75, 95])
             figures = (one.error.mean(), q3, high, one.error.max())
-            rows.append((titles[one.direction], one.method, *(f"{value:.4f}" for value in figures)))
-        header = ("direction", "method", "mean", "Q3", "95 %", "max")
+            rows.append((one.method, *(f"{value:.4f}" for value in figures)))
+        header = ("method", "mean", "Q3", "95 %", "max")
         self.table.object = table(header, rows, "Errors on shots left out, norm of RGB")
-        for row, direction in zip(self.maps, DIRECTIONS.values(), strict=True):
-            for place, name in enumerate(("nonuniform", "uniform", "rbf", "polynomial of all")):
-                drawing, source = row[place]
-                drawing.title.text = f"{titles[direction]}: no {name}"
-                for one in [one for one in found if one.direction == direction and one.method.startswith(name)][:1]:
-                    drawing.title.text = f"{titles[direction]}: {one.method}"
-                    chosen = np.random.default_rng(0).permutation(len(one.error))[:2000]
-                    order = chosen[np.argsort(one.error[chosen])]  # the largest errors on top
-                    source.data = {"x": one.ab[order, 0], "y": one.ab[order, 1], "error": one.error[order]}
-        self.session.say("comparison: done")
+        for (drawing, source), name in zip(self.maps, METHODS, strict=True):
+            drawing.title.text, source.data = f"no {name}", {"x": [], "y": [], "error": []}
+            for one in [one for one in found if one.method.startswith(name)][:1]:
+                drawing.title.text = one.method
+                chosen = np.random.default_rng(0).permutation(len(one.error))[:2000]
+                order = chosen[np.argsort(one.error[chosen])]  # the largest errors on top
+                source.data = {"x": one.ab[order, 0], "y": one.ab[order, 1], "error": one.error[order]}

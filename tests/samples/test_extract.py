@@ -131,7 +131,7 @@ def test_real_shots(name: str, shared_data: Path) -> None:
     result = extract(read_shot(shared_data / "canon_powershot_s40" / f"{name}.CRW"))
     samples = result.samples
     assert result.kept > 100
-    assert result.summary.startswith(f"{name}: kept {result.kept} (")
+    assert result.summary.startswith(f"{name}: kept {result.kept} tiles; clipped")
     assert ((samples.raw > 0) & (samples.raw < 0.98)).all()
     assert ((samples.srgb > 1 / 255) & (samples.srgb < 254 / 255)).all()
     # Rendering is smooth: a quadratic of balanced RAW (a square root, so near to encoded) explains the JPEG.
