@@ -11,7 +11,7 @@ from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.apply.source_settings import AS_SHOT, STEADY, choose_camera
 from lutforge.arrays import Pixels
 from lutforge.errors import ImageError, SettingsError
-from lutforge.images.icc import pixels_to_srgb, wants_conversion
+from lutforge.images.icc import foreign_profile, pixels_to_srgb
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import upright, write_image
 from lutforge.model.camera_profile import CameraProfile
@@ -85,8 +85,8 @@ def read_small(path: Path, most: int) -> Pixels:
     pixels = image.pixels
     if pixels.ndim != 3 or pixels.shape[2] < 3:
         raise ImageError(f"{path.name}: it needs red, green and blue")
-    if wants_conversion(image.spec):
-        pixels = pixels_to_srgb(pixels, bytes(image.spec.getattribute("ICCProfile")))
+    if profile := foreign_profile(image.spec):
+        pixels = pixels_to_srgb(pixels, profile)
     pixels = np.clip(upright(pixels[..., :3], image.spec.get_int_attribute("Orientation", 1)), 0.0, 1.0)
     height, width = pixels.shape[:2]
     factor = int(np.ceil(np.sqrt(height * width / most)))

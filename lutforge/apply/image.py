@@ -1,17 +1,14 @@
 """Grade one image: read, grade and write it region by region, so that memory does not grow with the image."""
 
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import zip_longest
 from os import cpu_count
 from pathlib import Path
-from threading import Semaphore
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
@@ -29,29 +26,17 @@ from lutforge.apply.colours import (
 )
 from lutforge.apply.grade import Grade
 from lutforge.apply.jpeg import Canvases, JpegSource, grade_whole, jpeg_source
+from lutforge.apply.open_image import InMemoryImage, open_image
 from lutforge.arrays import Index, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
-from lutforge.images.heif import is_heif
-from lutforge.images.icc import pixels_to_srgb, profile_name, wants_conversion
-from lutforge.images.output_spec import IN_SRGB, describe_output, keeps_orientation, with_shape
-from lutforge.images.read import ImageReader, Region, is_premultiplied, read_image
-from lutforge.images.write import ImageWriter, image_writer, upright
-from lutforge.shots.discover import RAW_SUFFIXES
+from lutforge.images.icc import profile_name
+from lutforge.images.output_spec import describe_output
+from lutforge.images.read import ImageReader, Region, is_premultiplied
+from lutforge.images.write import ImageWriter, image_writer
 
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
-
-
-@cache
-def _in_memory() -> Semaphore:
-    """How many images may be in memory as a whole at once: a decoded RAW file takes about 2 GB in the worst case."""
-    pages = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 8_000_000_000
-    return Semaphore(max(1, pages // 4_000_000_000))
-
-
-_ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}
-"""LibRaw's flip → EXIF orientation."""
 
 
 @dataclass(frozen=True)
@@ -64,31 +49,6 @@ class GradedImage:
     height: int
     notes: tuple[str, ...] = ()
     mask: Path | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class _InMemory:
-    """An image that is needed as a whole: RAW files and HEIF pictures, and those that must be turned or converted.
-
-    profile: the ICC profile of the space that the pixels were converted from, to sRGB; empty where they were not.
-    """
-
-    pixels: Pixels
-    spec: oiio.ImageSpec
-    format: str = ""
-    parts: int = 1
-    profile: bytes = b""
-
-    def regions(self, pixels: int, rows_only: bool) -> list[Region]:
-        height, width = self.pixels.shape[:2]
-        step = max(1, pixels // width)
-        return [Region(0, top, width, min(top + step, height)) for top in range(0, height, step)]
-
-    def read(self, region: Region) -> Pixels:
-        return self.pixels[region.top : region.bottom]
-
-    def count_parts(self) -> int:
-        return self.parts
 
 
 def apply_image(
@@ -116,8 +76,8 @@ def apply_image(
         return _copied(source, target, grade.notes)
     count = workers or cpu_count() or 1
     with ExitStack() as stack:
-        image = stack.enter_context(_open(source, target, grade))
-        spec, profile = image.spec, image.profile if isinstance(image, _InMemory) else b""
+        image = stack.enter_context(open_image(source, target, grade))
+        spec, profile = image.spec, image.profile if isinstance(image, InMemoryImage) else b""
         if profile:
             said = f"the picture is in {profile_name(profile)}: converted to sRGB"
             grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, said))
@@ -152,7 +112,7 @@ def apply_image(
 
 def _grade_regions(
     grade: Grade,
-    image: ImageReader | _InMemory,
+    image: ImageReader | InMemoryImage,
     writer: ImageWriter,
     masking: ImageWriter | None,
     threads: Executor | None,
@@ -214,7 +174,7 @@ def _copied(source: Path, target: Path, notes: tuple[str, ...]) -> GradedImage:
 
 
 def _attributes(
-    source: Path, image: ImageReader | _InMemory, grade: Grade, jpeg: JpegSource | None
+    source: Path, image: ImageReader | InMemoryImage, grade: Grade, jpeg: JpegSource | None
 ) -> dict[str, object]:
     """The metadata that a graded image gets, by OpenImageIO's names."""
     attributes = {
@@ -254,56 +214,6 @@ def _overlapped(
             behind = writing.submit(write, region, pixels, confidence)
         if behind is not None:
             behind.result()
-
-
-@contextmanager
-def _open(source: Path, target: Path, grade: Grade) -> Iterator[ImageReader | _InMemory]:
-    if grade.raw:
-        from lutforge.images.raw import read_raw  # LibRaw, and what reads metadata, for RAW files alone
-        from lutforge.model.falloff import falloff_of
-        from lutforge.shots.metadata import lens_of, raw_attributes
-
-        with _in_memory():
-            image = read_raw(source)
-            falloff = falloff_of(grade.falloffs, lens_of(source, image), image.focal_mm, image.aperture)
-            if falloff is not None:
-                image.pixels[:] *= falloff.gain(*image.pixels.shape[:2])[..., None]
-            pixels = upright(image.pixels, _ORIENTATION_OF_FLIP.get(image.flip, 1))
-            spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
-            for name, value in raw_attributes(source, image).items():
-                spec[name] = value
-            yield _InMemory(pixels, spec)
-        return
-    if source.suffix.lower() in RAW_SUFFIXES:
-        raise ImageError(f"{source}: a RAW file; what renders it is a camera's profile (.npz)")
-    if is_heif(source):
-        with _in_memory():
-            picture = read_image(source)
-            yield _in_srgb(_InMemory(picture.pixels, picture.spec, picture.format), grade)
-        return
-    with ImageReader(source) as reader:
-        orientation = reader.spec.get_int_attribute("Orientation", 1)
-        turned = orientation != 1 and not keeps_orientation(target)
-        if not turned and not (grade.for_srgb and wants_conversion(reader.spec)):
-            yield reader
-            return
-        with _in_memory():
-            pixels, spec = reader.read(reader.whole), reader.spec
-            if turned:
-                pixels = upright(pixels, orientation)
-                spec = with_shape(spec, pixels.shape)
-                spec.attribute("Orientation", 1)
-            yield _in_srgb(_InMemory(pixels, spec, reader.format, reader.count_parts()), grade)
-
-
-def _in_srgb(image: _InMemory, grade: Grade) -> _InMemory:
-    """The image, converted to sRGB where its grade wants that."""
-    if not (grade.for_srgb and wants_conversion(image.spec)):
-        return image
-    profile, spec = bytes(image.spec.getattribute("ICCProfile")), oiio.ImageSpec(image.spec)
-    spec.erase_attribute("ICCProfile")
-    spec.attribute("Exif:ColorSpace", IN_SRGB)
-    return replace(image, pixels=pixels_to_srgb(image.pixels, profile), spec=spec, profile=profile)
 
 
 def _mask_spec(output: oiio.ImageSpec) -> oiio.ImageSpec:

@@ -29,9 +29,9 @@ CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL = "polynomial per channel", "polynomial o
 BASELINES = (MATRIX_AND_RESPONSE, CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL)
 
 
-def uniform_name(size: int) -> str:
-    """The method of lattices with evenly spaced nodes, `size` per axis."""
-    return f"uniform lattice {size}"
+def lattice_name(size: int, *, nonuniform: bool) -> str:
+    """The name of the method that fits lattices of `size` nodes per axis."""
+    return f"{'nonuniform' if nonuniform else 'uniform'} lattice {size}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ class Fitter:
         self.lattices = {LATTICE: options} if has_lattice or sizes else {}
         for size in sizes:
             for nonuniform in (False, True):
-                method = f"non{uniform_name(size)}" if nonuniform else uniform_name(size)
+                method = lattice_name(size, nonuniform=nonuniform)
                 self.lattices[method] = replace(options, size=size, nonuniform=nonuniform)
         self.own_physical = bool(style.physical)
         self.physical = self.own_physical or bool(sizes)
@@ -144,7 +144,7 @@ class Fitter:
         """Return what the thesis's error maps show beside its own model: a uniform lattice, and the model by RBFs."""
         even = _timed_fit(train, replace(self.options, nonuniform=False)).fit
         lattice = Fit(even.render.lattice, even.linearize.lattice)
-        return {uniform_name(self.options.size): lattice, **self._physical(train)}
+        return {lattice_name(self.options.size, nonuniform=False): lattice, **self._physical(train)}
 
     def search(self) -> None:
         """Fit each lattice to all the shots, once, for what is searched in it."""

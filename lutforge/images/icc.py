@@ -22,12 +22,11 @@ def to_srgb(codes: Codes, profile: bytes) -> Codes:
     return np.array(ImageCms.applyTransform(Image.fromarray(codes), _transform(profile)), dtype=np.uint8)
 
 
-def wants_conversion(spec: oiio.ImageSpec) -> bool:
-    """True where a picture has 8 bits a channel, three channels, and an ICC profile of another space than sRGB."""
+def foreign_profile(spec: oiio.ImageSpec) -> bytes:
+    """The ICC profile of a picture of three 8-bit channels in another space than sRGB; empty for all other images."""
     profile = spec.getattribute("ICCProfile")
-    return bool(
-        spec.nchannels == 3 and str(spec.format) == "uint8" and profile is not None and not is_srgb(bytes(profile))
-    )
+    eight_bits = spec.nchannels == 3 and str(spec.format) == "uint8"
+    return bytes(profile) if eight_bits and profile is not None and not is_srgb(bytes(profile)) else b""
 
 
 def pixels_to_srgb(pixels: Pixels, profile: bytes) -> Pixels:

@@ -25,8 +25,8 @@ from lutforge.model.lattice import grid, snap_levels
 from lutforge.solvers.lattice_regression import Prior, Regularisation, solve_lattice
 from lutforge.solvers.normal_equations import InterpolationMatrix
 
-HOLD = 1e-5
-"""How firmly a node is held to what the table continues beside a colour; colours that count less are left out."""
+PRIOR_WEIGHT = 1e-5
+"""Weight of the prior mean at a node, where a colour that the render makes has 1. Colours of less are left out."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class InverseOptions:
     demo's styles doubles. outside: a colour that the render only comes near to takes the scene that comes nearest, and
     counts by this power of half a code over what that scene's colour is off. Without such colours the table runs on
     past RAW 0 and 1 in the cells at the rim, and where the render clamps that, hues change: the largest loss is 0.056
-    instead of 0.015 on the D40 under fluorescent light, 0.09 instead of 0.024 on the demo. With a power of 2 they bend
-    small tables where the render makes colours. entries: of the shaper that holds the node levels.
+    instead of 0.015 on the D40 under fluorescent light. With a power of 2 they bend small tables where the render makes
+    colours. entries: of the shaper that holds the node levels.
     """
 
     size: int = 49
@@ -87,22 +87,22 @@ def inverse_of(
     levels = spaced_levels(render, options)
     knots = _on_axes(render.curve, levels)
     nodes = grid(levels)
-    prior = Prior((near or _straight(render))(nodes), np.full(nodes.shape, HOLD))
+    prior = Prior((near or _straight(render))(nodes), np.full(nodes.shape, PRIOR_WEIGHT))
     smooth = Regularisation(options.smoothness, options.smoothness, 0.0, 0.0)
     known = Linearization(levels, render.curve, prior.values)
     colours = in_every_cell(levels, np.random.default_rng(1))
-    jpeg, raw, sure = _pairs(render, known, colours, levels[0][1], options)
+    jpeg, raw, trust = _pairs(render, known, colours, levels[0][1], options)
     lattice_values, side = render.to_values(jpeg), clipped_sides(jpeg)
     clipped = np.any(side != 0, axis=1) & (np.abs(side.sum(axis=1)) < 3)
     matrix = InterpolationMatrix(lattice_values, knots, "tetrahedral")
     continued, slope = matrix @ prior.values, render.slope(render.cube_values(raw))
     emphasis, values, best, least = np.ones(len(jpeg)), None, None, np.inf
     for _ in range(options.rounds):
-        weight = sure * emphasis * np.einsum("nc,nc->n", slope, slope)
+        weight = trust * emphasis * np.einsum("nc,nc->n", slope, slope)
         equations = matrix.normal_equations(raw - continued, weight / weight.mean())
         values = solve_lattice(equations, knots, smooth, prior=prior, start=values, tolerance=1e-4).values
         reached = matrix @ values
-        error = sure * np.linalg.norm(render(reached) - jpeg, axis=1)
+        error = trust * np.linalg.norm(render(reached) - jpeg, axis=1)
         if error.max() < least:
             best, least = values, float(error.max())
         emphasis = emphasis * (error + 2e-3)  # half a code: smaller errors are no matter
@@ -162,6 +162,6 @@ def _pairs(
     as_good = np.linalg.norm(render(neutral) - jpeg[ends], axis=1) <= 2e-3
     raw[ends] = np.where(as_good[:, None], neutral, raw[ends])
     half_a_code = 3**0.5 * 0.5 / 255
-    sure = (half_a_code / np.maximum(residual, half_a_code)) ** options.outside
-    told = sure > HOLD
-    return jpeg[told], raw[told], sure[told]
+    trust = (half_a_code / np.maximum(residual, half_a_code)) ** options.outside
+    told = trust > PRIOR_WEIGHT
+    return jpeg[told], raw[told], trust[told]

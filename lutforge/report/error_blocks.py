@@ -172,13 +172,7 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
             verdict, functions = judge(pairs), transfer_functions(pairs)
         except CalibrationError:  # no two shots show the same patches at different exposures, or too few
             continue
-        fixed = "a fixed property of the camera" if verdict.fixed else "not the same in all shots"
-        yield Text(
-            f"{name}: the response is {fixed}. Shots depart from it by up to {255 * verdict.shift:.1f} codes of 255 in "
-            f"the median of their unsaturated colours; {verdict.outliers:.0%} of the colours leave it by more than "
-            "three codes, which the gamut map does to saturated ones. Curves of single shots explain "
-            f"{max(verdict.own_curves, 0.0):.0%} of what is left."
-        )
+        yield Text(f"{name}: {verdict.told}.")
         header = ("f is fitted to", "red", "green", "blue")
         rows = tuple((what, *(f"{value:.4f}" for value in each)) for what, each in response_deltas(pairs).items())
         yield Table(f"{name}: linearization error of f over pairs of exposures (1 = full scale)", header, rows)

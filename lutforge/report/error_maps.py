@@ -14,7 +14,7 @@ from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.evaluation.held_out import Predictions, with_compared
-from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, uniform_name
+from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, lattice_name
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import Falloff, falloff_of
 from lutforge.progress import Progress
@@ -105,7 +105,13 @@ def maps_of_shot(profile: CameraProfile, evaluation: Evaluation, shot: str, raw_
     options = options_from_json(profile.options)
     found = with_compared(found, shot, profile.styles[style], profile.shots, options)
     fits = found.fits[found.fold[found.data.shot == shot][0]]
-    named = (own_method(profile, evaluation), LATTICE, uniform_name(options.size), RBF, COLOUR_POLYNOMIAL)
+    named = (
+        own_method(profile, evaluation),
+        LATTICE,
+        lattice_name(options.size, nonuniform=False),
+        RBF,
+        COLOUR_POLYNOMIAL,
+    )
     methods = [method for method in dict.fromkeys(named) if method in fits]
     return error_maps(replace(read_shot(raw_file), name=shot), found, methods, profile.falloffs)
 

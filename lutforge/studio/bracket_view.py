@@ -43,7 +43,7 @@ class BracketView:
     def _fit(self) -> None:
         bracket = self.session.bracket
         assert bracket is not None
-        files = tuple(file for file in bracket.files if file.name not in self.session.left_out)
+        files = tuple(file for file in bracket.files if file.name not in self.session.pictures_out)
         times, light, corners = (
             str(each.value_input or each.value or "").strip() for each in (self.times, self.light, self.corners)
         )

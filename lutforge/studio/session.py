@@ -45,8 +45,8 @@ class Session(Desk):
 
     accounts: of the shots that were sampled; left_out: why others were not; files: by shot its RAW file; look: of the
     Look step; look_chosen: whether the visitor chose it; written: by kind of export the last file; profile_source: the
-    file that `loaded_profile` was opened from; bracket: pictures without RAW, open instead of samples, of which
-    left_out names those that take no part; response: what was asked for and fitted to them.
+    file that `loaded_profile` was opened from; bracket: pictures without RAW, open instead of samples;
+    pictures_out: the names of those that take no part; response: what was asked for and fitted to them.
     """
 
     folders: Folders
@@ -60,6 +60,7 @@ class Session(Desk):
     look_chosen: bool = False
     profile_source: Path | None = None
     bracket: Bracket | None = None
+    pictures_out: tuple[str, ...] = ()
     response: tuple[BracketRequest, FittedResponse | FittedChart] | None = None
     written: dict[str, Written] = field(default_factory=dict)
     on_change: Callable[[], None] = lambda: None
@@ -149,7 +150,7 @@ class Session(Desk):
         self.start(f"opening {names[:80]}", lambda opened: self._opened(opened, names), open_paths, paths)
 
     def _opened(self, opened: Opened, names: str) -> None:
-        self.bracket, self.response = opened.bracket, None
+        self.bracket, self.pictures_out, self.response = opened.bracket, (), None
         self.look_chosen &= opened.bracket is None and opened.workspace is None
         if opened.bracket is not None:
             self.history = self.loaded_profile = None

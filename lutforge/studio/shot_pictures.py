@@ -14,7 +14,7 @@ from PIL import Image, ImageOps
 
 from lutforge.apply.candidates import read_small
 from lutforge.arrays import Array
-from lutforge.images.icc import wants_conversion
+from lutforge.images.icc import foreign_profile
 from lutforge.images.read import ImageReader
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
@@ -41,7 +41,7 @@ def picture_bytes(path: Path) -> bytes:
     """A picture in sRGB as a file that browsers read: itself, or PNG of at most 8 million pixels. Raises ImageError."""
     if path.suffix.lower() in (".jpg", ".jpeg", ".png"):
         with ImageReader(path) as image:
-            as_it_is = not wants_conversion(image.spec)
+            as_it_is = not foreign_profile(image.spec)
         if as_it_is:
             return path.read_bytes()
     pixels, buffer = read_small(path, 8_000_000), BytesIO()

@@ -74,7 +74,7 @@ class ShotsPage:
 
     def _left_out(self) -> None:
         if self.session.bracket is not None:
-            self.session.left_out = tuple(self.grid.out)
+            self.session.pictures_out = tuple(self.grid.out)
         if self.session.history is None:
             return
         workspace, out = self.session.workspace, frozenset(self.grid.out)
@@ -89,7 +89,7 @@ class ShotsPage:
         if self.session.history is None:
             bracket, self._drawn = self.session.bracket, None
             self.grid.shots = [] if bracket is None else self.bracket.cards(bracket)
-            self.grid.out, self.grid.legend = list(self.session.left_out), []
+            self.grid.out, self.grid.legend = list(self.session.pictures_out), []
             self.notes.object = "" if bracket is None else f"<p>{escape(str(bracket))}.</p>"
             return
         workspace = self.session.workspace

@@ -218,7 +218,7 @@ def test_exposures_say_whether_the_response_is_fixed() -> None:
     samples = photograph_patches(nikon_d5100(), chart_140(), balances=("daylight",), stops=(-2, -1, 0))
     data, _ = style_data(samples, samples.wb)
     text, table, picture = exposure_blocks(data)
-    assert isinstance(text, Text) and "standard: the response is a fixed property of the camera" in text.text
+    assert isinstance(text, Text) and "standard: the response is a fixed property of this camera" in text.text
     assert isinstance(table, Table)
     removed, everything = (np.array(row[1:], dtype=float) for row in table.rows)
     assert (removed < 0.05).all() and not np.array_equal(removed, everything)
