@@ -29,8 +29,8 @@ def response(
     chart: Annotated[
         str | None,
         typer.Option(
-            help="The scene shows this chart: classic, classic2014, sg, spyder24, spyder48 or a .json file. The whole "
-            "rendering is calibrated on its colours."
+            help="The scene shows this chart: classic, classic2014, sg, spyder24, spyder48, or what a file of measured "
+            "patches (CGATS .txt) or a .json tells. The whole rendering is calibrated on its colours."
         ),
     ] = None,
     light: Annotated[

@@ -1,12 +1,13 @@
 """Colour charts: where their patches are, and what colours these have under a light.
 
 Layouts and sources are in data/charts.json; colours of ColorCheckers come with colour-science. A user's own chart is a
-file of the same form: centres of columns and rows in patch pitches, and "lab", CIE Lab under D50 as measured.
+CGATS table of patches that are named A1, A2 …, or a JSON file: centres of columns and rows in patch pitches, and either
+"lab", CIE Lab under D50, or "measured", the name of a CGATS table.
 """
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,10 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.boundary import reading, require_file
 from lutforge.errors import CalibrationError
+from lutforge.samples.cgats import read_cgats
 
 D50 = "D50"
+CGATS_SUFFIXES = (".txt", ".cgats", ".cie", ".ti3")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +28,8 @@ class ChartKind:
     """A kind of chart, upright. columns, rows: centres of its patches, in pitches from the outer edge of the first.
 
     detector: OpenCV's name of its detector, "" where it has none; source: of the colours. One of these says them, row
-    by row: lab (n, 3) under D50; colours: name in colour-science, under D50; spectra: the same, reflectances.
+    by row: xyz (n, 3) under D50, 1 a perfect diffuser; lab (n, 3), the same; colours: name in colour-science, under
+    D50; spectra: the same, reflectances; measured: reflectances (n, 81) at `colour.spectra.WAVELENGTHS`.
     """
 
     name: str
@@ -34,8 +38,10 @@ class ChartKind:
     source: str = ""
     detector: str = ""
     lab: Array | None = None
+    xyz: Array | None = None
     colours: str = ""
     spectra: str = ""
+    measured: Array | None = None
 
     @property
     def outline(self) -> Array:
@@ -61,8 +67,13 @@ class ChartKind:
         spectrum = spectrum_of(light)
         if self.spectra:
             return linear_srgb_under(reflectances(self.spectra), spectrum)
-        if self.lab is not None:
-            white = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"][D50]
+        if self.measured is not None:
+            return linear_srgb_under(self.measured, spectrum)
+        white = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"][D50]
+        xyz: Any
+        if self.xyz is not None:
+            xyz = self.xyz
+        elif self.lab is not None:
             xyz = colour.Lab_to_XYZ(self.lab, white)
         else:
             published: Any = colour.CCS_COLOURCHECKERS[self.colours]
@@ -82,7 +93,7 @@ def _known() -> dict[str, Any]:
 
 
 def chart_kind(word: str) -> ChartKind:
-    """Return a chart by its name in data/charts.json, or of a JSON file.
+    """Return a chart by its name in data/charts.json, or of a CGATS table or a JSON file.
 
     Raises CalibrationError, which lists the names, on an unknown one, and on a file that describes no chart.
     """
@@ -91,19 +102,47 @@ def chart_kind(word: str) -> ChartKind:
     if entry is not None:
         return _kind(entry)
     path = Path(word)
-    if path.suffix.lower() != ".json":
+    if path.suffix.lower() not in (".json", *CGATS_SUFFIXES):
         raise CalibrationError(
-            f'no chart "{word[:60]}"; known: {", ".join(known)}, or a .json file with columns, rows and lab; a '
-            "Passport, Nano or Mega shows a classic, or a classic2014 if made after November 2014"
+            f'no chart "{word[:60]}"; known: {", ".join(known)}, or a file: a CGATS table '
+            f"({', '.join(CGATS_SUFFIXES)}) or .json; a Passport, Nano or Mega shows a classic, or a classic2014 if "
+            "made after November 2014"
         )
+    if path.suffix.lower() != ".json":
+        return _of_table(path, None)
     require_file(path, "a chart", CalibrationError, most=1 << 20)
     with reading(path, "a chart", CalibrationError):
-        kind = _kind({"name": path.stem, **json.loads(path.read_text(encoding="utf-8"))})
-        if kind.lab is None or kind.lab.shape != (len(kind.centres), 3) or not np.isfinite(kind.lab).all():
-            raise CalibrationError(f'"lab" is not a list of three numbers for each of {len(kind.centres)} patches')
+        entry = json.loads(path.read_text(encoding="utf-8"))
+        own = {key: entry[key] for key in ("name", "source", "columns", "rows", "lab") if key in entry}
+        kind = _kind({"name": path.stem, **own})
         if min(len(kind.rows), len(kind.columns)) < 1 or min(*np.diff(kind.columns), *np.diff(kind.rows), 1) <= 0:
             raise CalibrationError('"columns" and "rows" are not centres that rise from 0.5')
+        if "measured" in entry:
+            return _of_table(path.parent / str(entry["measured"]), kind)
+        if kind.lab is None or kind.lab.shape != (len(kind.centres), 3) or not np.isfinite(kind.lab).all():
+            raise CalibrationError(f'"lab" is not a list of three numbers for each of {len(kind.centres)} patches')
     return kind
+
+
+def _of_table(path: Path, layout: ChartKind | None) -> ChartKind:
+    """A chart of a CGATS table. layout: its columns and rows; None where the names of the patches tell them."""
+    patches = read_cgats(path)
+    grid, count = patches.grid, len(patches.colours)
+    if layout is None:
+        if grid is None:
+            raise CalibrationError(
+                f"{path}: its patches are not named A1, A2 … of a whole rectangle; describe it in a .json file with "
+                f'"columns", "rows" and "measured": "{path.name}"'
+            )
+        columns, rows = (np.arange(side, dtype=np.float64) + 0.5 for side in (grid.columns, grid.rows))
+        layout = ChartKind(path.stem[:200], columns, rows)
+    if count != len(layout.centres):
+        raise CalibrationError(f"{path}: {count} patches, and the chart has {len(layout.centres)}")
+    fits = grid is not None and (grid.columns, grid.rows) == (len(layout.columns), len(layout.rows))
+    order = grid.order if grid is not None and fits else np.arange(count)
+    layout = replace(layout, source=layout.source or f"measured, {path.name}"[:200])
+    colours = patches.colours[order]
+    return replace(layout, measured=colours) if patches.spectral else replace(layout, xyz=colours)
 
 
 def _kind(entry: dict[str, Any]) -> ChartKind:
