@@ -3,7 +3,7 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ from lutforge.threads import cores
 if TYPE_CHECKING:  # tables are read without what decodes RAW files
     from lutforge.images.development import Development
     from lutforge.samples.extract import ShotSamples
-    from lutforge.shots.shot import Shot
+    from lutforge.shots.shot import Placement, Shot
 
 RawSubstitute = Callable[[Path], "Development"]
 """A function of a RAW file that gives the picture to use instead of it, as a program developed it."""
@@ -64,8 +64,20 @@ def sample_shots(paths: Paths, progress: Progress = silent, substitute: RawSubst
     # The whole path where two files share a stem.
     names = [stem if stems.count(stem) == 1 else str(file) for file, stem in zip(files, stems, strict=True)]
 
+    # The other shots are looked for first where the JPEG of the first one lies: which that is does not depend on time.
+    first: Future[Placement | None] = Future()
+
     def read(name: str, file: Path) -> Shot:
-        return replace(read_shot(file, None if substitute is None else substitute(file)), name=name)
+        developed = None if substitute is None else substitute(file)
+        if file != files[0]:
+            return replace(read_shot(file, developed, first.result), name=name)
+        try:
+            shot = read_shot(file, developed)
+            first.set_result(shot.placement)
+        finally:
+            if not first.done():
+                first.set_result(None)
+        return replace(shot, name=name)
 
     # Decoding and registration run outside Python's lock; programs that develop use all cores by themselves.
     threads = cores() if substitute is None else 1

@@ -21,7 +21,7 @@ from lutforge.shots.cross_correlation import search
 from lutforge.shots.lucas_kanade import moved_to_fit
 from lutforge.shots.predicted_colours import explained, predicted_luma
 from lutforge.shots.pyramid import RawPyramid, ReducedJpeg
-from lutforge.shots.shot import Registration, unreduced
+from lutforge.shots.shot import Placement, Registration, unreduced
 
 MIN_CORRELATION = 0.5
 """Below this, structure does not agree: another scene, or a picture too blurred or noisy to register."""
@@ -35,14 +35,21 @@ def register(raw: RawImage, jpeg: Codes) -> Registration:
     return register_rotated(raw, jpeg, (0,))[1]
 
 
-def register_rotated(raw: RawImage, jpeg: Codes, turns: Sequence[int] = (0, 1, 2, 3)) -> tuple[Codes, Registration]:
+def register_rotated(
+    raw: RawImage, jpeg: Codes, turns: Sequence[int] = (0, 1, 2, 3), expected: Placement | None = None
+) -> tuple[Codes, Registration]:
     """Turn the JPEG to the sensor's orientation, and register it.
 
     turns: quarter turns (numpy.rot90) that may do it, the likeliest first; the first to match clearly is taken, else
-    the one that explains the JPEG's colours best. Raises ShotError as `register`, and where another place or turn
-    explains them nearly as well.
+    the one that explains the JPEG's colours best. expected: of another shot of the camera; where this one clearly lies
+    there, too, no other place is searched. Raises ShotError as `register`, and where another place or turn explains
+    the colours nearly as well.
     """
     pyramid = RawPyramid.of(raw, jpeg)
+    for turn in turns if expected is not None else ():
+        turned = np.rot90(jpeg, turn)
+        if expected is not None and (registration := _as_expected(raw, pyramid, turned, expected)) is not None:
+            return np.ascontiguousarray(turned), registration
     found: list[_Candidate] = []
     for turn in turns:
         reduced = ReducedJpeg.of(raw, np.rot90(jpeg, turn))
@@ -72,6 +79,32 @@ def register_rotated(raw: RawImage, jpeg: Codes, turns: Sequence[int] = (0, 1, 2
     if not registration.correlation >= MIN_CORRELATION:
         raise ShotError(_NO_MATCH.format(f"correlation {registration.correlation:.2f}, needed {MIN_CORRELATION}"))
     return np.ascontiguousarray(np.rot90(jpeg, found[0].turn)), registration
+
+
+def _as_expected(raw: RawImage, pyramid: RawPyramid, jpeg: Codes, expected: Placement) -> Registration | None:
+    """Refine an expected place; None where the sizes are others, or the JPEG does not clearly lie there, this side up.
+
+    A place that moves on the coarse copy by less than half of its pixels is within reach of the finest copy.
+    """
+    height, width = raw.pixels.shape[:2]
+    if (height, width, raw.pixel_size) != expected.raw or jpeg.shape[:2] != expected.jpeg:
+        return None
+    reduced, start = ReducedJpeg.of(raw, jpeg), expected.registration
+    level = reduced.coarsest
+    found, over = (_judged(pyramid, one, start, 0) for one in (level, level.upside_down))
+    if not found.is_clear or 1 - over.explained < 1.5 * (1 - found.explained):
+        return None
+    moved = [
+        (found.start.scale / start.scale - 1) * side + (after - before) / start.scale
+        for before, after, length in (
+            (start.offset_x, found.start.offset_x, expected.jpeg[1]),
+            (start.offset_y, found.start.offset_y, expected.jpeg[0]),
+        )
+        for side in (0, length)
+    ]
+    near = np.abs(moved).max() < level.factor / 2
+    registration = _fitted(pyramid, reduced, start) if near else _refined(pyramid, reduced, found.start)
+    return registration if registration.correlation >= MIN_CORRELATION else None
 
 
 _NO_MATCH = (

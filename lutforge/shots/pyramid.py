@@ -81,9 +81,7 @@ def _halvings(pixels: float) -> int:
 
 def _halved(planes: Single) -> Single:
     """Means over 2 × 2 pixels of planes (3, h, w); an odd row or column is left out."""
-    height, width = planes.shape[1] // 2 * 2, planes.shape[2] // 2 * 2
-    rows = planes[:, :height:2, :width] + planes[:, 1:height:2, :width]
-    return np.asarray((rows[..., ::2] + rows[..., 1::2]) * np.float32(0.25))
+    return np.stack([block_mean(plane, 2) for plane in planes])
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +123,11 @@ class ReducedJpeg:
     def halvings(self) -> int:
         """How often it is halved to become about as small as for the coarse search."""
         return max(0, round(math.log2(max(self.luma.shape) / COARSE_SIDE)))
+
+    @property
+    def upside_down(self) -> "ReducedJpeg":
+        """It, turned by half a turn."""
+        return ReducedJpeg(self.codes[::-1, ::-1], self.weight[::-1, ::-1], self.factor)
 
     @property
     def coarsest(self) -> "ReducedJpeg":

@@ -1,5 +1,6 @@
 """Read a shot: RAW, the JPEG that the camera made of it, settings, and the registration of the two."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from lutforge.shots.discover import JPEG_SUFFIXES, jpeg_beside
 from lutforge.shots.editors import edited_notes
 from lutforge.shots.maker_settings import in_adobe_rgb
 from lutforge.shots.metadata import read_metadata
-from lutforge.shots.shot import Registration, Shot
+from lutforge.shots.shot import Placement, Registration, Shot
 from lutforge.shots.tags import tags, tags_of
 
 EMBEDDED = "embedded preview"
@@ -31,13 +32,18 @@ TURNS = {0: 0, 3: 2, 5: 3, 6: 1}
 orientation."""
 
 
-def read_shot(path: Path | str, development: Development | None = None) -> Shot:
+def read_shot(
+    path: Path | str,
+    development: Development | None = None,
+    expected: Callable[[], Placement | None] = lambda: None,
+) -> Shot:
     """RAW at half size, the registered camera JPEG, and the metadata of one RAW file.
 
     The JPEG beside the RAW (same stem) is used where it registers, else the embedded preview; one that another program
     wrote (a converter's DNG holds that converter's rendering) comes last. metadata.notes says so, and which was passed
     over and why. development: a picture that a program made of the RAW, which then takes the RAW's place: balanced, so
-    that its multipliers are 1. Raises ImageError where the RAW cannot be decoded, ShotError where no JPEG matches it.
+    that its multipliers are 1. expected: called once the RAW is decoded, for where another shot of the camera lies; the
+    place is looked at first. Raises ImageError where the RAW cannot be decoded, ShotError where no JPEG matches it.
     """
     path = Path(path)
     if path.suffix.lower() in JPEG_SUFFIXES or is_heif(path):
@@ -50,7 +56,7 @@ def read_shot(path: Path | str, development: Development | None = None) -> Shot:
     candidates = sorted(_candidates(path), key=lambda candidate: len(candidate[1]))
     for index, (source, edited) in enumerate(candidates):
         try:
-            jpeg, fine, registration, converted = _registered(raw, path, source)
+            jpeg, fine, registration, converted = _registered(raw, path, source, expected())
         except (ImageError, ShotError) as error:
             reasons.append(str(error))
             continue
@@ -75,7 +81,7 @@ def _candidates(path: Path) -> list[tuple[str, tuple[str, ...]]]:
 
 
 def _registered(
-    raw: RawImage, path: Path, source: str
+    raw: RawImage, path: Path, source: str, expected: Placement | None
 ) -> tuple[Codes, NDArray[np.uint16] | None, Registration, tuple[str, ...]]:
     """The picture in 8 bits and, where it has more, in 16, both as the sensor lies; where it lies on the RAW; notes."""
     if source == EMBEDDED and raw.preview is None:
@@ -103,7 +109,7 @@ def _registered(
     # Previews lie like the sensor or upright; a file beside may have been turned by any program.
     likely = (0, TURNS.get(raw.flip, 0), 1, 2, 3)
     try:
-        turned, registration = register_rotated(raw, jpeg, tuple(dict.fromkeys(likely)))
+        turned, registration = register_rotated(raw, jpeg, tuple(dict.fromkeys(likely)), expected)
     except ShotError as error:
         raise ShotError(f"{source}: {error}") from None
     if fine is not None:

@@ -31,6 +31,18 @@ def unreduced(found: Registration, factor: float) -> Registration:
     return Registration(found.scale / factor, found.offset_x, found.offset_y, found.correlation)
 
 
+@dataclass(frozen=True)
+class Placement:
+    """Where JPEGs of one size lie on RAW images of one size. A camera places them alike in all its shots.
+
+    raw: height and width of the decoded array, and its pixels' size; jpeg: height and width, as the sensor lies.
+    """
+
+    raw: tuple[int, int, float]
+    jpeg: tuple[int, int]
+    registration: Registration
+
+
 @dataclass(frozen=True, eq=False)
 class Shot:
     """A RAW/JPEG pair, both oriented like the sensor.
@@ -50,3 +62,9 @@ class Shot:
     development: Development | None = None
     raw_camera: str = ""
     fine: NDArray[np.uint16] | None = None
+
+    @property
+    def placement(self) -> Placement:
+        """Where the JPEG lies on the RAW, for other shots of the camera."""
+        height, width = self.raw.pixels.shape[:2]
+        return Placement((height, width, self.raw.pixel_size), self.jpeg.shape[:2], self.registration)

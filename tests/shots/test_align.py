@@ -10,9 +10,10 @@ from scipy import ndimage
 
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
+from lutforge.shots import align
 from lutforge.shots.align import register, register_rotated
 from lutforge.shots.read import read_shot
-from lutforge.shots.shot import Registration
+from lutforge.shots.shot import Placement, Registration
 
 Array = NDArray[np.float64]
 
@@ -121,6 +122,38 @@ def test_refuses_what_fits_nearly_as_well_upside_down() -> None:
     scene = symmetric(0.01)
     with pytest.raises(ShotError, match="nearly as well at a second place, or turned"):
         register_rotated(sensor(scene), developed(scene, 2.4, (4.0, 2.6), (247, 330)), (0, 2))
+
+
+def placed(scale: float, offset: tuple[float, float], jpeg: NDArray[np.uint8]) -> Placement:
+    """Where a JPEG of a scene lies, as another shot of the camera tells it."""
+    return Placement((600, 800, 1.0), (jpeg.shape[0], jpeg.shape[1]), Registration(scale, *offset, 0.9))
+
+
+@pytest.mark.parametrize("turns", [0, 1, 2])
+def test_searches_nothing_where_another_shot_tells_the_place(turns: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = rectangles(seed=3)
+    jpeg = developed(scene, 2.37, (11.3, 7.7), (245, 330))
+    monkeypatch.setattr(align, "search", None)
+    near = placed(2.371, (11.0, 8.2), jpeg)
+    turned, found = register_rotated(sensor(scene), np.rot90(jpeg, -turns), expected=near)
+    np.testing.assert_array_equal(turned, jpeg)
+    assert error(found, 2.37, (11.3, 7.7), jpeg) < 0.1
+
+
+@pytest.mark.parametrize(("offset", "size"), [((71.3, 60.7), (245, 330)), ((11.3, 7.7), (245, 331))])
+def test_searches_where_another_shot_tells_a_wrong_place(offset: tuple[float, float], size: tuple[int, int]) -> None:
+    scene = rectangles(seed=3)
+    jpeg = developed(scene, 2.37, (11.3, 7.7), (245, 330))
+    wrong = placed(2.37, offset, np.empty((*size, 3), dtype=np.uint8))
+    found = register_rotated(sensor(scene), jpeg, expected=wrong)[1]
+    assert found == register(sensor(scene), jpeg)
+
+
+def test_refuses_what_fits_upside_down_where_another_shot_tells_the_place() -> None:
+    scene = symmetric(0.01)
+    jpeg = developed(scene, 2.4, (4.0, 2.6), (247, 330))
+    with pytest.raises(ShotError, match="nearly as well at a second place, or turned"):
+        register_rotated(sensor(scene), jpeg, (0, 2), placed(2.4, (4.0, 2.6), jpeg))
 
 
 def test_refuses_a_cropped_picture() -> None:

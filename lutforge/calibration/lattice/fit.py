@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.output_curve import OutputCurve
 from lutforge.calibration.lattice.plain import fit_plain
-from lutforge.calibration.lattice.problem import Guess, LatticeProblem, curve_weights, outlier_weights, search_rows
+from lutforge.calibration.lattice.problem import (
+    Guess,
+    LatticeProblem,
+    PlacedProblem,
+    curve_weights,
+    outlier_weights,
+    search_rows,
+)
 from lutforge.calibration.lattice.result import LatticeResult, result, snapped
 from lutforge.calibration.options import SEARCH_SIZE, CalibrationOptions
 from lutforge.calibration.thesis.lattice import fit_thesis
@@ -98,14 +105,16 @@ def fit_samples(
         chosen = like.smoothness
     else:
         chosen = begin if smoothness is not None else choose_smoothness(search, groups[rows], levels, points)
-    problem, search = (replace(each, smoothness=chosen) for each in (problem, search))
+    same = search is problem
+    problem = replace(problem, smoothness=chosen)
+    search = problem if same else replace(search, smoothness=chosen)
     if points is not None:
         problem = problem.with_points(*points)
         rows = search_rows(len(problem.x), options.size)
         search = problem if len(rows) == len(problem.x) else problem.select(rows, guess)
         levels = search.levels(min(SEARCH_SIZE, options.size)) if like is None else levels
     found = _search(search, levels) if like is None else _fit_at(search, levels)
-    lattice = _final_fit(problem, found, found.error if len(rows) == len(problem.x) else None, tolerance)
+    lattice = _final_fit(problem, found, tolerance)
     if curve is not None and not options.output_curve:
         return fit_plain(x, y, lattice, options, chosen)
     return result(lattice, x, y, chosen)
@@ -115,10 +124,12 @@ def fit_samples(
 class _Search:
     """The result of the search.
 
-    levels: the best node levels; fit: the last one, at the levels before these; error: its squared errors.
+    levels: the best node levels; placed: the problem at the levels before these; fit: the last one, of that problem;
+    error: its squared errors.
     """
 
     levels: Levels
+    placed: PlacedProblem
     fit: LatticeFit
     error: Array
 
@@ -127,7 +138,7 @@ def _fit_at(problem: LatticeProblem, levels: Levels, like: LatticeFit | None = N
     """Fit to the tolerance of the search, at levels that stay. like: a fit at other levels, to start from."""
     placed = problem.at(levels)
     fit = placed.fit(problem.first_robust, problem.options.lattice.search_tolerance, like)
-    return _Search(levels, fit, placed.squared_error(fit))
+    return _Search(levels, placed, fit, placed.squared_error(fit))
 
 
 def _search(problem: LatticeProblem, levels: Levels) -> _Search:
@@ -145,10 +156,14 @@ def _search(problem: LatticeProblem, levels: Levels) -> _Search:
     return replace(found, levels=levels)
 
 
-def _final_fit(problem: LatticeProblem, found: _Search, error: Array | None, tolerance: float | None) -> Lattice:
-    """Fit once more to all samples, with weights from the errors of the search; error: these, if they are of all."""
-    options = problem.options
-    error = problem.at(found.fit.levels).squared_error(found.fit) if error is None else error
-    placed = problem.at(snapped(found.levels, options))
+def _final_fit(problem: LatticeProblem, found: _Search, tolerance: float | None) -> Lattice:
+    """Fit once more to all samples, with weights from the errors of the search."""
+    options, placed, error = problem.options, found.placed, found.error
+    if placed.problem is not problem:
+        placed = problem.at(found.fit.levels)
+        error = placed.squared_error(found.fit)
+    levels = snapped(found.levels, options)
+    if not all(map(np.array_equal, levels, placed.levels)):
+        placed = problem.at(levels)
     weight, start = outlier_weights(error, options.lattice), placed.moved(found.fit).values
     return placed.lattice(placed.rising_fit(weight, start, tolerance or options.lattice.tolerance))

@@ -212,6 +212,8 @@ class PlacedProblem:
 
     def moved(self, fit: LatticeFit) -> LatticeFit:
         """Interpolate a fit at other levels to these levels."""
+        if all(map(np.array_equal, fit.levels, self.levels)):
+            return fit
         return LatticeFit(self.levels, interpolate(grid(self.levels), fit.levels, fit.values))
 
     def fit(self, weight: Array, tolerance: float, like: LatticeFit | None = None) -> LatticeFit:
