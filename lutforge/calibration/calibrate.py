@@ -7,7 +7,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.physical_model import GamutMaps, robust_options
+from lutforge.calibration.physical.physical_model import GamutMaps
 from lutforge.calibration.physical.reference_camera import own_raw
 from lutforge.calibration.physical.white_balance import (
     complete_multipliers,
@@ -162,7 +162,7 @@ def _own_raw_of(samples: SampleSet, options: CalibrationOptions, stages: CameraP
     if stages is not None and stages.raw_transfer is not None:
         samples, transfer = with_own_raw(stages, samples), stages.raw_transfer
     else:
-        carried = own_raw(samples, robust_options(options.physical))
+        carried = own_raw(samples, options.preset, options.physical)
         samples, transfer = carried.samples, carried.transfer
     notes = [f"RAW of {name} stands in: refinishing works, linearizing to the own RAW cannot"]
     if len(samples) < count:

@@ -146,23 +146,6 @@ def with_compared(
     return replace(predictions, fits=fits)
 
 
-def weights_within_a_shot(
-    style: PictureStyle, name: str, data: StyleData, options: CalibrationOptions, fitted: StyleFit
-) -> tuple[Array, Array]:
-    """Return the weights of reaches (render, linearize) from colours of one shot, quarters of them left out in turn.
-
-    The quarters are cut at the medians along the two principal axes of the colours, so that each fit has to predict
-    colours that lie away from its own, as another shot's do. fitted: the fit by the options to all of them.
-    """
-    axes = np.linalg.svd(data.encoded - data.encoded.mean(axis=0), full_matrices=False)[2]
-    along = data.encoded @ axes[:2].T
-    high = along > np.median(along, axis=0)
-    masks = [np.all(high == quarter, axis=1) for quarter in ((0, 0), (0, 1), (1, 0), (1, 1))]
-    masks = [mask for mask in masks if mask.any() and (~mask).sum() >= LEAST_SAMPLES]
-    fitter = Fitter(name, style, data, options, [], own=True, fitted=fitted)
-    return _weights(data, masks, _without_each(data, masks, fitter, lambda share: None))
-
-
 @one_blas_thread
 def _without_each(
     data: StyleData, masks: Sequence[Mask], fitter: Fitter, progress: Callable[[float], None]

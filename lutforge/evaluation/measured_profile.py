@@ -7,13 +7,13 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.calibrate import CalibratedStyle, Calibration
-from lutforge.calibration.lattice.shrinkage import UNSHRUNK, shrinkable
+from lutforge.calibration.lattice.shrinkage import ALIKE, UNSHRUNK, shrinkable
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_fit import render_with_plain
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
 from lutforge.evaluation.expected_error import expected_errors, held_out_errors
-from lutforge.evaluation.held_out import Predictions, predict, weights_within_a_shot
+from lutforge.evaluation.held_out import Predictions, predict
 from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, shrinks
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
@@ -47,10 +47,8 @@ def _measured(
         weak.append(f"only {len(data.shot)} samples: colours between them are guessed from the matrix and response")
     if len(shots) < 2:
         weak.append("one shot only: no shot is left to measure the error on; add another of other colours")
-        weights = (UNSHRUNK, UNSHRUNK)
-        if shrinks(data, options):
-            weights = weights_within_a_shot(model, name, data, options, style.fit)
-        return _shrunk(model, style, options, weights), weak
+        weights = ALIKE if shrinks(data, options) else UNSHRUNK
+        return _shrunk(model, style, options, (weights, weights)), weak
     try:
         found = predict(model, name, data, shots, options, own_only=True, fitted=style.fit, progress=refitted)
     except CalibrationError:

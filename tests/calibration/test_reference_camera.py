@@ -8,6 +8,7 @@ import pytest
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.plain_curves import gamma_response
 from lutforge.calibration.physical.reference_camera import own_raw
+from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import CalibrationError, ProfileError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.methods import RBF
@@ -105,6 +106,19 @@ def test_shots_that_are_too_dark_do_not_bend_the_response(samples: SampleSet) ->
         change = {stop: after[name] - before[name] for name in before if balance in name for stop in [name[-2:]]}
         found = np.exp(change.pop("-1") - np.mean(list(change.values())))
         assert found == pytest.approx(1 / 0.8, abs=0.015)
+
+
+def test_the_thesis_preset_trusts_unsaturated_colours_alike_and_the_exposures(samples: SampleSet) -> None:
+    """As (4.10) has it: no shot gets a gain, and colours above the saturation β tell nothing."""
+    dark = np.char.endswith(samples.shot, "-1")
+    spoilt = replace(samples, raw=np.where(dark[:, None], 0.8 * samples.raw, samples.raw))
+    carried = own_raw(spoilt, "thesis")
+    inside = spoilt.select(unclipped_colours(spoilt.srgb, spoilt.raw))
+    np.testing.assert_allclose(carried.samples.raw, inside.raw @ carried.transfer.T)
+    low = saturation(spoilt.srgb) < 0.7  # where greys are all that lies below β = 0.3, the limit is raised to that
+    recoloured = replace(spoilt, raw=np.where(low[:, None], spoilt.raw, 0.9 * spoilt.raw[:, ::-1]))
+    scale = own_raw(recoloured, "thesis").transfer / carried.transfer
+    np.testing.assert_allclose(scale, scale[0, 0], rtol=1e-6)
 
 
 def test_samples_of_another_raw_are_no_measure_of_a_profile(samples: SampleSet) -> None:

@@ -45,6 +45,19 @@ def test_one_shot_of_few_colours_is_no_worse_than_matrix_and_response(samples: S
     assert error(style.linearize, rest.encoded, rest.balanced) <= worst
 
 
+def test_one_real_shot_does_not_vouch_for_what_others_show(s40_samples: SampleSet) -> None:
+    """A shot of 160 colours, parts of which predict each other well, against the other four."""
+    names, counts = np.unique(s40_samples.shot, return_counts=True)
+    one = s40_samples.shot == names[np.argmin(counts)]
+    rest = next(iter(data_by_style(s40_samples.select(~one)).values()))
+    style = calibrate(s40_samples.select(one), CalibrationOptions(size=17)).styles["standard"]
+    plain = fit_baselines(next(iter(data_by_style(s40_samples.select(one)).values())))[MATRIX_AND_RESPONSE]
+    worst = 1.1 * error(plain.render, rest.balanced, rest.encoded)
+    assert error(style.render, rest.balanced, rest.encoded) <= worst
+    worst = 1.02 * error(plain.linearize, rest.encoded, rest.balanced)
+    assert error(style.linearize, rest.encoded, rest.balanced) <= worst
+
+
 def test_no_reach_gives_matrix_and_response_far_away_and_keeps_black_and_white(samples: SampleSet) -> None:
     data = next(iter(data_by_style(samples).values()))
     fit = fit_style(data, CalibrationOptions(size=9))

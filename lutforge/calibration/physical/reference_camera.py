@@ -13,7 +13,8 @@ gamut map h leaves alone:
 Two shutters and two metering systems do not agree to a per cent, nor do clouds: each shot has a gain of its own, which
 is fitted with f and Tz.
 
-The way is that of a joint diagonalization: B. N. Flury & W. Gautschi (1986), https://doi.org/10.1137/0907013.
+With the preset "thesis" these are as written there: f from exposure pairs, then (4.10) over all colours below the
+saturation β, which count alike; shots have no gains.
 """
 
 from collections.abc import Mapping
@@ -24,9 +25,12 @@ from numpy.typing import NDArray
 from scipy.linalg import null_space
 
 from lutforge.arrays import Array, Mask
+from lutforge.calibration.options import PhysicalOptions, Preset
 from lutforge.calibration.physical.curve_basis import emor_basis, spline_basis
+from lutforge.calibration.physical.joint_diagonal import jointly_diagonal
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, hue_spread
 from lutforge.calibration.physical.matrix_and_response import RobustFitOptions, Tones, encoding_slope, fit_channel
+from lutforge.calibration.physical.physical_model import response_of_exposures, robust_options
 from lutforge.calibration.physical.plain_curves import srgb_response
 from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation, untouched_odds
 from lutforge.calibration.physical.white_balance import estimated_multipliers, neutral_weight
@@ -34,7 +38,6 @@ from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.robust_weights import cauchy, weighted_median
 
 LEAST_COLOURS = 12
@@ -55,11 +58,11 @@ class OwnRaw:
     transfer: Array
 
 
-def own_raw(samples: SampleSet, options: RobustFitOptions | None = None) -> OwnRaw:
+def own_raw(samples: SampleSet, preset: Preset = "lutforge", physical: PhysicalOptions | None = None) -> OwnRaw:
     """Carry a reference camera's RAW to the camera that was sampled with it.
 
     RAW is scaled so that balanced RAW of 1 is what the JPEG's brightest code stands for. Raises CalibrationError, in
-    one line with what to shoot, where the samples do not determine Tz of a white balance, or contradict every one.
+    one line with what to shoot, where the samples do not determine f or Tz of a white balance, or contradict every one.
     """
     inside = samples.select(unclipped_colours(samples.srgb, samples.raw))
     if len(inside) < LEAST_COLOURS:
@@ -68,15 +71,16 @@ def own_raw(samples: SampleSet, options: RobustFitOptions | None = None) -> OwnR
         )
     automatic = np.char.add("auto of ", inside.shot)
     setting = np.where(inside.white_balance == "auto", automatic, inside.white_balance)
-    linear, trust, white, gain = _linear_light(inside, setting, options or RobustFitOptions())
+    linear, trust, white, gain = _linear_light(inside, setting, preset, physical or PhysicalOptions())
     even = replace(inside, raw=gain[:, None] * inside.raw)
-    transfer, matrix, balances = _diagonal(
-        {str(name): _inverse(linear, even, setting == name, str(name)) for name in np.unique(setting)}
+    transfer, matrix, balances = jointly_diagonal(
+        {str(name): _inverse(linear, even, setting == name, str(name), preset) for name in np.unique(setting)}
     )
     multipliers = np.array([balances[str(name)] / balances[str(name)][1] for name in setting])
     balanced = inside.raw @ transfer.T * multipliers
     level = np.log(np.maximum(linear.sum(axis=1), 1e-6) / np.maximum((balanced @ matrix.T).sum(axis=1), 1e-6))
-    gain, scale = _gains(inside, setting, level, trust * (inside.srgb.max(axis=1) > 0.2))
+    shots, scale = _gains(inside, setting, level, trust * (inside.srgb.max(axis=1) > 0.2))
+    gain = gain if preset == "thesis" else shots
     top = np.quantile((gain[:, None] * balanced)[trust > 0.5], 0.999)
     transfer = transfer / max(float(top), float(np.max(white / scale)))
     raw = gain[:, None] * inside.raw @ transfer.T
@@ -104,7 +108,7 @@ def _gains(samples: SampleSet, setting: NDArray[np.str_], level: Array, weight: 
 
 
 def _linear_light(
-    samples: SampleSet, setting: NDArray[np.str_], options: RobustFitOptions
+    samples: SampleSet, setting: NDArray[np.str_], preset: Preset, physical: PhysicalOptions
 ) -> tuple[Array, Array, Array, Array]:
     """f⁻¹(I) (n, 3) on about one scale, the odds that h leaves a colour alone, the style's f⁻¹(1), and gains, all (n,).
 
@@ -116,7 +120,10 @@ def _linear_light(
     for name in names[np.argsort(-counts)]:
         rows = samples.style == name
         try:
-            fit = _fit_response(samples.select(rows), setting[rows], options)
+            if preset == "thesis":
+                fit = _response_of_exposures(samples.select(rows), setting[rows], physical)
+            else:
+                fit = _fit_response(samples.select(rows), setting[rows], robust_options(physical))
         except CalibrationError as error:
             raise CalibrationError(f'style "{name}": {error}') from None
         common = [balance for balance in fit.matrices if balance in anchors]
@@ -189,6 +196,19 @@ def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: Robust
     return _StyleFit(response, matrices, gain, untouched_odds(chroma, beta))
 
 
+def _response_of_exposures(samples: SampleSet, setting: NDArray[np.str_], physical: PhysicalOptions) -> _StyleFit:
+    """Take f of a style from its exposure pairs (4.2.1), and Tz of the colours below β by plain least squares."""
+    response = response_of_exposures(samples, "thesis", physical)
+    low = saturation(samples.srgb) < physical.beta
+    linear = response.linearize(samples.srgb)
+    matrices = {
+        str(name): np.linalg.lstsq(samples.raw[rows], linear[rows])[0].T
+        for name in np.unique(setting)
+        for rows in [low & (setting == name)]
+    }
+    return _StyleFit(response, matrices, np.ones(len(samples)), low.astype(np.float64))
+
+
 def _gain_changes(raw: Array, place: NDArray[np.intp], shot: NDArray[np.str_]) -> Array:
     """The changes of the shots' log gains, sample by sample, that RAW and JPEG tell, as columns (n, q).
 
@@ -226,11 +246,11 @@ def _check(response: Response, matrices: Array, raw: Array, encoded: Array, plai
         )
 
 
-def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[Array, Array]:
+def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str, preset: Preset) -> tuple[Array, Array]:
     """Tz⁻¹ (3, 3) of one white balance, f⁻¹(I) → E', and the precision (3, 3) of each of its rows.
 
-    Colours count by their relative error, as E' departs by a share of itself. Raises CalibrationError where the colours
-    do not determine it, or contradict every matrix.
+    Colours count by their relative error, as E' departs by a share of itself; in (4.10) all alike. Raises
+    CalibrationError where the colours do not determine it, or contradict every matrix.
     """
     x, y, chroma = linear[rows], samples.raw[rows], saturation(samples.srgb[rows])
     for beta in (BETA, 0.4, 0.5, 0.7):  # on a small chart hardly any unsaturated colour is not grey
@@ -242,12 +262,13 @@ def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[
             f'white balance "{name}": {int(plain.sum())} unsaturated colours, and {LEAST_COLOURS} of several hues are '
             "needed: shoot a colour chart with both cameras"
         )
-    odds = untouched_odds(chroma, beta)
+    robust = preset == "lutforge"
+    odds = untouched_odds(chroma, beta) if robust else plain.astype(np.float64)
     level = np.linalg.norm(y, axis=1)
     level = np.maximum(level, 0.05 * np.quantile(level, 0.95))  # darker ones hold noise
     weight = odds
-    for _ in range(10):
-        root = np.sqrt(weight) / level
+    for _ in range(10 if robust else 1):
+        root = np.sqrt(weight) / level if robust else weight
         inverse = np.linalg.lstsq(x * root[:, None], y * root[:, None])[0].T
         error = np.linalg.norm(y - x @ inverse.T, axis=1) / level
         scale = max(float(np.median(error[plain])), 1e-4)
@@ -259,37 +280,3 @@ def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str) -> tuple[
         )
     weighted = x * root[:, None] / scale
     return inverse, weighted.T @ weighted
-
-
-def _diagonal(fits: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array, dict[str, Array]]:
-    """Tc with ones on its diagonal, Ts, and Tw (3,) by white balance, of Tz⁻¹ = Tc⁻¹ Tw⁻¹ Ts⁻¹ and its precision.
-
-    The other six entries of Tc are expected to be 0 within a half, which settles what the white balances leave open.
-    """
-    inverses = np.stack([inverse for inverse, _ in fits.values()])
-    roots = np.stack([np.linalg.cholesky(precision) for _, precision in fits.values()])
-    off = ~np.eye(3, dtype=np.bool_)
-
-    def parts(unknown: Array) -> tuple[Array, Array, Array]:
-        transfer, from_linear = np.eye(3), np.eye(3)
-        transfer[off] = unknown[:6]
-        from_linear[off] = unknown[6:12]
-        from_linear[np.diag_indices(3)] -= from_linear.sum(axis=1) - 1.0
-        return transfer, from_linear, np.exp(unknown[12:].reshape(-1, 3))
-
-    def residuals(unknown: Array) -> Array:
-        transfer, from_linear, balances = parts(unknown)
-        modelled = np.linalg.inv(transfer) @ (from_linear / balances[..., None])
-        return np.concatenate([((modelled - inverses) @ roots).ravel(), unknown[:6] / 0.5])
-
-    def linearize(unknown: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
-        values = residuals(unknown[0])
-        steps = 1e-6 * np.eye(unknown.shape[1])
-        slopes = [(residuals(unknown[0] + step) - residuals(unknown[0] - step)) / 2e-6 for step in steps]
-        return values[None], np.stack(slopes, axis=1)[None]
-
-    sums = inverses.sum(axis=2)
-    first = inverses[0] / sums[0][:, None]
-    start = np.concatenate([np.zeros(6), first[off], -np.log(sums).ravel()])
-    transfer, from_linear, balances = parts(gauss_newton(linearize, start[None], most=200).value[0])
-    return transfer, np.asarray(np.linalg.inv(from_linear), dtype=np.float64), dict(zip(fits, balances, strict=True))
