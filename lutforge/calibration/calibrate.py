@@ -1,7 +1,9 @@
 """From samples to a camera profile: the stages of the calibration in order."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -240,7 +242,10 @@ def _weaknesses(samples: SampleSet, data: Mapping[str, StyleData], clipped: int)
 def _fit_styles(
     data: Mapping[str, StyleData], maps: Mapping[str, GamutMaps], options: CalibrationOptions, progress: Progress
 ) -> dict[str, CalibratedStyle]:
-    """Fit the lattices of both directions; several styles beside each other."""
+    """Fit the lattices of both directions; several styles beside each other.
+
+    What the held-out errors need of the samples alone is made beside them, by processors that a fit leaves idle.
+    """
 
     def fitted(name: str) -> CalibratedStyle:
         style, physical = data[name], maps.get(name)
@@ -253,11 +258,20 @@ def _fit_styles(
         )
         return CalibratedStyle(style, fit, physical, picture)
 
+    def prepare(fold: StyleData) -> None:
+        with suppress(CalibrationError):  # the fit without its shots tells it
+            for inverse in (False, True) if options.model == "lattice" else ():
+                fold.guess(options.size, inverse=inverse)
+
     progress(f"fitting {', '.join(data)}", 0.0)
+    folds = [fold for style in data.values() if len(style.folds) > 1 for _, fold in style.folds]
+    tasks: list[Callable[[], CalibratedStyle | None]] = [partial(fitted, name) for name in data]
+    tasks += [partial(prepare, fold) for fold in folds]
     styles = {}
-    for name, style in zip(data, each(fitted, data) if len(data) > 1 else map(fitted, data), strict=True):
-        styles[name] = style
-        progress(f"{name}: fitted", len(styles) / len(data))
+    for name, style in zip([*data, *[""] * len(folds)], each(lambda task: task(), tasks), strict=True):
+        if style is not None:
+            styles[name] = style
+            progress(f"{name}: fitted", len(styles) / len(data))
     return styles
 
 

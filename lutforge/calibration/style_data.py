@@ -7,11 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
+from lutforge.calibration.lattice.continuation import Continuation, continuation
 from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
 from lutforge.errors import CalibrationError
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.cross_validation import leave_groups_out
 
 LEAST_SAMPLES = 10
 
@@ -35,6 +37,25 @@ class StyleData:
     def base(self) -> MatrixAndResponse:
         """The matrix and response that the lattices follow where there are no samples. Raises CalibrationError."""
         return self.given or fit_matrix_and_response(self.balanced, self.encoded)
+
+    def guess(self, size: int, *, inverse: bool) -> Continuation:
+        """What a lattice of `size` nodes per axis follows where it has no samples; made once.
+
+        Raises CalibrationError.
+        """
+        if (size, inverse) not in self._guesses:
+            x, y = (self.encoded, self.balanced) if inverse else (self.balanced, self.encoded)
+            self._guesses[size, inverse] = continuation(self.base, x, y, inverse=inverse, size=size)
+        return self._guesses[size, inverse]
+
+    @cached_property
+    def folds(self) -> list[tuple[Mask, "StyleData"]]:
+        """The samples that are left out in turn to measure errors on, masks (n,), and those that stay."""
+        return [(mask, self.select(~mask)) for mask in leave_groups_out(self.shot)]
+
+    @cached_property
+    def _guesses(self) -> dict[tuple[int, bool], Continuation]:
+        return {}
 
     def select(self, rows: Mask) -> "StyleData":
         """The rows of a mask."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.continuation import Continuation, continuation
+from lutforge.calibration.lattice.continuation import Continuation
 from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.likely_scenes import rendered_scenes
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
@@ -37,25 +37,21 @@ def fit_style(
     data: StyleData,
     options: CalibrationOptions,
     smoothness: tuple[float, float] | None = None,
-    base: MatrixAndResponse | None = None,
     tolerance: float | None = None,
 ) -> StyleFit:
     """Fit both lattices of a style.
 
-    smoothness: λ_S of (render, linearize); None chooses them. base: matrix and response; None takes the data's.
+    smoothness: λ_S of (render, linearize); None chooses them.
     """
-    base = base or data.base
     chosen = smoothness or (None, None)
-    guess = _guess(data, options, base, inverse=False)
-    render = _fit(data, options, guess, smoothness=chosen[0], tolerance=tolerance)
-    linearize = fit_linearize(data, options, base, render, smoothness=chosen[1], tolerance=tolerance)
-    return StyleFit(guess.base, render, linearize)
+    render = fit_render(data, options, smoothness=chosen[0], tolerance=tolerance)
+    linearize = fit_linearize(data, options, render, smoothness=chosen[1], tolerance=tolerance)
+    return StyleFit(data.guess(options.size, inverse=False).base, render, linearize)
 
 
 def fit_render(
     data: StyleData,
     options: CalibrationOptions,
-    base: MatrixAndResponse,
     *,
     smoothness: float | None = None,
     like: LatticeResult | None = None,
@@ -65,14 +61,14 @@ def fit_render(
 
     smoothness: λ_S; like: a fit of the style, whose λ_S and node levels are taken; without either they are searched.
     """
-    guess = _guess(data, options, base, inverse=False)
-    return _fit(data, options, guess, smoothness=smoothness, like=like, tolerance=tolerance)
+    return _fit(
+        data, options, data.guess(options.size, inverse=False), smoothness=smoothness, like=like, tolerance=tolerance
+    )
 
 
 def fit_linearize(
     data: StyleData,
     options: CalibrationOptions,
-    base: MatrixAndResponse,
     render: LatticeResult,
     *,
     smoothness: float | None = None,
@@ -86,16 +82,11 @@ def fit_linearize(
     """
     if data.monochrome:
         return result(inverse_of_greys(render.lattice, options), data.encoded, data.balanced, render.smoothness)
-    guess, points = _guess(data, options, base, inverse=True), None
+    points = None
     if options.preset != "thesis":
         points = rendered_scenes(render.lattice, data.balanced, min(4 * options.size**3, 20_000))
+    guess = data.guess(options.size, inverse=True)
     return _fit(data, options, guess, points=points, smoothness=smoothness, like=like, tolerance=tolerance)
-
-
-def _guess(data: StyleData, options: CalibrationOptions, base: MatrixAndResponse, *, inverse: bool) -> Continuation:
-    """Fit the guess that a lattice of the style follows where it has no samples."""
-    x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
-    return continuation(base, x, y, inverse=inverse, size=options.size)
 
 
 def _fit(
@@ -130,9 +121,9 @@ def uniform_lattice_errors(
 ) -> tuple[Array, Array, Array]:
     """Per axis the histogram, which node levels follow, of the squared error that a uniform lattice makes (5.6)."""
     uniform = replace(options, nonuniform=False)
-    fitted = fit_render(data, uniform, data.base, tolerance=MEASURING_TOLERANCE)
+    fitted = fit_render(data, uniform, tolerance=MEASURING_TOLERANCE)
     if inverse:
-        fitted = fit_linearize(data, uniform, data.base, fitted, tolerance=MEASURING_TOLERANCE)
+        fitted = fit_linearize(data, uniform, fitted, tolerance=MEASURING_TOLERANCE)
     lattice = fitted.lattice
     x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
     return error_histogram(x, np.sum((lattice(x) - y) ** 2, axis=1))

@@ -21,7 +21,6 @@ from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import Fit, Fits, Fitter, Predictor, fit_baselines, fits_of_profile
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.solvers.blas import one_blas_thread
-from lutforge.solvers.cross_validation import leave_groups_out
 from lutforge.threads import each
 
 
@@ -95,7 +94,7 @@ def predict(
     as_is = ~seen if left_out else np.ones_like(seen)
     if seen.any() and not left_out:
         notes.append(f"{name}: one shot only; its error is on the samples that it was fitted to")
-    inside, weights = data.select(seen), (UNSHRUNK, UNSHRUNK)
+    inside, weights = data if seen.all() else data.select(seen), (UNSHRUNK, UNSHRUNK)
     fitter = Fitter(name, style, inside, options, notes, sizes=sizes, own=own_only, fitted=fitted)
     if as_is.any():
         others: dict[str, Fit] = {}
@@ -105,8 +104,8 @@ def predict(
             fold[rows] = len(fits)
             fits.append({**others, **fits_of_profile(style, model)})
     if left_out:
-        masks = leave_groups_out(inside.shot)
-        refits = _without_each(inside, masks, fitter, progress)
+        masks, trains = zip(*inside.folds, strict=True)
+        refits = _without_each(trains, fitter, progress)
         weights = _weights(inside, masks, refits)
         for mask, refit in zip(masks, refits, strict=True):
             places = np.flatnonzero(seen)[mask]
@@ -147,19 +146,16 @@ def with_compared(
 
 
 @one_blas_thread
-def _without_each(
-    data: StyleData, masks: Sequence[Mask], fitter: Fitter, progress: Callable[[float], None]
-) -> list[Fits]:
-    """Fits to the samples that are not of each mask."""
-    if any((~mask).sum() < LEAST_SAMPLES for mask in masks):
+def _without_each(trains: Sequence[StyleData], fitter: Fitter, progress: Callable[[float], None]) -> list[Fits]:
+    """Fits to the samples that each fold keeps."""
+    if any(len(train.shot) < LEAST_SAMPLES for train in trains):
         raise CalibrationError("too few samples to leave a shot out: add shots")
     progress(0.0)
     fitter.search()
-    trains = (data.select(~mask) for mask in masks)
     refits = []
     for refit in each(fitter.fit, trains) if fitter.independent else map(fitter.fit, trains):
         refits.append(refit)
-        progress(len(refits) / len(masks))
+        progress(len(refits) / len(trains))
     return refits
 
 

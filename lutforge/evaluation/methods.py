@@ -9,10 +9,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, Shrinkable, shrinkable
 from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import (
-    MatrixAndResponse,
-    with_matrix_of_all,
-)
+from lutforge.calibration.physical.matrix_and_response import with_matrix_of_all
 from lutforge.calibration.physical.physical_model import conventional, linearize, render
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import StyleFit, fit_linearize, fit_render, refit_physical
@@ -70,10 +67,10 @@ def fits_of_profile(style: PictureStyle, model: PhysicalModel | None) -> dict[st
     return fits if model is None else fits | _physical_fits(model)
 
 
-def fit_baselines(train: StyleData, base: MatrixAndResponse | None = None) -> dict[str, Fit]:
-    """Return the plain methods, fitted to samples; base: their matrix and response, where that is known."""
+def fit_baselines(train: StyleData) -> dict[str, Fit]:
+    """Return the plain methods, fitted to samples."""
     x, y = train.balanced, train.encoded
-    base = with_matrix_of_all(base or train.base, x, y)
+    base = with_matrix_of_all(train.base, x, y)
     return {
         MATRIX_AND_RESPONSE: Fit(base.render, base.linearize),
         CHANNEL_POLYNOMIALS: Fit(channel_polynomials(x, y), mixed_channel_polynomials(y, x)),
@@ -132,13 +129,12 @@ class Fitter:
     def fit(self, train: StyleData) -> Fits:
         """Return all methods, fitted to these samples."""
         self.search()
-        base = train.base
         fits, own = {}, None
         for method, options in self.lattices.items():
-            fits[method], pair = _lattices(train, options, base, self._fitted[method], len(np.unique(self.data.shot)))
+            fits[method], pair = _lattices(train, options, self._fitted[method], len(np.unique(self.data.shot)))
             own = pair if method == LATTICE else own
         fits |= {f"lattice by (5.3) {size}": _plain_regression(train, self.options, size) for size in self.sizes}
-        return Fits({**fits, **self._physical(train), **fit_baselines(train, base)}, own)
+        return Fits({**fits, **self._physical(train), **fit_baselines(train)}, own)
 
     def compared(self, train: StyleData) -> dict[str, Fit]:
         """Return what the thesis's error maps show beside its own model: a uniform lattice, and the model by RBFs."""
@@ -186,26 +182,26 @@ class _TimedFit:
 def _timed_fit(data: StyleData, options: CalibrationOptions) -> _TimedFit:
     """Fit both lattices, with what they search and the time that takes."""
     start = time.perf_counter()
-    render = fit_render(data, options, data.base, tolerance=MEASURING_TOLERANCE)
+    render = fit_render(data, options, tolerance=MEASURING_TOLERANCE)
     middle = time.perf_counter()
-    linearize = fit_linearize(data, options, data.base, render, tolerance=MEASURING_TOLERANCE)
+    linearize = fit_linearize(data, options, render, tolerance=MEASURING_TOLERANCE)
     return _TimedFit(StyleFit(data.base, render, linearize), (middle - start, time.perf_counter() - middle))
 
 
 def _lattices(
-    train: StyleData, options: CalibrationOptions, base: MatrixAndResponse, like: _TimedFit, shots: int
+    train: StyleData, options: CalibrationOptions, like: _TimedFit, shots: int
 ) -> tuple[Fit, tuple[Shrinkable, Shrinkable] | None]:
     """Lattices of both directions, and what they can be shrunk to, where options and the number of all shots shrink."""
-    forth = fit_render(train, options, base, like=like.fit.render, tolerance=MEASURING_TOLERANCE)
-    back = fit_linearize(train, options, base, forth, like=like.fit.linearize, tolerance=MEASURING_TOLERANCE)
+    forth = fit_render(train, options, like=like.fit.render, tolerance=MEASURING_TOLERANCE)
+    back = fit_linearize(train, options, forth, like=like.fit.linearize, tolerance=MEASURING_TOLERANCE)
     render, linearize = forth.lattice, back.lattice
     fit = Fit(render, linearize, *like.seconds)
     if not shrinks(train, options) or shots > MOST_SHOTS:
         return fit, None
     samples = (train.balanced, train.encoded)
     return fit, (
-        shrinkable(render, base, *samples, inverse=False),
-        shrinkable(linearize, base, *samples, inverse=True),
+        shrinkable(render, train.base, *samples, inverse=False),
+        shrinkable(linearize, train.base, *samples, inverse=True),
     )
 
 

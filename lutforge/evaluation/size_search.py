@@ -53,7 +53,7 @@ def smallest_size(
 def _smoothness(style: StyleData, options: CalibrationOptions) -> float:
     """λ_S for all sizes, chosen on one that shows what the largest would choose."""
     middle = replace(options, size=17)
-    return fit_render(style, middle, style.base, tolerance=MEASURING_TOLERANCE).smoothness
+    return fit_render(style, middle, tolerance=MEASURING_TOLERANCE).smoothness
 
 
 def _held_out(style: StyleData, options: CalibrationOptions, smoothness: float) -> float:
@@ -61,7 +61,7 @@ def _held_out(style: StyleData, options: CalibrationOptions, smoothness: float) 
 
     def rendered(train: Mask, test: Mask) -> Array:
         part = style.select(train)
-        fit = fit_render(part, options, part.base, smoothness=smoothness, tolerance=MEASURING_TOLERANCE).lattice
+        fit = fit_render(part, options, smoothness=smoothness, tolerance=MEASURING_TOLERANCE).lattice
         return np.clip(fit(style.balanced[test]), 0.0, 1.0)
 
     predicted = predict_held_out(leave_groups_out(style.shot), rendered)

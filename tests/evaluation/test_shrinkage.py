@@ -1,10 +1,14 @@
 """Few shots: lattices are drawn towards matrix and response away from their samples, and never end up far worse."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lutforge.calibration import style_data
 from lutforge.calibration.calibrate import data_by_style
+from lutforge.calibration.lattice.continuation import Continuation, continuation
 from lutforge.calibration.lattice.shrinkage import REACHES, UNSHRUNK, between_nodes, reach_weights, shrinkable
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import with_matrix_of_all
@@ -77,6 +81,19 @@ def test_five_shots_leave_a_lattice_as_it_is(samples: SampleSet) -> None:
     style = calibrate(samples, CalibrationOptions(size=5)).styles["vivid"]
     assert style.linearize is not None
     np.testing.assert_allclose(style.linearize.values, fitted.linearize.lattice.values, atol=1e-6)
+
+
+def test_each_guess_is_made_once(samples: SampleSet, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of five folds beside the fit to all shots; what measures the errors takes them as they are."""
+    made: list[bool] = []
+
+    def counted(*arguments: Any, inverse: bool, **options: Any) -> Continuation:
+        made.append(inverse)
+        return continuation(*arguments, inverse=inverse, **options)
+
+    monkeypatch.setattr(style_data, "continuation", counted)
+    calibrate(samples, CalibrationOptions(size=5))
+    assert sorted(made) == [False] * 6 + [True] * 6
 
 
 def test_reaches_weigh_by_the_likelihood_of_what_was_left_out() -> None:
