@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
-from lutforge.kits.kit import Look, Source
+from lutforge.kits.kit import Kit, Look, Source
 from lutforge.luts.bake import bake
 
 
 @dataclass(frozen=True)
-class ArtKit:
+class ArtKit(Kit):
     """A profile of RAW files becomes a .dcp, one of developed pictures a CLF from linear to linear ACES2065-1."""
 
     program: str = "art"

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from lutforge.kits.kit import Look, Source
+from lutforge.kits.kit import Kit, Look, Source
 from lutforge.kits.scripts import write_script
 from lutforge.ocio.config import write_config
 
 
 @dataclass(frozen=True)
-class BlenderKit:
+class BlenderKit(Kit):
     """Blender reads a whole config, named by the environment variable OCIO."""
 
     program: str = "blender"

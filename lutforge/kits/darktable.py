@@ -13,7 +13,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 from lutforge.developers.darktable import NEUTRAL, TONE_MODULES
-from lutforge.kits.kit import Look, Source
+from lutforge.kits.kit import Kit, Look, Source
 from lutforge.kits.scripts import write_develop_script
 from lutforge.luts.bake import bake
 
@@ -21,7 +21,7 @@ _MODULE_VERSION = 1
 
 
 @dataclass(frozen=True)
-class DarktableKit:
+class DarktableKit(Kit):
     """A cube in Adobe RGB, the widest encoded space that the module knows, and a style and a sidecar that place it."""
 
     program: str = "darktable"

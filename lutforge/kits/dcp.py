@@ -6,7 +6,6 @@ magic number is 0x4352. A developer balances the RAW, multiplies it by the forwa
 up in HSV of linear ProPhoto RGB, and applies the tone curve so that hues are kept.
 """
 
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
+from lutforge.images.tiff import TiffWriter, float_field, long_field, rational_field, short_field, text_field
 from lutforge.kits.kit import Look
 
 XYZ_D50_FROM_PROPHOTO = np.array(
@@ -101,38 +101,29 @@ def fit_dng_profile(look: Look) -> DngProfile:
 
 
 def write_dcp(profile: DngProfile, path: Path) -> None:
-    """Write a .dcp file, atomically: little endian, tags in ascending order as TIFF 6.0 demands."""
+    """Write a .dcp file, atomically."""
     values, hues, saturations = profile.look_table.shape[:3]
     d65 = 21  # EXIF's code of the light source
     no_restrictions, no_black_subtraction, srgb_values = 3, 1, 1
-    tags = [
-        (50708, *_ascii(profile.camera)),
-        (50721, *_rationals(profile.color_matrix)),
-        (50778, 3, 1, struct.pack("<HH", d65, 0)),
-        (50932, *_ascii("")),
-        (50936, *_ascii(profile.name)),
-        (50940, *_floats(profile.tone_curve)),
-        (50941, *_longs(no_restrictions)),
-        (50942, *_ascii("made with LutForge")),
-        (50964, *_rationals(profile.forward_matrix)),
-        (50981, *_longs(hues, saturations, values)),
-        (50982, *_floats(profile.look_table)),
-        (51108, *_longs(srgb_values)),
-        (51110, *_longs(no_black_subtraction)),
-    ]
-    data_at = 8 + 2 + 12 * len(tags) + 4
-    directory, data = [struct.pack("<H", len(tags))], b""
-    for tag, kind, count, value in tags:
-        if len(value) <= 4:
-            held = value.ljust(4, b"\0")
-        else:
-            held = struct.pack("<I", data_at + len(data))
-            data += value + b"\0" * (len(value) % 2)
-        directory.append(struct.pack("<HHI", tag, kind, count) + held)
+    file = TiffWriter(magic=0x4352)
+    directory = {
+        50708: text_field(profile.camera),
+        50721: rational_field(profile.color_matrix.ravel(), signed=True),
+        50778: short_field(d65),
+        50932: text_field(""),
+        50936: text_field(profile.name),
+        50940: float_field(profile.tone_curve),
+        50941: long_field(no_restrictions),
+        50942: text_field("made with LutForge"),
+        50964: rational_field(profile.forward_matrix.ravel(), signed=True),
+        50981: long_field(hues, saturations, values),
+        50982: float_field(profile.look_table),
+        51108: long_field(srgb_values),
+        51110: long_field(no_black_subtraction),
+    }
+    content = file.finish(file.directory(directory))
     with atomic_path(path) as temporary:
-        temporary.write_bytes(
-            struct.pack("<2sHI", b"II", 0x4352, 8) + b"".join(directory) + struct.pack("<I", 0) + data
-        )
+        temporary.write_bytes(content)
 
 
 def hsv_of_prophoto(rgb: Array) -> Array:
@@ -196,22 +187,3 @@ def _deltas(nodes: Array, wanted: Array) -> Array:
     saturation = np.where(nodes[:, 1] > 0, wanted[:, 1] / np.where(nodes[:, 1] > 0, nodes[:, 1], 1.0), 1.0)
     value = _SRGB.encode(wanted[:, 2]) / _SRGB.encode(nodes[:, 2])  # the factor counts behind the encoding of the table
     return np.stack([np.where(grey, 0.0, shift), saturation, value], axis=1)
-
-
-def _ascii(text: str) -> tuple[int, int, bytes]:
-    data = text.encode("ascii", "replace") + b"\0"
-    return 2, len(data), data
-
-
-def _longs(*numbers: int) -> tuple[int, int, bytes]:
-    return 4, len(numbers), struct.pack(f"<{len(numbers)}I", *numbers)
-
-
-def _floats(numbers: Array) -> tuple[int, int, bytes]:
-    flat = np.ascontiguousarray(numbers, dtype="<f4").ravel()
-    return 11, flat.size, flat.tobytes()
-
-
-def _rationals(matrix: Array) -> tuple[int, int, bytes]:
-    scaled = np.rint(np.asarray(matrix).ravel() * 100000).astype(np.int64)
-    return 10, len(scaled), b"".join(struct.pack("<ii", int(number), 100000) for number in scaled)

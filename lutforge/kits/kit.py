@@ -1,10 +1,11 @@
 """What every kit is made of: the camera's look in the space that a program feeds to a LUT, and the files around it."""
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -95,25 +96,19 @@ def look_of(profile: CameraProfile, to: str) -> Look:
     )
 
 
-class Kit(Protocol):
-    """How one program shows a look."""
+@dataclass(frozen=True)
+class Kit(ABC):
+    """How one program shows a look.
 
-    @property
-    def program(self) -> str:
-        """The name that `--for` takes."""
+    program: the name that `--for` takes; title: for people; source: what the kit can be made from; tried: what it was
+    tried with, or that it could not be run.
+    """
 
-    @property
-    def title(self) -> str:
-        """The program's name, for people."""
+    program: str
+    title: str
+    source: Source
+    tried: str
 
-    @property
-    def source(self) -> Source:
-        """What the kit can be made from."""
-
-    @property
-    def tried(self) -> str:
-        """What the kit was tried with, or that it could not be run."""
-
+    @abstractmethod
     def write(self, look: Look, folder: Path) -> list[str]:
         """Fill an empty folder; return the steps that lead to the look, for the README."""
-        ...

@@ -19,7 +19,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
-from lutforge.kits.kit import Look, Source
+from lutforge.kits.kit import Kit, Look, Source
 from lutforge.luts.bake import bake
 
 DIVISIONS = 32
@@ -29,7 +29,7 @@ _ALPHABET = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=
 
 
 @dataclass(frozen=True)
-class LightroomKit:
+class LightroomKit(Kit):
     """A profile of RAW files becomes a .dcp, one of pictures that Camera Raw exported an XMP profile."""
 
     program: str = "lightroom"

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from lutforge.kits.kit import Look, Source
+from lutforge.kits.kit import Kit, Look, Source
 from lutforge.luts.bake import bake
 
 
 @dataclass(frozen=True)
-class LumixKit:
+class LumixKit(Kit):
     """A cube of 17³ nodes from V-Log to sRGB, as the camera's own LUTs are."""
 
     program: str = "lumix"

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from lutforge.developers.rawtherapee import profile_text
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
-from lutforge.kits.kit import Look, Source
+from lutforge.kits.kit import Kit, Look, Source
 from lutforge.kits.scripts import write_develop_script
 from lutforge.luts.bake import bake
 
 
 @dataclass(frozen=True)
-class RawTherapeeKit:
+class RawTherapeeKit(Kit):
     """A profile of RAW files becomes a .dcp, one of RawTherapee's own developments a HaldCLUT."""
 
     program: str = "rawtherapee"

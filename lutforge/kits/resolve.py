@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from lutforge.kits.kit import Look, Source
+from lutforge.kits.kit import Kit, Look, Source
 from lutforge.luts.bake import bake
 
 
 @dataclass(frozen=True)
-class ResolveKit:
+class ResolveKit(Kit):
     """Takes and gives the project's space: DaVinci Wide Gamut with DaVinci Intermediate, its default."""
 
     program: str = "resolve"

@@ -16,17 +16,15 @@ from lutforge.images.read import read_image
 from lutforge.kits.art import ArtKit
 from lutforge.kits.blender import BlenderKit
 from lutforge.kits.darktable import DarktableKit
-from lutforge.kits.ffmpeg import FfmpegKit
-from lutforge.kits.gimp import GimpKit
 from lutforge.kits.kit import Kit, Look, look_of
 from lutforge.kits.lightroom import LightroomKit
 from lutforge.kits.lumix import LumixKit
 from lutforge.kits.nuke import NukeKit
-from lutforge.kits.obs import ObsKit
 from lutforge.kits.rawtherapee import RawTherapeeKit
 from lutforge.kits.resolve import ResolveKit
+from lutforge.kits.srgb_cubes import SRGB_CUBE_KITS
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.outputs import check_output
+from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.pipeline.raw_substitutes import DEVELOPERS
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import extract
@@ -38,19 +36,10 @@ from lutforge.shots.read import read_shot
 KITS: dict[str, Kit] = {
     kit.program: kit
     for kit in (
-        DarktableKit(),
-        RawTherapeeKit(),
-        ArtKit(),
-        LightroomKit(),
-        ResolveKit(),
-        NukeKit(),
-        BlenderKit(),
-        FfmpegKit(),
-        ObsKit(),
-        GimpKit(),
-        LumixKit(),
+        DarktableKit(), RawTherapeeKit(), ArtKit(), LightroomKit(), ResolveKit(), NukeKit(), BlenderKit(),
+        *SRGB_CUBE_KITS, LumixKit(),
     )
-}
+}  # fmt: skip
 """The programs that `--for` names."""
 
 SCRIPT = "develop.sh"
@@ -79,7 +68,7 @@ def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str 
     folder holds other files.
     """
     look = look_of(profile, to)
-    kit = _kit_for(program or _own_program(look))
+    kit = KITS[one_of("kit", program or _own_program(look), KITS)]
     _require_source(kit, look)
     target = Path(folder).resolve()  # behind a link stays what it leads to
     if target.exists() and not _may_be_replaced(target):
@@ -196,13 +185,6 @@ def _may_be_replaced(folder: Path) -> bool:
     text = readme.read_text(encoding="utf-8", errors="replace") if readme.is_file() else ""
     listed = re.findall(r"^Files: (.*)\. Tried with: ", text, flags=re.MULTILINE)
     return len(listed) == 1 and names == {"README.md", *listed[0].split(", ")}
-
-
-def _kit_for(program: str) -> Kit:
-    kit = KITS.get(program.strip().lower())
-    if kit is None:
-        raise SettingsError(f'no kit for "{program[:60]}"; there are kits for {", ".join(KITS)}')
-    return kit
 
 
 def _readme(kit: Kit, look: Look, steps: Sequence[str], folder: Path) -> str:

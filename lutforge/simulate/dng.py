@@ -5,8 +5,7 @@ exposure, as the specification recommends. Without a preview the mosaic is in IF
 """
 
 import struct
-from collections.abc import Iterable, Mapping
-from fractions import Fraction
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +16,7 @@ from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import ImageError
+from lutforge.images.tiff import Field, TiffWriter, byte_field, long_field, rational_field, short_field, text_field
 
 LIGHT_SOURCES: Final[Mapping[str, int]] = {
     "auto": 0,
@@ -31,9 +31,6 @@ LIGHT_SOURCES: Final[Mapping[str, int]] = {
 
 CFA_COLORS: Final = "RGB"
 """A colour's place here is its code in CFAPattern (TIFF/EP)."""
-
-Field = tuple[int, int, bytes]
-"""Type, count and packed values of one TIFF field."""
 
 
 def write_dng(
@@ -69,28 +66,28 @@ def write_dng(
     neutral = np.asarray(as_shot_neutral, dtype=np.float64)
     _validate(path, mosaic, black, white, cfa, orientation)
     _validate_numbers(path, np.array([exposure_s, f_number, *neutral.ravel()]), matrix, iso, light_source, saturation)
-    tiff = _TiffWriter()
+    tiff = TiffWriter()
     raw = _mosaic_fields(tiff, mosaic, black, white, cfa)
     first = raw if preview_jpeg is None else _preview_fields(tiff, preview_jpeg, path)
     if preview_jpeg is not None:
-        first[330] = _longs(tiff.directory(raw))  # SubIFDs
+        first[330] = long_field(tiff.directory(raw))  # SubIFDs
     first |= {
-        271: _ascii(make),
-        272: _ascii(model),
-        274: _shorts(orientation),
-        305: _ascii("LutForge simulated camera"),
-        306: _ascii(date_time),
-        50706: _bytes(1, 4, 0, 0),  # DNGVersion
-        50707: _bytes(1, 1, 0, 0),  # DNGBackwardVersion
-        50708: _ascii(model if model.lower().startswith(make.lower()) else f"{make} {model}"),  # UniqueCameraModel
-        50721: _rationals(matrix.ravel(), signed=True),  # ColorMatrix1
-        50728: _rationals(neutral),
-        50778: _shorts(21),  # CalibrationIlluminant1: D65
+        271: text_field(make),
+        272: text_field(model),
+        274: short_field(orientation),
+        305: text_field("LutForge simulated camera"),
+        306: text_field(date_time),
+        50706: byte_field(1, 4, 0, 0),  # DNGVersion
+        50707: byte_field(1, 1, 0, 0),  # DNGBackwardVersion
+        50708: text_field(model if model.lower().startswith(make.lower()) else f"{make} {model}"),  # UniqueCameraModel
+        50721: rational_field(matrix.ravel(), signed=True),  # ColorMatrix1
+        50728: rational_field(neutral),
+        50778: short_field(21),  # CalibrationIlluminant1: D65
     }
     if profile_name is not None:
-        first |= {50934: _ascii(profile_name), 50936: _ascii(profile_name)}  # AsShotProfileName, ProfileName
+        first |= {50934: text_field(profile_name), 50936: text_field(profile_name)}  # AsShotProfileName, ProfileName
     exif = _exif_fields(exposure_s, f_number, iso, light_source, saturation, date_time)
-    first[34665] = _longs(tiff.directory(exif))
+    first[34665] = long_field(tiff.directory(exif))
     content = tiff.finish(tiff.directory(first))
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
@@ -124,67 +121,65 @@ def _exif_fields(
     exposure_s: float, f_number: float, iso: int, light_source: int, saturation: int, date_time: str
 ) -> dict[int, Field]:
     return {
-        33434: _rationals([exposure_s]),
-        33437: _rationals([f_number]),
-        34850: _shorts(1),  # ExposureProgram: manual
-        34855: _shorts(iso),
+        33434: rational_field([exposure_s]),
+        33437: rational_field([f_number]),
+        34850: short_field(1),  # ExposureProgram: manual
+        34855: short_field(iso),
         36864: (7, 4, b"0232"),  # ExifVersion, of type UNDEFINED
-        36867: _ascii(date_time),
-        37384: _shorts(light_source),
-        41986: _shorts(1),  # ExposureMode: manual
-        41987: _shorts(int(light_source != 0)),  # WhiteBalance: 0 auto, 1 manual
-        41993: _shorts(saturation),
+        36867: text_field(date_time),
+        37384: short_field(light_source),
+        41986: short_field(1),  # ExposureMode: manual
+        41987: short_field(int(light_source != 0)),  # WhiteBalance: 0 auto, 1 manual
+        41993: short_field(saturation),
     }
 
 
-def _mosaic_fields(
-    tiff: "_TiffWriter", mosaic: NDArray[np.uint16], black: int, white: int, cfa: str
-) -> dict[int, Field]:
+def _mosaic_fields(tiff: TiffWriter, mosaic: NDArray[np.uint16], black: int, white: int, cfa: str) -> dict[int, Field]:
     height, width = mosaic.shape
     pixels = mosaic.astype("<u2", copy=False).tobytes()
     return {
-        254: _longs(0),  # NewSubfileType: the main image
-        256: _longs(width),
-        257: _longs(height),
-        258: _shorts(16),
-        259: _shorts(1),  # uncompressed
-        262: _shorts(32803),  # PhotometricInterpretation: colour filter array
-        273: _longs(tiff.append(pixels)),
-        277: _shorts(1),
-        278: _longs(height),
-        279: _longs(len(pixels)),
-        284: _shorts(1),
-        33421: _shorts(2, 2),
-        33422: _bytes(*(CFA_COLORS.index(color) for color in cfa)),
-        50710: _bytes(0, 1, 2),  # CFAPlaneColor
-        50711: _shorts(1),  # CFALayout: rectangular
-        50713: _shorts(1, 1),
-        50714: _shorts(black),
-        50717: _shorts(white),
-        50718: _rationals([1.0, 1.0]),
-        50719: _longs(0, 0),  # DefaultCropOrigin
-        50720: _longs(width, height),
-        50829: _longs(0, 0, height, width),  # ActiveArea
+        254: long_field(0),  # NewSubfileType: the main image
+        256: long_field(width),
+        257: long_field(height),
+        258: short_field(16),
+        259: short_field(1),  # uncompressed
+        262: short_field(32803),  # PhotometricInterpretation: colour filter array
+        273: long_field(tiff.append(pixels)),
+        277: short_field(1),
+        278: long_field(height),
+        279: long_field(len(pixels)),
+        284: short_field(1),
+        33421: short_field(2, 2),
+        33422: byte_field(*(CFA_COLORS.index(color) for color in cfa)),
+        50710: byte_field(0, 1, 2),  # CFAPlaneColor
+        50711: short_field(1),  # CFALayout: rectangular
+        50713: short_field(1, 1),
+        50714: short_field(black),
+        50717: short_field(white),
+        50718: rational_field([1.0, 1.0]),
+        50719: long_field(0, 0),  # DefaultCropOrigin
+        50720: long_field(width, height),
+        50829: long_field(0, 0, height, width),  # ActiveArea
     }
 
 
-def _preview_fields(tiff: "_TiffWriter", jpeg: bytes, path: str | Path) -> dict[int, Field]:
+def _preview_fields(tiff: TiffWriter, jpeg: bytes, path: str | Path) -> dict[int, Field]:
     width, height, sampling = _jpeg_frame(jpeg, path)
     return {
-        254: _longs(1),  # NewSubfileType: a reduced-resolution image
-        256: _longs(width),
-        257: _longs(height),
-        258: _shorts(8, 8, 8),
-        259: _shorts(7),  # JPEG
-        262: _shorts(6),  # YCbCr
-        273: _longs(tiff.append(jpeg)),
-        277: _shorts(3),
-        278: _longs(height),
-        279: _longs(len(jpeg)),
-        284: _shorts(1),
-        530: _shorts(*sampling),
-        532: _rationals([0, 255, 128, 255, 128, 255]),
-        50970: _longs(2),  # PreviewColorSpace: sRGB
+        254: long_field(1),  # NewSubfileType: a reduced-resolution image
+        256: long_field(width),
+        257: long_field(height),
+        258: short_field(8, 8, 8),
+        259: short_field(7),  # JPEG
+        262: short_field(6),  # YCbCr
+        273: long_field(tiff.append(jpeg)),
+        277: short_field(3),
+        278: long_field(height),
+        279: long_field(len(jpeg)),
+        284: short_field(1),
+        530: short_field(*sampling),
+        532: rational_field([0, 255, 128, 255, 128, 255]),
+        50970: long_field(2),  # PreviewColorSpace: sRGB
     }
 
 
@@ -200,55 +195,3 @@ def _jpeg_frame(jpeg: bytes, path: str | Path) -> tuple[int, int, tuple[int, int
             break
         position += 2 + length
     raise ImageError(f"{path}: the preview to embed is not a colour JPEG file")
-
-
-class _TiffWriter:
-    """Collects the blocks of a little-endian TIFF file; a block's offset is known once it is appended."""
-
-    def __init__(self) -> None:
-        self._content = bytearray(struct.pack("<2sHI", b"II", 42, 0))
-
-    def append(self, block: bytes) -> int:
-        """Add a block on an even offset and return the offset."""
-        self._content += b"\0" * (len(self._content) % 2)
-        offset = len(self._content)
-        self._content += block
-        return offset
-
-    def directory(self, fields: Mapping[int, Field]) -> int:
-        """Add an image file directory, tags in rising order, and return its offset."""
-        entries = bytearray(struct.pack("<H", len(fields)))
-        for tag, (kind, count, values) in sorted(fields.items()):
-            inline = values.ljust(4, b"\0") if len(values) <= 4 else struct.pack("<I", self.append(values))
-            entries += struct.pack("<HHI", tag, kind, count) + inline
-        return self.append(bytes(entries + struct.pack("<I", 0)))
-
-    def finish(self, first_directory: int) -> bytes:
-        struct.pack_into("<I", self._content, 4, first_directory)
-        return bytes(self._content)
-
-
-# The fields of TIFF: their type code, their count, and their values packed.
-
-
-def _bytes(*values: int) -> Field:
-    return 1, len(values), bytes(values)
-
-
-def _ascii(text: str) -> Field:
-    values = text.encode() + b"\0"
-    return 2, len(values), values
-
-
-def _shorts(*values: int) -> Field:
-    return 3, len(values), struct.pack(f"<{len(values)}H", *values)
-
-
-def _longs(*values: int) -> Field:
-    return 4, len(values), struct.pack(f"<{len(values)}I", *values)
-
-
-def _rationals(values: Iterable[float], signed: bool = False) -> Field:
-    pairs = [Fraction(float(value)).limit_denominator(1_000_000) for value in values]
-    numbers = [number for pair in pairs for number in pair.as_integer_ratio()]
-    return 10 if signed else 5, len(pairs), struct.pack(f"<{len(numbers)}{'i' if signed else 'I'}", *numbers)
