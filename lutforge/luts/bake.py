@@ -8,7 +8,6 @@ the nodes.
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -27,15 +26,6 @@ from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.transform import ColourFunction, DecodeRgb, MatrixStage, Transform
 from lutforge.progress import Progress, silent
 from lutforge.sobol import sobol
-
-
-@dataclass(frozen=True)
-class BakeError:
-    """A LUT against its transform, on points that took no part in the fit: RGB norm; ΔE00 for display colours."""
-
-    mean: float
-    maximum: float
-    de00_p99: float | None
 
 
 def bake(
@@ -143,17 +133,6 @@ def joined(ops: Sequence[Op]) -> tuple[Op, ...]:
     return tuple(op for op in result if not (isinstance(op, Matrix) and op.is_identity))
 
 
-def bake_error(lut: Lut, transform: ColourFunction, display_referred: bool = True, highest: float = 1.0) -> BakeError:
-    """Measure a LUT against its transform on a Sobol set of its input cube, from 0 to `highest`."""
-    x = sobol(1 << 15, seed=7) * highest
-    got, wanted = lut(x), transform(x)
-    norm = np.linalg.norm(got - wanted, axis=1)
-    p99 = None
-    if display_referred:
-        p99 = float(np.quantile(delta_e_2000(got[:8192], wanted[:8192]), 0.99))
-    return BakeError(float(norm.mean()), float(norm.max()), p99)
-
-
 def _takes_scenes(transform: ColourFunction) -> bool:
     """True for a transform of scene-linear light, which a matrix takes to the camera's RAW."""
     return isinstance(transform, Transform) and bool(transform.stages) and isinstance(transform.stages[0], MatrixStage)
@@ -173,7 +152,9 @@ def _highest(transform: ColourFunction, highest: float) -> float:
 
 
 def _p99(transform: ColourFunction, highest: float, ops: tuple[Op, ...]) -> float:
-    return bake_error(Lut(ops), transform, highest=highest).de00_p99 or 0.0
+    """The ΔE00 within which 99 % of colours are that took no part in the fit, evenly spread from 0 to `highest`."""
+    x = sobol(8192, seed=7) * highest
+    return float(np.quantile(delta_e_2000(Lut(ops)(x), transform(x)), 0.99))
 
 
 def _as_it_stands(transform: ColourFunction, target: Target) -> tuple[Op, ...] | None:
@@ -217,10 +198,9 @@ def _folded(ops: tuple[Op, ...], behind: Parts) -> tuple[Op, ...] | None:
     Node levels L / gain are moved to the shaper's grid, and the cube is evaluated there, so that an output changes by
     less than its kinks do over one step of the shaper.
     """
-    parts = Lut(ops).shaper_and_cube()
-    if parts is None:
+    if not Lut(ops).has_form("shaper"):
         return None
-    curve, cube = parts
+    curve, cube = Lut(ops).shaper_and_cube()
     gain, matrix = behind.gain, behind.matrix
     if np.all(gain == 1):
         return (*ops[:-1], Cube(cube.values @ matrix.T, cube.interpolation))

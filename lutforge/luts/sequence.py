@@ -109,8 +109,8 @@ class Lut:
         """
         return processor_of(self.ops, codes)
 
-    def shaper_and_cube(self) -> tuple[Curve | None, Cube] | None:
-        """The whole sequence as a shaper, or none, and a cube; None where it is more than that.
+    def shaper_and_cube(self) -> tuple[Curve | None, Cube]:
+        """The whole sequence as a shaper, or none, and a cube. Raises LutError where it is more than that.
 
         What changes nothing is left out: identity matrices, and a clamp to the domain of the curve or cube behind it.
         A curve alone has a straight cube of two nodes behind it.
@@ -127,16 +127,18 @@ class Lut:
                 return curve, cube
             case [Curve() as curve]:
                 return curve, Cube(grid(uniform_levels(2)))
-        return None
+        raise LutError(f"LUT: {self.summary} is more than a shaper and a cube")
 
     def has_form(self, form: Form) -> bool:
         """True where a format of this form can hold the sequence."""
         if form == "full":
             return True
-        parts = self.shaper_and_cube()
-        if parts is None or not parts[1].has_equal_axes:
+        try:
+            curve, cube = self.shaper_and_cube()
+        except LutError:
             return False
-        curve = parts[0]
+        if not cube.has_equal_axes:
+            return False
         return curve is None or form == "shaper" or (form == "shared" and curve.is_shared)
 
     def write(self, path: str | Path) -> Path:

@@ -152,7 +152,7 @@ def test_what_a_profile_cannot_give_is_refused_with_the_way(
         write_kit(raw_profile, SETTING, tmp_path / "kit", "darktable")
     with pytest.raises(SettingsError, match="needs a profile of RAW files"):
         write_kit(developed_profile, SETTING, tmp_path / "kit", "blender")
-    with pytest.raises(SettingsError, match="there are kits for"):
+    with pytest.raises(SettingsError, match="unknown kit"):
         write_kit(raw_profile, SETTING, tmp_path / "kit", "paint")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "holiday.jpg").write_bytes(b"x")

@@ -8,7 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.luts.formats.text import MAX_CURVE, MAX_SIZE, Lines, cube_of_rows, plain, rows, rows_of_cube, write_text
+from lutforge.luts.formats.text import (
+    MOST_ENTRIES,
+    MOST_NODES,
+    Lines,
+    cube_of_rows,
+    plain,
+    rows,
+    rows_of_cube,
+    write_text,
+)
 from lutforge.luts.ops import Cube, Curve, Op
 from lutforge.luts.sequence import FileFormat, Lut, register
 from lutforge.luts.shaper import node_levels
@@ -16,9 +25,7 @@ from lutforge.luts.shaper import node_levels
 
 def write(lut: Lut, path: Path) -> None:
     """Write a cube with a shaper, or none; red varies fastest. Raises LutError."""
-    parts = lut.shaper_and_cube()
-    assert parts is not None
-    curve, cube = parts
+    curve, cube = lut.shaper_and_cube()
     notes = [line for line in (plain(text) for text in (lut.title, *lut.comments)) if line]
     lines = ["CSPLUTV100", "3D", "", "BEGIN METADATA", *notes, "END METADATA", ""]
     for channel in range(3):
@@ -63,12 +70,12 @@ def read(path: Path, data: bytes) -> Lut:
     index += 9
     words = lines.at(index, "the size").split()
     if kind == "1D":
-        (entries,) = lines.integers(index, words[:1], 2, MAX_CURVE, "the size")
+        (entries,) = lines.integers(index, words[:1], 2, MOST_ENTRIES, "the size")
         ops.append(Curve(lines.table(index + 1, entries, 3, "the table")))
     else:
         if len(words) != 3:
             raise lines.wrong(index, "expected three sizes")
-        r, g, b = lines.integers(index, words, 2, MAX_SIZE, "the size")
+        r, g, b = lines.integers(index, words, 2, MOST_NODES, "the size")
         ops.append(Cube(cube_of_rows(lines.table(index + 1, r * g * b, 3, "the cube"), (r, g, b))))
     return Lut(tuple(ops), "", tuple(notes), {"format": ".csp"})
 

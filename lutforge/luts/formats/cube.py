@@ -12,8 +12,8 @@ import numpy as np
 
 from lutforge.errors import LutError
 from lutforge.luts.formats.text import (
-    MAX_CURVE,
-    MAX_SIZE,
+    MOST_ENTRIES,
+    MOST_NODES,
     Lines,
     comment_lines,
     cube_of_rows,
@@ -34,9 +34,7 @@ def write(lut: Lut, path: Path) -> None:
 
     Raises LutError.
     """
-    parts = lut.shaper_and_cube()
-    assert parts is not None
-    curve, cube = parts
+    curve, cube = lut.shaper_and_cube()
     table = rows(rows_of_cube(cube.values))
     if lut.cube is None and curve is not None:
         table = ""
@@ -79,7 +77,7 @@ def read(path: Path, data: bytes) -> Lut:
         elif word in ("LUT_1D_SIZE", "LUT_3D_SIZE"):
             if len(rest) != 1:
                 raise lines.wrong(index, f"{word} takes one number")
-            (sizes[word],) = lines.integers(index, rest, 2, MAX_CURVE if word == "LUT_1D_SIZE" else MAX_SIZE, word)
+            (sizes[word],) = lines.integers(index, rest, 2, MOST_ENTRIES if word == "LUT_1D_SIZE" else MOST_NODES, word)
         elif word in (*RANGES, "DOMAIN_MIN", "DOMAIN_MAX"):
             pairs[word] = lines.floats(index, rest, 2 if word in RANGES else 3, word)
         else:

@@ -56,9 +56,7 @@ __DEVICE__ float3 transform(int p_Width, int p_Height, int p_X, int p_Y, float p
 
 def write(lut: Lut, path: Path) -> None:
     """Write the program, and its cube under the same stem with the suffix .cube. Raises LutError."""
-    parts = lut.shaper_and_cube()
-    assert parts is not None  # the format's form is a shaper and a cube
-    curve, table = parts
+    curve, table = lut.shaper_and_cube()
     beside = path.with_suffix(".cube")
     if not re.fullmatch(r"[\w .+-]+", beside.name):
         raise LutError(f"{path}: Resolve finds no cube of this name; use letters, digits, blanks and . _ + -")

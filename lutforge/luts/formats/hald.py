@@ -28,10 +28,9 @@ def write(lut: Lut, path: Path) -> None:
 
 
 def _write(lut: Lut, path: Path) -> None:
-    parts = lut.shaper_and_cube()
-    assert parts is not None
+    _, cube = lut.shaper_and_cube()
     side = isqrt(lut.size) ** 3
-    codes = np.rint(np.clip(rows_of_cube(parts[1].values), 0.0, 1.0) * 65535).astype(np.uint16).reshape(side, side, 3)
+    codes = np.rint(np.clip(rows_of_cube(cube.values), 0.0, 1.0) * 65535).astype(np.uint16).reshape(side, side, 3)
     spec = oiio.ImageSpec(side, side, 3, oiio.UINT16)
     spec["ImageDescription"] = "; ".join(plain(text) for text in (lut.title, *lut.comments) if plain(text))
     output = oiio.ImageOutput.create(str(path))

@@ -6,8 +6,8 @@ import numpy as np
 
 from lutforge.errors import LutError
 from lutforge.luts.formats.text import (
-    MAX_CURVE,
-    MAX_SIZE,
+    MOST_ENTRIES,
+    MOST_NODES,
     Lines,
     cube_of_rows,
     is_numeric,
@@ -21,9 +21,7 @@ from lutforge.luts.sequence import FileFormat, Lut, register
 
 def write(lut: Lut, path: Path) -> None:
     """Write a cube, and in front of it one curve for all channels, or none. Raises LutError."""
-    parts = lut.shaper_and_cube()
-    assert parts is not None
-    curve, cube = parts
+    curve, cube = lut.shaper_and_cube()
     kind = "Type\t\t3D" if curve is None else "Type\t\t3D+1D"
     length = str(cube.size) if curve is None else f"{cube.size} {len(curve.outputs)}"
     lines = [
@@ -77,13 +75,13 @@ def read(path: Path, data: bytes) -> Lut:
     low, high = domain
     ops: list[Op] = []
     if not kind.startswith("3d"):
-        (entries,) = lines.integers(at, words[:1], 2, MAX_CURVE, "Length")
+        (entries,) = lines.integers(at, words[:1], 2, MOST_ENTRIES, "Length")
         if not body:
             raise LutError(f"{path}: no rows of numbers")
         table = lines.table(body[0], min(entries, len(body)), 1, "the curve")
         return Lut((Curve(np.repeat(table, 3, axis=1), low, high),), metadata={"format": "Houdini .lut"})
-    (size,) = lines.integers(at, words[:1], 2, MAX_SIZE, "Length")
-    entries = lines.integers(at, words[1:2] or ["?"], 2, MAX_CURVE, "Length")[0] if kind == "3d+1d" else 0
+    (size,) = lines.integers(at, words[:1], 2, MOST_NODES, "Length")
+    entries = lines.integers(at, words[1:2] or ["?"], 2, MOST_ENTRIES, "Length")[0] if kind == "3d+1d" else 0
     if len(body) != entries + size**3:
         raise LutError(f"{path}: expected {entries + size**3} rows of numbers, found {len(body)}")
     if entries:

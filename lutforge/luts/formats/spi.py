@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.formats.text import MAX_CURVE, MAX_SIZE, Lines, rows, write_text
+from lutforge.luts.formats.text import MOST_ENTRIES, MOST_NODES, Lines, rows, write_text
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import FileFormat, Lut, register
 
@@ -15,9 +15,8 @@ PAIR = (".spi1d", ".spi3d")
 
 def write(lut: Lut, path: Path) -> None:
     """Write both files of a LUT: the shaper, which is straight where there is none, and the cube. Raises LutError."""
-    parts = lut.shaper_and_cube()
-    assert parts is not None
-    curve, cube = parts[0] or Curve(np.repeat([[0.0], [1.0]], 3, axis=1)), parts[1]
+    shaper, cube = lut.shaper_and_cube()
+    curve = shaper or Curve(np.repeat([[0.0], [1.0]], 3, axis=1))
     header = f"Version 1\nFrom {curve.low!r} {curve.high!r}\nLength {len(curve.outputs)}\nComponents 3\n{{\n"
     write_text(path.with_suffix(PAIR[0]), header + rows(curve.outputs) + "}\n")
     n = cube.size
@@ -40,7 +39,7 @@ def read_spi1d(path: Path, data: bytes) -> Lut:
             first, second = lines.floats(index, rest, 2, "From")
             domain = (first, second)
         elif word != "Version":
-            limit = MAX_CURVE if word == "Length" else 3
+            limit = MOST_ENTRIES if word == "Length" else 3
             found[word] = lines.integers(index, rest[:1] or ["?"], 1, limit, word)[0]
         index += 1
     if "Length" not in found:
@@ -66,7 +65,7 @@ def read_spi3d(path: Path, data: bytes) -> Lut:
     words = lines.at(2, "the size").split()
     if len(words) != 3:
         raise lines.wrong(2, "expected three sizes")
-    r, g, b = lines.integers(2, words, 2, MAX_SIZE, "the size")
+    r, g, b = lines.integers(2, words, 2, MOST_NODES, "the size")
     table = lines.table(3, r * g * b, 6, "the cube")
     places = table[:, :3]
     if np.any(places != np.rint(places)) or np.any(places < 0) or np.any(places >= [r, g, b]):

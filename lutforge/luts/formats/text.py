@@ -87,9 +87,9 @@ def _fixed_point(numbers: Array, decimals: int, short: bool) -> NDArray[np.uint8
     return text[:at]
 
 
-MAX_SIZE = 256
+MOST_NODES = 256
 """Most nodes per axis of a cube that is looked at."""
-MAX_CURVE = 1 << 20
+MOST_ENTRIES = 1 << 20
 """Most entries of a curve."""
 LARGEST = 1e30
 """The largest number that is read: near the end of what float32 holds, so that interpolation would overflow."""
@@ -174,6 +174,17 @@ class Lines:
         raise LutError(
             f"{self.path}, line {len(self.all)}: {what}: expected {count} rows of {width} numbers, found {len(rows)}"
         )
+
+    def codes(self, start: int, count: int, top: float, what: str) -> Array:
+        """`count` rows of three whole numbers from 0 to `top` from line index `start`: (count, 3)."""
+        table = self.table(start, count, 3, what)
+        wrong = np.any((table < 0) | (table > top) | (table != np.rint(table)), axis=1)
+        if wrong.any():
+            limit = f" to {top:g}" if np.isfinite(top) else ""
+            raise self.wrong(
+                start + int(np.flatnonzero(wrong)[0]), f"a {self.path.suffix.lower()} holds whole numbers from 0{limit}"
+            )
+        return table
 
 
 def cube_of_rows(table: Array, size: tuple[int, int, int]) -> Array:

@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import LutError
-from lutforge.luts.formats.text import MAX_SIZE, Lines, comment_lines, is_numeric, write_text
+from lutforge.luts.formats.text import MOST_NODES, Lines, comment_lines, is_numeric, write_text
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import FileFormat, Lut, register
 
 
 def write(lut: Lut, path: Path) -> None:
     """Write a cube in 12 bits, outputs clamped to [0, 1]. Raises LutError."""
-    parts = lut.shaper_and_cube()
-    assert parts is not None
+    _, cube = lut.shaper_and_cube()
     mesh = np.rint(np.linspace(0, 1023, lut.size)).astype(int)
-    codes = np.rint(np.clip(parts[1].values, 0.0, 1.0) * 4095).astype(int).reshape(-1, 3)
+    codes = np.rint(np.clip(cube.values, 0.0, 1.0) * 4095).astype(int).reshape(-1, 3)
     header = [*comment_lines(lut.title, lut.comments), " ".join(map(str, mesh.tolist()))]
     body = ("%d %d %d\n" * len(codes)) % tuple(codes.ravel().tolist())
     write_text(path, "\n".join(header) + "\n" + body)
@@ -34,13 +33,10 @@ def read(path: Path, data: bytes) -> Lut:
         raise lines.wrong(index, "not a line of .3dl files")
     mesh = lines.at(index, "the mesh line").split()
     size = len(mesh)
-    if not 2 <= size <= MAX_SIZE or size == 3:
+    if not 2 <= size <= MOST_NODES or size == 3:
         raise lines.wrong(index, f"the mesh line has {size} numbers")
     lines.integers(index, mesh, 0, 1 << 20, "the mesh")
-    table = lines.table(index + 1, size**3, 3, "the cube")
-    if np.any(table < 0) or np.any(table != np.rint(table)):
-        row = int(np.flatnonzero(np.any((table < 0) | (table != np.rint(table)), axis=1))[0])
-        raise lines.wrong(index + 1 + row, "a .3dl holds whole numbers from 0")
+    table = lines.codes(index + 1, size**3, np.inf, "the cube")
     top = float(table.max())
     bits = next((depth for depth in (8, 10, 12, 16) if top < 2**depth), None)
     if bits is None:

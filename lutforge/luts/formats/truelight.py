@@ -6,8 +6,8 @@ import numpy as np
 
 from lutforge.errors import LutError
 from lutforge.luts.formats.text import (
-    MAX_CURVE,
-    MAX_SIZE,
+    MOST_ENTRIES,
+    MOST_NODES,
     Lines,
     comment_lines,
     cube_of_rows,
@@ -21,9 +21,8 @@ from lutforge.luts.sequence import FileFormat, Lut, register
 
 def write(lut: Lut, path: Path) -> None:
     """Write a cube with a shaper, which is straight where there is none; red varies fastest. Raises LutError."""
-    parts = lut.shaper_and_cube()
-    assert parts is not None
-    curve, cube = parts[0] or Curve(np.repeat([[0.0], [1.0]], 3, axis=1)), parts[1]
+    shaper, cube = lut.shaper_and_cube()
+    curve = shaper or Curve(np.repeat([[0.0], [1.0]], 3, axis=1))
     notes = [line for line in comment_lines(lut.title, lut.comments) if len(line.split()) > 2]
     header = [
         "# Truelight Cube v2.0",
@@ -35,8 +34,8 @@ def write(lut: Lut, path: Path) -> None:
         "",
         "# InputLUT",
     ]
-    shaper, table = rows(curve.outputs * (cube.size - 1)), rows(rows_of_cube(cube.values))
-    write_text(path, "\n".join(header) + "\n" + shaper + "\n# Cube\n" + table + "\n# end\n")
+    front, table = rows(curve.outputs * (cube.size - 1)), rows(rows_of_cube(cube.values))
+    write_text(path, "\n".join(header) + "\n" + front + "\n# Cube\n" + table + "\n# end\n")
 
 
 def read(path: Path, data: bytes) -> Lut:
@@ -58,8 +57,8 @@ def read(path: Path, data: bytes) -> Lut:
             raise LutError(f'{path}: "# {word}" is not within {low} to {high}')
         return values
 
-    r, g, b = whole("width", 2, MAX_SIZE, 3)
-    (entries,) = whole("lutLength", 2, MAX_CURVE, 1) if "InputLUT" in header else (0,)
+    r, g, b = whole("width", 2, MOST_NODES, 3)
+    (entries,) = whole("lutLength", 2, MOST_ENTRIES, 1) if "InputLUT" in header else (0,)
     ops: list[Op] = []
     if entries:
         nodes = np.array([r - 1, g - 1, b - 1], dtype=np.float64)

@@ -19,9 +19,8 @@ HEADER = ("# panasonic vlt file version 1.0", '# source vlt file ""', f"LUT_3D_S
 
 def write(lut: Lut, path: Path) -> None:
     """Write a cube in 12 bits, outputs clamped to [0, 1]."""
-    parts = lut.shaper_and_cube()
-    assert parts is not None  # the format's form is plain
-    codes = np.rint(np.clip(parts[1].values, 0.0, 1.0) * TOP).astype(int)
+    _, cube = lut.shaper_and_cube()
+    codes = np.rint(np.clip(cube.values, 0.0, 1.0) * TOP).astype(int)
     flat = codes.transpose(2, 1, 0, 3).ravel().tolist()
     write_text(path, "\n".join(HEADER) + "\n\n" + ("%d %d %d\n" * SIZE**3) % tuple(flat))
 
@@ -31,10 +30,7 @@ def read(path: Path, data: bytes) -> Lut:
     lines = Lines(path, data)
     if lines.at(0, "the size").split() != ["LUT_3D_SIZE", str(SIZE)]:
         raise lines.wrong(0, f"a .vlt begins with LUT_3D_SIZE {SIZE}")
-    table = lines.table(1, SIZE**3, 3, "the cube")
-    wrong = np.any((table < 0) | (table > TOP) | (table != np.rint(table)), axis=1)
-    if wrong.any():
-        raise lines.wrong(1 + int(np.flatnonzero(wrong)[0]), f"a .vlt holds whole numbers from 0 to {TOP}")
+    table = lines.codes(1, SIZE**3, TOP, "the cube")
     cube = Cube(cube_of_rows(table / TOP, (SIZE, SIZE, SIZE)))
     return Lut((cube,), "", tuple(lines.comments), {"format": ".vlt", "bits": "12"})
 
