@@ -180,8 +180,7 @@ def decode(path: Path, data: bytes, canvas: Codes) -> None:
     try:
         simplejpeg.decode_jpeg(data, "RGBX", buffer=canvas)
     except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise ImageError(f"{path}: damaged or cut short ({reason}); copy the file again") from error
+        raise ImageError(f"{path}: damaged or cut short ({error}); copy the file again") from error
 
 
 def encode(file: FileIO, canvas: Codes, start: bytes, like: JpegHeader, quality: int | None = None) -> None:

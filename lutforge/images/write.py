@@ -70,7 +70,7 @@ class ImageWriter:
         else:
             written = self.target.write_scanlines(top, bottom, spec.z, pixels)
         if not written:
-            raise ImageError(f"{self.path}: {_one_line(self.target.geterror())}")
+            raise ImageError(f"{self.path}: {self.target.geterror() or 'cannot be written'}")
 
 
 @contextmanager
@@ -83,14 +83,14 @@ def image_writer(path: Path, described: oiio.ImageSpec, start: bytes | None = No
     with atomic_path(path) as temporary, _safe_place(path, temporary, described, start) as place:
         target = create_output(path)
         if not target.open(str(place), described):
-            raise ImageError(f"{path}: {_one_line(target.geterror())}")
+            raise ImageError(f"{path}: {target.geterror() or 'cannot be written'}")
         try:
             yield ImageWriter(path, described, target)
         except BaseException:
             target.close()
             raise
         if not target.close():
-            raise ImageError(f"{path}: {_one_line(target.geterror())}")
+            raise ImageError(f"{path}: {target.geterror() or 'cannot be written'}")
 
 
 @contextmanager
@@ -157,7 +157,3 @@ def upright(array: Pixels, orientation: int) -> Pixels:
         8: lambda a: a[:, ::-1].transpose(1, 0, 2),
     }.get(orientation, lambda a: a)(array)
     return np.ascontiguousarray(turned)
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split()) or "cannot be written"

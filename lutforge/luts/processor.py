@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Single
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading, require_file
-from lutforge.errors import LutError, one_line
+from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 
@@ -71,7 +71,7 @@ def processor_of(ops: Sequence[Op], codes: bool = False) -> OCIO.CPUProcessor:
         processor = OCIO.Config.CreateRaw().getProcessor(group_of(ops))
         return of_codes(processor) if codes else processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
     except OCIO_ERRORS as error:
-        raise LutError(f"LUT: OpenColorIO cannot evaluate it: {one_line(str(error))}") from error
+        raise LutError(f"LUT: OpenColorIO cannot evaluate it: {error}") from error
 
 
 def ops_of(group: OCIO.GroupTransform) -> tuple[Op, ...]:
@@ -196,4 +196,4 @@ def _reason(message: str, link: str, path: Path) -> str:
                 "lines for OpenColorIO; delete those lines"
             )
     said = message.replace(link, path.name).split("failed with: ")[-1]
-    return f"OpenColorIO cannot read it: {one_line(said.split('All formats')[0])}"
+    return f"OpenColorIO cannot read it: {said.split('All formats')[0]}"

@@ -51,7 +51,7 @@ def second_reading(path: Path, x: Array, method: Interpolation) -> Array | None:
                 three = isinstance(stage, colour.LUT3D)
                 y = np.asarray(stage.apply(y, interpolator=interpolator) if three else stage.apply(y))
     except (ValueError, TypeError, IndexError, KeyError, AttributeError, AssertionError, RuntimeError) as error:
-        raise LutError(f"{path}: colour-science cannot read it: {' '.join(str(error).split())[:200]}") from error
+        raise LutError(f"{path}: colour-science cannot read it: {error}") from error
     return y
 
 

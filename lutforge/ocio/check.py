@@ -13,7 +13,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.arrays import Pixels
 from lutforge.boundary import reading, require_file
-from lutforge.errors import ConfigError
+from lutforge.errors import ConfigError, one_line
 from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.ocio.merge import LUT_SUFFIXES
@@ -74,7 +74,7 @@ def load_config(path: str | Path) -> OCIO.Config:
         try:
             return OCIO.Config.CreateFromFile(str(path))
         except OCIO_ERRORS as error:
-            raise ConfigError(f"{path}: OpenColorIO cannot read it: {_one_line(error)}") from error
+            raise ConfigError(f"{path}: OpenColorIO cannot read it: {error}") from error
 
 
 def check_config(config: OCIO.Config) -> list[Finding]:
@@ -87,7 +87,7 @@ def check_config(config: OCIO.Config) -> list[Finding]:
     try:
         config.validate()
     except OCIO_ERRORS as error:
-        findings.append(Finding("error", "config", _one_line(error)))
+        findings.append(Finding("error", "config", one_line(str(error), 400)))
     findings += [
         Finding("warning", f"role {role}", "missing; programs cannot relate this config to others")
         for role in WANTED_ROLES
@@ -193,7 +193,7 @@ def _try(where: str, make: Callable[[], OCIO.Processor]) -> list[Finding]:
     try:
         make().getDefaultCPUProcessor().applyRGB(pixels)
     except OCIO_ERRORS as error:
-        return [Finding("error", where, _one_line(error))]
+        return [Finding("error", where, one_line(str(error), 400))]
     if not np.all(np.isfinite(pixels)):
         return [Finding("error", where, "ordinary pixels come out as NaN or infinity")]
     return []
@@ -284,7 +284,3 @@ def _equality_groups(config: OCIO.Config) -> list[Finding]:
             if np.abs(result - results[0]).max() > 1e-4:  # what no 8-bit or 10-bit file tells apart
                 findings.append(Finding("error", f"equality group {group}", f"{names[0]} and {name} differ"))
     return findings
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:400]

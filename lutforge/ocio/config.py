@@ -199,5 +199,5 @@ def _assembled(
     try:
         config.validate()
     except OCIO_ERRORS as error:
-        raise ConfigError(f"the config is not valid: {' '.join(str(error).split())}") from error
+        raise ConfigError(f"the config is not valid: {error}") from error
     return config

@@ -143,7 +143,7 @@ def merged(
     try:
         config = OCIO.ConfigMergingHelpers.MergeConfigs(parameters, base.config, cameras)
     except OCIO_ERRORS as error:
-        raise ConfigError(f"{base.label}: OpenColorIO cannot merge it: {' '.join(str(error).split())[:300]}") from error
+        raise ConfigError(f"{base.label}: OpenColorIO cannot merge it: {error}") from error
     finally:
         OCIO.SetLoggingLevel(level)
     paths = [path for path in base.config.getSearchPaths() if path != LUT_FOLDER]
@@ -229,7 +229,7 @@ def _read(source: str, label: str) -> OCIO.Config:
     try:
         return OCIO.Config.CreateFromFile(source)
     except OCIO_ERRORS as error:
-        raise ConfigError(f"{label}: OpenColorIO cannot read it: {' '.join(str(error).split())[:300]}") from error
+        raise ConfigError(f"{label}: OpenColorIO cannot read it: {error}") from error
 
 
 def _unpack(path: Path, folder: Path) -> None:

@@ -19,7 +19,7 @@ from lutforge.threads import cores
 DEVELOPERS: dict[str, Developer] = {developer.name: developer for developer in (Darktable(), RawTherapee())}
 """Programs that `--developer` runs."""
 
-PICTURE_SUFFIXES = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
+PAIRED_SUFFIXES = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 """Kinds of pictures that are paired, the best first."""
 
 
@@ -55,7 +55,7 @@ def raw_substitute(
     def read(raw: Path) -> Development:
         picture = pictures.get(raw.stem.lower())
         if picture is None:
-            raise ShotError(f"{raw}: {developed} holds no picture of that name ({', '.join(PICTURE_SUFFIXES[:3])})")
+            raise ShotError(f"{raw}: {developed} holds no picture of that name ({', '.join(PAIRED_SUFFIXES[:3])})")
         return read_developed(picture, space)
 
     return read
@@ -92,5 +92,5 @@ def _pictures(folder: Path) -> dict[str, Path]:
     if not folder.is_dir():
         raise ShotError(f"{folder}: no such folder")
     # Of several of one stem the best kind comes last, and stays.
-    found = [path for kind in reversed(PICTURE_SUFFIXES) for path in folder.iterdir() if path.suffix.lower() == kind]
+    found = [path for kind in reversed(PAIRED_SUFFIXES) for path in folder.iterdir() if path.suffix.lower() == kind]
     return {path.stem.lower(): path for path in found}

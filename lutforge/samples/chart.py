@@ -16,41 +16,11 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import least_squares
 
 from lutforge.arrays import Array, Pixels
-from lutforge.samples.chart_kinds import ChartKind, chart_kind
+from lutforge.samples.chart_kinds import ChartKind, chart_kind, srgb_codes
 from lutforge.samples.clipping import Clipping, Extremes, clipping
 from lutforge.shots.shot import Shot
 
-# sRGB codes of the chart (after November 2014), rows from dark skin to black: the values that
-# colour-science's CCS_COLOURCHECKERS gives through XYZ_to_sRGB, rounded and cut to [0, 255].
-REFERENCE = np.array(
-    [
-        (116, 79, 65),
-        (197, 144, 127),
-        (91, 121, 155),
-        (91, 108, 65),
-        (132, 127, 174),
-        (95, 189, 172),
-        (224, 124, 51),
-        (70, 90, 166),
-        (197, 80, 95),
-        (93, 58, 103),
-        (155, 187, 62),
-        (227, 161, 44),
-        (41, 62, 144),
-        (59, 147, 72),
-        (178, 54, 57),
-        (236, 199, 30),
-        (191, 80, 146),
-        (0, 133, 165),
-        (241, 242, 236),
-        (201, 202, 201),
-        (161, 163, 163),
-        (121, 121, 121),
-        (83, 84, 85),
-        (50, 50, 50),
-    ],
-    dtype=np.float64,
-)
+REFERENCE = srgb_codes("classic2014")
 
 RESEMBLANCE = 0.85
 """Share of the variance of a chart's chroma that an affine map of the published colours explains, at least."""

@@ -92,6 +92,11 @@ def _known() -> dict[str, Any]:
     return known
 
 
+def srgb_codes(name: str) -> Array:
+    """Return the sRGB codes (n, 3) of a chart of data/charts.json: what colour-science's XYZ_to_sRGB gives, rounded."""
+    return np.array(_known()[name]["srgb_codes"], dtype=np.float64)
+
+
 def chart_kind(word: str) -> ChartKind:
     """Return a chart by its name in data/charts.json, or of a CGATS table or a JSON file.
 

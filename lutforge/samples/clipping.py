@@ -1,6 +1,6 @@
 """The clipping limits of areas and of samples: beyond them a JPEG or RAW pixel no longer tells what the scene was."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,32 +18,23 @@ class Extremes:
 
 @dataclass(frozen=True, eq=False)
 class Clipping:
-    """(…) masks of areas with at least one clipped pixel in any channel, one mask a reason."""
+    """Masks (…) of areas with at least one clipped pixel in any channel, by the reason in words."""
 
-    jpeg_white: Mask
-    jpeg_black: Mask
-    raw_white: Mask
-    raw_black: Mask
+    reasons: Mapping[str, Mask]
 
     @property
     def any(self) -> Mask:
         """Areas that clip for any reason."""
-        return self.jpeg_white | self.jpeg_black | self.raw_white | self.raw_black
+        return np.asarray(np.logical_or.reduce(list(self.reasons.values())))
 
     def counts(self, where: Mask | None = None) -> dict[str, int]:
-        """Areas in `where` per reason, in words; each is counted once, under its first reason."""
-        counted = np.zeros(self.jpeg_white.shape, dtype=np.bool_) if where is None else ~where
+        """Areas in `where` per reason; each is counted once, under its first reason."""
+        counted = np.zeros(self.any.shape, dtype=np.bool_) if where is None else ~where
         counts: dict[str, int] = {}
-        for reason, mask in self._reasons():
+        for reason, mask in self.reasons.items():
             counts[reason] = int(np.count_nonzero(mask & ~counted))
             counted |= mask
         return counts
-
-    def _reasons(self) -> Iterator[tuple[str, Mask]]:
-        yield "JPEG white", self.jpeg_white
-        yield "JPEG black", self.jpeg_black
-        yield "RAW saturated", self.raw_white
-        yield "RAW black", self.raw_black
 
 
 def clipping(jpeg: Extremes, raw: Extremes, saturation: Array) -> Clipping:
@@ -51,14 +42,15 @@ def clipping(jpeg: Extremes, raw: Extremes, saturation: Array) -> Clipping:
 
     saturation: (3,) RAW level of each channel, see `saturation_levels`.
     """
-    return Clipping(
+    clips = {
         # JPEG compression moves a clipped pixel by a code.
-        jpeg_white=_in_any_channel(jpeg.maximum >= 254),
-        jpeg_black=_in_any_channel(jpeg.minimum <= 1),
+        "JPEG white": jpeg.maximum >= 254,
+        "JPEG black": jpeg.minimum <= 1,
         # Sensors bend below their ceiling. Decoders cut noise below black at 0, so that a mean is too bright there.
-        raw_white=_in_any_channel(raw.maximum >= 0.98 * saturation),
-        raw_black=_in_any_channel(raw.minimum <= 0),
-    )
+        "RAW saturated": raw.maximum >= 0.98 * saturation,
+        "RAW black": raw.minimum <= 0,
+    }
+    return Clipping({reason: np.any(channels, axis=-1) for reason, channels in clips.items()})
 
 
 def unclipped_colours(encoded: Array, raw: Array) -> Mask:
@@ -69,11 +61,6 @@ def unclipped_colours(encoded: Array, raw: Array) -> Mask:
     half_code = 0.5 / 255.0
     inside = (encoded >= half_code) & (encoded <= 1.0 - half_code) & (raw > 0.0) & (raw < 0.999)
     return np.asarray(np.all(inside, axis=1))
-
-
-def _in_any_channel(mask: Mask) -> Mask:
-    result: Mask = np.any(mask, axis=-1)
-    return result
 
 
 def saturation_levels(pixels: Pixels) -> Array:

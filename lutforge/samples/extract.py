@@ -21,7 +21,7 @@ FEW_TILES = 100
 """A shot with fewer tiles within the first two limits may use the hard bound, and is searched for a chart."""
 
 
-FATES = ("kept", "clipped", "outside the RAW", "not flat", "RAW and JPEG disagree", "colour already covered")
+OUTCOMES = ("kept", "clipped", "outside the RAW", "not flat", "RAW and JPEG disagree", "colour already covered")
 """What can become of a cell of a shot."""
 
 
@@ -29,12 +29,12 @@ FATES = ("kept", "clipped", "outside the RAW", "not flat", "RAW and JPEG disagre
 class ShotCells:
     """A shot in small, upright, a pixel a cell: 8-bit JPEG and RAW (h, w, 3), RAW balanced and encoded as in a JPEG.
 
-    fate: (h, w) what became of each cell, an index into FATES.
+    outcome: (h, w) what became of each cell, an index into OUTCOMES.
     """
 
     jpeg: NDArray[np.uint8]
     raw: NDArray[np.uint8]
-    fate: NDArray[np.uint8]
+    outcome: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,22 +115,22 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
         "RAW and JPEG disagree": int(np.count_nonzero(is_flat & ~agrees)),
         "colour already covered": len(rows) - len(kept),
     }
-    fate = np.select([~inside, clip.any, ~is_flat, ~agrees], [2, 1, 3, 4], 5).astype(np.uint8)
+    outcome = np.select([~inside, clip.any, ~is_flat, ~agrees], [2, 1, 3, 4], 5).astype(np.uint8)
     rows, columns = rows[kept], columns[kept]
-    fate[rows, columns] = 0
+    outcome[rows, columns] = 0
     names = [f"tile_{x * cell:04d}_{y * cell:04d}" for y, x in zip(rows, columns, strict=True)]
     samples = _sample_set(shot, names, raw.mean[rows, columns], jpeg.mean[rows, columns], places[kept])
-    small = _cells(shot, jpeg.mean, raw.mean, fate)
+    small = _cells(shot, jpeg.mean, raw.mean, outcome)
     return ShotSamples(shot.name, samples, len(samples), 0, clip.counts(inside), rejected, tuple(notes), small)
 
 
-def _cells(shot: Shot, jpeg: Array, raw: Array, fate: NDArray[np.uint8]) -> ShotCells:
+def _cells(shot: Shot, jpeg: Array, raw: Array, outcome: NDArray[np.uint8]) -> ShotCells:
     """The shot in small, of the means of its cells: JPEG codes and RAW, (h, w, 3)."""
     multipliers = np.ones(3) if shot.metadata.multipliers is None else shot.metadata.multipliers
     balanced = np.clip(np.nan_to_num(raw) * multipliers, 0.0, 1.0)
     turns = -TURNS.get(shot.raw.flip, 0)
     jpeg8, raw8 = (np.rint(values).astype(np.uint8) for values in (jpeg, 255 * srgb_encode(balanced)))
-    return ShotCells(np.rot90(jpeg8, turns), np.rot90(raw8, turns), np.rot90(fate, turns))
+    return ShotCells(np.rot90(jpeg8, turns), np.rot90(raw8, turns), np.rot90(outcome, turns))
 
 
 def _patches(shot: Shot, saturation: Array, searched: bool) -> ShotSamples:

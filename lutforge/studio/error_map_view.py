@@ -10,13 +10,12 @@ from bokeh.models import ColumnDataSource, DataRange1d, HoverTool, LinearColorMa
 from lutforge.arrays import Array
 from lutforge.report.error_maps import DIRECTIONS, ErrorMaps, maps_of_file
 from lutforge.samples.sample_set import with_setting_names
-from lutforge.studio.elements import FILL, NOTHING, plot, select, text
+from lutforge.studio.elements import FILL, LINE, NOTHING, plot, select, text
 from lutforge.studio.maps_view import PALETTE
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import WorkspaceError
 
 METHODS = 4
-GREY = "#8c8c8c"
 
 
 class ErrorMapView:
@@ -41,7 +40,7 @@ class ErrorMapView:
         source = ColumnDataSource({"image": [], "width": [], "height": []})
         place = {"image": "image", "x": 0, "y": 0, "dw": "width", "dh": "height", "source": source}
         if scale:
-            mapper = LinearColorMapper(palette=PALETTE, low=0.0, high=scale, nan_color=GREY)
+            mapper = LinearColorMapper(palette=PALETTE, low=0.0, high=scale, nan_color=LINE)
             drawing.image(color_mapper=mapper, **place)
             drawing.add_tools(HoverTool(tooltips=[("error", "@image{0.0000}")]))
         else:

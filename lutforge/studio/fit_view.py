@@ -96,9 +96,8 @@ class FitView:
         }
         cells = []
         for name, (predicted, held_out) in found.items():
-            line = residuals(name, predicted, workspace.samples, rows)
-            if line is not None:
-                figures = (line.mean, line.median, line.p95, line.maximum)
+            figures = residuals(predicted, workspace.samples, rows)
+            if figures:
                 left_out = "–" if held_out is None else f"{held_out:.4f}"
                 cells.append((name, *(f"{value:.4f}" for value in figures), left_out))
         header = ("model", "mean", "median", "95 %", "max", "held out")

@@ -1,6 +1,6 @@
 """Fits and evaluations of the studio's models, by the use cases that the command line calls."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -80,25 +80,14 @@ def evaluate_on(profile: CameraProfile, kind: str, samples: SampleSet) -> Fitted
     return FittedModel(profile, scene, transformed, predicted, linearized)
 
 
-@dataclass(frozen=True)
-class ResidualRow:
-    """RGB distance of a model from the JPEG on some samples."""
+def residuals(predicted: Array, samples: SampleSet, rows: Mask) -> tuple[float, ...]:
+    """Mean, median, 95 % and largest RGB distance from the JPEG of what was predicted (n, 3), on some rows.
 
-    model: str
-    mean: float
-    median: float
-    p95: float
-    maximum: float
-
-
-def residuals(name: str, predicted: Array, samples: SampleSet, rows: Mask) -> ResidualRow | None:
-    """The figures on some rows of what was predicted (n, 3); None where that says nothing of any of them."""
+    There are none where that says nothing of any of them.
+    """
     distance = np.linalg.norm(predicted[rows] - samples.srgb[rows], axis=1)
     distance = distance[np.isfinite(distance)]
-    if len(distance) == 0:
-        return None
-    middle, high = np.percentile(distance, [50, 95])
-    return ResidualRow(name, float(distance.mean()), float(middle), float(high), float(distance.max()))
+    return (distance.mean(), *np.percentile(distance, [50, 95, 100])) if len(distance) else ()
 
 
 def held_out_error(profile: CameraProfile) -> float | None:

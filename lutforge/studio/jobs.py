@@ -33,7 +33,7 @@ def _context() -> Any:
 
 
 @dataclass(frozen=True)
-class Report:
+class JobReport:
     """Where a job stands. share: 0 … 1; message: the step, or one line of what went wrong."""
 
     state: State
@@ -50,14 +50,14 @@ class Job:
 
     def __init__(self, title: str, function: Callable[..., Any], *arguments: Any) -> None:
         self.title = title
-        self._report = Report("running", "starting")
+        self._report = JobReport("running", "starting")
         self._lock = threading.Lock()
         self._process: Any = None
         self._thread = threading.Thread(target=self._watch, args=(function, arguments), daemon=True)
         self._thread.start()
 
     @property
-    def report(self) -> Report:
+    def report(self) -> JobReport:
         """The latest."""
         return self._report
 
@@ -65,11 +65,11 @@ class Job:
         """End the process; its result, if there is one on the way, is dropped."""
         with self._lock:
             if self._report.state == "running":
-                self._report = Report("cancelled", "cancelled")
+                self._report = JobReport("cancelled", "cancelled")
             if self._process is not None:
                 self._process.terminate()
 
-    def wait(self, seconds: float | None = None) -> Report:
+    def wait(self, seconds: float | None = None) -> JobReport:
         """The report once the job has ended, or after so many seconds."""
         self._thread.join(seconds)
         return self._report
@@ -87,12 +87,14 @@ class Job:
             while self._report.state == "running":
                 self._tell(receive.recv())
         except (EOFError, OSError):
-            self._tell(Report("failed", f"{self.title}: the calculation ended without a result, perhaps out of memory"))
+            self._tell(
+                JobReport("failed", f"{self.title}: the calculation ended without a result, perhaps out of memory")
+            )
         finally:
             receive.close()
             process.join()
 
-    def _tell(self, report: Report) -> None:
+    def _tell(self, report: JobReport) -> None:
         with self._lock:
             if self._report.state == "running":
                 self._report = report
@@ -102,16 +104,16 @@ def _work(send: Connection, function: Callable[..., Any], arguments: tuple[Any, 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C is for the studio, which ends its jobs
 
     def progress(what: str, share: float) -> None:
-        send.send(Report("running", what, share))
+        send.send(JobReport("running", what, share))
 
     try:
-        report = Report("done", "done", 1.0, function(*arguments, progress))
+        report = JobReport("done", "done", 1.0, function(*arguments, progress))
     except LutForgeError as error:
-        report = Report("failed", one_line(str(error)))
+        report = JobReport("failed", one_line(str(error)))
     except MemoryError:
-        report = Report("failed", "not enough memory: give fewer samples, or a smaller lattice")
+        report = JobReport("failed", "not enough memory: give fewer samples, or a smaller lattice")
     except Exception as error:  # whatever fails is told in the page, and the server goes on
-        report = Report("failed", f"{type(error).__name__}: {one_line(str(error), 300)}")
+        report = JobReport("failed", f"{type(error).__name__}: {one_line(str(error), 300)}")
     with suppress(OSError):  # the studio has ended
         send.send(report)
 

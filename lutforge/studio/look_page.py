@@ -24,7 +24,7 @@ from lutforge.studio.photographs import (
     look_lut,
     open_photograph,
 )
-from lutforge.studio.session import Look, Session
+from lutforge.studio.session import ChosenLook, Session
 from lutforge.studio.workspace import WorkspaceError
 
 AS_SHOT, BY_TEMPERATURE, BY_MULTIPLIERS = "as shot", "by temperature", "by multipliers"
@@ -205,12 +205,12 @@ class LookPage:
             photograph.path, ("" if photograph.selector is None else f"{photograph.selector}", [])
         )
         try:
-            look = Look(source[0], self.wanted.text(photograph.selector), float(self.ev.value))
+            look = ChosenLook(source[0], self.wanted.text(photograph.selector), float(self.ev.value))
             return None if not look.source or self._slow_steps(look) else look_lut(self.session.profile, look)
         except (SettingsError, WorkspaceError):
             return None
 
-    def _slow_steps(self, look: Look) -> tuple[Any, ...]:
+    def _slow_steps(self, look: ChosenLook) -> tuple[Any, ...]:
         profile = self.session.profile
         given, wanted = profile.selector(look.source), profile.selector(look.target)
         return grades_of(profile).slow_steps(match(profile, given, profile, wanted, look.ev))
@@ -222,7 +222,7 @@ class LookPage:
         profile, taken = self.session.profile, None if self.shown is None else self.shown.selector
         known = self.source.is_known
         try:
-            look = Look(self.source.text(taken) if known else "", self.wanted.text(taken), float(self.ev.value))
+            look = ChosenLook(self.source.text(taken) if known else "", self.wanted.text(taken), float(self.ev.value))
             slow = self._slow_steps(look) if known else ()
             if slow and (self.session.short_job is None or pn.state.curdoc is None):
                 self._start(BAKING, lambda luts: self._baked(slow, luts), bake_all, slow)

@@ -1,6 +1,6 @@
 """The page of one visitor: five steps with their states, of which one is shown, in the whole window."""
 
-from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,41 +10,14 @@ import panel_material_ui as pmui
 from lutforge.studio.elements import FILL, text
 from lutforge.studio.folders import Folders
 from lutforge.studio.session import Session
-from lutforge.studio.shots_page import ShotsPage
 from lutforge.studio.steps import STEPS, states_of
 from lutforge.studio.theme import BESIDE, TEMPLATE, THEME
 
 ICONS = {"done": "check_circle", "to do": "radio_button_unchecked", "stale": "sync_problem"}
 
 
-def _samples(session: Session) -> Any:
-    from lutforge.studio.samples_page import SamplesPage
-
-    return SamplesPage(session)
-
-
-def _model(session: Session) -> Any:
-    from lutforge.studio.model_page import ModelPage
-
-    return ModelPage(session)
-
-
-def _look(session: Session) -> Any:
-    from lutforge.studio.look_page import LookPage
-
-    return LookPage(session)
-
-
-def _export(session: Session) -> Any:
-    from lutforge.studio.export_page import ExportPage
-
-    return ExportPage(session)
-
-
 # Imported when first shown: the first paint does not wait for what only later steps draw.
-PAGES: dict[str, Callable[[Session], Any]] = dict(
-    zip(STEPS, (ShotsPage, _samples, _model, _look, _export), strict=True)
-)
+PAGES = {step: (f"lutforge.studio.{step.lower()}_page", f"{step}Page") for step in STEPS}
 
 
 class Page:
@@ -84,10 +57,11 @@ class Page:
         """Look at a step."""
         self.shown = name
         if name not in self.pages:
-            self.pages[name] = PAGES[name](self.session)
+            module, page = PAGES[name]
+            self.pages[name] = getattr(import_module(module), page)(self.session)
             self._theme()
-        page = self.pages[name]
-        self.controls[:], self.body[:] = page.controls, [page.main]
+        shown = self.pages[name]
+        self.controls[:], self.body[:] = shown.controls, [shown.main]
         if self.steps.active != STEPS.index(name):
             self.steps.active = STEPS.index(name)
         self._refresh()

@@ -23,7 +23,7 @@ from lutforge.model.transform import Transform
 from lutforge.progress import Progress
 from lutforge.settings import Selector
 from lutforge.shots.picture_settings import read_picture_settings
-from lutforge.studio.session import Look
+from lutforge.studio.session import ChosenLook
 from lutforge.studio.shot_pictures import jpeg_of, picture_bytes, thumbnail
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES)
@@ -76,7 +76,7 @@ def grades_of(profile: CameraProfile) -> BakedGrades:
     return BakedGrades()
 
 
-def look_lut(profile: CameraProfile, look: Look) -> Lut | None:
+def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
     """The LUT that `apply` grades with; None where the look changes nothing. Raises SettingsError."""
     given, wanted = profile.selector(look.source), profile.selector(look.target)
     if not look.ev and str(given) == str(wanted):

@@ -12,15 +12,15 @@ from lutforge.pipeline.charts import FittedChart
 from lutforge.pipeline.response import FittedResponse
 from lutforge.samples.extract import ShotSamples
 from lutforge.studio.brackets import Bracket, BracketRequest
-from lutforge.studio.desk import Desk
 from lutforge.studio.fits import fit_model
 from lutforge.studio.folders import Folders
+from lutforge.studio.session_base import SessionBase
 from lutforge.studio.workspace import MODELS, FittedModel, History, Workspace, WorkspaceError
 from lutforge.studio.workspace_file import Opened, open_paths, with_profile
 
 
 @dataclass(frozen=True)
-class Look:
+class ChosenLook:
     """The look that was chosen. source, target: STYLE/WB, "" before; ev: exposure change in stops."""
 
     source: str = ""
@@ -36,11 +36,11 @@ class Written:
     path: Path
     told: tuple[str, ...]
     command: str
-    of: tuple[CameraProfile | None, Look]
+    of: tuple[CameraProfile | None, ChosenLook]
 
 
 @dataclass(eq=False)
-class Session(Desk):
+class Session(SessionBase):
     """Shared by the steps of one page, which are told of each change.
 
     accounts: of the shots that were sampled; left_out: why others were not; files: by shot its RAW file; look: of the
@@ -56,7 +56,7 @@ class Session(Desk):
     accounts: tuple[ShotSamples, ...] = ()
     left_out: tuple[str, ...] = ()
     files: Mapping[str, Path] = field(default_factory=dict)
-    look: Look = field(default_factory=Look)
+    look: ChosenLook = field(default_factory=ChosenLook)
     look_chosen: bool = False
     profile_source: Path | None = None
     bracket: Bracket | None = None

@@ -18,11 +18,11 @@ from lutforge.images.icc import foreign_profile
 from lutforge.images.read import ImageReader
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
-from lutforge.samples.extract import FATES, ShotCells, ShotSamples
+from lutforge.samples.extract import OUTCOMES, ShotCells, ShotSamples
 from lutforge.samples.sample_set import SampleSet
 
-FATE_COLOURS = ("#ffffff", "#e69f00", "#111111", "#8c8c8c", "#cc79a7", "#4f83e0")
-"""The colour of each fate of a tile, in the order of `FATES`."""
+OUTCOME_COLOURS = ("#ffffff", "#e69f00", "#111111", "#8c8c8c", "#cc79a7", "#4f83e0")
+"""The colour of each outcome of a tile, in the order of `OUTCOMES`."""
 
 
 def picture_url(pixels: NDArray[np.uint8]) -> str:
@@ -65,11 +65,11 @@ def jpeg_of(image: Image.Image) -> bytes:
     return buffer.getvalue()
 
 
-def fates_drawn(cells: ShotCells) -> NDArray[np.uint8]:
+def outcomes_drawn(cells: ShotCells) -> NDArray[np.uint8]:
     """The JPEG with its kept tiles as they are and the others under the colour of what became of them."""
-    colours = np.array([[int(colour[at : at + 2], 16) for at in (1, 3, 5)] for colour in FATE_COLOURS])
-    mixed = 0.3 * cells.jpeg + 0.7 * colours[cells.fate]
-    return np.where(cells.fate[..., None] == 0, cells.jpeg, mixed).astype(np.uint8)
+    colours = np.array([[int(colour[at : at + 2], 16) for at in (1, 3, 5)] for colour in OUTCOME_COLOURS])
+    mixed = 0.3 * cells.jpeg + 0.7 * colours[cells.outcome]
+    return np.where(cells.outcome[..., None] == 0, cells.jpeg, mixed).astype(np.uint8)
 
 
 def swatches(encoded: Array) -> NDArray[np.uint8]:
@@ -88,7 +88,7 @@ def pictures_of(samples: SampleSet, account: ShotSamples | None, shown: str) -> 
         return [("samples", picture_url(swatches(samples.srgb)))]
     cells = account.cells
     if shown == "tiles":
-        return [("tiles", picture_url(fates_drawn(cells)))]
+        return [("tiles", picture_url(outcomes_drawn(cells)))]
     return [("JPEG", picture_url(cells.jpeg)), ("RAW", picture_url(cells.raw))]
 
 
@@ -205,4 +205,4 @@ def cards(
     ]
 
 
-LEGEND = list(zip(("kept: in its own colour", *FATES[1:]), FATE_COLOURS, strict=True))
+LEGEND = list(zip(("kept: in its own colour", *OUTCOMES[1:]), OUTCOME_COLOURS, strict=True))

@@ -42,7 +42,7 @@ from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, S
 from lutforge.studio.page import Page
 from lutforge.studio.photographs import look_lut
 from lutforge.studio.server import origins
-from lutforge.studio.session import Look
+from lutforge.studio.session import ChosenLook
 from lutforge.studio.steps import STEPS, states_of
 from lutforge.studio.workspace import History, Workspace, WorkspaceError
 from lutforge.studio.workspace_file import find_pairs, open_paths, with_profile
@@ -115,7 +115,7 @@ def test_what_the_look_shows_is_what_apply_makes(profile: CameraProfile, tmp_pat
     write_image(tmp_path / "burnt.png", pixels, read_image(tmp_path / "picture.png"))
     profile.save(tmp_path / "camera.npz")
     for ev in (-0.7, 0.0, 0.7):
-        lut = look_lut(profile, Look("standard/tungsten", "vivid/4500K+5", ev))
+        lut = look_lut(profile, ChosenLook("standard/tungsten", "vivid/4500K+5", ev))
         assert lut is not None
         recipe = ProfileRecipe((tmp_path / "camera.npz",), "standard/tungsten", "vivid/4500K+5", ev)
         apply_batch(recipe, [tmp_path / "burnt.png"], tmp_path / "out")
@@ -124,7 +124,7 @@ def test_what_the_look_shows_is_what_apply_makes(profile: CameraProfile, tmp_pat
         codes = np.clip(shown, 0.0, 1.0) * 255
         assert np.abs(codes - applied).max() <= 0.5 + 1e-3  # apply's codes are those that are shown, rounded
         assert np.ptp(applied[0, 0, :3]) <= 12  # white stays white
-    assert look_lut(profile, Look("standard/daylight", "standard/daylight")) is None
+    assert look_lut(profile, ChosenLook("standard/daylight", "standard/daylight")) is None
 
 
 def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp_path: Path) -> None:
@@ -142,14 +142,14 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     look.path.value = "tells.jpg"
     look._open_named()
     assert "taken as vivid/tungsten" in page.session.status.object
-    assert page.session.look == Look("vivid/tungsten", "vivid/tungsten") and not page.session.look_chosen
+    assert page.session.look == ChosenLook("vivid/tungsten", "vivid/tungsten") and not page.session.look_chosen
     look.wanted.style.value, look.wanted.balance.value = "standard", "daylight"
-    assert page.session.look == Look("vivid/tungsten", "standard/daylight")
+    assert page.session.look == ChosenLook("vivid/tungsten", "standard/daylight")
     look.path.value = "silent.jpg"
     look._open_named()
     assert "does not tell how it was taken" in page.session.status.object
     assert (look.source.style.value, look.source.balance.value) == ("", "")  # not what the last was taken as
-    assert page.session.look == Look("", "standard/daylight") and look.view.a == []
+    assert page.session.look == ChosenLook("", "standard/daylight") and look.view.a == []
     look.source.style.value, look.source.balance.value = "standard", "tungsten"
     assert page.session.look.source == "standard/tungsten" and look.view.a
     look._choose(0)
@@ -242,7 +242,7 @@ def test_exports_of_an_opened_profile_leave_it_as_it_is(profile: CameraProfile, 
     page = opened(tmp_path)
     profile.save(tmp_path / "camera.npz")
     page.session._opened(open_paths((tmp_path / "camera.npz",), silent), "camera.npz")
-    page.session.look = Look("standard/tungsten", "vivid/daylight")
+    page.session.look = ChosenLook("standard/tungsten", "vivid/daylight")
     runs: list[Export] = []
     page.show("Export")
     view = page.pages["Export"]

@@ -163,12 +163,11 @@ def test_models_tell_the_camera_ever_better(samples: SampleSet) -> None:
     options = CalibrationOptions(size=9)
     workspace = replace(Workspace(samples, filters=Filters(saturation=0.6), options=options), own_stages=False)
     everything = ~workspace.outliers
-    errors = [residuals("before", before(samples), samples, everything)]
+    errors = [residuals(before(samples), samples, everything)]
     for kind in ("matrix", "lattice"):
         workspace = fitted(workspace, kind)
-        errors.append(residuals(kind, workspace.models[kind].predicted, samples, everything))
-    means = [error.mean for error in errors if error is not None]
-    assert len(means) == 3
+        errors.append(residuals(workspace.models[kind].predicted, samples, everything))
+    means = [mean for mean, *_ in errors]
     assert means[1] < 0.5 * means[0]
     assert np.abs(workspace.models["matrix"].profile.matrix - nikon_d5100().matrix).max() < 0.05
     own = [style.errors["render_mean"] for style in calibrate(samples, options).styles.values()]

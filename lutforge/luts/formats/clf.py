@@ -44,7 +44,7 @@ def text_of(lut: Lut, suffix: str = ".clf") -> str:
     try:
         return str(group.write(KINDS[suffix], OCIO.Config.CreateRaw()))
     except OCIO.Exception as error:
-        raise LutError(f"LUT: OpenColorIO cannot write it as {suffix}: {one_line(str(error))}") from error
+        raise LutError(f"LUT: OpenColorIO cannot write it as {suffix}: {error}") from error
 
 
 def read(path: Path, data: bytes) -> Lut:

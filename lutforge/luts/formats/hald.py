@@ -12,7 +12,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.atomic_write import atomic_path
-from lutforge.errors import LutError, one_line
+from lutforge.errors import LutError
 from lutforge.luts.formats.text import cube_of_rows, plain, rows_of_cube
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import FileFormat, Lut, register
@@ -52,7 +52,7 @@ def read(path: Path, data: bytes) -> Lut:
         _check_png(path, data)
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise LutError(f"{path}: cannot be read as an image: {one_line(oiio.geterror(), 200)}")
+        raise LutError(f"{path}: cannot be read as an image: {oiio.geterror()}")
     try:
         spec = source.spec()
         level = next((level for level in range(2, 13) if level**3 == spec.width), None)
@@ -67,7 +67,7 @@ def read(path: Path, data: bytes) -> Lut:
         title = str(spec.get_string_attribute("ImageDescription"))[:200]
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:
-            raise LutError(f"{path}: damaged: {one_line(source.geterror(), 200)}")
+            raise LutError(f"{path}: damaged: {source.geterror()}")
     finally:
         source.close()
     table = np.asarray(pixels, dtype=np.float64).reshape(spec.width**2, -1)[:, :3]

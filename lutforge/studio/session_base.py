@@ -35,8 +35,8 @@ class _Work:
     said: str = ""
 
 
-class Desk:
-    """The line of news, guarded callbacks, and jobs with their progress; a session is built on it."""
+class SessionBase:
+    """What a session does for its pages: the line of news, guarded callbacks, and jobs with their progress."""
 
     def __init__(self) -> None:
         self._works: dict[str, _Work] = {}  # "long": fits, exports, samples; "short": pictures and their looks
