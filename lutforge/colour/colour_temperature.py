@@ -9,12 +9,11 @@ the distance from the locus in CIE 1960 (u, v); positive makes the picture more 
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.colour.rgb_spaces import BRADFORD
 from lutforge.colour.srgb import D65, SRGB_TO_XYZ
 from lutforge.settings import KELVIN_RANGE
 
 TINT_PER_UV = 3000.0
-
-BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 COOLEST, HOTTEST = KELVIN_RANGE
 

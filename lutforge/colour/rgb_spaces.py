@@ -18,6 +18,9 @@ from lutforge.colour.chromaticities import CHROMATICITIES
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import SettingsError
 
+BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+"""XYZ → cone responses (ICC.1:2022, annex E)."""
+
 
 @dataclass(frozen=True)
 class RgbSpace:
@@ -159,10 +162,9 @@ def to_xyz(name: str) -> Array:
 
 def _to_d50(name: str) -> Array:
     """(3, 3): linear RGB of a space → CIE XYZ adapted to D50."""
-    to_cones = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
-    cones = to_cones @ to_xyz(name)
-    d50 = to_cones @ (0.9642, 1.0, 0.8249)
-    return np.asarray(np.linalg.solve(to_cones, cones * (d50 / cones.sum(axis=1))[:, None]))
+    cones = BRADFORD @ to_xyz(name)
+    d50 = BRADFORD @ (0.9642, 1.0, 0.8249)
+    return np.asarray(np.linalg.solve(BRADFORD, cones * (d50 / cones.sum(axis=1))[:, None]))
 
 
 NAME = "Compatible with Adobe RGB (1998)"

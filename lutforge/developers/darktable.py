@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from lutforge.arrays import Pixels
+from lutforge.developers.developer import Developer
 
 NEUTRAL = {
     "plugins/darkroom/workflow": "none",
@@ -18,7 +18,7 @@ TONE_MODULES = ("agx", "basecurve", "channelmixerrgb", "exposure", "filmicrgb", 
 
 
 @dataclass(frozen=True)
-class Darktable:
+class Darktable(Developer):
     """Develops in linear Rec. 2020, with white balance as shot and darktable's input matrix."""
 
     name: str = "darktable"
@@ -37,7 +37,3 @@ class Darktable:
         ran = re.findall(rb'darktable:operation="(\w+)"\s+darktable:enabled="1"', output.read_bytes())
         unwanted = [name for name in TONE_MODULES if name.encode() in ran]
         return f"it used {', '.join(unwanted)} although asked for no workflow" if unwanted else ""
-
-    def linear(self, pixels: Pixels) -> Pixels:
-        """The TIFF is linear already."""
-        return pixels

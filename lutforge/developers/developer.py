@@ -4,9 +4,10 @@ import os
 import re
 import shutil
 import subprocess
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -22,36 +23,30 @@ TIMEOUT_S = 600
 """A development that takes longer than this is given up: programs wait for a screen that is not there."""
 
 
-class Developer(Protocol):
-    """A program that develops RAW files from the command line."""
+@dataclass(frozen=True)
+class Developer(ABC):
+    """A program that develops RAW files from the command line.
 
-    @property
-    def name(self) -> str:
-        """The name that `--developer` takes."""
+    name: that `--developer` takes; program: the executable; space: the linear colour space of what `develop` gives, by
+    its name in `lutforge.colour.rgb_spaces`; install: how to get it, in one line.
+    """
 
-    @property
-    def program(self) -> str:
-        """The executable."""
+    name: str
+    program: str
+    space: str
+    install: str
 
-    @property
-    def space(self) -> str:
-        """The colour space of what `develop` gives, by its name in `lutforge.colour.rgb_spaces`."""
-
-    @property
-    def install(self) -> str:
-        """How to get it, in one line."""
-
+    @abstractmethod
     def command(self, raw: Path, output: Path, folder: Path) -> list[str]:
         """The command that develops `raw` to a 16-bit TIFF, neutrally; `folder` is for its own files."""
-        ...
 
     def objection(self, output: Path) -> str:
         """Say why a TIFF of `command` is not neutral, as other versions' may be; "" where it is."""
-        ...
+        return ""
 
     def linear(self, pixels: Pixels) -> Pixels:
         """Pixels of the TIFF → linear RGB of `space`."""
-        ...
+        return pixels
 
 
 def develop(developer: Developer, raw: Path) -> Development:

@@ -7,6 +7,7 @@ import numpy as np
 
 from lutforge.arrays import Pixels
 from lutforge.colour.rgb_spaces import rgb_space
+from lutforge.developers.developer import Developer
 
 NEUTRAL = {
     "Version": {"AppVersion": "5.9", "Version": "349"},
@@ -52,7 +53,7 @@ def profile_text(*changes: dict[str, dict[str, str]]) -> str:
 
 
 @dataclass(frozen=True)
-class RawTherapee:
+class RawTherapee(Developer):
     """Develops in linear Rec. 2020, with white balance as shot and RawTherapee's matrix of the camera."""
 
     name: str = "rawtherapee"
@@ -65,10 +66,6 @@ class RawTherapee:
         settings = folder / "neutral.pp3"
         settings.write_text(profile_text(), encoding="utf-8")
         return [self.program, "-o", str(output), "-p", str(settings), "-t", "-b16", "-Y", "-c", str(raw)]
-
-    def objection(self, output: Path) -> str:
-        """Nothing: a processing profile names all that RawTherapee does."""
-        return ""
 
     def linear(self, pixels: Pixels) -> Pixels:
         """Its Rec. 2020 output profile encodes by sRGB's curve."""
