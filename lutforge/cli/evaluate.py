@@ -10,10 +10,8 @@ from lutforge.cli.console import AsJson, Profile, Sources, note, print_table, pr
 from lutforge.cli.sample import tell
 
 if TYPE_CHECKING:
-    from lutforge.evaluation.errors_table import ErrorFigures
     from lutforge.evaluation.evaluation import Evaluation
 
-FIGURES = ("n", "mean", "max", "Q1", "median", "Q3", "RMSE", "ΔE00", "max ΔE00")
 TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW (white-balanced)"}
 
 
@@ -61,6 +59,8 @@ def evaluate(
 
 
 def _print_errors(evaluation: "Evaluation") -> None:
+    from lutforge.evaluation.errors_table import FIGURES
+
     times = ("fit, s", "s/Mpixel") if evaluation.tables else ()
     for direction, title in TITLES.items():
         cells = []
@@ -68,7 +68,7 @@ def _print_errors(evaluation: "Evaluation") -> None:
             if row.direction == direction:
                 seconds = (row.fit_seconds, row.seconds_per_megapixel) if evaluation.tables else ()
                 taken = tuple("–" if value is None else f"{value:.3g}" for value in seconds)
-                cells.append((row.style, row.shot, row.method, _yes(row.held_out), *_figures(row.figures), *taken))
+                cells.append((row.style, row.shot, row.method, _yes(row.held_out), *row.figures.cells, *taken))
         if cells:
             header = ("style", "shot", "method", "held out", *FIGURES, *times)
             print_table(f"{title}: error (1 = full scale)", header, cells)
@@ -95,8 +95,10 @@ def _print_linearization(evaluation: "Evaluation") -> None:
 
 
 def _print_refinish(evaluation: "Evaluation") -> None:
+    from lutforge.evaluation.errors_table import FIGURES
+
     cells = [
-        (row.source, row.target, row.method, _yes(row.held_out), str(row.shots), *_figures(row.figures))
+        (row.source, row.target, row.method, _yes(row.held_out), str(row.shots), *row.figures.cells)
         for row in evaluation.refinish
     ]
     if cells:
@@ -105,21 +107,11 @@ def _print_refinish(evaluation: "Evaluation") -> None:
 
 
 def _print_shares(evaluation: "Evaluation") -> None:
-    cells = [
-        (row.style, row.method, *(f"{v:.4f}" for v in (row.total, row.rendering, row.falloff, row.scene, row.noise)))
-        for row in evaluation.shares
-    ]
-    if cells:
-        header = ("style", "method", "all", "fixed rendering", "lens falloff", "scene", "noise")
-        print_table(
-            "Where the error of rendered colours comes from: RMSE (1 = full scale); squares add up", header, cells
-        )
+    from lutforge.evaluation.error_shares import SHARES
 
-
-def _figures(f: "ErrorFigures") -> tuple[str, ...]:
-    numbers = (f.mean, f.maximum, f.q1, f.median, f.q3, f.rmse)
-    differences = ("–" if value is None else f"{value:.2f}" for value in (f.de00_mean, f.de00_max))
-    return (str(f.count), *(f"{value:.4f}" for value in numbers), *differences)
+    if evaluation.shares:
+        title = "Where the error of rendered colours comes from: RMSE (1 = full scale); squares add up"
+        print_table(title, SHARES, [row.cells for row in evaluation.shares])
 
 
 def _yes(value: bool) -> str:

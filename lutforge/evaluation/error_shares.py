@@ -7,7 +7,7 @@ https://doi.org/10.1093/biomet/73.3.625). The rest is the fixed rendering's.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -17,6 +17,8 @@ from lutforge.calibration.shots.falloff import falloff_stops
 from lutforge.evaluation.held_out import Predictions
 from lutforge.model.falloff import Falloff
 from lutforge.model.shot_tone import ShotTone, tone_stops
+
+SHARES = ("style", "method", "all", "fixed rendering", "lens falloff", "scene", "noise")
 
 
 @dataclass(frozen=True)
@@ -35,9 +37,11 @@ class ErrorShares:
     scene: float
     noise: float
 
-    def as_json(self) -> dict[str, object]:
-        """Plain values by name."""
-        return asdict(self)
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The shares as cells of a table, whose columns SHARES names."""
+        values = (self.total, self.rendering, self.falloff, self.scene, self.noise)
+        return (self.style, self.method, *(f"{value:.4f}" for value in values))
 
 
 def error_shares(

@@ -1,6 +1,6 @@
 """The error figures of the thesis (chapter 5): pixel error and its quartiles, RMSE, and ΔE00 beside them."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,6 +9,9 @@ from lutforge.colour.colour_difference import delta_e_2000
 
 JUST_VISIBLE = 1.0
 """The ΔE00 that is just noticed side by side, about (CIE 142-2001)."""
+
+
+FIGURES = ("n", "mean", "max", "Q1", "median", "Q3", "RMSE", "ΔE00", "max ΔE00")
 
 
 @dataclass(frozen=True)
@@ -28,9 +31,12 @@ class ErrorFigures:
     de00_mean: float | None = None
     de00_max: float | None = None
 
-    def as_json(self) -> dict[str, float | int | None]:
-        """Plain values by name."""
-        return asdict(self)
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The figures as cells of a table, whose columns FIGURES names."""
+        numbers = (self.mean, self.maximum, self.q1, self.median, self.q3, self.rmse)
+        differences = ("–" if value is None else f"{value:.2f}" for value in (self.de00_mean, self.de00_max))
+        return (str(self.count), *(f"{value:.4f}" for value in numbers), *differences)
 
 
 def error_figures(predicted: Array, measured: Array, *, display: bool) -> ErrorFigures:

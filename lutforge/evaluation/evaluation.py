@@ -23,6 +23,7 @@ thesis compares itself with), and under refinish "unchanged".
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -53,12 +54,6 @@ class EvaluationRow:
     fit_seconds: float | None = None
     seconds_per_megapixel: float | None = None
 
-    def as_json(self) -> dict[str, object]:
-        """Plain values by name."""
-        head = {"direction": self.direction, "style": self.style, "shot": self.shot, "method": self.method}
-        times = {"fit_seconds": self.fit_seconds, "seconds_per_megapixel": self.seconds_per_megapixel}
-        return {**head, "held_out": self.held_out, **self.figures.as_json(), **times}
-
 
 @dataclass(frozen=True)
 class RawError:
@@ -70,10 +65,6 @@ class RawError:
     count: int
     rmse: float
     rmse_rgb: tuple[float, float, float]
-
-    def as_json(self) -> dict[str, object]:
-        """Plain values by name."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -102,14 +93,21 @@ class Evaluation:
             "version": 1,
             "camera": self.camera,
             "tables": self.tables,
-            "rows": [row.as_json() for row in self.rows],
-            "raw": [row.as_json() for row in self.raw],
-            "linearization": [row.as_json() for row in self.linearization],
-            "shares": [row.as_json() for row in self.shares],
+            "rows": [_plain(row) for row in self.rows],
+            "raw": [_plain(row) for row in self.raw],
+            "linearization": [_plain(row) for row in self.linearization],
+            "shares": [_plain(row) for row in self.shares],
             "tones": [asdict(tone) for tone in self.tones],
-            "refinish": [row.as_json() for row in self.refinish],
+            "refinish": [_plain(row) for row in self.refinish],
             "notes": list(self.notes),
         }
+
+
+def _plain(row: Any) -> dict[str, object]:
+    """The values of a table's row by name, its figures among them."""
+    values: dict[str, Any] = asdict(row)
+    figures: dict[str, object] = values.pop("figures", {})
+    return values | figures
 
 
 def error_rows(style: str, predictions: Predictions) -> Iterator[EvaluationRow]:

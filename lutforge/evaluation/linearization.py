@@ -1,6 +1,6 @@
 """The linearization error δ over exposure pairs (thesis 4.3.1, equation 4.11), with and without the gamut map."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,10 +28,6 @@ class LinearizationError:
     held_out: bool
     pairs: int
     delta: tuple[float, float, float]
-
-    def as_json(self) -> dict[str, object]:
-        """Plain values by name."""
-        return asdict(self)
 
 
 def delta(first: Array, second: Array, ratio: Array) -> tuple[float, float, float]:

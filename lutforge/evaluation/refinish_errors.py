@@ -35,11 +35,6 @@ class RefinishError:
     shots: int
     figures: ErrorFigures
 
-    def as_json(self) -> dict[str, object]:
-        """Plain values by name."""
-        head = {"source": self.source, "target": self.target, "method": self.method}
-        return {**head, "held_out": self.held_out, "shots": self.shots, **self.figures.as_json()}
-
 
 @dataclass(frozen=True, eq=False)
 class SettingPair:

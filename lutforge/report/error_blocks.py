@@ -12,6 +12,7 @@ from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_res
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import uniform_lattice_errors
 from lutforge.errors import CalibrationError
+from lutforge.evaluation.errors_table import FIGURES
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
 from lutforge.evaluation.expected_error import by_distance, held_out_errors
 from lutforge.evaluation.linearization import response_deltas
@@ -45,7 +46,7 @@ MAPS_TEXT = (
 
 def error_tables(own: str, evaluation: Evaluation) -> Iterator[Block]:
     """Tabulate the errors of both directions, of refinishing, and of exposure pairs."""
-    header = ("style", "shot", "method", "n", "mean", "max", "Q1", "median", "Q3", "RMSE", "ΔE00", "max ΔE00")
+    header = ("style", "shot", "method", *FIGURES)
     for direction, title in TITLES.items():
         rows = [row for row in evaluation.rows if row.direction == direction and row.shot.startswith("all")]
         if not rows:
@@ -92,10 +93,7 @@ def _by_distance(own: str, evaluation: Evaluation) -> Iterator[Block]:
 
 
 def _cells(row: EvaluationRow) -> tuple[str, ...]:
-    f = row.figures
-    numbers = (f"{value:.4f}" for value in (f.mean, f.maximum, f.q1, f.median, f.q3, f.rmse))
-    differences = ("–" if value is None else f"{value:.2f}" for value in (f.de00_mean, f.de00_max))
-    return (row.style, row.shot, row.method, str(f.count), *numbers, *differences)
+    return (row.style, row.shot, row.method, *row.figures.cells)
 
 
 def _refinish_cells(row: RefinishError) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from lutforge.evaluation.error_shares import ErrorShares
+from lutforge.evaluation.error_shares import SHARES, ErrorShares
 from lutforge.model.falloff import Falloff
 from lutforge.model.shot_tone import ShotTone
 from lutforge.report.page import Block, Picture, Table
@@ -48,16 +48,8 @@ def tone_blocks(tones: Sequence[ShotTone], shares: Sequence[ErrorShares]) -> Ite
             caption = f"{tone.shot}: brightened by so many EV, from place to place. The shot is left out of the fit."
             yield Picture(f"local_tone_{setting_name(tone.shot)}", _local_figure(tone), caption)
     if shares:
-        header = ("style", "method", "all", "fixed rendering", "lens falloff", "scene", "noise")
-        cells = tuple(
-            (
-                row.style,
-                row.method,
-                *(f"{v:.4f}" for v in (row.total, row.rendering, row.falloff, row.scene, row.noise)),
-            )
-            for row in shares
-        )
-        yield Table("What the error of rendered colours consists of: RMSE, whose squares add up", header, cells)
+        title = "What the error of rendered colours consists of: RMSE, whose squares add up"
+        yield Table(title, SHARES, tuple(row.cells for row in shares))
 
 
 def _local_figure(tone: ShotTone) -> Figure:
