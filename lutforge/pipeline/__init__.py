@@ -8,5 +8,5 @@ sampling: RAW files and tables → samples. raw_substitutes: pictures that stand
 calibration: samples → profile. evaluation: a profile's errors. reports: a page about a profile.
 transforms: profiles and settings → a transform. baking: a transform → LUT files. configs: profiles → an OpenColorIO
 config. kits: a profile → a folder for one program. grading: images → graded images. transfers: one camera's RAW →
-another's. inspection: what a file holds. outputs, options: checks that several use cases share.
+another's. inspection: what a file holds. outputs: checks that several use cases share.
 """
