@@ -30,7 +30,6 @@ class RawImage:
     multipliers: (3,) as-shot white balance with green = 1; None where the file has none that is valid.
     preview: the embedded JPEG as bytes; None where it has none or only a bitmap thumbnail (`preview_note`
     says which).
-    xyz_to_camera: (3, 3), D65, from LibRaw's table; None for unknown cameras.
     exposure_s, iso, focal_mm, aperture (f-number): NaN where unknown. lens: its name, "" where unknown.
     taken: EXIF's form of the date and time of the exposure, "2020:02:18 08:56:13"; "" where unknown.
     clip_level: (3,) level above which this file's pixels were taken for saturated, before they were set to 1.
@@ -42,7 +41,6 @@ class RawImage:
     multipliers: Array | None
     preview: bytes | None
     preview_note: str
-    xyz_to_camera: Array | None
     exposure_s: float
     iso: float
     clip_level: Array
@@ -95,7 +93,6 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
             multipliers=_multipliers(list(raw.camera_whitebalance)),
             preview=preview,
             preview_note=preview_note,
-            xyz_to_camera=_xyz_to_camera(np.asarray(raw.rgb_xyz_matrix, dtype=np.float64)),
             exposure_s=_positive_or_nan(other.shutter_speed),
             iso=_positive_or_nan(other.iso_speed),
             clip_level=clip_level,
@@ -234,12 +231,6 @@ def _multipliers(camera: list[float]) -> Array | None:
         return None
     values /= values[1]
     return values if np.all((values > 0.05) & (values < 20)) else None
-
-
-def _xyz_to_camera(matrix: Array) -> Array | None:
-    if matrix.shape[0] < 3 or not np.all(np.isfinite(matrix)) or not np.any(matrix):
-        return None
-    return matrix[:3].copy()
 
 
 def _exif_date(taken: datetime | None) -> str:

@@ -127,7 +127,7 @@ def _tabulated(part: OCIO.Transform) -> Curve:
 
 
 def file_group(
-    path: str | Path, interpolation: Interpolation = "tetrahedral", inverse: bool = False
+    path: str | Path, interpolation: Interpolation = "tetrahedral"
 ) -> tuple[OCIO.GroupTransform, OCIO.Processor]:
     """What OpenColorIO reads in a LUT file: its transforms, with their metadata, and their processor.
 
@@ -136,7 +136,6 @@ def file_group(
     path = Path(path)
     require_file(path, "a LUT", LutError, 512 << 20)  # a 129³ cube as text takes about 70 MB
     OCIO.ClearAllCaches()  # else a file that was written again is read from memory
-    direction = OCIO.TRANSFORM_DIR_INVERSE if inverse else OCIO.TRANSFORM_DIR_FORWARD
     # "Best" is tetrahedral for cubes, and unlike that name it is quiet about files of 1D tables.
     method = OCIO.INTERP_BEST if interpolation == "tetrahedral" else OCIO.INTERP_LINEAR
     with scratch_folder() as folder, reading(path, "a LUT", LutError):
@@ -145,7 +144,7 @@ def file_group(
             link = folder / f"lut{path.suffix}"
             link.symlink_to(path.resolve())
         try:
-            processor = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(str(link), "", method, direction))
+            processor = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(str(link), interpolation=method))
             group = processor.createGroupTransform()
             _require_finite(group, path)
             return group, processor
@@ -153,15 +152,13 @@ def file_group(
             raise LutError(f"{path}: {_reason(str(error), str(link), path)}") from error
 
 
-def file_processor(
-    path: str | Path, interpolation: Interpolation = "tetrahedral", inverse: bool = False
-) -> OCIO.CPUProcessor:
+def file_processor(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.CPUProcessor:
     """An OpenColorIO processor, float32 in and out, of any LUT file that it reads.
 
-    interpolation: for cubes of files that name none themselves (CLF and CTF do). inverse: the file backward.
-    Raises LutError as `file_group` does.
+    interpolation: for cubes of files that name none themselves (CLF and CTF do). Raises LutError as
+    `file_group` does.
     """
-    _, processor = file_group(path, interpolation, inverse)
+    _, processor = file_group(path, interpolation)
     with reading(path, "a LUT", LutError):
         return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
 

@@ -77,7 +77,7 @@ def is_even(levels: Levels) -> bool:
     return all(np.allclose(axis, np.linspace(0.0, 1.0, len(axis)), rtol=0, atol=1e-12) for axis in levels)
 
 
-def levels_behind_gain(levels: Levels, gain: Array, size: int = SHAPER_SIZE) -> Levels:
+def levels_behind_gain(levels: Levels, gain: Array) -> Levels:
     """Node levels (N,) behind a gain (3,) as levels in front of it: L / gain, moved to the points of a shaper.
 
     Each gets a point of its own. The last may lie before or beyond 1; it is rounded up, so that all that the camera
@@ -85,11 +85,11 @@ def levels_behind_gain(levels: Levels, gain: Array, size: int = SHAPER_SIZE) -> 
     """
     moved = []
     for axis, factor in zip(levels, gain, strict=True):
-        scaled = axis / factor * (size - 1)
+        scaled = axis / factor * (SHAPER_SIZE - 1)
         points = np.rint(scaled).astype(np.int64)
         points[-1] = int(np.ceil(scaled[-1] - 1e-6))
         order = np.arange(len(axis))
-        moved.append((np.maximum.accumulate(points - order) + order) / (size - 1))
+        moved.append((np.maximum.accumulate(points - order) + order) / (SHAPER_SIZE - 1))
     return moved[0], moved[1], moved[2]
 
 

@@ -117,7 +117,7 @@ def sample_points(lut: Lut, count: int = 32768) -> Array:
 class FileError:
     """How far a file is from a reference, on `samples` fixed points of the input cube.
 
-    mean, p99, max: Euclidean norm of the RGB difference (1 = full scale). worst_input: where the largest is.
+    mean, p99, max: Euclidean norm of the RGB difference (1 = full scale).
     mean_de00, max_de00: CIEDE2000 with both taken for encoded sRGB; None for outputs that are not for a
     display. second: the largest difference of a channel between two readers of the file; None where there is one only.
     """
@@ -125,7 +125,6 @@ class FileError:
     mean: float
     p99: float
     max: float
-    worst_input: tuple[float, float, float]
     mean_de00: float | None
     max_de00: float | None
     samples: int
@@ -158,7 +157,7 @@ def verify(
     x = sample_points(lut or read_lut(path)).astype(np.float32).astype(np.float64)
     got = _read_back(path, method)(x)
     second = disagreement(_files(path), x, got.astype(np.float64), method)
-    return replace(compare(got, reference(x), x, display_referred), second=second)
+    return replace(compare(got, reference(x), display_referred), second=second)
 
 
 def _files(path: Path) -> list[Path]:
@@ -185,22 +184,15 @@ def _read_back(path: Path, method: Interpolation) -> Callable[[Array], Single]:
     return lambda x: as_read(x).astype(np.float32)
 
 
-def compare(
-    got: Single,
-    wanted: Array,
-    x: Array,
-    display_referred: bool = True,
-) -> FileError:
-    """Figures of the difference of two outputs (n, 3) at the inputs x (n, 3)."""
+def compare(got: Single, wanted: Array, display_referred: bool = True) -> FileError:
+    """Figures of the difference of two outputs (n, 3)."""
     norm = np.linalg.norm(got - wanted, axis=1)
-    worst = x[int(np.argmax(norm))]
     de00 = delta_e_2000(got.astype(np.float64), wanted) if display_referred else None
     return FileError(
         mean=float(norm.mean()),
         p99=float(np.quantile(norm, 0.99)),
         max=float(norm.max()),
-        worst_input=(float(worst[0]), float(worst[1]), float(worst[2])),
         mean_de00=None if de00 is None else float(de00.mean()),
         max_de00=None if de00 is None else float(de00.max()),
-        samples=len(x),
+        samples=len(got),
     )

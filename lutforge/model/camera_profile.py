@@ -103,9 +103,9 @@ class CameraProfile(ProfileData):
             return linear
         return Transform((*linear.stages, EncodeRgb(rgb_space(space))))
 
-    def linearize_to_own_raw(self, source: str | Selector, model: ModelName | None = None) -> Transform:
+    def linearize_to_own_raw(self, source: str | Selector) -> Transform:
         """JPEG → the RAW, before white balance, that the camera has or would have: Tc of a reference camera's."""
-        return self._linearize(source, "raw", model)
+        return self._linearize(source, "raw", None)
 
     def _linearize(self, source: str | Selector, space: str, model: ModelName | None) -> Transform:
         selector = self.selector(source)

@@ -168,7 +168,7 @@ def _bake_camera_profile(camera: CameraProfile, wanted: TransformRequest, path: 
     write_dcp(fit_dng_profile(look), path)
     written = read_dcp(path)
     x = np.random.default_rng(0).random((1 << 14, 3))
-    error = compare(written(x).astype(np.float32), np.clip(look.render(x), 0.0, 1.0), x)
+    error = compare(written(x).astype(np.float32), np.clip(look.render(x), 0.0, 1.0))
     return BakedFile(path, f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}", error)
 
 

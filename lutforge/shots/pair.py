@@ -26,7 +26,6 @@ def read_pair(picture: Path, development: Development) -> Shot:
         multipliers=ones,
         preview=None,
         preview_note="a developed picture",
-        xyz_to_camera=None,
         exposure_s=math.nan,
         iso=math.nan,
         clip_level=ones,

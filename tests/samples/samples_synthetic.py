@@ -31,7 +31,6 @@ def synthetic_shot(raw: NDArray[np.float64], jpeg: NDArray[np.uint8] | None = No
         multipliers=MULTIPLIERS,
         preview=None,
         preview_note="",
-        xyz_to_camera=None,
         exposure_s=0.01,
         iso=100.0,
         clip_level=np.ones(3),

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 def raw_image(pixels: Array, pixel_size: float = 1.0) -> RawImage:
     small = pixels.astype(np.float32)
-    return RawImage(small, pixel_size, 0, None, None, "", None, math.nan, math.nan, np.ones(3))
+    return RawImage(small, pixel_size, 0, None, None, "", math.nan, math.nan, np.ones(3))
 
 
 def rectangles(height: int = 600, width: int = 800, seed: int = 0) -> Array:

@@ -4,7 +4,6 @@ Centres are chosen greedily (Carr et al., "Reconstruction and representation of 
 SIGGRAPH 2001): fit few, look at the residual of all pairs, add the worst, until the tolerance or the cap is met.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +13,6 @@ from scipy.linalg import lapack
 from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap, from_even, to_even
-
-Progress = Callable[[int, float], None]
-"""Told the number of centres and the share of pairs that are not yet met."""
 
 COINCIDENT = 0.5 / 255.0
 """Pairs whose encoded colours lie in one cell of this size are one pair, their median."""
@@ -44,11 +40,6 @@ class GamutMapOptions:
         if not self.tolerance > 0 or self.most < 8 or (self.nugget is not None and not self.nugget >= 0):
             raise CalibrationError("gamut map: the tolerance must be positive, the centres 8 or more, ρ not negative")
 
-    @classmethod
-    def of_rho(cls, rho: float, count: int, tolerance: float = 0.1 / 255.0) -> "GamutMapOptions":
-        """ρ as (4.8) has it, for `count` centres."""
-        return cls(tolerance, count, 8.0 * count * np.pi * rho)
-
 
 @dataclass(frozen=True, eq=False)
 class GamutMapFit:
@@ -68,7 +59,6 @@ def fit_gamut_map(
     *,
     groups: NDArray[np.str_] | None = None,
     importance: Array | None = None,
-    progress: Progress | None = None,
 ) -> GamutMapFit:
     """Fit target = h(source), both (n, 3) linear.
 
@@ -94,8 +84,6 @@ def fit_gamut_map(
         residual = np.linalg.norm(gamut_map(source) - target, axis=1) * slope
         open_pairs = residual > options.tolerance
         open_pairs[chosen] = False
-        if progress is not None:
-            progress(len(chosen), float(open_pairs.mean()))
         room = min(options.most, len(source)) - len(chosen)
         if room <= 0 or not open_pairs.any():
             break

@@ -37,10 +37,6 @@ class ExposureResponseFit:
     rounds: int = 1
     residual: float = 0.0
 
-    def pair_error(self, first: str, second: str) -> float:
-        """What the stated exposure ratio of two shots must be multiplied by."""
-        return float(np.exp(self.shot_error[second] - self.shot_error[first]))
-
 
 def fit_response_to_exposures(
     pairs: ExposurePairs, preset: Preset = "lutforge", beta: float = BETA, basis: CurveBasis | None = None

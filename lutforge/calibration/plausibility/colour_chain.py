@@ -78,7 +78,7 @@ def curve_terms(encoded: Array) -> Array:
 
 
 @one_blas_thread
-def fit_chain(x: Array, encoded: Array, multipliers: Array, *, offset: bool = True, rounds: int = 6) -> ColourChain:
+def fit_chain(x: Array, encoded: Array, multipliers: Array) -> ColourChain:
     """Fit the chain to balanced RAW x (n, 3), unclipped JPEG values encoded (n, 3) and the multipliers (n, 3) of x.
 
     Six hundred of the least saturated colours count. Raises CalibrationError where there are too few.
@@ -102,9 +102,9 @@ def fit_chain(x: Array, encoded: Array, multipliers: Array, *, offset: bool = Tr
     whole = np.concatenate([np.zeros(TERMS), np.ones(9), [0.0]])
     solution, weight, robust = np.concatenate([first, np.eye(3).ravel(), [0.0]]), odds, RobustWeights(cauchy, 2.0, CODE)
     inverse, residual = np.zeros((len(whole), len(whole))), np.zeros(len(x))
-    for turn in range(rounds):
+    for turn in range(6):
         slope = np.maximum(steps @ solution[:TERMS] / 2e-3, 0.05)
-        if offset and turn > 1:
+        if turn > 1:
             system[..., -1] = multipliers @ solution[TERMS:-1].reshape(3, 3).T
         scaled = (system * (np.sqrt(weight)[:, None] / slope)[..., None]).reshape(-1, TERMS + 10)
         normal = scaled.T @ scaled * (2.0 / CODE) ** 2 + np.diag(PRIOR) + 1e9 * np.outer(whole, whole)
