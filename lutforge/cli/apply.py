@@ -82,8 +82,8 @@ def apply(
 def _run(grading: "Grading", as_json: bool) -> None:
     """Grade, and say what became of the images. Exits 1 where one failed, 2 where that was the only one."""
     began = time.monotonic()
-    with quiet_codecs(), progress_bar("grading") as report:
-        result = grading.run(lambda now: report(_rate(now.images, now.pixels, now.seconds), now.share))
+    with quiet_codecs(), progress_bar("grading") as progress:
+        result = grading.run(lambda now: progress(_rate(now.images, now.pixels, now.seconds), now.share))
     seconds = time.monotonic() - began
     for text in (*result.notes, *_notes(result.done)):
         note(text)

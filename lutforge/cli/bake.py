@@ -62,10 +62,10 @@ def bake(
     from lutforge.pipeline.transforms import TransformRequest
 
     wanted = TransformRequest(kind, source, target, ev, space, model, other, tuple(transfer or ()))
-    with progress_bar("baking") as report:
+    with progress_bar("baking") as progress:
         baked = bake_files(
             profile, wanted, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
-            stages=stages, progress=report,
+            stages=stages, progress=progress,
         )  # fmt: skip
     for file in baked.files:
         say(str(file))

@@ -119,12 +119,12 @@ def calibrate(
     sampled = _sampled(sources or [], pairs, from_space, (developer, developed, developed_space))
     samples = sampled.samples
     if tolerance is not None:
-        with progress_bar("choosing a size") as report:
-            options = replace(options, size=smallest_size(samples, tolerance, options, report))
+        with progress_bar("choosing a size") as progress:
+            options = replace(options, size=smallest_size(samples, tolerance, options, progress))
         say(f"{options.size} nodes per axis are the fewest that reach a mean error of {tolerance:g} on held-out shots")
-    with progress_bar("calibrating") as report:
+    with progress_bar("calibrating") as progress:
         stages = calibrate_stages(inliers, options) if inliers else None
-        profile = fit(samples, options, report, stages=stages)
+        profile = fit(samples, options, progress, stages=stages)
     for text in (*told(profile.diagnoses), *profile.notes):
         note(text)
     print_held_out(profile)
@@ -144,22 +144,22 @@ def _sampled(
     """Take the samples of pairs, or of sources; substitute: what stands in for RAW, if anything."""
     from lutforge.pipeline.sampling import gather_samples
 
-    with progress_bar("sampling") as report:
+    with progress_bar("sampling") as progress:
         if pairs is None and substitute == (None, None, None):
-            return gather_samples(sources, report, tell)
+            return gather_samples(sources, progress, tell)
         from lutforge.pipeline.raw_substitutes import raw_substitute, sample_pairs  # loads what decodes RAW files
 
         if pairs is None:
-            return gather_samples(sources, report, tell, raw_substitute(*substitute))
-        tell(sampled := sample_pairs(*pairs, from_space, report))
+            return gather_samples(sources, progress, tell, raw_substitute(*substitute))
+        tell(sampled := sample_pairs(*pairs, from_space, progress))
         return sampled
 
 
 def _measure_learning_curves(samples: "SampleSet") -> None:
     from lutforge.pipeline.calibration import learning_curves
 
-    with progress_bar("learning curve") as report:
-        curves = learning_curves(samples, report)
+    with progress_bar("learning curve") as progress:
+        curves = learning_curves(samples, progress)
     for name, curve in curves.items():
         print_learning_curve(name, curve)
 

@@ -18,8 +18,8 @@ def compare(
     """Show what two cameras, or two styles of one, make of the same light: a chart, a picture, ΔE00."""
     from lutforge.pipeline.reports import compare as write_comparison
 
-    with progress_bar("comparing") as report:
-        page = write_comparison(first, second or first, output, one, other, report)
+    with progress_bar("comparing") as progress:
+        page = write_comparison(first, second or first, output, one, other, progress)
     say(f"{output}: {page.title}")
     for line in page.lead:
         say(line)

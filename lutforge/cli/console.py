@@ -37,10 +37,10 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
     with bar as bars:
         task = bars.add_task(title, total=1.0, what="")
 
-        def report(what: str, share: float) -> None:
+        def progress(what: str, share: float) -> None:
             bars.update(task, completed=share, what=escape(what[:60]))
 
-        yield report
+        yield progress
 
 
 @contextmanager
@@ -77,9 +77,9 @@ def complain(text: str) -> None:
 def for_each(title: str, files: Sequence[Path], show: Callable[[Path], None]) -> None:
     """Show each file. One that fails becomes an error line, the others are shown, and the exit status is 2."""
     failed = False
-    with progress_bar(title) as report:
+    with progress_bar(title) as progress:
         for index, file in enumerate(files):
-            report(file.name, index / len(files))
+            progress(file.name, index / len(files))
             try:
                 show(file)
             except LutForgeError as error:

@@ -35,15 +35,15 @@ def demo(
     check_output(output / "report.html")
     shots = _photograph(output / "shots")
     say("2. Sample: colours that RAW and JPEG share")
-    with progress_bar("sampling") as report:
-        sampled = sample_shots(shots.calibration, report)
+    with progress_bar("sampling") as progress:
+        sampled = sample_shots(shots.calibration, progress)
     for account in sampled.shots:
         say(f"   {account.summary}")
     write_samples(output / "samples.csv", sampled.samples)
 
     say("3. Calibrate")
-    with progress_bar("calibrating") as report:
-        profile = calibrate(sampled.samples, CalibrationOptions(size=size), report)
+    with progress_bar("calibrating") as progress:
+        profile = calibrate(sampled.samples, CalibrationOptions(size=size), progress)
     for text in (*told(profile.diagnoses), *profile.notes):
         note(text)
     profile.save(output / "camera.npz")
@@ -62,8 +62,8 @@ def demo(
     header = ("what", "n", "mean", "max", "RMSE", "mean ΔE00")
     print_table("Error against the known truth (1 = full scale)", header, rows)
     say("8. Report")
-    with progress_bar("reporting") as report:
-        page = write_report(profile, sampled, output / "report.html", progress=report)
+    with progress_bar("reporting") as progress:
+        page = write_report(profile, sampled, output / "report.html", progress=progress)
     say(f"   {output / 'report.html'}: {len(page.pictures)} figures")
     say(f"Everything is in {output}; look at {output / 'refinish.png'} first")
 
@@ -73,8 +73,8 @@ def _photograph(folder: Path) -> "DemoShots":
 
     say("1. Photograph: RAW (DNG) and JPEG files of a simulated Nikon D5100")
     taken = count()
-    with progress_bar("photographing") as report:
-        shots = demo_shots(folder, lambda name: report(name, next(taken) / (len(SHOTS) + 1)))
+    with progress_bar("photographing") as progress:
+        shots = demo_shots(folder, lambda name: progress(name, next(taken) / (len(SHOTS) + 1)))
     say(f"   {len(shots.calibration)} shots in {folder}")
     return shots
 

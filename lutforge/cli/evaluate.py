@@ -40,11 +40,11 @@ def evaluate(
     from lutforge.pipeline.sampling import gather_samples
 
     camera = as_profile(profile)
-    with progress_bar("sampling") as report:
+    with progress_bar("sampling") as progress:
         told = (lambda sampled: None) if as_json else tell
-        samples = gather_samples(sources, report, told, raw_substitute_of(camera)).samples
-    with progress_bar("evaluating") as report:
-        evaluation = measure(camera, samples, report, tables=tables)
+        samples = gather_samples(sources, progress, told, raw_substitute_of(camera)).samples
+    with progress_bar("evaluating") as progress:
+        evaluation = measure(camera, samples, progress, tables=tables)
     for text in evaluation.notes:
         note(text)
     if as_json:

@@ -32,8 +32,8 @@ def inspect(
     if scene is not None:
         from lutforge.pipeline.scene import inspect_scene
 
-        with progress_bar("sampling") as report:
-            found = inspect_scene(scene, files, report)
+        with progress_bar("sampling") as progress:
+            found = inspect_scene(scene, files, progress)
         print_table(f"Beyond the rendering of {scene}", found.columns, found.rows)
         for text in found.notes:
             note(text)

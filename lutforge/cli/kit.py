@@ -30,14 +30,14 @@ def kit(
     from lutforge.model.camera_profile import load_profile
     from lutforge.pipeline.kits import check_kit, write_kit
 
-    with progress_bar("writing a kit") as report:
-        report(program or "", 0.0)
+    with progress_bar("writing a kit") as progress:
+        progress(program or "", 0.0)
         folder = write_kit(load_profile(profile), to, output, program)
     say(f"{folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first")
     if not check:
         return
-    with progress_bar("developing") as report:
-        checks, notes = check_kit(folder, check, report)
+    with progress_bar("developing") as progress:
+        checks, notes = check_kit(folder, check, progress)
     for text in notes:
         note(text)
     rows = [

@@ -50,10 +50,10 @@ def response(
     for option, value in (("--light", light), ("--corners", corners)):
         if value is not None:
             raise CalibrationError(f"{option} is of a colour chart: name the chart, too, such as --chart classic")
-    with progress_bar("response") as report:
+    with progress_bar("response") as progress:
         fitted = write_response(
             bracket, output, None if times is None else parse_times(times), camera=camera, all_colours=all_colours,
-            progress=report,
+            progress=progress,
         )  # fmt: skip
     fit, profile, exposures = fitted.fit, fitted.profile, fitted.exposure_s
     say(f"{output}: {profile.camera}, {', '.join(profile.styles)}/{', '.join(profile.white_balances)}")
@@ -83,8 +83,8 @@ def _of_chart(
 
     known = KnownChart(chart_kind(chart), light, None if corners is None else parse_corners(corners))
     exposure_s = None if times is None else parse_times(times)
-    with progress_bar("response") as report:
-        fitted = write_input_transform(bracket, output, known, exposure_s, camera=camera, progress=report)
+    with progress_bar("response") as progress:
+        fitted = write_input_transform(bracket, output, known, exposure_s, camera=camera, progress=progress)
     profile, exposures = fitted.profile, fitted.exposure_s
     (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
     say(f"{output}: {profile.camera}, {selector}, of the {known.kind.name} under {light}")

@@ -33,11 +33,11 @@ def sample(
     from lutforge.samples.table import write_samples
 
     check_output(output, TABLE_SUFFIXES, shots)
-    with progress_bar("sampling") as report:
+    with progress_bar("sampling") as progress:
         if reference is not None:
-            sampled = sample_by_reference(shots, reference, report)
+            sampled = sample_by_reference(shots, reference, progress)
         else:
-            sampled = sample_shots(shots, report, raw_substitute(developer, developed, developed_space))
+            sampled = sample_shots(shots, progress, raw_substitute(developer, developed, developed_space))
     tell(sampled)
     write_samples(output, sampled.samples)
     say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shots")

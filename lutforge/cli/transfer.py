@@ -36,8 +36,8 @@ def transfer(
     if piecewise and root_polynomial:
         raise SettingsError("--piecewise and --root-polynomial are two forms; choose one")
     form: Form = "piecewise" if piecewise else "root-polynomial" if root_polynomial else "matrix"
-    with progress_bar("sampling") as report:
-        fitted = write_transfer(source, target, output, form, report, _tell)
+    with progress_bar("sampling") as progress:
+        fitted = write_transfer(source, target, output, form, progress, _tell)
     say(f"{output}: {fitted.source} to {fitted.target}, from {fitted.common} common colours: {NAMES[form]}")
     known = {form: error for form, error in fitted.errors.items() if error is not None}
     if known:
