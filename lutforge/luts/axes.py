@@ -45,7 +45,7 @@ class Axes:
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class MeasuredLines:
     """A function along lines: per axis its values (LINES + 1, STEPS + 1, 3) at inputs t; the first is the grey axis.
 
     share: (LINES,), the share of all inputs that each line but the grey axis stands for; half lie in the dark tones.
@@ -55,13 +55,13 @@ class Lines:
     values: tuple[Array, Array, Array]
     share: Array
 
-    def behind(self, curve: Array) -> "Lines":
+    def behind(self, curve: Array) -> "MeasuredLines":
         """Return the lines with a curve behind the function."""
         r, g, b = (apply_curve(curve, y) for y in self.values)
         return replace(self, values=(r, g, b))
 
 
-def measure_lines(function: Function, gain: Array, stops: float = 0.0) -> Lines:
+def measure_lines(function: Function, gain: Array, stops: float = 0.0) -> MeasuredLines:
     """Lines of a function (n, 3) in [0, 1] → (n, 3).
 
     gain: (3,) in front of it, where it clamps at 1: inputs are taken to be even before it. stops: of light that the
@@ -72,11 +72,11 @@ def measure_lines(function: Function, gain: Array, stops: float = 0.0) -> Lines:
     places[: LINES // 2] **= 2
     density = 0.5 + 0.125 / np.sqrt(np.maximum(places.prod(axis=1), 1e-4))
     r, g, b = (_lines(function, t, axis, places, gain) for axis in range(3))
-    return Lines(t, (r, g, b), 1 / (density * np.sum(1 / density)))
+    return MeasuredLines(t, (r, g, b), 1 / (density * np.sum(1 / density)))
 
 
 def fit_axes(
-    lines: Lines,
+    lines: MeasuredLines,
     size: int,
     weight: Function | None = None,
     curve: Array | None = None,

@@ -9,7 +9,7 @@ from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import linearizing_error
 from lutforge.model.diagnosis import told
-from lutforge.report.page import Block, Points, Section, Table, Text
+from lutforge.report.page import Block, BulletList, Section, Table, Text
 
 FIT = {
     "less than an eye sees side by side": "yes",
@@ -119,6 +119,6 @@ def _next_shots(profile: CameraProfile, data: Mapping[str, StyleData]) -> Iterat
         gaps = colour_gaps(style.encoded, linearizing_error(profile.styles[name]))
         if gaps:
             yield Text(f"{name}: of the colours that real surfaces have, these are known least:")
-            yield Points(tuple(str(gap) for gap in gaps[:4]))
+            yield BulletList(tuple(str(gap) for gap in gaps[:4]))
         else:
             yield Text(f"{name}: the samples come near most colours that real surfaces have.")

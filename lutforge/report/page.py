@@ -24,11 +24,11 @@ class Text:
 
 
 @dataclass(frozen=True)
-class Points:
-    """A list."""
+class BulletList:
+    """Sentences, one below the other."""
 
-    points: tuple[str, ...]
-    kind: Literal["points"] = "points"
+    items: tuple[str, ...]
+    kind: Literal["list"] = "list"
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Table:
         )
 
 
-Block = Text | Points | Picture | Table
+Block = Text | BulletList | Picture | Table
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from lutforge.report.error_blocks import (
     style_pictures,
 )
 from lutforge.report.error_maps import own_method
-from lutforge.report.page import Points, Report, Section
+from lutforge.report.page import BulletList, Report, Section
 from lutforge.report.scene_blocks import falloff_blocks, tone_blocks
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
@@ -65,7 +65,7 @@ def build_report(
         Section(f"Style {name}", tuple(style_pictures(profile, name, style, data.get(name))))
         for name, style in profile.styles.items()
     ]
-    said = Section("Notes", (Points(notes),) if notes else ())
+    said = Section("Notes", (BulletList(notes),) if notes else ())
     lens = Section("Lens and scene", (*falloff_blocks(profile.falloffs), *tone_blocks(tones, shares)))
     settings = Section("White balances and matrix", tuple(setting_tables(profile)))
     sections = tuple(section for section in (said, *judged, lens, settings, *models, *shown) if section.blocks)

@@ -17,7 +17,7 @@ from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.report.error_blocks import exposure_blocks
-from lutforge.report.page import Picture, Points, Report, Table, Text, write_figures, write_page
+from lutforge.report.page import BulletList, Picture, Report, Table, Text, write_figures, write_page
 from lutforge.report.report import build_report
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
@@ -70,8 +70,8 @@ def answered(report: Report, question: int) -> str:
         match block:
             case Text():
                 said.append(block.text)
-            case Points():
-                said += block.points
+            case BulletList():
+                said += block.items
             case Table():
                 said += [cell for row in block.rows for cell in row]
     return " ".join(said)
