@@ -17,16 +17,17 @@ from lutforge.identification.rendering import Rendering
 class JudgementOptions:
     """What evidence is worth, measured on made-up cameras (`tests/benchmarks/identify.py --calibrate`).
 
-    noise, scene, reach: factors of the three log-likelihoods, with which the truth is likeliest; balance: of the
-    noise's, among the white balances of one style, which errors of the calibration spoil less. strangers: the logarithm
-    of what a rendering near the likeliest, which stands for cameras that no profile is of, counts beside a profile:
-    nine in ten pictures by strangers are then not answered. sure: the probability from which an answer is given. alike:
-    white balances whose multipliers differ by less are one answer.
+    noise, scene, reach: factors of the three log-likelihoods. With larger ones, the scene's above all, the truth is
+    likelier on made-up cameras, whose scenes are those that the density was learned from, and less likely on real ones.
+    balance: of the noise's, among the white balances of one style, which errors of the calibration spoil less.
+    strangers: the logarithm of what a rendering near the likeliest, which stands for cameras that no profile is of,
+    counts beside a profile: nine in ten pictures by strangers are then not answered. sure: the probability from which
+    an answer is given. alike: white balances whose multipliers differ by less are one answer.
     """
 
     noise: float = 0.04
     scene: float = 1.8
-    reach: float = 2.8
+    reach: float = 6.0
     balance: float = 0.2
     strangers: float = -2.0
     sure: float = 0.5
@@ -106,9 +107,17 @@ def judge(picture: PictureEvidence, known: Sequence[Rendering], options: Judgeme
         raise ProfileError("no profile to compare the picture with")
     options = JudgementOptions() if options is None else options
     explained = [explain(picture, rendering) for rendering in known]
-    likely = [_log_likelihoods(each, options) for each in explained]
+    cameras = [rendering.camera for rendering in known]
+    # Cameras are as likely as each other, and so are the styles of each.
+    likely = [
+        _log_likelihoods(each, options) - np.log(cameras.count(camera))
+        for each, camera in zip(explained, cameras, strict=True)
+    ]
     near = known[int(np.argmax([each.max() for each in likely]))]
-    strangers = [_log_likelihoods(explain(picture, departed(near, **each)), options) for each in DEPARTURES]
+    strangers = [
+        _log_likelihoods(explain(picture, departed(near, **each)), options) - np.log(cameras.count(near.camera))
+        for each in DEPARTURES
+    ]
     shares = _shares(likely, strangers, options)
     candidates = [
         Candidate(rendering.camera, rendering.style, share, _white_balances(rendering, each, options))
@@ -127,8 +136,8 @@ def _log_likelihoods(explained: Explained, options: JudgementOptions) -> Array:
 
     All white balances have the same prior probability.
     """
-    told = options.noise * explained.noise + options.scene * explained.scene + options.reach * explained.reach
-    return np.asarray(told - np.log(len(explained.noise)))
+    colours = options.scene * explained.scene + options.reach * explained.reach
+    return np.asarray(options.noise * explained.noise + colours + explained.encoder - np.log(len(explained.noise)))
 
 
 def _shares(likely: Sequence[Array], strangers: Sequence[Array], options: JudgementOptions) -> Array:
@@ -171,4 +180,4 @@ def departed(rendering: Rendering, gamma: float = 0.0, contrast: float = 0.0, sa
     def render(scene: Array) -> Array:
         return np.interp(scaled(rendering.render(scene), 1.0 / (1.0 + saturation)), bent, codes)
 
-    return replace(rendering, linearize=linearize, render=render)
+    return replace(rendering, linearize=linearize, render=render, encoders=())

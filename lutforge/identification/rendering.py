@@ -1,12 +1,14 @@
 """What a calibrated style does to white-balanced light, with its slopes: the same for lattices and physical models."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.lattice import grid
+from lutforge.model.profile_data import PictureStyle
 from lutforge.model.transform import Gain, Transform
 from lutforge.settings import Selector
 
@@ -24,7 +26,8 @@ NEARBY = 0.02
 class Rendering:
     """A style of a camera. linearize: encoded → balanced RAW; render: balanced RAW → encoded; matrix: Ts (3, 3).
 
-    white_balances: multipliers (3,) by name.
+    white_balances: multipliers (3,) by name. encoders: of the JPEGs that it was calibrated from, () where unknown.
+    slack: the median length of what the way back and forth leaves of codes that it was calibrated from; 0 if unknown.
     """
 
     camera: str
@@ -33,6 +36,13 @@ class Rendering:
     linearize: Colours
     render: Colours
     matrix: Array
+    encoders: tuple[str, ...] = ()
+    slack: float = 0.0
+
+    def residual(self, encoded: Array) -> Array:
+        """The length (n,) of render(linearize(I)) − I, encoded, for codes (n, 3)."""
+        again = self.render(np.clip(self.linearize(encoded), 0.0, 1.0))
+        return np.asarray(np.linalg.norm(again - encoded, axis=-1))
 
     def to_linear_srgb(self, encoded: Array) -> Array:
         """Encoded (n, 3) → linear sRGB of the scene."""
@@ -61,5 +71,13 @@ def renderings(profile: CameraProfile) -> tuple[Rendering, ...]:
         raw = profile.linearize(selector)
         balanced = Transform((*raw.stages, Gain(profile.multipliers(selector))))
         render = profile.render(selector).without_gain()
-        found.append(Rendering(profile.camera, style, multipliers, balanced, render, profile.matrix))
+        rendering = Rendering(profile.camera, style, multipliers, balanced, render, profile.matrix, profile.encoders)
+        found.append(replace(rendering, slack=_slack(rendering, profile.styles[style])))
     return tuple(found)
+
+
+def _slack(rendering: Rendering, style: PictureStyle) -> float:
+    if style.linearize is None or not np.any(style.coverage.get("linearize", 0.0)):
+        return 0.0
+    codes = grid(style.linearize.levels)[style.coverage["linearize"] > 0]
+    return float(np.median(rendering.residual(codes)))

@@ -79,7 +79,8 @@ class ProfileData:
     whose RAW stood in for a camera without RAW (4.9), else ""; raw_transfer: Tc (3, 3), which takes that camera's RAW
     to this camera's, as far as it can be known. falloffs: what JPEGs are brighter towards the corners than the
     middle, for which the styles stand, by lens setting. diagnoses: what in the samples no camera makes. tones: what the
-    camera did to single shots beyond its fixed rendering; those that depart locally take no part in it.
+    camera did to single shots beyond its fixed rendering; those that depart locally take no part in it. encoders: of
+    the JPEGs that it was calibrated from (`JpegHeader.encoder`).
     Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
     singular.
     """
@@ -96,6 +97,7 @@ class ProfileData:
     diagnoses: tuple[Diagnosis, ...] = ()
     tones: tuple[ShotTone, ...] = ()
     raw_transfer: Array | None = None
+    encoders: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.styles or not self.white_balances:

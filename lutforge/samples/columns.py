@@ -16,8 +16,8 @@ WB_COLUMNS = ("wb_r", "wb_g", "wb_b")
 REQUIRED_COLUMNS = (*TEXT_COLUMNS, "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS)
 POSITION_COLUMNS = ("x", "y")
 LENS_COLUMNS = ("focal_mm", "aperture")
-DEVELOPMENT_COLUMNS = ("raw_space", "developer")
-OPTIONAL_COLUMNS = (*WB_COLUMNS, "raw_camera", *POSITION_COLUMNS, "lens", *LENS_COLUMNS, *DEVELOPMENT_COLUMNS)
+ORIGIN_COLUMNS = ("raw_space", "developer", "encoder")
+OPTIONAL_COLUMNS = (*WB_COLUMNS, "raw_camera", *POSITION_COLUMNS, "lens", *LENS_COLUMNS, *ORIGIN_COLUMNS)
 NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *LENS_COLUMNS)
 
 ROUNDING = 1e-6

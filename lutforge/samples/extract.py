@@ -167,6 +167,7 @@ def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, places: 
         lens=np.full(count, metadata.lens),
         raw_space=np.full(count, "" if shot.development is None else shot.development.space),
         developer=np.full(count, "" if shot.development is None else shot.development.developer),
+        encoder=np.full(count, shot.encoder),
         focal_mm=np.full(count, metadata.focal_mm),
         aperture=np.full(count, metadata.aperture),
     )

@@ -23,7 +23,8 @@ class SampleSet:
     position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
     where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown.
     raw_space, developer: where a program's pictures stand in the place of the RAW, their linear RGB space and the
-    program; "" for RAW. These six may be left out; they are unknown then. Raises SampleError where the columns differ
+    program; "" for RAW. encoder: of the JPEG (`JpegHeader.encoder`), "" where unknown. The columns from `position` on
+    may be left out; they are unknown then. Raises SampleError where the columns differ
     in length.
     """
 
@@ -43,10 +44,11 @@ class SampleSet:
     aperture: Array = field(default_factory=lambda: np.zeros(0))
     raw_space: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     developer: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
+    encoder: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
 
     def __post_init__(self) -> None:
         count = len(self.camera)
-        for name in ("position", "lens", "focal_mm", "aperture", "raw_space", "developer"):
+        for name in ("position", "lens", "focal_mm", "aperture", "raw_space", "developer", "encoder"):
             column = getattr(self, name)
             if len(column) == 0 < count:  # left out: unknown in every row
                 unknown = np.full(

@@ -11,10 +11,10 @@ from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
 from lutforge.errors import SampleError
 from lutforge.samples.columns import (
-    DEVELOPMENT_COLUMNS,
     LENS_COLUMNS,
     MAX_TEXT,
     NUMBER_COLUMNS,
+    ORIGIN_COLUMNS,
     POSITION_COLUMNS,
     RAW_COLUMNS,
     RAW_RANGE,
@@ -33,9 +33,9 @@ def read_samples(path: str | Path) -> SampleSet:
     """Read a sample table, .csv or .parquet.
 
     Columns may stand in any order, unknown ones are ignored. Optional are `wb_*`, `raw_camera`, `x` and `y`, `lens`,
-    `focal_mm`, `aperture`, `raw_space`, `developer`; an empty cell of these, or of the exposure, means unknown. RAW
-    lies in [-0.05, 1], sRGB in [0, 1]; multipliers are scaled to green = 1. Raises SampleError, which names file, line
-    or row, column and text.
+    `focal_mm`, `aperture`, `raw_space`, `developer`, `encoder`; an empty cell of these, or of the exposure, means
+    unknown. RAW lies in [-0.05, 1], sRGB in [0, 1]; multipliers are scaled to green = 1. Raises SampleError, which
+    names file, line or row, column and text.
     """
     path = Path(path)
     suffix = _suffix(path)
@@ -136,6 +136,7 @@ def _sample_set(texts: dict[str, Text], numbers: dict[str, Array]) -> SampleSet:
         lens=texts.get("lens", nothing),
         raw_space=texts.get("raw_space", nothing),
         developer=texts.get("developer", nothing),
+        encoder=texts.get("encoder", nothing),
         focal_mm=numbers.get("focal_mm", np.zeros(0)),
         aperture=numbers.get("aperture", np.zeros(0)),
     )
@@ -157,7 +158,7 @@ def _frame(samples: SampleSet) -> pl.DataFrame:
         columns |= {name: pl.Series(np.ascontiguousarray(values[:, i])) for i, name in enumerate(names)}
     if np.any(samples.raw_camera != samples.camera):
         columns["raw_camera"] = _series(samples.raw_camera)
-    for name in ("lens", *DEVELOPMENT_COLUMNS):
+    for name in ("lens", *ORIGIN_COLUMNS):
         if np.any(getattr(samples, name) != ""):
             columns[name] = _series(getattr(samples, name))
     return pl.DataFrame(columns).with_columns(pl.selectors.float().fill_nan(None))

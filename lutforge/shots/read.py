@@ -56,7 +56,7 @@ def read_shot(
     candidates = sorted(_candidates(path), key=lambda candidate: len(candidate[1]))
     for index, (source, edited) in enumerate(candidates):
         try:
-            jpeg, fine, registration, converted = _registered(raw, path, source, expected())
+            jpeg, fine, registration, converted, encoder = _registered(raw, path, source, expected())
         except (ImageError, ShotError) as error:
             reasons.append(str(error))
             continue
@@ -64,7 +64,7 @@ def read_shot(
         reasons += [f"{other}: {note}" for other, notes in candidates[index + 1 :] for note in notes]
         notes = (*edited, *converted, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
-        return Shot(path.stem, path, raw, jpeg, source, metadata, registration, development, fine=fine)
+        return Shot(path.stem, path, raw, jpeg, source, metadata, registration, development, fine=fine, encoder=encoder)
     size = (
         "" if development is None else "; the picture in the RAW's place, {1} × {0}, must be the whole frame, uncropped"
     )
@@ -82,13 +82,13 @@ def _candidates(path: Path) -> list[tuple[str, tuple[str, ...]]]:
 
 def _registered(
     raw: RawImage, path: Path, source: str, expected: Placement | None
-) -> tuple[Codes, NDArray[np.uint16] | None, Registration, tuple[str, ...]]:
-    """The picture in 8 bits and, where it has more, in 16, both as the sensor lies; where it lies on the RAW; notes."""
+) -> tuple[Codes, NDArray[np.uint16] | None, Registration, tuple[str, ...], str]:
+    """The picture in 8 and, where it has more, in 16 bits, as the sensor lies; its registration; notes; its encoder."""
     if source == EMBEDDED and raw.preview is None:
         raise ShotError(raw.preview_note)
     heif = read_heif(Path(source)) if source != EMBEDDED and is_heif(Path(source)) else None
     if heif is not None:
-        jpeg, fine, profile = heif.codes8, heif.codes if heif.bits > 8 else None, heif.icc
+        jpeg, fine, profile, encoder = heif.codes8, heif.codes if heif.bits > 8 else None, heif.icc, ""
     else:
         try:
             data = raw.preview if source == EMBEDDED and raw.preview is not None else Path(source).read_bytes()
@@ -98,6 +98,7 @@ def _registered(
         header = read_header(data)
         # A camera's Adobe RGB is a style of its own.
         profile = header.icc if header is not None and not in_adobe_rgb(tags_of(data)) else b""
+        encoder = "" if header is None else header.encoder
     notes = []
     if heif is not None and heif.hdr:
         notes.append(f"the HEIF is encoded for HDR ({heif.hdr}): its codes are calibrated as they are")
@@ -115,7 +116,7 @@ def _registered(
     if fine is not None:
         turn = next(turn for turn in range(4) if np.array_equal(np.rot90(jpeg, turn), turned))
         fine = np.ascontiguousarray(np.rot90(fine, turn))
-    return turned, fine, registration, tuple(notes)
+    return turned, fine, registration, tuple(notes), encoder
 
 
 def _decode(data: bytes, source: str) -> NDArray[np.uint8]:

@@ -50,6 +50,7 @@ class Shot:
     name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the file
     beside it. development: the picture that stands in the RAW's place, where a program developed it. raw_camera: the
     other camera that the RAW is of, or "". fine: the same picture, 0 … 65535, where its file has more than 8 bits.
+    encoder: of the JPEG (`JpegHeader.encoder`), "" where unknown.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Shot:
     development: Development | None = None
     raw_camera: str = ""
     fine: NDArray[np.uint16] | None = None
+    encoder: str = ""
 
     @property
     def placement(self) -> Placement:

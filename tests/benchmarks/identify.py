@@ -250,17 +250,17 @@ def calibrate_options(folder: Path) -> None:
         return -float(np.mean(shares))
 
     found = scipy.optimize.minimize(surprise, [-2.5, 1.0, 1.0], method="Nelder-Mead", options={"maxiter": 200})
-    weights = np.exp(found.x)
+    noise, scene, reach = np.exp(found.x)
     # A picture is answered where the best profile outweighs all others and the strangers together.
     margins = []
     for _, told in other:
-        scores = np.array([_score(each, weights) for each in told])
+        scores = np.array([_score(each, _weights(JudgementOptions())) for each in told])
         scores -= scores.max()
         known, near = np.exp(np.sort(scores[: -len(DEPARTURES)])), np.exp(scores[-len(DEPARTURES) :]).sum()
         margins.append(np.log(max(known[-1] - known[:-1].sum(), 1e-12) / near))
     print(
-        f"noise = {weights[0]:.3f}, scene = {weights[1]:.2f}, reach = {weights[2]:.2f}, "
-        f"strangers = {np.quantile(margins, 0.9):.2f}"
+        f"noise = {noise:.3f}, scene = {scene:.2f}, reach = {reach:.2f}; "
+        f"with those in use strangers = {np.quantile(margins, 0.9):.2f}"
     )
 
 

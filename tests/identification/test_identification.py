@@ -1,6 +1,7 @@
 """Telling a picture's camera by its pixels, on cameras of matrix and response whose noise is known."""
 
 import json
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -108,6 +109,49 @@ def test_a_picture_by_another_camera_is_not_told(tmp_path: Path, known: list[Ren
     assert judgement.answer is None
     assert judgement.lines()[0].startswith("cannot tell")
     assert judgement.lines()[1] == "white balance: cannot tell"
+
+
+def with_tables(data: bytes, step: int) -> bytes:
+    """The same picture with quantization tables that no libjpeg writes."""
+    file = BytesIO()
+    tables = [[step] * 64, [step + 1] * 64]
+    Pillow.open(BytesIO(data)).save(file, "JPEG", qtables=tables, subsampling=0)
+    return file.getvalue()
+
+
+def test_tables_that_a_camera_was_calibrated_with_speak_for_it(
+    tmp_path: Path, cameras: tuple[CameraProfile, CameraProfile], known: list[Rendering]
+) -> None:
+    data = photograph(cameras[0], "soft/daylight", 7)
+    own, other = (evidence(tmp_path, with_tables(data, step)) for step in (5, 7))
+    seen = replace(known[0], encoders=(own.encoder,))
+    told = explain(own, seen).encoder
+    assert explain(other, seen).encoder < explain(own, known[0]).encoder == 0.0 < told
+    assert explain(own, departed(seen, gamma=0.1)).encoder == 0.0  # strangers' tables are unknown
+    usual = evidence(tmp_path, data)
+    assert usual.encoder == "libjpeg"  # any program's
+    assert explain(usual, seen).encoder == explain(usual, replace(seen, encoders=("libjpeg",))).encoder == 0.0
+    unsure = judge(own, known).candidates
+    share = {each.style: each.probability for each in judge(own, [seen, *known[1:]]).candidates if "One" in each.camera}
+    assert share["soft"] > next(e.probability for e in unsure if (e.camera, e.style) == ("Maker One", "soft"))
+
+
+def test_a_camera_is_not_likelier_for_having_more_styles(
+    tmp_path: Path, cameras: tuple[CameraProfile, CameraProfile], known: list[Rendering]
+) -> None:
+    picture = evidence(tmp_path, photograph(cameras[0], "soft/daylight", 9))
+    others = [replace(known[0], camera="Other", style=style) for style in ("a", "b", "c")]
+    shares = {(each.camera, each.style): each.probability for each in judge(picture, [known[0], *others]).candidates}
+    assert shares.pop(("Maker One", "soft")) == pytest.approx(sum(shares.values()))
+
+
+def test_reach_is_judged_by_what_the_calibration_leaves_of_its_own_colours(
+    tmp_path: Path, cameras: tuple[CameraProfile, CameraProfile], known: list[Rendering]
+) -> None:
+    picture = evidence(tmp_path, photograph(cameras[0], "soft/daylight", 10))
+    rough = replace(known[0], render=lambda scene: known[0].render(scene) + 4 / 255)
+    assert explain(picture, rough).reach < explain(picture, replace(rough, slack=4 / 255)).reach
+    assert explain(picture, known[0]).reach == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_departed_rendering_is_taken_back_by_its_own_inverse(known: list[Rendering]) -> None:

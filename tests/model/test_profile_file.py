@@ -137,7 +137,7 @@ def test_cameras_without_raw_of_version_5_render_as_they_did(tmp_path: Path) -> 
 
 def test_everything_comes_back(saved: Path) -> None:
     first, second = small_profile(), load_profile(saved)
-    assert second.camera == first.camera
+    assert second.camera == first.camera and second.encoders == first.encoders != ()
     assert second.shots == first.shots and second.notes == first.notes
     assert dict(second.options) == dict(first.options)
     assert dict(second.white_balances) == dict(first.white_balances)
@@ -161,7 +161,7 @@ def test_the_same_profile_gives_the_same_bytes(saved: Path, tmp_path: Path) -> N
 def test_a_profile_without_the_newer_fields_still_loads(saved: Path) -> None:
     with zipfile.ZipFile(saved) as archive:
         document = json.loads(archive.read("profile.json"))
-    for name in ("raw_camera", "notes", "shots", "options"):
+    for name in ("raw_camera", "notes", "shots", "options", "encoders"):
         del document[name]
     _rewrite(saved, {"profile.json": json.dumps(document).encode()})
     assert load_profile(saved).raw_camera == ""

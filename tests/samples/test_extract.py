@@ -132,6 +132,7 @@ def test_real_shots(name: str, shared_data: Path) -> None:
     samples = result.samples
     assert result.kept > 100
     assert result.summary.startswith(f"{name}: kept {result.kept} tiles; clipped")
+    assert set(samples.encoder.tolist()) == {"7757f251bf7e7541"}  # tables and size that all its previews have
     assert ((samples.raw > 0) & (samples.raw < 0.98)).all()
     assert ((samples.srgb > 1 / 255) & (samples.srgb < 254 / 255)).all()
     # Rendering is smooth: a quadratic of balanced RAW (a square root, so near to encoded) explains the JPEG.

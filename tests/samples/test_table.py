@@ -47,11 +47,11 @@ def sample_sets(draw: st.DrawFn) -> SampleSet:
     )  # fmt: skip
     if draw(st.booleans()):
         return samples
-    return replace(samples, position=numbers(-1, 1, 2), lens=text(), aperture=numbers(0.7, 64, 1)[:, 0])
+    return replace(samples, position=numbers(-1, 1, 2), lens=text(), aperture=numbers(0.7, 64, 1)[:, 0], encoder=text())
 
 
 def assert_same(a: SampleSet, b: SampleSet, tolerance: float) -> None:
-    for name in ("camera", "style", "white_balance", "shot", "patch", "raw_camera", "lens"):
+    for name in ("camera", "style", "white_balance", "shot", "patch", "raw_camera", "lens", "encoder"):
         assert getattr(a, name).tolist() == getattr(b, name).tolist()
     for name in ("raw", "srgb"):
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=0, atol=tolerance)
