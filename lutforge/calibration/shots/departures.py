@@ -1,31 +1,47 @@
 """Shots of a fixed camera as a Gaussian process over JPEG colours, and each shot beside what the others predict."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize
 
 from lutforge.arrays import Array, Mask
 from lutforge.model.shot_tone import tone_of
 from lutforge.samples.sample_set import SampleSet
+
+NOISE = 0.02
+"""Scatter of the light that cells of one JPEG colour show, in stops."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
     """Means over samples of like colour, of one part of one shot's picture.
 
-    encoded: (n, 3); y: (n,), log₂ of the light less that of an sRGB JPEG; tone: (n,); place: (n, 2), NaN where unknown;
-    shot: (n,) places in names; scatter: (n,) variance of y by rounding and noise.
+    encoded, balanced: I and Tw E, (n, 3); y: (n,), log₂ of the light less that of an sRGB JPEG; tone: (n,);
+    place: (n, 2), NaN where unknown; shot: (n,) places in names; rounding: (n,) variance of y by rounding of codes.
     """
 
     encoded: Array
+    balanced: Array
     y: Array
     tone: Array
     place: Array
     shot: NDArray[np.intp]
     names: tuple[str, ...]
-    scatter: Array
+    rounding: Array
+
+    @property
+    def scatter(self) -> Array:
+        """The variance (n,) of y by noise, 0.02 EV, and rounding."""
+        return np.asarray(NOISE**2 + self.rounding)
+
+    def select(self, rows: NDArray[np.intp]) -> "Cells":
+        """The cells of some rows."""
+        colours = (self.encoded[rows], self.balanced[rows], self.y[rows], self.tone[rows])
+        return Cells(*colours, self.place[rows], self.shot[rows], self.names, self.rounding[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +71,16 @@ def cells_of(samples: SampleSet, multipliers: Array, most: int = 1500) -> Cells:
     def mean(values: Array) -> Array:
         return np.asarray(np.bincount(cell, values, len(count)) / count)
 
-    encoded = np.stack([mean(column) for column in samples.srgb.T], axis=1)
-    place = np.stack([mean(column) for column in samples.position.T], axis=1)
+    encoded, balanced, place = (
+        np.stack([mean(column) for column in columns.T], axis=1)
+        for columns in (samples.srgb, samples.raw * multipliers, samples.position)
+    )
     rounding = 2.2 / np.log(2.0) * (0.5 / 255) / np.maximum(encoded.mean(axis=1), 0.02)  # of a power of 2.2
     owner = np.zeros(len(count), dtype=np.intp)
     owner[cell] = shot
     rows = np.sort(np.random.default_rng(0).permutation(len(count))[:most])
-    cells = (encoded[rows], mean(y)[rows], tone_of(encoded[rows]), place[rows], owner[rows])
-    return Cells(*cells, tuple(map(str, names)), 0.02**2 + rounding[rows] ** 2)
+    cells = (encoded[rows], balanced[rows], mean(y)[rows], tone_of(encoded[rows]), place[rows], owner[rows])
+    return Cells(*cells, tuple(map(str, names)), rounding[rows] ** 2)
 
 
 def light_of(encoded: Array) -> Array:
@@ -76,14 +94,18 @@ def _matern(distance: Array) -> Array:
     return np.asarray((1.0 + scaled + scaled**2 / 3.0) * np.exp(-scaled))
 
 
-def covariance_of(cells: Cells) -> Array:
+def covariance_of(cells: Cells, sizes: Sequence[float] = (1.0,) * 5) -> Array:
     """Return the covariance (n, n) of y between cells under a fixed rendering.
 
-    λ departs from a plane by half a stop over 90 codes.
+    sizes: standard deviations of λ, of a shot's colours, of a shot as a whole, of noise and of rounding, as multiples
+    of the ones that are broad enough for any camera. λ departs from a plane by half a stop over 90 codes.
     """
     plane = np.column_stack([np.ones(len(cells.y)), cells.encoded, cells.tone])
-    common = 9.0 * plane @ plane.T + 0.25 * _matern(_distance(cells) / 0.35)
-    return np.asarray(common + own_covariance(cells) + np.diag(cells.scatter))
+    curved, colours, whole, noise, rounding = np.square(sizes)
+    distance = _distance(cells)
+    common = 9.0 * plane @ plane.T + 0.25 * curved * _matern(distance / 0.35)
+    scatter = noise * NOISE**2 + rounding * cells.rounding
+    return np.asarray(common + _own(cells, distance, colours, whole) + np.diag(scatter))
 
 
 def own_covariance(cells: Cells) -> Array:
@@ -91,8 +113,35 @@ def own_covariance(cells: Cells) -> Array:
 
     It is 3 % (0.04 EV) over 40 codes, as tiles are not quite flat, and 2 % in all of it, as lenses flare.
     """
+    return _own(cells, _distance(cells), 1.0, 1.0)
+
+
+def _own(cells: Cells, distance: Array, colours: float, whole: float) -> Array:
     same = cells.shot[:, None] == cells.shot
-    return np.asarray(same * (0.04**2 * _matern(_distance(cells) / 0.15) + 0.03**2))
+    return np.asarray(same * (0.04**2 * colours * _matern(distance / 0.15) + 0.03**2 * whole))
+
+
+def likeliest_sizes(cells: Cells, agreeing: Mask) -> tuple[float, ...]:
+    """Return the sizes for `covariance_of` under which the cells of shots that agree (n,) are likeliest, at most 300.
+
+    It is empirical Bayes (Rasmussen & Williams 2006, equation 5.8); the log of each size has a normal prior around 0.
+    """
+    rows = np.flatnonzero(agreeing)
+    rows = np.sort(np.random.default_rng(0).permutation(rows)[:300])
+    few = cells.select(rows)
+    units = np.stack([covariance_of(few, unit) for unit in np.vstack([np.zeros(5), np.eye(5)])])
+    units[1:] -= units[0]
+
+    def unlikeliness(logarithms: Array) -> float:
+        factor = cho_factor(np.tensordot(np.exp(2.0 * np.append(0.0, logarithms)), units, 1), lower=True)
+        likelihood = -0.5 * few.y @ cho_solve(factor, few.y) - np.log(np.diag(factor[0])).sum()
+        return float(0.5 * logarithms @ logarithms - likelihood)
+
+    start = np.vstack([np.zeros(5), -0.7 * np.eye(5)])
+    found = minimize(
+        unlikeliness, start[0], method="Nelder-Mead", options={"initial_simplex": start, "xatol": 0.05, "fatol": 0.1}
+    )
+    return tuple(np.exp(found.x).tolist())
 
 
 def _distance(cells: Cells) -> Array:

@@ -5,17 +5,30 @@ may as well lie behind the rendering, on each channel's codes. Either is a curve
 of the scene or of each channel of the JPEG. It is fitted to the shot's departure from what the other shots predict by
 generalized least squares, and where both are possible, that form is taken out of a style's shots under which their
 departures are likelier (Rasmussen & Williams 2006, equation 2.30, https://doi.org/10.7551/mitpress/3206.001.0001).
+
+The form is chosen under variances that are broad enough for any camera. The curve is then fitted under those that make
+the agreeing shots likeliest: it is wanted to a hundredth of a stop, and shots often agree better than that. What a
+camera takes for the tone of a scene (a mean of its channels, a luminance, before or after white balance) is not known:
+it is the mixture of channels under which the shot's departure is likeliest.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.shots.departures import Departure, cells_of, covariance_of, departures_of, light_of
+from lutforge.calibration.shots.departures import (
+    Cells,
+    Departure,
+    cells_of,
+    covariance_of,
+    departures_of,
+    likeliest_sizes,
+)
 from lutforge.model.response import Response
 from lutforge.model.shot_tone import ShotTone, tone_basis
 from lutforge.samples.sample_set import SampleSet
@@ -50,26 +63,65 @@ def _corrected(samples: SampleSet, multipliers: Array, usable: Mask, agreeing: M
     """Take the departures of a style's shots out of them; agreeing: (n,) the usable samples of its other shots."""
     response = fit_matrix_and_response(samples.raw[agreeing] * multipliers[agreeing], samples.srgb[agreeing]).response
     cells = cells_of(samples.select(usable), multipliers[usable])
-    light = np.exp2(cells.y) * (1e-4 + light_of(cells.encoded)) / 3.0
-    by_light, by_code = _curves(_tones(light)), _curves_of_channels(cells.encoded, response)
+    by_code = _curves_of_channels(cells.encoded, response)
     members = {place: cells.shot == place for place, name in enumerate(cells.names) if name in shots}
-    freed = {place: np.hstack([by_light[mask], by_code[mask]]) for place, mask in members.items()}
-    departures = departures_of(cells, covariance_of(cells), freed)
-    fits = {
-        place: [_fitted(columns[mask], departures[place]) for columns in (by_light, by_code)]
-        for place, mask in members.items()
-    }
-    light_is_likelier = sum(light[1] - code[1] for light, code in fits.values()) >= 0.0
+    fits = _fits(cells, by_code, members)
     raw, srgb = samples.raw.copy(), samples.srgb.copy()
-    for place, (of_light, of_code) in fits.items():
+    for place, (mixture, coefficients) in fits.items():
         mine = (samples.shot == cells.names[place]) & np.isin(samples.style, samples.style[usable])
-        if light_is_likelier:
-            scene = (raw[mine] * multipliers[mine]).mean(axis=1)
-            raw[mine] *= 2.0 ** (_curves(_tones(scene)) @ of_light[0])[:, None]
+        if mixture is not None:
+            raw[mine] *= 2.0 ** (_curves(_tones(raw[mine] * multipliers[mine] @ mixture)) @ coefficients)[:, None]
         else:
             linear = response.linearize(srgb[mine])
-            srgb[mine] = np.clip(response.encode(linear * 2.0 ** -(_curves(_tones(linear)) @ of_code[0])), 0.0, 1.0)
+            srgb[mine] = np.clip(response.encode(linear * 2.0 ** -(_curves(_tones(linear)) @ coefficients)), 0.0, 1.0)
     return replace(samples, raw=raw, srgb=srgb)
+
+
+def _fits(cells: Cells, by_code: Array, members: Mapping[int, Mask]) -> dict[int, tuple[Array | None, Array]]:
+    """Return, by shot, the mixture of channels (3,) whose tone its curve of light is of, None beside a curve of codes.
+
+    With it come the curve's coefficients (k,). by_code: (n, k), the curves of codes at the cells; members: (n,), by
+    shot that departs, its cells.
+    """
+    light = {place: cells.balanced[mask] for place, mask in members.items()}
+    columns = {place: _curves(_tones(each.mean(axis=1))) for place, each in light.items()}
+    freed = {place: np.hstack([columns[place], by_code[mask]]) for place, mask in members.items()}
+    departures = departures_of(cells, covariance_of(cells), freed)
+    advantage = [
+        _fitted(columns[place], departures[place])[1] - _fitted(by_code[mask], departures[place])[1]
+        for place, mask in members.items()
+    ]
+    agreeing = ~np.any(list(members.values()), axis=0)
+    covariance = covariance_of(cells, likeliest_sizes(cells, agreeing))
+    if sum(advantage) < 0.0:
+        freed = {place: by_code[mask] for place, mask in members.items()}
+        departures = departures_of(cells, covariance, freed)
+        return {place: (None, _fitted(freed[place], departures[place])[0]) for place in members}
+    departures = departures_of(cells, covariance, freed)
+    for _ in range(2):  # a shot's mixture also changes a little what it says of the others
+        mixtures = {place: _mixture(light[place], departures[place]) for place in members}
+        freed = {place: _curves(_tones(light[place] @ mixtures[place])) for place in members}
+        departures = departures_of(cells, covariance, freed)
+    return {place: (mixtures[place], _fitted(freed[place], departures[place])[0]) for place in members}
+
+
+def _mixture(light: Array, departure: Departure) -> Array:
+    """Return the mixture (3,) of channels of light (m, 3) under whose tone a departure is likeliest; it sums to 1.
+
+    The logs of red and blue beside green have a prior of 1 around 0, which has room for a luminance.
+    """
+
+    def shares(logarithms: Array) -> Array:
+        parts = np.exp([logarithms[0], 0.0, logarithms[1]])
+        return np.asarray(parts / parts.sum())
+
+    def unlikeliness(logarithms: Array) -> float:
+        likelihood = _fitted(_curves(_tones(light @ shares(logarithms))), departure)[1]
+        return float(0.5 * logarithms @ logarithms - likelihood)
+
+    start = np.array([[0.0, 0.0], [0.4, 0.0], [0.0, 0.4]])
+    options = {"initial_simplex": start, "xatol": 0.02, "fatol": 0.02}
+    return shares(minimize(unlikeliness, start[0], method="Nelder-Mead", options=options).x)
 
 
 def _tones(linear: Array) -> Array:
