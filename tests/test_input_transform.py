@@ -70,3 +70,13 @@ def test_a_chart_that_no_detector_knows_needs_its_corners(tmp_path: Path) -> Non
     with pytest.raises(CalibrationError, match="no SpyderCheckr 24"):
         write_input_transform(files, tmp_path / "camera.npz", outside)
     assert not (tmp_path / "camera.npz").exists()
+
+
+def test_a_tinted_chart_is_refused_with_what_to_set(tmp_path: Path) -> None:
+    kind = chart_kind("classic")
+    files = photograph_chart(
+        nikon_d5100(), kind, chart_reflectances(), tmp_path, (-3.0, -1.0), light="tungsten", white_balance="shade"
+    )
+    tinted = KnownChart(kind, "A", BORDER + PITCH * kind.outline)
+    with pytest.raises(CalibrationError, match="unsaturated where the white balance is set to the light"):
+        write_input_transform(files, tmp_path / "camera.npz", tinted)

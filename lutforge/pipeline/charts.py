@@ -102,7 +102,7 @@ def write_input_transform(
         raw_space=np.full(count, SPACE),
         developer=np.full(count, f"{CHART}{chart.kind.name} under {chart.light}"),
     )
-    fit = fit_bracket(pairs_of_samples(samples))
+    fit = _response(samples)
     true = np.array([fit.exposure_error.get(name, 1.0) for name in names]) * times
     colours = chart.kind.linear_srgb(chart.light) @ matrix_between("linear-srgb", SPACE).T
     multipliers, scale = _balance_and_level(samples, fit, colours[patch] * true[shot, None])
@@ -116,6 +116,15 @@ def write_input_transform(
     profile = replace(profile, notes=(f"of the {samples.developer[0]}: {chart.kind.source}", told, *profile.notes))
     profile.save(output)
     return FittedChart(profile, samples, fit, dict(zip(names, times, strict=True)), level, found)
+
+
+def _response(samples: SampleSet) -> BracketFit:
+    try:
+        return fit_bracket(pairs_of_samples(samples))
+    except CalibrationError as error:
+        raise CalibrationError(
+            f"{error}; a chart's greys are unsaturated where the white balance is set to the light"
+        ) from None
 
 
 def _patches(
