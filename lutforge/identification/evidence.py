@@ -1,6 +1,5 @@
 """What a picture shows that tells renderings apart, read once, and what each rendering makes of it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,8 +103,3 @@ def _reach(picture: PictureEvidence, rendering: Rendering) -> float:
     scale = max(1.0 / 255.0, 6.0 * rendering.slack)
     residual = rendering.residual(picture.colours)
     return float(-np.average(np.log1p((residual / scale) ** 2), weights=np.sqrt(picture.counts)))
-
-
-def explain_all(picture: PictureEvidence, renderings: Sequence[Rendering]) -> list[Explained]:
-    """Judge several renderings."""
-    return [explain(picture, rendering) for rendering in renderings]

@@ -32,11 +32,6 @@ class Image:
     format: str = ""
     parts: int = 1
 
-    @property
-    def alpha_is_premultiplied(self) -> bool:
-        """True where the colours are already multiplied by an alpha channel."""
-        return is_premultiplied(self.spec)
-
 
 def is_premultiplied(spec: oiio.ImageSpec) -> bool:
     """True where an image's colours are already multiplied by an alpha channel."""

@@ -12,7 +12,7 @@ from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.grade import Grade, LutRecipe
 from lutforge.apply.image import apply_image
 from lutforge.errors import ImageError
-from lutforge.images.read import ImageReader, read_image
+from lutforge.images.read import ImageReader, is_premultiplied, read_image
 from tests.apply.graded_images import write_cube, write_picture
 
 
@@ -49,7 +49,7 @@ def test_regions_give_the_whole(
         progress=lambda pixels, share: seen.append((pixels, share)),
     )
     before, after = read_image(tmp_path / name), read_image(tmp_path / target)
-    whole = apply_to_pixels(grade.processor, before.pixels, before.alpha_is_premultiplied)
+    whole = apply_to_pixels(grade.processor, before.pixels, is_premultiplied(before.spec))
     step = {"uint8": 255, "uint16": 65535}.get(str(after.spec.format))
     wanted = np.clip(whole, 0, 1) if step else whole
     tolerance = 0.51 / step if step else 1e-3 if after.spec.format == "half" else 0

@@ -25,7 +25,7 @@ import scipy
 
 import lutforge as lf
 from lutforge.arrays import Array
-from lutforge.identification.evidence import Explained, explain, explain_all, read_evidence
+from lutforge.identification.evidence import Explained, explain, read_evidence
 from lutforge.identification.judgement import DEPARTURES, JudgementOptions, departed, judge
 from lutforge.identification.scene_colours import palette, scene_coordinates
 from lutforge.images.read import read_image
@@ -217,7 +217,7 @@ def explained_pictures(made: Sequence[Picture], profiles: Sequence[Path]) -> lis
     found, options = [], JudgementOptions()
     for picture in made:
         evidence = read_evidence(picture.path)
-        told = explain_all(evidence, known)
+        told = [explain(evidence, rendering) for rendering in known]
         best = known[int(np.argmax([_score(each, _weights(options)) for each in told]))]
         told += [explain(evidence, departed(best, **departure)) for departure in DEPARTURES]
         truth = (picture.camera, picture.style)
