@@ -1,8 +1,9 @@
 """What cameras of today do beyond a fixed rendering: how well it is found, and what it costs on unseen shots.
 
-    python -m tests.benchmarks.cameras_of_today [--only WORD …] [--data FOLDER]
+    python -m tests.benchmarks.cameras_of_today [--only WORD …] [--data FOLDER] [--keep FOLDER]
 
 Prints a table: the figure, its target, and beside it the figure of LutForge 0.2.0 before it modelled any of this.
+Which camera made a picture has a table of its own (`python -m tests.benchmarks.identify`).
 Errors are mean norms of the RGB difference of rendered colours, 1 = full scale, of shots that the calibration had not
 seen, divided by the same without falloff, gain or tone. FOLDER (or LUTFORGE_TEST_DATA) has the shots of the Canon S40;
 rows that need them are left out without. Lattices have 17 nodes per axis.
@@ -10,8 +11,9 @@ rows that need them are left out without. Lattices have 17 nodes per axis.
 
 import argparse
 import os
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -20,11 +22,17 @@ import numpy as np
 import lutforge as lf
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.model.shot_tone import ShotTone
+from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
+from lutforge.calibration.shots.tone import shot_tones
+from lutforge.calibration.style_data import unclipped
+from lutforge.model.shot_tone import ShotTone, tone_stops
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import nikon_d5100
+from tests.benchmarks import pictures_of_today
 from tests.benchmarks.accuracy import samples_of
+from tests.benchmarks.rows_of_today import BEFORE, Row, Rows
 from tests.benchmarks.unseen_cameras import photographed as photographed_camera
 from tests.benchmarks.unseen_cameras import unseen_camera
 from tests.calibration.samples_of_today import (
@@ -41,36 +49,6 @@ from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_
 from tests.real_data import CHARTS, read_published_pairs
 
 OPTIONS = CalibrationOptions(size=17)
-BEFORE = {
-    "S40 as it is: falloffs found": 0.0,
-    "S40, 0.85 EV, dark RAW: falloff off by at most, EV": 0.804,
-    "S40, 0.85 EV, dark RAW: error ratio": 4.342,
-    "S40, 0.85 EV, bright JPEG: falloff off by at most, EV": 0.804,
-    "S40, 0.85 EV, bright JPEG: error ratio": 5.673,
-    "S40, 0.3 EV, dark RAW: falloff off by at most, EV": 0.284,
-    "S40, 0.3 EV, dark RAW: error ratio": 1.91,
-    "S40, 0.3 EV, bright JPEG: falloff off by at most, EV": 0.284,
-    "S40, 0.3 EV, bright JPEG: error ratio": 1.933,
-    "S40, 1.5 EV, dark RAW: falloff off by at most, EV": 1.418,
-    "S40, 1.5 EV, dark RAW: error ratio": 6.695,
-    "S40, 1.5 EV, bright JPEG: falloff off by at most, EV": 1.418,
-    "S40, 1.5 EV, bright JPEG: error ratio": 10.001,
-    "S40, two lenses, 1.2 and 0.5 EV: off by at most, EV": 1.134,
-    "S40, two lenses, 1.2 and 0.5 EV: error ratio": 5.307,
-}
-"""Figures of the code before, by row, where they were measured; it refused some of these shots as contradicting."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """A line of the table; target: what the value may be at most."""
-
-    name: str
-    value: float
-    target: float
-
-
-Rows = Iterator[Row]
 
 
 def unseen_error(samples: SampleSet, *, unseen: SampleSet | None = None) -> float:
@@ -91,8 +69,6 @@ def _error(seen: SampleSet, unseen: SampleSet) -> float:
 
 def found_stops(profile: lf.CameraProfile, samples: SampleSet) -> Array:
     """What the profile takes the falloff at the places of samples for, (n,); nothing where it has none."""
-    from lutforge.calibration.shots.falloff import at_the_centre
-
     return np.asarray(np.log2(at_the_centre(samples, profile.falloffs).raw[:, 1] / samples.raw[:, 1]))
 
 
@@ -164,9 +140,6 @@ def false_falloffs() -> Rows:
 
 
 def _has_falloff(samples: SampleSet) -> bool:
-    from lutforge.calibration.shots.falloff import fit_falloffs
-    from lutforge.calibration.style_data import unclipped
-
     return bool(fit_falloffs(samples, samples.wb, unclipped(samples, samples.wb)))
 
 
@@ -187,18 +160,7 @@ def _with_gains(samples: SampleSet, gains: dict[str, float]) -> SampleSet:
     return replace(samples, raw=samples.raw / factors[:, None])
 
 
-def toned(samples: SampleSet, shots: list[str]) -> tuple[float, float, float]:
-    """How many of the shots are found, how many others are accused, and the largest size found, in stops."""
-    found = {tone.shot: tone for tone in _tones(samples)}
-    sizes = [max(abs(found[shot].stops), found[shot].local) for shot in shots if shot in found]
-    return float(len(sizes)), float(len(found) - len(sizes)), float(np.median(sizes)) if sizes else 0.0
-
-
-def _tones(samples: SampleSet) -> "tuple[ShotTone, ...]":
-    from lutforge.calibration.physical.white_balance import complete_multipliers
-    from lutforge.calibration.shots.tone import shot_tones
-    from lutforge.calibration.style_data import unclipped
-
+def _tones(samples: SampleSet) -> tuple[ShotTone, ...]:
     multipliers = complete_multipliers(samples)[0]
     return shot_tones(samples, multipliers, unclipped(samples, multipliers))
 
@@ -216,16 +178,40 @@ def simulated_tone() -> Rows:
         "local ±0.4 EV of a third": (names[::3], with_scene_tone(seen, names[::3], local, nikon_d5100())),
     }
     for what, (shots, samples) in cases.items():
+        true = {"power": None, "shadows": shadows, "local": local}[what.split()[0]]
         yield from _tone_rows(f"simulated, {what}", samples, shots)
+        yield Row(f"simulated, {what}: size off by, share", _size_error(seen, samples, shots, true), 0.2)
         if "local" in what:  # such shots can only be left out
             clean = unseen_error(seen.select(~np.isin(seen.shot, shots)), unseen=unseen)
         yield Row(f"simulated, {what}: error ratio", unseen_error(samples, unseen=unseen) / clean, 1.1)
 
 
 def _tone_rows(what: str, samples: SampleSet, shots: list[str]) -> Rows:
-    found, accused, _ = toned(samples, shots)
-    yield Row(f"{what}: not found", len(shots) - found, 0)
-    yield Row(f"{what}: others accused", accused, 0)
+    found = {tone.shot for tone in _tones(samples)}
+    yield Row(f"{what}: not found", float(len(set(shots) - found)), 0)
+    yield Row(f"{what}: others accused", float(len(found - set(shots))), 0)
+
+
+def _size_error(clean: SampleSet, samples: SampleSet, shots: list[str], true: Array | None) -> float:
+    """How far the sizes that are told of shots are from the true ones, as a share: the largest of the shots.
+
+    A size is the root mean square over the shot's unclipped samples. true: stops (n,) of the samples before and after
+    the change, clean and samples; None where the change was one of codes.
+    """
+    tones = _tones(samples)
+    told, usable = tone_stops(samples, tones, local=True), unclipped(samples, samples.wb)
+    shares = []
+    for name in shots:
+        mine = usable & (samples.shot == name)
+        style, balance = str(samples.style[mine][0]), str(samples.white_balance[mine][0])
+        if true is None:
+            light = [nikon_d5100().linearize(each.srgb[mine], style, balance).sum(axis=1) for each in (clean, samples)]
+            wanted = np.log2(light[1] / light[0])
+        else:
+            wanted = true[mine]
+        sizes = [float(np.sqrt(np.mean(stops**2))) for stops in (told[mine], wanted)]
+        shares.append(abs(sizes[0] / sizes[1] - 1.0))
+    return max(shares)
 
 
 def s40_tone(folder: Path) -> Rows:
@@ -254,7 +240,7 @@ def false_tones() -> Rows:
     yield Row("10 chart cameras: shots accused", float(sum(accused)), 0)
 
 
-def parts(folder: Path | None) -> dict[str, Callable[[], Rows]]:
+def parts(folder: Path | None, keep: Path) -> dict[str, Callable[[], Rows]]:
     """What is measured, by name."""
     made: dict[str, Callable[[], Rows]] = {
         "simulated_falloff": simulated_falloff,
@@ -262,6 +248,8 @@ def parts(folder: Path | None) -> dict[str, Callable[[], Rows]]:
         "simulated_gains": simulated_gains,
         "simulated_tone": simulated_tone,
         "false_tones": false_tones,
+        "demo_picture": lambda: pictures_of_today.demo_picture(keep),
+        "refinished_pairs": lambda: pictures_of_today.refinished_pairs(keep),
     }
     if folder is None:
         return made
@@ -273,15 +261,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--only", nargs="+", default=[], metavar="WORD", help="the parts whose names hold a word")
     parser.add_argument("--data", type=Path, default=os.environ.get("LUTFORGE_TEST_DATA"))
+    parser.add_argument("--keep", type=Path, default=Path(tempfile.gettempdir()) / "lutforge-today", metavar="FOLDER")
     arguments = parser.parse_args()
     print(f"{'':64s}{'value':>9s}{'target':>9s}{'before':>9s}")
-    for name, measure in parts(Path(arguments.data) if arguments.data else None).items():
+    for name, measure in parts(Path(arguments.data) if arguments.data else None, arguments.keep).items():
         if arguments.only and not any(word in name for word in arguments.only):
             continue
         for row in measure():
-            before = f"{BEFORE[row.name]:9.3f}" if row.name in BEFORE else f"{'–':>9s}"
+            before = f"{BEFORE[row.name]:9.4f}" if row.name in BEFORE else f"{'–':>9s}"
             missed = "  MISSED" if row.value > row.target else ""
-            print(f"{row.name:64s}{row.value:9.3f}{row.target:9.3f}{before}{missed}", flush=True)
+            print(f"{row.name:64s}{row.value:9.4f}{row.target:9.4f}{before}{missed}", flush=True)
 
 
 if __name__ == "__main__":
