@@ -10,10 +10,12 @@ import lutforge as lf
 from lutforge.errors import SampleError, ShotError
 from lutforge.pipeline.sampling import gather_samples, sample_shots
 from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import SHOTS, demo_shots
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scenes import SCENES
+from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 
 def made_samples(count: int = 300, style: str = "Standard", balance: str = " Day/Light ") -> SampleSet:
@@ -68,6 +70,14 @@ def test_a_bad_shot_is_left_out_and_named(tmp_path: Path) -> None:
     (tmp_path / "worse.nef").touch()
     with pytest.raises(ShotError, match=r"no usable shot: .*bad.nef.*worse.nef"):
         sample_shots([tmp_path / "bad.nef", tmp_path / "worse.nef"])
+
+
+def test_a_table_that_is_named_twice_counts_once(tmp_path: Path) -> None:
+    samples = photograph_patches(nikon_d5100(), chart_140()[:8], balances=("daylight",), stops=(-1,))
+    write_samples(tmp_path / "a.csv", samples)
+    (tmp_path / "again.csv").symlink_to(tmp_path / "a.csv")
+    found = gather_samples([tmp_path / "a.csv", tmp_path / "." / "a.csv", tmp_path / "again.csv"])
+    assert len(found.samples) == len(samples)
 
 
 def test_nothing_given() -> None:

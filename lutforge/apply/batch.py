@@ -127,9 +127,11 @@ def plan_jobs(
     masks: Path | None = None,
     quality: int | None = None,
 ) -> list[Job]:
-    """Where each image and its mask go. Raises ImageError on a collision or on an output that is an input."""
+    """Where each image and its mask go. Raises ImageError on a collision, an output that is an input, or no suffix."""
     if suffix is not None and not suffix.startswith("."):
         suffix = f".{suffix}"
+    if suffix is not None and Path(f"x{suffix}").suffix != suffix:
+        raise ImageError(f'"{suffix}" is no suffix of an image; write for example .png')
     jobs = []
     for image in inputs:
         raw = image.place.suffix.lower() in RAW_SUFFIXES  # rendered, not refinished: there is no confidence to tell

@@ -93,8 +93,8 @@ class PhysicalOptions:
             raise CalibrationError("β lies above 0, up to 1, and the data weighting between 0 and 1")
         if not 1 <= self.curves <= 15:
             raise CalibrationError(f"{self.curves} curves; EMoR has 1 to 15")
-        if self.centres < 8 or (self.rho is not None and not self.rho >= 0):
-            raise CalibrationError("a gamut map needs 8 centres or more, and a ρ that is not negative")
+        if self.centres < 8 or (self.rho is not None and not 0 <= self.rho < math.inf):
+            raise CalibrationError("a gamut map needs 8 centres or more, and a finite ρ that is not negative")
 
     @property
     def nugget(self) -> float | None:

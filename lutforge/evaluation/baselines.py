@@ -18,7 +18,8 @@ RIDGE = 1e-9
 
 def channel_polynomials(x: Array, y: Array) -> Predictor:
     """Fit one 6th-order polynomial per channel, x (n, 3) → y (n, 3); clamped to the range of x."""
-    fits = [Polynomial.fit(x[:, c], y[:, c], CHANNEL_ORDER) for c in range(3)]
+    # Few tones leave coefficients open, of which `full` takes the smallest; without it NumPy warns.
+    fits = [Polynomial.fit(x[:, c], y[:, c], CHANNEL_ORDER, full=True)[0] for c in range(3)]
     low, high = x.min(axis=0), x.max(axis=0)
 
     def predict(values: Array) -> Array:

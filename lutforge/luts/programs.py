@@ -110,7 +110,7 @@ def target_of(
         raise LutError(f"{path}: {program} does not read {suffix} files; write {' or '.join(known.reads)}")
     form, default = file_format.forms[0], file_format.size
     if suffix == ".cube" and (known.shaper if known else path.name.lower().endswith((".resolve.cube", ".shaper.cube"))):
-        form, default = "shaper", 33
+        form = "shaper"
     if scenes and form != "full" and (form != "shaper" or file_format.inputs == "unit"):
         raise LutError(f"{path}: {file_format.name} holds no scene-linear input beyond 1; {INSTEAD_FOR_SCENES}")
     most = MAX_SIZE

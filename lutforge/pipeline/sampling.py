@@ -175,13 +175,13 @@ def gather_samples(
     tell: Callable[[SampledShots], None] = lambda sampled: None,
     substitute: RawSubstitute | None = None,
 ) -> SampledShots:
-    """Read sample tables, and sample RAW files and folders of them, in any mixture.
+    """Read sample tables, and sample RAW files and folders of them, in any mixture; what is given twice counts once.
 
     tell: called with the result. substitute: as for `sample_shots`.
 
     Raises SampleError where nothing is given or a table is malformed, ShotError where no shot is usable.
     """
-    given = [Path(path) for path in several(paths)]
+    given = list({path.resolve(): path for path in map(Path, several(paths))}.values())
     if not given:
         raise SampleError("nothing given: name sample tables (.csv, .parquet) or RAW files")
     tables = [path for path in given if path.suffix.lower() in TABLE_SUFFIXES]

@@ -80,7 +80,14 @@ def test_options_of_the_stages_come_back_from_a_profile() -> None:
     options = CalibrationOptions(physical=physical)
     assert options_from_json(options.as_json()).physical == physical
     assert "physical" not in CalibrationOptions().as_json()
-    for wrong in ({"beta": 0.0}, {"curves": 0}, {"weighting": 2.0}, {"centres": 1}, {"rho": -1.0}):
+    for wrong in (
+        {"beta": 0.0},
+        {"curves": 0},
+        {"weighting": 2.0},
+        {"centres": 1},
+        {"rho": -1.0},
+        {"rho": float("inf")},
+    ):
         with pytest.raises(CalibrationError):
             PhysicalOptions(**wrong)
 

@@ -9,6 +9,7 @@ import pytest
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.evaluation import evaluation as evaluation_module
+from lutforge.evaluation.baselines import channel_polynomials
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.model.camera_profile import CameraProfile
@@ -48,6 +49,11 @@ def tables(profile: CameraProfile, samples: SampleSet) -> Evaluation:
 def plain(profile: CameraProfile, samples: SampleSet) -> Evaluation:
     """What is printed without --tables, of both styles."""
     return evaluate(profile, samples)
+
+
+def test_a_polynomial_of_one_tone_is_that_tone() -> None:
+    x, y = np.full((20, 3), 0.5), np.full((20, 3), 0.7)
+    np.testing.assert_allclose(channel_polynomials(x, y)(x), y)
 
 
 def test_every_method_of_the_thesis_is_in_the_error_table(tables: Evaluation) -> None:

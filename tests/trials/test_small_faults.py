@@ -55,6 +55,12 @@ def test_a_failed_batch_leaves_no_folder(lutforge: CommandLine, profile: Path, t
     assert not out.parent.exists()
 
 
+@pytest.mark.parametrize("suffix", [".", "../../a.png", ".p/ng"])
+def test_a_suffix_that_is_none(lutforge: CommandLine, profile: Path, tmp_path: Path, suffix: str) -> None:
+    words = ("--from", "standard/daylight", "--to", "standard/tungsten", "-o", tmp_path / "out", "--suffix", suffix)
+    assert "is no suffix of an image" in failed(lutforge("apply", profile, picture(tmp_path / "a.jpg"), *words))
+
+
 def test_an_empty_word_is_no_folder(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
     picture(tmp_path / "here.jpg")
     told = failed(lutforge("apply", profile, "", "--from", "standard/daylight", "-o", tmp_path / "out", cwd=tmp_path))
