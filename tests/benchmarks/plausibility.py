@@ -319,8 +319,8 @@ def main() -> None:
             cells.append(f"{np.mean([any(words in each.cause for each in told) for told in found]):.0%}")
         print(f"{case:46s}" + "".join(f"{cell:>12s}" for cell in cells), flush=True)
     for case in HIDDEN:
-        told = [told_by_known_functions(samples, CASES[case][1], 1) for samples in drawn["S40"]]
-        print(f"{f'S40, functions known: {case}':82s}{np.mean(told):12.0%}", flush=True)
+        share = np.mean([told_by_known_functions(samples, CASES[case][1], 1) for samples in drawn["S40"]])
+        print(f"{f'S40, functions known: {case}':82s}{share:12.0%}", flush=True)
     accused, count, seconds = [], 0, 0.0
     for name, samples in good_sets(draws):
         began = time.perf_counter()
