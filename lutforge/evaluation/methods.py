@@ -182,9 +182,9 @@ class _TimedFit:
 def _timed_fit(data: StyleData, options: CalibrationOptions) -> _TimedFit:
     """Fit both lattices, with what they search and the time that takes."""
     start = time.perf_counter()
-    render = fit_render(data, options, tolerance=MEASURING_TOLERANCE)
+    render = fit_render(data, options)
     middle = time.perf_counter()
-    linearize = fit_linearize(data, options, render, tolerance=MEASURING_TOLERANCE)
+    linearize = fit_linearize(data, options, render)
     return _TimedFit(StyleFit(data.base, render, linearize), (middle - start, time.perf_counter() - middle))
 
 

@@ -106,6 +106,22 @@ def test_dark_exposures_do_not_outvote_bright_ones(name: str) -> None:
     assert np.mean(errors) <= PLAIN[name] + 0.1 / 255  # a tenth of a code
 
 
+@pytest.mark.parametrize("camera", [nikon_d5100(), sigma_sd_merrill()], ids=lambda camera: camera.name)
+@pytest.mark.parametrize("style", ["standard", "vivid", "landscape"])
+def test_many_saturated_colours_do_not_outvote_few_grey_ones(camera: SimulatedCamera, style: str) -> None:
+    """Of colours spread evenly over RAW a tenth is unsaturated; near grey the fit is right within three codes."""
+    rng, gain = np.random.default_rng(1), camera.multipliers("daylight")
+    x = rng.random((10_000, 3))
+    encoded = camera.render(x / gain, style, "daylight")
+    x, encoded = (each[np.all((encoded > 0.5 / 255) & (encoded < 1 - 0.5 / 255), axis=1)] for each in (x, encoded))
+    fit = fit_matrix_and_response(x, np.rint(255 * encoded) / 255)
+    near = rng.random((4000, 1)) ** 2 * np.exp(0.12 * rng.standard_normal((4000, 3)))
+    near = near[np.all(near < 1.0, axis=1)]
+    wanted = camera.render(near / gain, style, "daylight")
+    off = np.linalg.norm(fit.response.encode(near @ fit.matrix.T) - wanted, axis=1)
+    assert off.mean() < 3 / 255
+
+
 @pytest.mark.parametrize("camera", ["CasioEX-Z55", "NikonD200", "OlympusE10"])
 def test_a_response_of_exposures_does_not_run_away_above_the_brightest(camera: str) -> None:
     """f⁻¹ at white over f⁻¹ at code 77, from pairs below middle grey, beside what all RAW pairs give.
