@@ -136,9 +136,11 @@ def test_every_pair_of_settings_on_a_scene_that_was_held_out(
                 assert sum(isinstance(op, Cube) for op in chain.ops) == 2
                 after = evaluate(chain.processor(), pictures[source])
                 errors[source, target] = error(pictures[source], after, pictures[target])
-    # The worst, vivid/tungsten to vivid/shade, is 0.0124. It was 0.0102 before linearizing followed likely scenes,
-    # which halved the error of the demo's picture (RMSE 0.0178 to 0.0083).
-    assert max(errors.values()) <= 0.0125, max(errors, key=lambda pair: errors[pair])
+    # The worst, vivid/tungsten to vivid/shade, is 0.0137, and the median 0.0030. They are 0.0124 and 0.0033 where vivid
+    # continues the matrix of all colours: the samples like it nearly as well as that of unsaturated ones (by 8 to 10 %
+    # less), and which one is taken turns on that.
+    assert np.median(list(errors.values())) <= 0.0031
+    assert max(errors.values()) <= 0.014, max(errors, key=lambda pair: errors[pair])
     assert float(np.median(list(errors.values()))) <= 0.0034
 
 
