@@ -86,7 +86,8 @@ def _encoded(picture: PictureEvidence, rendering: Rendering) -> float:
 
     A camera has several qualities and sizes: of half of its pictures the calibration is taken to have seen them. One
     other camera in fifty is taken to have the same: of the 28 pairs of eight cameras at hand one had the same tables,
-    none with the same size; Kee et al. (see `JpegHeader.encoder`) found fewer. Tables of libjpeg tell nothing: any
+    none with the same size; of 1.3 million photographs by 773 cameras, 80 % had headers that at most three shared (Kee
+    et al., see `JpegHeader.encoder`, who count more than tables and sizes). Tables of libjpeg tell nothing: any
     program may have saved the picture.
     """
     if picture.encoder in ("", "libjpeg") or not rendering.encoders:
