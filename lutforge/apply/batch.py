@@ -127,7 +127,10 @@ def plan_jobs(
     masks: Path | None = None,
     quality: int | None = None,
 ) -> list[Job]:
-    """Where each image and its mask go. Raises ImageError on a collision, an output that is an input, or no suffix."""
+    """Choose where each image and its mask are written.
+
+    Raises ImageError where two would share a place, where an output is an input, and on what is no suffix.
+    """
     if suffix is not None and not suffix.startswith("."):
         suffix = f".{suffix}"
     if suffix is not None and Path(f"x{suffix}").suffix != suffix:

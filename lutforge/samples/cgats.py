@@ -97,7 +97,7 @@ def _table(text: str) -> tuple[list[str], NDArray[np.str_]]:
 
 
 def _grid(names: NDArray[np.str_]) -> Grid | None:
-    """Where patches are by names such as A1 … F4, None where these do not fill a rectangle.
+    """Tell by names such as A1 … F4 where patches lie; None where these do not fill a rectangle.
 
     Whether letters count columns or rows differs from chart to chart; the longer side of a chart runs across.
     """

@@ -33,7 +33,7 @@ def unreduced(found: Registration, factor: float) -> Registration:
 
 @dataclass(frozen=True)
 class Placement:
-    """Where JPEGs of one size lie on RAW images of one size. A camera places them alike in all its shots.
+    """The place of JPEGs of one size on RAW images of one size, which is the same in all shots of a camera.
 
     raw: height and width of the decoded array, and its pixels' size; jpeg: height and width, as the sensor lies.
     """
@@ -67,6 +67,6 @@ class Shot:
 
     @property
     def placement(self) -> Placement:
-        """Where the JPEG lies on the RAW, for other shots of the camera."""
+        """The place of the JPEG on the RAW, at which other shots of the camera can be sought first."""
         height, width = self.raw.pixels.shape[:2]
         return Placement((height, width, self.raw.pixel_size), self.jpeg.shape[:2], self.registration)
