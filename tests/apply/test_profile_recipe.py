@@ -136,12 +136,10 @@ def test_every_pair_of_settings_on_a_scene_that_was_held_out(
                 assert sum(isinstance(op, Cube) for op in chain.ops) == 2
                 after = evaluate(chain.processor(), pictures[source])
                 errors[source, target] = error(pictures[source], after, pictures[target])
-    # The worst, vivid/tungsten to vivid/shade, is 0.0137, and the median 0.0030. They are 0.0124 and 0.0033 where vivid
-    # continues the matrix of all colours: the samples like it nearly as well as that of unsaturated ones (by 8 to 10 %
-    # less), and which one is taken turns on that.
+    # One draw. Over six draws of the samples and two scenes the median is 0.0032 and the worst pair of a scene
+    # 0.0129 on average, 0.0096 to 0.0206, whichever of the two matrices the renderings are made to continue.
     assert np.median(list(errors.values())) <= 0.0031
     assert max(errors.values()) <= 0.014, max(errors, key=lambda pair: errors[pair])
-    assert float(np.median(list(errors.values()))) <= 0.0034
 
 
 def test_a_picture_tells_its_own_settings(
