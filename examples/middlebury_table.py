@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
-from lutforge.calibration.physical.physical_model import conventional, fit_gamut_maps, fit_stages, linearize
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
@@ -92,7 +93,7 @@ def fit(samples: SampleSet) -> tuple[PhysicalModel, Array]:
     except CalibrationError:  # nothing neutral in the JPEGs: the setting did not fit the light
         start = np.ones((len(samples), 3))
     stages = fit_stages(samples, start, np.zeros(len(samples), dtype=np.bool_))
-    multipliers, response = stages.multipliers[0], stages.styles["standard"].response
+    multipliers, response = stages.multipliers[0], stages.responses["standard"]
     maps = fit_gamut_maps(samples.raw * multipliers, samples.srgb, samples.shot, stages.matrix, response, ("wb1",))
     return maps.model, multipliers
 
@@ -104,12 +105,12 @@ def measure(samples: SampleSet, light: str = "light1") -> Row:
     first = np.char.startswith(samples.shot, light)
     train, test = samples.select(first), samples.select(~first)
     model, multipliers = fit(train)
-    plain = conventional(model)
+    plain = MatrixAndResponse(model.matrix, model.response)
     predictors: dict[str, Callable[[Array], Array]] = {
         "polynomial per channel": mixed_channel_polynomials(train.srgb, train.raw),
-        "f and T, no h": lambda encoded: linearize(plain, encoded) / multipliers,
+        "f and T, no h": lambda encoded: plain.linearize(encoded) / multipliers,
         "polynomial of all channels": colour_polynomial(train.srgb, train.raw),
-        "full model": lambda encoded: linearize(model, encoded) / multipliers,
+        "full model": lambda encoded: model.linearize(encoded) / multipliers,
     }
     rmse = {}
     for method, predict in predictors.items():

@@ -1,6 +1,5 @@
 """Response, matrix and white balances: what stands before gamut map and lattice; fitted, or taken from a profile."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,28 +7,20 @@ import numpy as np
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
-from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
+from lutforge.calibration.physical.physical_model import CameraStages, GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.style_data import style_data, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
-from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.solution import Status
 
 
 @dataclass(frozen=True, eq=False)
-class Stages:
-    """The stages of one camera. matrix: Ts (3, 3); responses: f by style.
+class Stages(CameraStages):
+    """The stages of one camera, for all its samples. usable: (n,) those that a gamut map can be fitted to."""
 
-    multipliers: Tw (n, 3) of all samples; usable: (n,) those that a gamut map can be fitted to.
-    """
-
-    matrix: Array
-    multipliers: Array
     usable: Mask
-    responses: Mapping[str, Response]
 
     def maps(self, samples: SampleSet, options: CalibrationOptions) -> dict[str, GamutMaps]:
         """Fit h and h⁻¹ of each style that has samples. Raises CalibrationError."""
@@ -74,7 +65,7 @@ def fit_camera_stages(samples: SampleSet, multipliers: Array, options: Calibrati
         fitted = ~known & (automatic == setting) & usable
         if fitted.any():
             completed[~known & (automatic == setting)] = completed[fitted][0]
-    return Stages(stages.matrix, completed, usable, {name: style.response for name, style in stages.styles.items()})
+    return Stages(stages.matrix, completed, stages.responses, usable)
 
 
 def stages_of(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> Stages:
@@ -87,7 +78,7 @@ def stages_of(profile: CameraProfile, samples: SampleSet, multipliers: Array) ->
             f"the given response and matrix are of the styles {', '.join(responses) or 'none'}; the samples are of "
             f"{', '.join(np.unique(samples.style))}"
         )
-    return Stages(next(iter(models.values())).matrix, multipliers, usable, responses)
+    return Stages(next(iter(models.values())).matrix, multipliers, responses, usable)
 
 
 def base_of(profile: CameraProfile, style: str) -> MatrixAndResponse | None:
@@ -95,7 +86,4 @@ def base_of(profile: CameraProfile, style: str) -> MatrixAndResponse | None:
     physical = profile.styles[style].physical if style in profile.styles else ()
     if not physical:
         return None
-    everywhere = np.ones(0)
-    return MatrixAndResponse(
-        physical[0].matrix, physical[0].response, everywhere, everywhere, 0.0, Status.CONVERGED, 0
-    )  # fmt: skip
+    return MatrixAndResponse(physical[0].matrix, physical[0].response)

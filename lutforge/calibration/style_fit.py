@@ -33,19 +33,10 @@ class StyleFit:
 
 
 @one_blas_thread
-def fit_style(
-    data: StyleData,
-    options: CalibrationOptions,
-    smoothness: tuple[float, float] | None = None,
-    tolerance: float | None = None,
-) -> StyleFit:
-    """Fit both lattices of a style.
-
-    smoothness: λ_S of (render, linearize); None chooses them.
-    """
-    chosen = smoothness or (None, None)
-    render = fit_render(data, options, smoothness=chosen[0], tolerance=tolerance)
-    linearize = fit_linearize(data, options, render, smoothness=chosen[1], tolerance=tolerance)
+def fit_style(data: StyleData, options: CalibrationOptions) -> StyleFit:
+    """Fit both lattices of a style."""
+    render = fit_render(data, options)
+    linearize = fit_linearize(data, options, render)
     return StyleFit(data.guess(options.size, inverse=False).base, render, linearize)
 
 
@@ -81,7 +72,7 @@ def fit_linearize(
     `fit_render`.
     """
     if data.monochrome:
-        return result(inverse_of_greys(render.lattice, options), data.encoded, data.balanced, render.smoothness)
+        return result(inverse_of_greys(render.lattice, options), data.encoded, render.smoothness)
     points = None
     if options.preset != "thesis":
         points = rendered_scenes(render.lattice, data.balanced, min(4 * options.size**3, 20_000))
@@ -146,7 +137,7 @@ def refit_physical(
         stages = fit_stages(
             data.samples, data.balanced / data.samples.raw, known, options.preset, options.physical
         )  # fmt: skip
-        matrix, response = stages.matrix, next(iter(stages.styles.values())).response
+        matrix, response = stages.matrix, next(iter(stages.responses.values()))
     return fit_gamut_maps(
         data.balanced, data.encoded, data.shot, matrix, response, white_balances, nuggets, options.preset,
         options.physical.centres,

@@ -68,8 +68,7 @@ def response_deltas(pairs: ExposurePairs) -> dict[str, tuple[float, float, float
     """
 
     def of(fit: ExposureResponseFit) -> tuple[float, float, float]:
-        errors = np.array([fit.shot_error[name] for name in pairs.shots])
-        ratio = np.exp(pairs.log_ratio + errors[pairs.second_shot] - errors[pairs.first_shot])
+        ratio = np.exp(pairs.corrected(fit.shot_error).log_ratio)
         return delta(fit.response.linearize(pairs.first), fit.response.linearize(pairs.second), ratio)
 
     try:

@@ -9,8 +9,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, Shrinkable, shrinkable
 from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import with_matrix_of_all
-from lutforge.calibration.physical.physical_model import conventional, linearize, render
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import StyleFit, fit_linearize, fit_render, refit_physical
 from lutforge.calibration.thesis.lattice import fit_uniform
@@ -79,10 +78,10 @@ def fit_baselines(train: StyleData) -> dict[str, Fit]:
 
 
 def _physical_fits(model: PhysicalModel, seconds: float | None = None) -> dict[str, Fit]:
-    plain = conventional(model)
+    plain = MatrixAndResponse(model.matrix, model.response)
     return {
-        RBF: Fit(lambda x: render(model, x), lambda x: linearize(model, x), seconds, seconds),
-        NO_GAMUT_MAP: Fit(lambda x: render(plain, x), lambda x: linearize(plain, x)),
+        RBF: Fit(model.render, model.linearize, seconds, seconds),
+        NO_GAMUT_MAP: Fit(plain.render, plain.linearize),
     }
 
 

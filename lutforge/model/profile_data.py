@@ -26,6 +26,14 @@ class PhysicalModel:
     gamut_map: GamutMap
     inverse_gamut_map: GamutMap
 
+    def render(self, balanced: Array) -> Array:
+        """Tw E (…, 3) → I (…, 3) in [0, 1]."""
+        return self.response.encode(self.gamut_map(balanced @ self.matrix.T))
+
+    def linearize(self, encoded: Array) -> Array:
+        """I (…, 3) → Tw E (…, 3), not clipped."""
+        return self.inverse_gamut_map(self.response.linearize(encoded)) @ np.linalg.inv(self.matrix).T
+
 
 @dataclass(frozen=True, eq=False)
 class PictureStyle:

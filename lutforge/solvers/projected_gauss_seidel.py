@@ -25,13 +25,12 @@ def solve_bounded(
     start: Array,
     bounds: tuple[float, float],
     sweeps: int,
-    tolerance: float = 1e-3,
 ) -> LatticeFit:
     """Fit node values (N_r, N_g, N_b, 3) within bounds, from W'ΩW and W'Ω(y − W b₀).
 
     smoothness: λ_S, and λ_T; prior: b₀ and Λ²; start: node values to begin with. Time O(N³) a sweep, forward and back
     in turn. Their number is fixed; the residual is how far the last one moved a node, and the fit has converged where
-    that is within the tolerance, by default a quarter of a code.
+    that is within a quarter of a code.
     """
     r, g, b = (len(axis) for axis in levels)
     longest, size = max(r, g, b), (r, g, b)
@@ -45,7 +44,7 @@ def solve_bounded(
     offset, right = planar(prior.values), planar(equations.right)
     moved = _sweep(couplings, diagonal, steps(g, b), FAR * g * b, right, offset, *bounds, sweeps, difference)
     values = np.clip(prior.values + from_planar(difference, size), *bounds)  # what rounding leaves beyond
-    status = Status.CONVERGED if moved <= tolerance else Status.LIMIT
+    status = Status.CONVERGED if moved <= 1e-3 else Status.LIMIT
     return LatticeFit(levels, values, status, moved, sweeps)
 
 

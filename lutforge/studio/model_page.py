@@ -171,7 +171,7 @@ def pairs_listed(workspace: Workspace) -> dict[str, tuple[str, str]]:
     pairs = workspace.pairs
     if pairs is None:
         return {}
-    number = pairs.first_shot * len(pairs.shots) + pairs.second_shot
+    number = pairs.of_shots
     listed = {}
     for place in np.unique(number):
         rows = number == place

@@ -98,7 +98,7 @@ def _of_pairs(workspace: Workspace, plot: str, channel: int) -> Points:
         return _nothing("no two shots show the same patches at different exposures")
     pairs = pairs.without(workspace.unticked)
     first, second = pairs.first_row, pairs.second_row
-    number = pairs.first_shot * len(pairs.shots) + pairs.second_shot
+    number = pairs.of_shots
     if plot == "srgb_btf":
         curve = _NONE
         if response is not None:
@@ -140,9 +140,7 @@ def pair_of_rows(workspace: Workspace) -> Rows:
     number = np.full(len(workspace.samples), -1, dtype=np.intp)
     pairs = workspace.pairs
     if pairs is not None:
-        pair = pairs.first_shot * len(pairs.shots) + pairs.second_shot
-        number[pairs.second_row] = pair
-        number[pairs.first_row] = pair
+        number[pairs.second_row] = number[pairs.first_row] = pairs.of_shots
     return number
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.calibration.options import Preset
-from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages, linearize, render
+from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style_data import unclipped
 from lutforge.colour.spectra import WAVELENGTHS, light
@@ -240,14 +240,14 @@ def measure(camera: UnseenCamera, preset: Preset = "lutforge", seed: int = 0) ->
     tw = float(np.abs(stages.multipliers / _truth(camera, samples) - 1).max())
     samples = photographed(camera, known=True, seed=seed)
     stages = fit_stages(samples, samples.wb, np.ones(len(samples), dtype=np.bool_), preset)
-    response, balanced = stages.styles["standard"].response, samples.raw * samples.wb
+    response, balanced = stages.responses["standard"], samples.raw * samples.wb
     maps = fit_gamut_maps(
         balanced, samples.srgb, samples.shot, stages.matrix, response, tuple(camera.lights), preset=preset
     )
     others = photograph_patches(camera, surfaces(300, 99), balances=tuple(camera.lights), exposure_error=0.0, seed=5)
     others = others.select(unclipped(others, others.wb))
-    back = linearize(maps.model, others.srgb) / others.wb - others.raw
-    rendered = render(maps.model, others.raw * others.wb)
+    back = maps.model.linearize(others.srgb) / others.wb - others.raw
+    rendered = maps.model.render(others.raw * others.wb)
     return Errors(
         response_error(camera, response, samples.srgb),
         ts_unknown,

@@ -25,7 +25,7 @@ def test_one_function_a_ratio_and_it_is_the_cameras() -> None:
     expected = true(2.0**one.stops * true.inverse(grey))
     at = np.stack([np.interp(codes, np.linspace(0, 1, 256), one.curve[:, c]) for c in range(3)], axis=1)
     np.testing.assert_allclose(at, expected, atol=0.006)
-    assert len(one.first) == len(one.outlier) == len(one.pair)
+    assert len(one.first) == len(one.outlier)
     assert np.nanmedian(one.raw_second / one.raw_first) == pytest.approx(2.0**one.stops, rel=0.05)
 
 

@@ -5,7 +5,11 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.calibration.lattice.continuation import continuation
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.physical.matrix_and_response import (
+    ALL_COLOURS,
+    encoded_residual,
+    fit_matrix_and_response,
+)
 from lutforge.errors import CalibrationError
 
 Array = NDArray[np.float64]
@@ -46,7 +50,8 @@ def test_strays_are_told_from_the_others() -> None:
     y[:50] = 1 - y[:50]
     found = fit_matrix_and_response(x, y)
     moved = np.linalg.norm(y[:50] - encode(x[:50] @ MATRIX.T), axis=1) > 0.2
-    assert found.inlier[:50][moved].max() < 0.2 < 0.5 < np.median(found.inlier[50:])
+    inlier = ALL_COLOURS(encoded_residual(found.response, found.matrix, x, y))
+    assert inlier[:50][moved].max() < 0.2 < 0.5 < np.median(inlier[50:])
 
 
 def test_grey_samples_leave_the_matrix_the_identity() -> None:

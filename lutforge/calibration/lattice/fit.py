@@ -117,7 +117,7 @@ def fit_samples(
     lattice = _final_fit(problem, found, tolerance)
     if curve is not None and not options.output_curve:
         return fit_plain(x, y, lattice, options, chosen)
-    return result(lattice, x, y, chosen)
+    return result(lattice, x, chosen)
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,7 +49,7 @@ def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, 
             fit = placed.search_fit(fit)
     levels = snapped(resized_levels(levels, options.size), options) if options.nonuniform else curved.levels
     placed = BoundedProblem.at(problem, levels, placed.bounds)
-    return result(placed.lattice(placed.followed(fit)), x, y, smoothness)
+    return result(placed.lattice(placed.followed(fit)), x, smoothness)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +57,12 @@ class BoundedProblem(PlacedProblem):
     """The problem of samples and points of the lattice with a curve, with bounds of node values."""
 
     bounds: Bounds
-    sweeps: int
 
     @classmethod
-    def at(cls, problem: LatticeProblem, levels: Levels, bounds: Bounds, sweeps: int = 6) -> "BoundedProblem":
+    def at(cls, problem: LatticeProblem, levels: Levels, bounds: Bounds) -> "BoundedProblem":
         """Return the problem at given node levels and bounds."""
         matrix = InterpolationMatrix(problem.x, levels, problem.options.interpolation)
-        return cls(problem, levels, matrix, bounds, sweeps)
+        return cls(problem, levels, matrix, bounds)
 
     def solve(
         self, equations: NormalEquations, prior: Prior, smoothness: float, start: Array | None, tolerance: float
@@ -73,7 +72,7 @@ class BoundedProblem(PlacedProblem):
         values = prior.values if start is None else start
         # The last sweep still moves a node by up to a code. Sweeping until none moves by a quarter changes the mean by
         # 1 % at most on the D40's pairs, to either side, so that the limit is accepted.
-        return solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, self.sweeps)
+        return solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, sweeps=6)
 
     def search_fit(self, like: LatticeFit | None = None) -> LatticeFit:
         """Fit to the tolerance of the search. like: a fit at other levels, to start from."""

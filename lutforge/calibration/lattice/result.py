@@ -6,14 +6,14 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.interpolation import Levels, apply_curve
+from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice, snap_levels
 from lutforge.solvers.normal_equations import InterpolationMatrix
 
 
 @dataclass(frozen=True, eq=False)
 class LatticeResult:
-    """A fitted lattice. coverage: summed weight of the samples at each node, (N_r, N_g, N_b); rms: on the samples.
+    """A fitted lattice. coverage: summed weight of the samples at each node, (N_r, N_g, N_b).
 
     smoothness: the λ_S that was chosen, of a lattice of SEARCH_SIZE nodes per axis; a lattice of N has N / SEARCH_SIZE
     times that, which weighs the same curvature alike.
@@ -22,7 +22,6 @@ class LatticeResult:
     lattice: Lattice
     coverage: Array
     smoothness: float
-    rms: float
 
 
 def snapped(levels: Levels, options: CalibrationOptions) -> Levels:
@@ -31,11 +30,8 @@ def snapped(levels: Levels, options: CalibrationOptions) -> Levels:
     return (r, g, b)
 
 
-def result(lattice: Lattice, x: Array, y: Array, smoothness: float) -> LatticeResult:
-    """The result of a fit of x → y (n, 3)."""
+def result(lattice: Lattice, x: Array, smoothness: float) -> LatticeResult:
+    """The result of a fit to samples at x (n, 3)."""
     matrix = InterpolationMatrix(x, lattice.levels, lattice.interpolation)
     coverage = matrix.normal_equations(np.ones_like(x)).right[..., 0]
-    values = matrix @ lattice.values
-    difference = (values if lattice.output_curve is None else apply_curve(lattice.output_curve, values)) - y
-    rms = float(np.sqrt(np.einsum("nc,nc->", difference, difference) / len(y)))
-    return LatticeResult(lattice, np.ascontiguousarray(coverage), smoothness, rms)
+    return LatticeResult(lattice, np.ascontiguousarray(coverage), smoothness)

@@ -1,6 +1,6 @@
 """The response from a JPEG bracket alone, without RAW (thesis 4.2.1), beside plain curves with their residuals."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -10,7 +10,7 @@ from lutforge.calibration.physical.brightness_transfer import ResponseVerdict, j
 from lutforge.calibration.physical.curve_basis import log_emor_basis, log_spline_basis
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.plain_curves import gamma_response, srgb_response
-from lutforge.calibration.physical.response_from_exposures import ExposureResponseFit, fit_response_to_exposures
+from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
@@ -93,7 +93,7 @@ def fit_bracket(pairs: ExposurePairs, beta: float = BETA) -> BracketFit:
         pairs.white,
         count,
         held_out,
-        judge(_corrected(pairs, fit), fit.response),
+        judge(pairs.corrected(fit.shot_error), fit.response),
     )
 
 
@@ -111,28 +111,21 @@ def _choose_curves(pairs: ExposurePairs, plain: Mask, beta: float) -> tuple[int,
             except CalibrationError:  # the others span too few tones
                 return every, float("nan")
             if np.any(held & plain):
-                parts.append(_departure(_corrected(pairs, fit), fit.response, held & plain))
+                parts.append(_codes_off(pairs.corrected(fit.shot_error), fit.response, held & plain))
         errors[count] = float(np.median(np.abs(np.concatenate(parts)))) if parts else float("nan")
     good = [count for count, error in errors.items() if error <= 1.02 * min(errors.values())]
     return (good[0], errors[good[0]]) if good else (every, float("nan"))
 
 
-def _corrected(pairs: ExposurePairs, fit: ExposureResponseFit) -> ExposurePairs:
-    """The pairs with the exposure errors that a fit found taken out."""
-    logs = np.array([fit.shot_error[name] for name in pairs.shots])
-    return replace(pairs, log_ratio=pairs.log_ratio + logs[pairs.second_shot] - logs[pairs.first_shot])
-
-
 def _residual(pairs: ExposurePairs, response: Response, rows: Mask) -> tuple[float, float]:
     """Median and root mean square of I' − f(k' f⁻¹(I)) in codes."""
-    codes = _departure(pairs, response, rows)
+    codes = _codes_off(pairs, response, rows)
     return float(np.median(np.abs(codes))), float(np.sqrt(np.mean(codes**2)))
 
 
-def _departure(pairs: ExposurePairs, response: Response, rows: Mask) -> Array:
-    """I' − f(k' f⁻¹(I)) (n, 3) in codes."""
-    expected = response.encode(np.exp(pairs.log_ratio[rows])[:, None] * response.linearize(pairs.first[rows]))
-    return np.asarray(255.0 * (pairs.white - pairs.black) * (pairs.second[rows] - expected))
+def _codes_off(pairs: ExposurePairs, response: Response, rows: Mask) -> Array:
+    """I' − f(k' f⁻¹(I)) (m, 3) of some rows, in codes."""
+    return np.asarray(255.0 * (pairs.white - pairs.black) * pairs.select(rows).departure(response))
 
 
 def _over_codes(response: Response, pairs: ExposurePairs) -> Response:

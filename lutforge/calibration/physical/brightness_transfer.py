@@ -7,7 +7,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
@@ -29,8 +28,8 @@ MERGED = 0.1
 class TransferFunction:
     """The pairs of one exposure ratio.
 
-    stops: log2 k'; first, second: JPEG values (n, 3); raw_first, raw_second: (n, 3) or NaN; outlier: (n,); pair: (n,)
-    which pair of shots; curve: τ at 256 JPEG values (256, 3); of_all: the same of an f that is fitted to outliers, too.
+    stops: log2 k'; first, second: JPEG values (n, 3); raw_first, raw_second: (n, 3) or NaN; outlier: (n,); curve: τ at
+    256 JPEG values (256, 3); of_all: the same of an f that is fitted to outliers, too.
     """
 
     stops: float
@@ -39,7 +38,6 @@ class TransferFunction:
     raw_first: Array
     raw_second: Array
     outlier: Mask
-    pair: NDArray[np.intp]
     curve: Array
     of_all: Array
 
@@ -82,25 +80,14 @@ def transfer_functions(pairs: ExposurePairs) -> tuple[TransferFunction, ...]:
     Raises CalibrationError where the pairs do not determine a response.
     """
     response, of_all = fit_response_to_exposures(pairs).response, fit_response_to_all_colours(pairs).response
-    shots = pairs.first_shot * len(pairs.shots) + pairs.second_shot
     stops = pairs.log_ratio / np.log(2.0)
     result = []
     for centre in _centres(stops):
-        rows = np.abs(stops - centre) <= MERGED
-        departure = _departure(pairs, response, rows)
-        result.append(
-            TransferFunction(
-                stops=float(centre),
-                first=pairs.first[rows],
-                second=pairs.second[rows],
-                raw_first=pairs.raw_first[rows],
-                raw_second=pairs.raw_second[rows],
-                outlier=np.any(np.abs(departure) > OUTLIER, axis=1),
-                pair=np.unique(shots[rows], return_inverse=True)[1].astype(np.intp),
-                curve=_curve(response, centre),
-                of_all=_curve(of_all, centre),
-            )
-        )
+        mine = pairs.select(np.abs(stops - centre) <= MERGED)
+        outlier = np.any(np.abs(mine.departure(response)) > OUTLIER, axis=1)
+        values = mine.first, mine.second, mine.raw_first, mine.raw_second
+        curves = _curve(response, centre), _curve(of_all, centre)
+        result.append(TransferFunction(float(centre), *values, outlier, *curves))
     return tuple(result)
 
 
@@ -110,15 +97,14 @@ def judge(pairs: ExposurePairs, response: Response | None = None) -> ResponseVer
     Raises CalibrationError where the pairs do not determine a response.
     """
     response = response or fit_response_to_exposures(pairs).response
-    departure = _departure(pairs, response, np.ones(len(pairs), dtype=np.bool_))
+    departure = pairs.departure(response)
     by_channel = np.abs(departure) > OUTLIER
     outlier = by_channel.any(axis=1)
     chroma = np.maximum(saturation(pairs.first), saturation(pairs.second))
-    shots = pairs.first_shot * len(pairs.shots) + pairs.second_shot
     shifts: dict[int, list[float]] = {}
     spreads = [0.0]
-    for pair in np.unique(shots):
-        rows = shots == pair
+    for pair in np.unique(pairs.of_shots):
+        rows = pairs.of_shots == pair
         plain = rows & (chroma < BETA)
         if plain.sum() >= 3:
             # The middle one of the channels: the gamut map may move one alone; an exposure, a white balance or
@@ -154,12 +140,6 @@ def _centres(stops: Array) -> list[float]:
         if not centres or value - centres[-1] > 2 * MERGED:
             centres.append(float(np.median(stops[np.abs(stops - value) <= MERGED])))
     return centres
-
-
-def _departure(pairs: ExposurePairs, response: Response, rows: Mask) -> Array:
-    """I' − τ(I) (n, 3), each pair with its own ratio."""
-    ratio = np.exp(pairs.log_ratio[rows])[:, None]
-    return pairs.second[rows] - response.encode(ratio * response.linearize(pairs.first[rows]))
 
 
 def _curve(response: Response, stops: float) -> Array:

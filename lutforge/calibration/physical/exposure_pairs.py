@@ -1,6 +1,6 @@
 """Exposure pairs: the same surface under the same light in two shots of different exposure (thesis 3.2, 4.2.1)."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError
+from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 
 CLIPPED = 1.5 / 255.0
@@ -19,7 +20,6 @@ LEAST_STOPS = 0.15
 LEAST_PAIRS = 6
 END_GUARD = 4.0 / 255.0
 """Cells of a bracket this near its black or white are clipped, too: compression and noise move them."""
-TONES = 16
 TIME_SPREAD = 0.03
 
 
@@ -50,6 +50,21 @@ class ExposurePairs:
 
     def __len__(self) -> int:
         return len(self.log_ratio)
+
+    @property
+    def of_shots(self) -> NDArray[np.intp]:
+        """(n,): which two shots a pair is of, first_shot · number of shots + second_shot."""
+        return self.first_shot * len(self.shots) + self.second_shot
+
+    def departure(self, response: Response) -> Array:
+        """I' − τ(I) (n, 3), where τ is what a response makes of each pair's own ratio (3.1)."""
+        ratio = np.exp(self.log_ratio)[:, None]
+        return self.second - response.encode(ratio * response.linearize(self.first))
+
+    def corrected(self, shot_error: Mapping[str, float]) -> "ExposurePairs":
+        """The pairs with exposure errors taken out: the log of true over stated exposure, by shot."""
+        logs = np.array([shot_error[name] for name in self.shots])
+        return replace(self, log_ratio=self.log_ratio + logs[self.second_shot] - logs[self.first_shot])
 
     def select(self, rows: Mask) -> "ExposurePairs":
         """The pairs of a mask (n,), of the same shots."""
@@ -106,14 +121,11 @@ def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
     return _join(parts, 0.003 if from_raw else TIME_SPREAD)
 
 
-def pairs_of_bracket(
-    names: Sequence[str], encoded: Iterable[Array], exposure_s: Sequence[float], cell: int = 8, most: int = 400
-) -> ExposurePairs:
-    """Exposure pairs of registered JPEGs of one scene: flat cells of `cell` × `cell` pixels.
+def pairs_of_bracket(names: Sequence[str], encoded: Iterable[Array], exposure_s: Sequence[float]) -> ExposurePairs:
+    """Exposure pairs of registered JPEGs of one scene: flat cells of 8 × 8 pixels.
 
     encoded: images (h, w, 3) in [0, 1], all of one size, taken one at a time; exposure_s: relative times, with all
-    other settings the same; most: cells kept of each pair of shots, evenly over the tones. Black and white are found
-    from the outermost shots.
+    other settings the same. Black and white are found from the outermost shots.
     Raises CalibrationError below two exposures, on sizes that differ, or where nothing is flat and unclipped.
     """
     if len(set(exposure_s)) < 2:
@@ -123,7 +135,7 @@ def pairs_of_bracket(
     shapes, measured = set(), []
     for image in encoded:  # one at a time: large photographs do not all fit into memory
         shapes.add(image.shape)
-        measured.append(_cells(np.asarray(image, dtype=np.float64), cell))
+        measured.append(_cells(np.asarray(image, dtype=np.float64), 8))
     if len(shapes) != 1 or len(names) != len(measured) or len(names) != len(exposure_s):
         raise CalibrationError("the shots of a bracket must have one size, and each its name and exposure time")
     order = np.argsort(exposure_s)
@@ -145,7 +157,7 @@ def pairs_of_bracket(
         both = one.usable & other.usable
         ratio = other.log_time - one.log_time
         if both.sum() >= LEAST_PAIRS and LEAST_STOPS <= ratio / np.log(2) <= MOST_STOPS:
-            parts.append((one, other, _over_tones(one.encoded, both, most), ratio))
+            parts.append((one, other, _over_tones(one.encoded, both), ratio))
     if not parts:
         raise CalibrationError("no two shots of the bracket share flat, unclipped surfaces: shoot smaller steps")
     return replace(_join(parts, TIME_SPREAD), black=black, white=white)
@@ -171,15 +183,15 @@ def _insensitive(outer: Array, inner: Array, *, dark: bool) -> tuple[Array, Arra
     return ends, noise
 
 
-def _over_tones(encoded: Array, usable: Mask, most: int) -> Mask:
-    """Choose some of the usable cells (n,), evenly over the tones: a dark wall must not outweigh all else."""
+def _over_tones(encoded: Array, usable: Mask) -> Mask:
+    """Choose at most 400 of the usable cells (n,), evenly over the tones: a dark wall must not outweigh all else."""
     rows = np.random.default_rng(0).permutation(np.flatnonzero(usable))
-    tone = np.minimum((encoded[rows].mean(axis=1) * TONES).astype(np.intp), TONES - 1)
+    tone = np.minimum((encoded[rows].mean(axis=1) * 16).astype(np.intp), 15)
     order = np.argsort(tone, kind="stable")
     rank = np.empty(len(rows), dtype=np.intp)
     rank[order] = np.arange(len(rows)) - np.searchsorted(tone[order], tone[order])
     chosen = np.zeros_like(usable)
-    chosen[rows[np.argsort(rank, kind="stable")[:most]]] = True
+    chosen[rows[np.argsort(rank, kind="stable")[:400]]] = True
     return chosen
 
 

@@ -6,6 +6,7 @@ the multipliers of a setting its Tw is known; one unknown setting is fixed to I,
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from lutforge.calibration.options import Preset
 from lutforge.errors import CalibrationError
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
 
-ROUNDS = 10
 ROBUST = RobustWeights(geman_mcclure, multiple=3.0, least=2e-3)
 LEAST_COLOURS = 8
 LEAST_CONDITION = 8e-3
@@ -24,17 +24,10 @@ LEAST_CONDITION = 8e-3
 
 @dataclass(frozen=True, eq=False)
 class MatrixFit:
-    """The fitted matrix and white balances. matrix: Ts (3, 3), for multipliers with green = 1; multipliers: by setting.
-
-    gain: by setting, what its multipliers were divided by to make green 1, relative to the median setting: 1 where the
-    camera scales them so. weight: (n,) trust in [0, 1]; rms: of the trusted, in units of white-balanced RAW.
-    """
+    """The fitted matrix Ts (3, 3), for multipliers with green = 1, and the multipliers (3,) by setting."""
 
     matrix: Array
     multipliers: Mapping[str, Array]
-    gain: Mapping[str, float]
-    weight: Array
-    rms: float
 
 
 def fit_matrix(
@@ -61,18 +54,14 @@ def fit_matrix(
     fixed = dict(known) if known else {unknown[0]: np.ones(3)}
     free = [name for name in names if name not in fixed]
     _check(linear, trusted)
-    weight, residual = trusted.copy(), np.zeros(len(raw))
-    inverse, solved = np.eye(3), dict(fixed)
-    for turn in range(1 if preset == "thesis" else ROUNDS):
-        inverse, solved = _solve(linear, raw, setting, fixed, free, weight)
+    solve = partial(_solve, linear, raw, setting, fixed, free)
+    inverse, solved = solve(trusted)
+    for _ in range(0 if preset == "thesis" else 9):  # then the weights hardly change
         tw = np.array([solved[str(name)] for name in setting])
-        # Photon noise, and rounding behind a response like a power of ½, grow with the root of the level.
-        # below this level noise no longer falls
+        # Photon noise, and rounding behind a response like a power of ½, grow with the root of the level, above this.
         level = np.maximum(np.linalg.norm(tw * raw, axis=1), 0.005)
         residual = np.linalg.norm(linear @ inverse.T - tw * raw, axis=1) / np.sqrt(level)
-        if preset == "lutforge" and turn < ROUNDS - 1:
-            weight = trusted * ROBUST(residual, residual[trusted >= 0.5 * trusted.max()]) / level
-    weight = weight / weight.max()
+        inverse, solved = solve(trusted * ROBUST(residual, residual[trusted >= 0.5 * trusted.max()]) / level)
     if not known:  # R of (4.6): neutral stays neutral
         neutral = inverse @ (np.ones(3) if neutral is None else neutral)
         if np.min(neutral) <= 0:
@@ -81,17 +70,9 @@ def fit_matrix(
             )
         inverse = inverse / neutral[:, None]
         solved = {name: value / neutral for name, value in solved.items()}
-    greens = {name: float(value[1]) for name, value in solved.items()}
-    middle = float(np.median(list(greens.values())))
+    middle = float(np.median([value[1] for value in solved.values()]))
     matrix = np.asarray(np.linalg.inv(inverse / middle), dtype=np.float64)
-    rms = float(np.sqrt(np.average(residual**2, weights=weight)))
-    return MatrixFit(
-        matrix,
-        {name: value / value[1] for name, value in solved.items()},
-        {name: green / middle for name, green in greens.items()},
-        weight,
-        rms,
-    )
+    return MatrixFit(matrix, {name: value / value[1] for name, value in solved.items()})
 
 
 def _check(linear: Array, trusted: Array) -> None:

@@ -14,7 +14,7 @@ The loss is Cauchy's, which never ignores a colour altogether: one that does can
 perfect fit of greys, which any Ts allows.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,19 +67,10 @@ class RobustFitOptions:
 
 @dataclass(frozen=True, eq=False)
 class MatrixAndResponse:
-    """A fitted matrix Ts (3, 3), whose rows sum to 1, and a response f.
-
-    inlier: (n,) weights in [0, 1] of all samples by residual; trust: (n,) odds in [0, 1] that the gamut map leaves a
-    colour alone, by its saturation only; rms: encoded, of the inliers; status, rounds: how the fit ended.
-    """
+    """The conventional model of a camera: a matrix Ts (3, 3), whose rows sum to 1, and a response f."""
 
     matrix: Array
     response: Response
-    inlier: Array
-    trust: Array
-    rms: float
-    status: Status
-    rounds: int
 
     def render(self, x: Array) -> Array:
         """White-balanced RAW (…, 3) → encoded (…, 3), in [0, 1]."""
@@ -90,10 +81,22 @@ class MatrixAndResponse:
         return self.response.linearize(encoded) @ np.linalg.inv(self.matrix).T
 
 
+@dataclass(frozen=True, eq=False)
+class MatrixAndResponseFit(MatrixAndResponse):
+    """A matrix and response that were fitted to samples.
+
+    trust: (n,) odds in [0, 1] that the gamut map leaves a sample's colour alone, by its saturation only; status: how
+    the rounds ended.
+    """
+
+    trust: Array
+    status: Status
+
+
 @one_blas_thread
 def fit_matrix_and_response(
     x: Array, encoded: Array, basis: CurveBasis | None = None, options: RobustFitOptions | None = None
-) -> MatrixAndResponse:
+) -> MatrixAndResponseFit:
     """Fit Ts and f to white-balanced RAW x (n, 3) and JPEG values encoded (n, 3) in [0, 1], neither clipped.
 
     basis: the curves that f⁻¹ is one of. Without one it is EMoR's 15, whose shape beyond the samples is that of real
@@ -111,10 +114,7 @@ def fit_matrix_and_response(
     for _ in range(2 if basis is None else 0):
         common = found.response.inverse.mean(axis=1)
         found = _rounds(x[rows], encoded[rows], tones, found, spline_basis(common))
-    residual = encoded_residual(found.response, found.matrix, x, encoded)
-    trust = untouched_odds(chroma, beta)
-    fit = MatrixAndResponse(found.matrix, found.response, trust, trust, 0.0, found.status, found.count)
-    return _with_inliers(fit, residual)
+    return MatrixAndResponseFit(found.matrix, found.response, untouched_odds(chroma, beta), found.status)
 
 
 @one_blas_thread
@@ -122,22 +122,20 @@ def with_matrix_of_all(fit: MatrixAndResponse, x: Array, encoded: Array) -> Matr
     """Fit the matrix anew to all samples x, encoded (n, 3), saturated ones too, and keep the response."""
     linear, slope = fit.response.linearize(encoded), encoding_slope(fit.response, encoded)
     matrix = fit.matrix
-    residual = encoded_residual(fit.response, matrix, x, encoded)
     for _ in range(6):
-        matrix = fit_neutral_matrix(x, linear, ALL_COLOURS(residual), slope)
-        residual = encoded_residual(fit.response, matrix, x, encoded)
-    return _with_inliers(replace(fit, matrix=matrix), residual)
+        weight = ALL_COLOURS(encoded_residual(fit.response, matrix, x, encoded))
+        matrix = fit_neutral_matrix(x, linear, weight, slope)
+    return MatrixAndResponse(matrix, fit.response)
 
 
 @dataclass(frozen=True, eq=False)
 class _Rounds:
-    """The state between rounds: weight (n,) of the next; f and Ts of the last; how they ended; their number."""
+    """The state between rounds: weight (n,) of the next; f and Ts of the last; how they ended."""
 
     weight: Array
     response: Response = field(default_factory=lambda: Response(np.array([[0.0] * 3, [1.0] * 3])))
     matrix: Array = field(default_factory=lambda: np.eye(3))
     status: Status = Status.LIMIT
-    count: int = 0
 
 
 def _rounds(x: Array, encoded: Array, tones: "Tones", start: _Rounds, basis: CurveBasis) -> _Rounds:
@@ -147,7 +145,7 @@ def _rounds(x: Array, encoded: Array, tones: "Tones", start: _Rounds, basis: Cur
         response, matrix = _solve(x, encoded, state.weight, encoding_slope(state.response, encoded), basis)
         weight = tones.weights(encoded_residual(response, matrix, x, encoded))
         settled = np.abs(weight - state.weight).sum() < tones.options.settled * weight.sum()
-        state = _Rounds(weight, response, matrix, Status.CONVERGED if settled else Status.LIMIT, state.count + 1)
+        state = _Rounds(weight, response, matrix, Status.CONVERGED if settled else Status.LIMIT)
         if settled:
             break
     return state
@@ -165,11 +163,6 @@ def _wide_enough(chroma: Array, options: RobustFitOptions) -> float:
         return enough - float((untouched_odds(chroma, beta) ** options.selection).sum())
 
     return options.beta if missing(options.beta) <= 0 else brentq(missing, options.beta, widest, xtol=1e-3)
-
-
-def _with_inliers(fit: MatrixAndResponse, residual: Array) -> MatrixAndResponse:
-    weight = ALL_COLOURS(residual)
-    return replace(fit, inlier=weight, rms=float(np.sqrt((residual**2 @ weight) / weight.sum())))
 
 
 def _some(chosen: Mask, most: int) -> NDArray[np.intp]:

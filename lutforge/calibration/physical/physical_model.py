@@ -1,7 +1,7 @@
 """The thesis's camera model I = f(h(Ts Tw E)), stage by stage: f, then Ts and Tw, then h and h⁻¹ (thesis 4.2)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +10,13 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import PhysicalOptions, Preset
 from lutforge.calibration.physical.curve_basis import log_emor_basis
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
-from lutforge.calibration.physical.gamut_map import GamutMapFit, GamutMapOptions, fit_gamut_map
+from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, fit_matrix, hue_spread
 from lutforge.calibration.physical.matrix_and_response import RobustFitOptions, encoding_slope, fit_matrix_and_response
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import check_tones, saturation, starting_beta, untouched
 from lutforge.errors import CalibrationError
-from lutforge.model.gamut_map import even_slope, identity_gamut_map
+from lutforge.model.gamut_map import even_slope
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
@@ -30,23 +30,15 @@ AUTO_OF_SHOT = "auto\x00"
 
 
 @dataclass(frozen=True, eq=False)
-class StyleStages:
-    """The response of a style, fitted before its gamut map. trusted: (n,), weights of samples that h leaves alone."""
-
-    response: Response
-    trusted: Array
-
-
-@dataclass(frozen=True, eq=False)
 class CameraStages:
-    """The stages before the gamut maps. matrix: Ts (3, 3), one for all styles; styles: the responses by style.
+    """The stages before the gamut maps. matrix: Ts (3, 3), one for all styles; responses: f by style.
 
-    multipliers: (n, 3) of the samples given, green = 1, fitted where they were not known.
+    multipliers: Tw (n, 3) of the samples given, fitted where they were not known.
     """
 
     matrix: Array
     multipliers: Array
-    styles: Mapping[str, StyleStages]
+    responses: Mapping[str, Response]
 
 
 def fit_stages(
@@ -65,7 +57,7 @@ def fit_stages(
     names = [str(name) for name in np.unique(samples.style)]
     automatic = samples.white_balance == "auto"
     setting = np.where(automatic, np.char.add(AUTO_OF_SHOT, samples.shot), samples.white_balance)
-    stages: dict[str, StyleStages] = {}
+    responses: dict[str, Response] = {}
     matrix = np.eye(3)
     settled = bool(known.all())
     for turn in range(MOST_TURNS):
@@ -73,11 +65,10 @@ def fit_stages(
         trusted = np.zeros(len(samples))
         for name in names:
             rows = samples.style == name
-            stages[name] = _fit_style(
+            responses[name], trusted[rows] = _fit_style(
                 samples.select(rows), multipliers[rows], name, preset, physical or PhysicalOptions()
             )
-            linear[rows] = stages[name].response.linearize(samples.srgb[rows])
-            trusted[rows] = stages[name].trusted
+            linear[rows] = responses[name].linearize(samples.srgb[rows])
         given = {
             str(key): np.median(multipliers[(setting == key) & known], axis=0) for key in np.unique(setting[known])
         }
@@ -90,7 +81,7 @@ def fit_stages(
             label,
             {"known": np.ones(3)} if given else {},
             trusted=trusted,
-            neutral=_neutral(samples, stages),
+            neutral=_neutral(samples, responses, trusted),
             preset=preset,
         )
         matrix = fit.matrix
@@ -101,38 +92,40 @@ def fit_stages(
             rows = (setting == key) & ~known
             multipliers[rows] = fit.multipliers[str(key)] * multipliers[rows, 1:2]
         settled = bool(np.max(np.abs(multipliers / before - 1.0)) < SETTLED)
-    return CameraStages(matrix, multipliers, stages)
+    return CameraStages(matrix, multipliers, responses)
 
 
-def _neutral(samples: SampleSet, stages: Mapping[str, StyleStages]) -> Array:
+def _neutral(samples: SampleSet, responses: Mapping[str, Response], trusted: Array) -> Array:
     """f⁻¹ of neutral JPEG values, (3,), relative to each other: the factors between the channels' curves.
 
     Bright trusted colours decide: they tell a factor best, and curves that differ do so least near white.
     """
     products = np.zeros(3)
-    for name, stage in stages.items():
-        value = samples.srgb[samples.style == name].mean(axis=1, keepdims=True)
-        linear = stage.response.linearize(np.repeat(value, 3, axis=1))
-        products += (stage.trusted * linear.mean(axis=1) ** 2) @ linear
+    for name, response in responses.items():
+        rows = samples.style == name
+        value = samples.srgb[rows].mean(axis=1, keepdims=True)
+        linear = response.linearize(np.repeat(value, 3, axis=1))
+        products += (trusted[rows] * linear.mean(axis=1) ** 2) @ linear
     return np.asarray(products / products.mean())
 
 
 def _fit_style(
     samples: SampleSet, multipliers: Array, name: str, preset: Preset, physical: PhysicalOptions
-) -> StyleStages:
+) -> tuple[Response, Array]:
+    """Fit f of a style before its gamut map; with weights (n,) of the samples that the map leaves alone."""
     balanced = samples.raw * multipliers
     try:
         if preset == "thesis":
             response = response_of_exposures(samples, preset, physical)
             low = _unsaturated(samples.srgb, response, physical.beta)
             response = _scaled_to_raw(response, balanced[low], samples.srgb[low])
-            return StyleStages(response, low.astype(np.float64))
+            return response, low.astype(np.float64)
         chroma = saturation(samples.srgb)
         check_tones(samples.srgb, chroma < starting_beta(chroma, preset, physical.beta))
         fit = fit_matrix_and_response(balanced, samples.srgb, options=robust_options(physical))
     except CalibrationError as error:
         raise CalibrationError(f'style "{name}": {error}') from None
-    return StyleStages(fit.response, fit.trust)
+    return fit.response, fit.trust
 
 
 def response_of_exposures(samples: SampleSet, preset: Preset, physical: PhysicalOptions) -> Response:
@@ -196,27 +189,11 @@ def fit_gamut_maps(
 
     balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,). nuggets: smoothness of h and h⁻¹; None chooses it on held-out
     shots. preset: "thesis" has h on linear values, "lutforge" on the even scale; h⁻¹ is on linear values.
-    """
-    forward, back = fit_shared_gamut_maps(balanced @ matrix.T, encoded, shot, response, nuggets, preset, most_centres)
-    model = PhysicalModel(white_balances, matrix, response, forward.gamut_map, back.gamut_map)
-    return GamutMaps(model, forward.nugget, back.nugget)
-
-
-def fit_shared_gamut_maps(
-    linear: Array,
-    encoded: Array,
-    shot: NDArray[np.str_],
-    response: Response,
-    nuggets: tuple[float | None, float | None] = (None, None),
-    preset: Preset = "lutforge",
-    most_centres: int = PhysicalOptions.centres,
-) -> tuple[GamutMapFit, GamutMapFit]:
-    """h and h⁻¹ between linear (n, 3), the matrix's side, and f⁻¹(encoded) (n, 3).
 
     The residual of h counts in JPEG values; that of h⁻¹ between RAW and JPEG values, so that dark colours count. With
     the preset "thesis" all residuals count alike, in linear values, as (4.8) has it.
     """
-    mapped, offset = response.linearize(encoded), 0.0 if preset == "thesis" else OFFSET
+    linear, mapped, offset = balanced @ matrix.T, response.linearize(encoded), 0.0 if preset == "thesis" else OFFSET
     slope = np.ones_like(encoded) if preset == "thesis" else encoding_slope(response, encoded)
     forward = fit_gamut_map(
         linear,
@@ -229,19 +206,5 @@ def fit_shared_gamut_maps(
         mapped, linear, GamutMapOptions(most=most_centres, nugget=nuggets[1]), groups=shot,
         importance=np.sqrt(slope.mean(axis=1)),
     )  # fmt: skip
-    return forward, back
-
-
-def conventional(model: PhysicalModel) -> PhysicalModel:
-    """Return the model of f and T alone, without h."""
-    return replace(model, gamut_map=identity_gamut_map(), inverse_gamut_map=identity_gamut_map())
-
-
-def render(model: PhysicalModel, balanced: Array) -> Array:
-    """Render by the model: Tw E (…, 3) → I (…, 3) in [0, 1]."""
-    return model.response.encode(model.gamut_map(balanced @ model.matrix.T))
-
-
-def linearize(model: PhysicalModel, encoded: Array) -> Array:
-    """Linearize by the model: I (…, 3) → Tw E (…, 3), not clipped."""
-    return model.inverse_gamut_map(model.response.linearize(encoded)) @ np.linalg.inv(model.matrix).T
+    model = PhysicalModel(white_balances, matrix, response, forward.gamut_map, back.gamut_map)
+    return GamutMaps(model, forward.nugget, back.nugget)

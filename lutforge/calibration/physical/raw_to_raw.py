@@ -9,6 +9,7 @@ from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError
 from lutforge.model.raw_transfer import OPPONENT, HueWedges, RawTransfer, root_terms
 from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.cross_validation import leave_samples_out, predict_held_out
 
 Form = Literal["matrix", "piecewise", "root-polynomial"]
 
@@ -17,7 +18,6 @@ HUES = 12
 """Number of edges between wedges; more would follow finer changes with hue than smooth sensitivities make."""
 STIFFNESS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 """Candidates for the weight that holds the other forms to one matrix; held-out pairs choose."""
-FOLDS = 5
 
 
 def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Array]:
@@ -74,9 +74,10 @@ def fit_raw_transfer(
     weight = 1 / np.maximum(level, 0.05 * level.max())
     matrix = _least_squares(x, y, weight)
     if form == "matrix":
-        held = np.zeros_like(y)
-        for rest in _folds(len(x)):
-            held[~rest] = x[~rest] @ _least_squares(x[rest], y[rest], weight[rest]).T
+        held = predict_held_out(
+            leave_samples_out(len(x)),
+            lambda train, test: x[test] @ _least_squares(x[train], y[train], weight[train]).T,
+        )
         return RawTransfer(source, target, matrix, neutral, None, _relative(held - y, weight))
     if neutral is None:
         raise CalibrationError(f"a {form} transfer needs the source camera's RAW of a white")
@@ -117,19 +118,15 @@ def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) 
         right = np.vstack([rest, np.zeros((len(bend) + len(start), 3))])
         return np.asarray(start + np.linalg.lstsq(left, right)[0])
 
-    errors = []
-    for stiffness in STIFFNESS:
-        held = np.zeros_like(y)
-        for rest in _folds(len(y)):
-            held[~rest] = terms[~rest] @ fit(stiffness, rest)
-        errors.append(_relative(held - y, weight))
+    masks = leave_samples_out(len(y))
+
+    def held_out_error(stiffness: float) -> float:
+        held = predict_held_out(masks, lambda train, test: terms[test] @ fit(stiffness, train))
+        return _relative(held - y, weight)
+
+    errors = [held_out_error(stiffness) for stiffness in STIFFNESS]
     best = int(np.argmin(errors))
     return fit(STIFFNESS[best], np.ones(len(y), dtype=np.bool_)), errors[best]
-
-
-def _folds(count: int) -> list[Mask]:
-    """Return, for each fold, the mask of the pairs that are fitted to."""
-    return [np.arange(count) % FOLDS != index for index in range(FOLDS)]
 
 
 def _least_squares(x: Array, y: Array, weight: Array) -> Array:

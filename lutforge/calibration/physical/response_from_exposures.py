@@ -16,7 +16,6 @@ from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturat
 from lutforge.model.emor import log_inverse_emor
 from lutforge.model.response import Response
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
-from lutforge.solvers.solution import Status
 
 PAIR_WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
 """How pairs count by their residual, in units of the noise of their codes."""
@@ -24,18 +23,10 @@ PAIR_WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
 
 @dataclass(frozen=True, eq=False)
 class ExposureResponseFit:
-    """f of one style from exposure pairs, f(1) = 1.
-
-    shot_error: by shot, the log of true over stated exposure. weight: (n,) trust in [0, 1] of each pair. status,
-    rounds: how the reweighting ended; residual: its median in units of the noise.
-    """
+    """f of one style from exposure pairs, f(1) = 1. shot_error: by shot, the log of true over stated exposure."""
 
     response: Response
     shot_error: dict[str, float]
-    weight: Array
-    status: Status = Status.CONVERGED
-    rounds: int = 1
-    residual: float = 0.0
 
 
 def fit_response_to_exposures(
@@ -64,7 +55,6 @@ def _fit(pairs: ExposurePairs, low: Mask, preset: Preset, basis: CurveBasis) -> 
     """f in one basis; low: (n,) the pairs to start from."""
     robust = preset == "lutforge"
     weight, noise = low.astype(np.float64), np.full(pairs.first.shape, 0.02)
-    status, turn = Status.LIMIT, 0
     for turn in range(1, 13 if robust else 4):
         logs, errors = _solve(pairs, basis, weight, noise, alike=robust)
         expected = _log_noise(pairs, logs)
@@ -73,17 +63,13 @@ def _fit(pairs: ExposurePairs, low: Mask, preset: Preset, basis: CurveBasis) -> 
         if robust and turn > 2:
             before, weight = weight, PAIR_WEIGHTS(residual, residual[low])
             if float(np.mean(np.abs(weight - before))) < 2e-3:
-                status = Status.CONVERGED
                 break
     logs = _held_at_white(logs, pairs, weight)
     table = np.exp(logs - logs[:, -1:]).T
     table[0] = 0.0
     response = Response(np.maximum.accumulate(table, axis=0))
     named = {name: float(value) for name, value in zip(pairs.shots, errors, strict=True)}
-    return ExposureResponseFit(
-        response, named, weight, Status.CONVERGED if not robust else status, turn,
-        float(np.median(residual[low])),
-    )  # fmt: skip
+    return ExposureResponseFit(response, named)
 
 
 def _solve(pairs: ExposurePairs, basis: CurveBasis, weight: Array, noise: Array, *, alike: bool) -> tuple[Array, Array]:

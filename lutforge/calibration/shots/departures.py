@@ -56,8 +56,9 @@ class Departure:
     member: Mask
 
 
-def cells_of(samples: SampleSet, multipliers: Array, most: int = 1500) -> Cells:
-    """Average the samples over cells of shot, place and colour: the finest division with at most `most` cells."""
+def cells_of(samples: SampleSet, multipliers: Array) -> Cells:
+    """Average the samples over cells of shot, place and colour: the finest division with at most 1,500 cells."""
+    most = 1500
     y = np.log2((samples.raw * multipliers).sum(axis=1)) - np.log2(1e-4 + light_of(samples.srgb))
     names, shot = np.unique(samples.shot, return_inverse=True)
     part = np.clip(np.nan_to_num(1.5 * (samples.position + 1.0), nan=0.0), 0, 2).astype(np.intp) @ [1, 3]

@@ -53,8 +53,8 @@ class PartialModel:
         return np.asarray(self.precision * OUTLIERS(np.abs(residual)))
 
 
-def partial_model(samples: SampleSet, multipliers: Array, usable: Mask, most: int = 4000) -> PartialModel | None:
-    """State the model of the usable samples (n,), at most so many of a style; None where colours cannot tell λ.
+def partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> PartialModel | None:
+    """State the model of the usable samples (n,), at most 4,000 of a style; None where colours cannot tell λ.
 
     multipliers: (n, 3), what makes RAW white-balanced. Each shot has an offset of its own with a prior of a tenth of a
     stop around 0, so that no exposure that is off is taken for something else.
@@ -63,7 +63,7 @@ def partial_model(samples: SampleSet, multipliers: Array, usable: Mask, most: in
     parts, designs, bending = [], [], []
     for name in np.unique(samples.style[usable]):
         mine = np.flatnonzero(usable & (samples.style == name))
-        mine = np.sort(rng.permutation(mine)[:most])
+        mine = np.sort(rng.permutation(mine)[:4000])
         encoded = np.ascontiguousarray(samples.srgb[mine])
         shots, member = np.unique(samples.shot[mine], return_inverse=True)
         try:

@@ -23,7 +23,7 @@ def fit_uniform(
     x: Array, y: Array, options: CalibrationOptions, regularisation: Regularisation = LR_BASELINE
 ) -> LatticeResult:
     """Fit a lattice with evenly spaced nodes to samples x → y (n, 3): by equation 5.3, unless weights are given."""
-    return _result(_uniform(x, y, options, regularisation), x, y, options, regularisation)
+    return _result(_uniform(x, y, options, regularisation), x, options, regularisation)
 
 
 def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) -> LatticeResult:
@@ -35,7 +35,7 @@ def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) 
     method = options.interpolation
     first = _uniform(x, y, options, regularisation)
     if not options.nonuniform:
-        return _result(first, x, y, options, regularisation)
+        return _result(first, x, options, regularisation)
     histograms = error_histogram(x, np.sum((predict(first, x, method) - y) ** 2, axis=1))
     fits: dict[float, tuple[float, Levels, Array]] = {}
 
@@ -54,7 +54,7 @@ def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) 
     minimize_scalar(fitting_error, bounds=bounds, method="bounded", options={"xatol": 0.02})
     _, levels, start = min(fits.values(), key=lambda entry: entry[0])
     last = fit_lattice(x, y, levels, regularisation, method=method, start=start)
-    return _result(last, x, y, options, regularisation)
+    return _result(last, x, options, regularisation)
 
 
 def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: int) -> Levels:
@@ -68,7 +68,5 @@ def _uniform(x: Array, y: Array, options: CalibrationOptions, regularisation: Re
     return fit_lattice(x, y, levels, regularisation, method=options.interpolation)
 
 
-def _result(
-    fit: LatticeFit, x: Array, y: Array, options: CalibrationOptions, regularisation: Regularisation
-) -> LatticeResult:
-    return result(Lattice(fit.levels, fit.values, options.interpolation), x, y, regularisation.smoothness)
+def _result(fit: LatticeFit, x: Array, options: CalibrationOptions, regularisation: Regularisation) -> LatticeResult:
+    return result(Lattice(fit.levels, fit.values, options.interpolation), x, regularisation.smoothness)
