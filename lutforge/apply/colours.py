@@ -11,7 +11,7 @@ from lutforge.arrays import Index, Pixels
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.icc import is_srgb
-from lutforge.images.jpeg import JpegHeader
+from lutforge.images.jpeg_header import JpegHeader
 from lutforge.images.output_spec import IN_ANOTHER_SPACE
 from lutforge.images.read import is_premultiplied
 

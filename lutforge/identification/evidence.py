@@ -12,7 +12,7 @@ from lutforge.identification.noise_law import noise_log_likelihood, noise_parts
 from lutforge.identification.noise_tally import NoiseTally, tally_noise
 from lutforge.identification.rendering import Rendering
 from lutforge.identification.scene_colours import palette, scene_log_density
-from lutforge.images.jpeg import read_header
+from lutforge.images.jpeg_header import read_header
 from lutforge.images.read import read_image
 
 LEAST_COLOURS = 24

@@ -11,7 +11,7 @@ import scipy
 import simplejpeg
 
 from lutforge.arrays import Array, Index
-from lutforge.images.jpeg import JpegHeader
+from lutforge.images.jpeg_header import JpegHeader
 
 LEVELS = 4
 """Coefficients of more steps are structure, and are not counted."""

@@ -1,4 +1,4 @@
-"""JPEG files by libjpeg-turbo itself: 8-bit pixels in and out, and every metadata segment byte for byte.
+"""JPEG files by libjpeg-turbo itself: 8-bit pixels in and out, and the metadata of a source in its copy.
 
 simplejpeg decodes: it is the fastest of the packages, and tells of damage. Pillow encodes: of those that work outside
 Python's lock it alone takes quantization tables. Both hold a picture as red, green, blue and a fourth byte that means
@@ -7,11 +7,7 @@ nothing, which OpenColorIO packs fastest.
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache
-from hashlib import blake2b
 from io import BytesIO, FileIO
-from mmap import mmap
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +17,7 @@ from PIL import Image as Pillow
 from lutforge.arrays import Codes
 from lutforge.errors import ImageError
 from lutforge.images.exif import PREFIX, ExifPlaces, exif_places
-
-SOI, EOI = b"\xff\xd8", b"\xff\xd9"
-COMMENT, APP0, EXIF, APP2, ADOBE = 0xFE, 0xE0, 0xE1, 0xE2, 0xEE
-_ICC, _PREVIEWS = b"ICC_PROFILE\0", b"MPF\0"
+from lutforge.images.jpeg_header import APP0, APP2, COMMENT, EOI, EXIF, ICC, SOI, JpegHeader, Segment, read_header
 
 _SUBSAMPLING: Mapping[tuple[tuple[int, int], ...], int] = {
     ((1, 1), (1, 1), (1, 1)): 0,
@@ -32,176 +25,6 @@ _SUBSAMPLING: Mapping[tuple[tuple[int, int], ...], int] = {
     ((2, 2), (1, 1), (1, 1)): 2,
 }
 """Sampling factors of Y, Cb and Cr, and Pillow's numbers for them."""
-
-_ZIGZAG = sorted(range(64), key=lambda at: (at // 8 + at % 8, at // 8 if (at // 8 + at % 8) % 2 else at % 8))
-"""Place in the 8 × 8 table of each entry as a file stores it (ITU-T T.81, figure A.6)."""
-
-
-@dataclass(frozen=True)
-class Segment:
-    """A metadata segment. marker: its second byte, APP0 … APP15 or COM; body: without marker and length."""
-
-    marker: int
-    body: bytes
-
-    @property
-    def stored(self) -> bytes:
-        """The segment as it stands in a file."""
-        return b"\xff" + bytes([self.marker]) + struct.pack(">H", len(self.body) + 2) + self.body
-
-
-@dataclass(frozen=True)
-class JpegHeader:
-    """What stands in front of a JPEG's pixels.
-
-    segments: the metadata, in the file's order. tables: 64 quantization steps for each component, row by row; sampling:
-    horizontal and vertical factors for each. plain: 8-bit YCbCr, Huffman-coded, as cameras write.
-    """
-
-    width: int
-    height: int
-    segments: tuple[Segment, ...]
-    tables: tuple[tuple[int, ...], ...]
-    sampling: tuple[tuple[int, int], ...]
-    plain: bool
-
-    @property
-    def exif(self) -> bytes | None:
-        """The TIFF structure of the EXIF segment; None where there is none."""
-        found = (segment.body for segment in self.segments if _is_exif(segment))
-        return next((body[len(PREFIX) :] for body in found), None)
-
-    @property
-    def encoder(self) -> str:
-        """What tells the encoder: "libjpeg" for its own tables, else a digest of tables, sampling and size.
-
-        Most cameras have tables of their own (Kee, Johnson & Farid 2011, "Digital image authentication from JPEG
-        headers", https://doi.org/10.1109/TIFS.2011.2128309); libjpeg's, which most programs write, are those of
-        ITU-T T.81, Annex K, scaled.
-        """
-        if _libjpeg_tables().issuperset(self.tables):
-            return "libjpeg"
-        told = self.tables, self.sampling, sorted((self.width, self.height))
-        return blake2b(repr(told).encode(), digest_size=8).hexdigest()
-
-    @property
-    def says_adobe_rgb(self) -> bool:
-        """True where EXIF says that the picture is in Adobe RGB, as DCF 2.0 has it."""
-        block = self.exif or b""
-        places = exif_places(block)
-        return places is not None and places.interoperability is not None and block[places.interoperability] == b"R03"
-
-    @property
-    def comments(self) -> tuple[str, ...]:
-        """The text of the comment segments."""
-        bodies = [segment.body for segment in self.segments if segment.marker == COMMENT]
-        return tuple(body.rstrip(b"\0").decode("utf-8", "replace") for body in bodies)
-
-    @property
-    def icc(self) -> bytes:
-        """The ICC profile, of all segments that hold a piece of it (ICC.1:2022, B.4); empty where there is none."""
-        pieces = [segment.body for segment in self.segments if segment.marker == APP2 and segment.body.startswith(_ICC)]
-        return b"".join(piece[len(_ICC) + 2 :] for piece in sorted(pieces, key=lambda piece: piece[len(_ICC)]))
-
-    @property
-    def has_previews(self) -> bool:
-        """True where further pictures follow the first, as of the Multi-Picture Format (CIPA DC-007)."""
-        return any(segment.marker == APP2 and segment.body.startswith(_PREVIEWS) for segment in self.segments)
-
-    @property
-    def has_gain_map(self) -> bool:
-        """True where a gain map for HDR displays follows: Ultra HDR 1.1 says so in XMP, ISO 21496-1 in a segment."""
-        told = (b"ns.adobe.com/hdr-gain-map", b"urn:iso:std:iso:ts:21496:-1")
-        return any(
-            segment.marker in (EXIF, APP2) and any(word in segment.body for word in told) for segment in self.segments
-        )
-
-
-def read_header(data: bytes | mmap) -> JpegHeader | None:
-    """Read what stands in front of the pixels; None for what is no JPEG, or a damaged one."""
-    segments: list[Segment] = []
-    tables: dict[int, tuple[int, ...]] = {}
-    frame, kind, at = b"", 0, 2
-    while data[:2] == SOI and at + 4 <= len(data) and data[at] == 0xFF:
-        marker = data[at + 1]
-        if marker == 0xFF:  # a fill byte
-            at += 1
-            continue
-        body = data[at + 4 : at + 2 + int.from_bytes(data[at + 2 : at + 4], "big")]
-        if APP0 <= marker <= 0xEF or marker == COMMENT:
-            segments.append(Segment(marker, body))
-        elif marker == 0xDB:
-            tables |= _tables(body)
-        elif 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            frame, kind = body, marker
-        elif marker == 0xDA:
-            return _header(frame, kind, tables, tuple(segments))
-        at += 4 + len(body)
-    return None
-
-
-@cache
-def _libjpeg_tables() -> frozenset[tuple[int, ...]]:
-    """The tables of libjpeg's qualities 1 to 100 (jpeg_set_quality), luma's and chroma's."""
-    file = BytesIO()
-    Pillow.new("RGB", (8, 8)).save(file, "JPEG", quality=50)  # which scales nothing
-    header = read_header(file.getvalue())
-    scales = [5000 // quality if quality < 50 else 200 - 2 * quality for quality in range(1, 101)]
-    return frozenset(
-        tuple(min(max((step * scale + 50) // 100, 1), 255) for step in table)
-        for table in (() if header is None else header.tables)
-        for scale in scales
-    )
-
-
-def metadata_end(data: bytes) -> int:
-    """Return the offset of the first byte after SOI and the metadata segments that follow it."""
-    at = 2
-    while data[at : at + 1] == b"\xff" and (APP0 <= data[at + 1] <= 0xEF or data[at + 1] == COMMENT):
-        at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
-    return at
-
-
-def _tables(body: bytes) -> dict[int, tuple[int, ...]]:
-    found, at = {}, 0
-    while at < len(body):
-        wide = body[at] >> 4
-        steps = struct.unpack_from(">64H" if wide else "64B", body.ljust(at + 130, b"\1"), at + 1)
-        placed = dict(zip(_ZIGZAG, steps, strict=True))
-        found[body[at] & 15] = tuple(placed[index] for index in range(64))
-        at += 129 if wide else 65
-    return found
-
-
-def _header(
-    frame: bytes, kind: int, tables: dict[int, tuple[int, ...]], segments: tuple[Segment, ...]
-) -> JpegHeader | None:
-    if len(frame) < 6 or len(frame) < 6 + 3 * frame[5]:
-        return None
-    components = [frame[6 + 3 * index : 9 + 3 * index] for index in range(frame[5])]
-    if not all(selector in tables for _, _, selector in components):
-        return None
-    height, width = struct.unpack_from(">HH", frame, 1)
-    transform = [segment.body[11] for segment in segments if _is_adobe(segment)]
-    named_rgb = [name for name, _, _ in components] == list(b"RGB")
-    return JpegHeader(
-        width,
-        height,
-        segments,
-        tuple(tables[selector] for _, _, selector in components),
-        tuple((factors >> 4, factors & 15) for _, factors, _ in components),
-        plain=kind in (0xC0, 0xC1, 0xC2) and frame[0] == 8 and len(components) == 3
-        and (transform[-1] == 1 if transform else not named_rgb),
-    )  # fmt: skip
-
-
-def _is_exif(segment: Segment) -> bool:
-    return segment.marker == EXIF and segment.body.startswith(PREFIX)
-
-
-def _is_adobe(segment: Segment) -> bool:
-    """Whether a segment tells how colours are coded (libjpeg.txt, "Special markers")."""
-    return segment.marker == ADOBE and len(segment.body) >= 12 and segment.body.startswith(b"Adobe")
 
 
 def decode(path: Path, data: bytes, canvas: Codes) -> None:
@@ -242,19 +65,15 @@ def stored_metadata(segments: Sequence[Segment], plain: bool, comment: str) -> b
     What says where further pictures begin is left out, since these are not copied, and where colours are coded anew
     (not `plain`) what told of the old coding.
     """
-    kept = [
-        segment.stored
-        for segment in segments
-        if not (segment.marker == APP2 and segment.body.startswith(_PREVIEWS)) and (plain or not _is_adobe(segment))
-    ]
+    kept = [segment.stored for segment in segments if not segment.tells_previews and (plain or not segment.is_adobe)]
     return b"".join([SOI, *kept, Segment(COMMENT, comment.encode()[:65_000].ljust(16)).stored])
 
 
 def with_colours(segments: Sequence[Segment], profile: bytes | None, adobe_rgb: bool) -> tuple[Segment, ...]:
     """The segments with another ICC profile, or none, and EXIF that says Adobe RGB or sRGB where it says either."""
-    changed = [segment for segment in segments if not (segment.marker == APP2 and segment.body.startswith(_ICC))]
+    changed = [segment for segment in segments if not segment.is_icc]
     pieces = [] if profile is None else [profile[at : at + 65_000] for at in range(0, len(profile), 65_000)]
-    icc = [Segment(APP2, _ICC + bytes([at, len(pieces)]) + piece) for at, piece in enumerate(pieces, 1)]
+    icc = [Segment(APP2, ICC + bytes([at, len(pieces)]) + piece) for at, piece in enumerate(pieces, 1)]
     after = max((at + 1 for at, segment in enumerate(changed) if segment.marker in (APP0, EXIF)), default=0)
     changed[after:after] = icc
 
@@ -296,7 +115,7 @@ def _with_exif(segments: Sequence[Segment], change: Callable[[bytes, ExifPlaces]
     changed = []
     for segment in segments:
         block = segment.body[len(PREFIX) :]
-        places = exif_places(block) if _is_exif(segment) else None
+        places = exif_places(block) if segment.is_exif else None
         changed.append(segment if places is None else Segment(EXIF, PREFIX + change(block, places)))
     return tuple(changed)
 

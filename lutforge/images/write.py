@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
-from lutforge.images.jpeg import metadata_end
+from lutforge.images.jpeg_header import metadata_end
 from lutforge.images.output_spec import create_output, describe_output, format_of, keeps_orientation, with_shape
 from lutforge.images.read import Image, ImageReader, Region
 

@@ -8,8 +8,8 @@ from typing import cast
 
 from lutforge.calibration.calibrate import calibrate as fit_profile
 from lutforge.calibration.calibrate import calibrate_stages as fit_stages
-from lutforge.calibration.calibrate import data_by_style
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions, Preset
+from lutforge.calibration.preparation import data_by_style
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.learning_curve import LearningCurve, learning_curve

@@ -4,7 +4,6 @@ IFD 0 holds the embedded JPEG preview and the camera's metadata, its SubIFD the 
 exposure, as the specification recommends. Without a preview the mosaic is in IFD 0.
 """
 
-import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
@@ -16,6 +15,7 @@ from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import ImageError
+from lutforge.images.jpeg_header import read_header
 from lutforge.images.tiff import Field, TiffWriter, byte_field, long_field, rational_field, short_field, text_field
 
 LIGHT_SOURCES: Final[Mapping[str, int]] = {
@@ -164,34 +164,22 @@ def _mosaic_fields(tiff: TiffWriter, mosaic: NDArray[np.uint16], black: int, whi
 
 
 def _preview_fields(tiff: TiffWriter, jpeg: bytes, path: str | Path) -> dict[int, Field]:
-    width, height, sampling = _jpeg_frame(jpeg, path)
+    header = read_header(jpeg)
+    if header is None or not header.plain:
+        raise ImageError(f"{path}: the preview to embed is not a colour JPEG file")
     return {
         254: long_field(1),  # NewSubfileType: a reduced-resolution image
-        256: long_field(width),
-        257: long_field(height),
+        256: long_field(header.width),
+        257: long_field(header.height),
         258: short_field(8, 8, 8),
         259: short_field(7),  # JPEG
         262: short_field(6),  # YCbCr
         273: long_field(tiff.append(jpeg)),
         277: short_field(3),
-        278: long_field(height),
+        278: long_field(header.height),
         279: long_field(len(jpeg)),
         284: short_field(1),
-        530: short_field(*sampling),
+        530: short_field(*header.sampling[0]),
         532: rational_field([0, 255, 128, 255, 128, 255]),
         50970: long_field(2),  # PreviewColorSpace: sRGB
     }
-
-
-def _jpeg_frame(jpeg: bytes, path: str | Path) -> tuple[int, int, tuple[int, int]]:
-    """Width, height and chroma subsampling (h, v) from the frame header (ITU-T T.81, B.2.2)."""
-    position = 2
-    while jpeg[:2] == b"\xff\xd8" and position + 12 <= len(jpeg) and jpeg[position] == 0xFF:
-        marker, length = struct.unpack_from(">BH", jpeg, position + 1)
-        if 0xC0 <= marker <= 0xC2:
-            height, width, components, _, factors = struct.unpack_from(">HHBBB", jpeg, position + 5)
-            if components == 3:
-                return width, height, (factors >> 4, factors & 15)
-            break
-        position += 2 + length
-    raise ImageError(f"{path}: the preview to embed is not a colour JPEG file")

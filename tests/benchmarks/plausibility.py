@@ -21,12 +21,12 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.calibrate import data_by_style
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.plausibility.check import implausible
 from lutforge.calibration.plausibility.colour_chain import curve_terms
 from lutforge.calibration.plausibility.whole_set import ADOBE_RGB_TO_SRGB, Colours, fitted_chain
+from lutforge.calibration.preparation import data_by_style
 from lutforge.calibration.style_fit import fit_style
 from lutforge.colour.spectra import WAVELENGTHS, chart_reflectances
 from lutforge.colour.srgb import srgb_decode

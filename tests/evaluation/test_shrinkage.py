@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from lutforge.calibration import style_data
-from lutforge.calibration.calibrate import data_by_style
 from lutforge.calibration.lattice.continuation import Continuation, continuation
 from lutforge.calibration.lattice.shrinkage import REACHES, UNSHRUNK, between_nodes, reach_weights, shrinkable
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import with_matrix_of_all
+from lutforge.calibration.preparation import data_by_style
 from lutforge.calibration.style_fit import fit_style
 from lutforge.colour.srgb import srgb_decode
 from lutforge.evaluation.methods import MATRIX_AND_RESPONSE, fit_baselines

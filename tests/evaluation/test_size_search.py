@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from lutforge.calibration.calibrate import data_by_style
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.preparation import data_by_style
 from lutforge.cli.main import app
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.size_search import smallest_size

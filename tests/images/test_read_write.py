@@ -14,7 +14,7 @@ from PIL import Image as Pillow
 from PIL import ImageCms
 
 from lutforge.errors import ImageError
-from lutforge.images.jpeg import read_header
+from lutforge.images.jpeg_header import read_header
 from lutforge.images.read import Image, is_premultiplied, read_image
 from lutforge.images.write import upright, write_image
 
