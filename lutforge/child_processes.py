@@ -1,9 +1,11 @@
 """Run other programs so that none outlives a command that Ctrl-C ends."""
 
+import atexit
 import os
 import signal
 import subprocess
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from threading import Lock
 
 _running: set["subprocess.Popen[str]"] = set()
@@ -33,6 +35,17 @@ def run(
     finally:
         _running.discard(process)
     return subprocess.CompletedProcess(command, process.returncode, said, complained)
+
+
+def begin(command: Sequence[str]) -> None:
+    """Begin a program that runs beside this process, unheard, and ends with it at the latest; none where it cannot."""
+    with _beginning, suppress(OSError):
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True,
+            process_group=0 if os.name == "posix" else None,
+        )  # fmt: skip
+        _running.add(process)
+        atexit.register(_end, process)
 
 
 def end_all() -> None:

@@ -9,12 +9,14 @@ nothing. The folder may be deleted at any time.
 Each kernel has a folder there, named by a digest of numba's version, of the files that define it and the kernels that
 it calls, and of its constants. So all environments of a user share what any of them compiled, a new environment or
 installation compiles nothing again, and a kernel is compiled anew where one that it calls has changed, which numba
-itself does not see.
+itself does not see. Processes that need a kernel at the same time compile it once: one does, the others wait for it.
 """
 
 import hashlib
+import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache, update_wrapper
 from pathlib import Path
 from threading import RLock
@@ -101,7 +103,57 @@ def _jitted(function: Callable[..., Any], fastmath: bool | set[str], digest: str
     finally:
         settings.CACHE_DIR, settings.CACHE_LOCATOR_CLASSES = before
     made.digest = digest
+    if folder is not None:
+        made.compile = _once(made.compile, folder / digest)
     return made
+
+
+def _once(compile_one: Callable[[Any], Any], folder: Path) -> Callable[[Any], Any]:
+    """Return numba's function that loads or compiles a kernel, done by one process at a time."""
+    from numba.core.compiler_lock import global_compiler_lock
+
+    def loaded_or_compiled(signature: Any) -> Any:
+        # numba's own lock first: a thread that held the other one would wait for this one, and the other way round.
+        with global_compiler_lock, _alone(folder):
+            return compile_one(signature)
+
+    return loaded_or_compiled
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Hold the lock of a kernel's folder, which ends with the process that holds it.
+
+    Where a file system has no locks or nothing can be written, each process compiles what it needs.
+    """
+    from numba.core import event
+
+    try:
+        folder.mkdir(exist_ok=True)
+        file = (folder / "lock").open("wb")
+    except OSError:
+        yield
+        return
+    with file:
+        if not _locked(file.fileno(), wait=False):
+            with event.trigger_event("numba:compile"):  # those who tell of compilation tell of this, too
+                _locked(file.fileno(), wait=True)
+        yield
+
+
+def _locked(file: int, wait: bool) -> bool:
+    """Lock an open file; False where another process holds it, or it cannot be locked."""
+    with suppress(OSError):
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(file, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return True
+    return False
 
 
 def compiled(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:

@@ -109,6 +109,7 @@ def calibrate(
     from lutforge.calibration.options import PhysicalOptions
     from lutforge.pipeline.calibration import calibrate as fit
     from lutforge.pipeline.calibration import calibrate_stages, calibration_options, pair_of_shots, smallest_size
+    from lutforge.pipeline.kernels import compile_ahead
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
 
     check_output(output, PROFILE_SUFFIXES, [*(sources or ()), *(inliers or ())])
@@ -116,6 +117,7 @@ def calibrate(
     options = calibration_options(model, preset, size, tolerance, interpolation, not uniform, physical)
     if pairs is not None and sources:
         raise SettingsError("give --pairs or shots, not both")
+    compile_ahead()
     sampled = _sampled(sources or [], pairs, from_space, (developer, developed, developed_space))
     samples = sampled.samples
     if tolerance is not None:

@@ -2,13 +2,14 @@
 
 Coarser lattices keep every other node level; their data term is the Galerkin product P'W'WP. One symmetric V-cycle for
 all three outputs at once, O(N³), in float32, as it only preconditions. Its steps are one list: those on small lattices
-are gone through in one compiled call, those on large ones by planes on several threads. Briggs, Henson & McCormick, A
+are gone through in one compiled call, those on large ones by planes on several threads. Kernels that call others take
+long to compile, so there is one of them only. Briggs, Henson & McCormick, A
 Multigrid Tutorial (2000), https://doi.org/10.1137/1.9780898719505, chapter 3.
 """
 
 from enum import IntEnum
 from functools import cache, partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +27,7 @@ class _Step(IntEnum):
     """What a V-cycle does on a lattice.
 
     It smooths from b = 0 on (START), or from the present b (CORRECT), and once more (FINISH); forms the residual
-    (SUBTRACT); goes to the next coarser lattice and comes back.
+    (SUBTRACT); goes to the next coarser lattice and comes back; on the coarsest it solves.
     """
 
     START = 0
@@ -35,17 +36,18 @@ class _Step(IntEnum):
     RESTRICT = 3
     PROLONG = 4
     CORRECT = 5
+    SOLVE = 6
 
 
-STEPS = np.array([
-    *(_Step.START, _Step.FINISH, _Step.SUBTRACT, _Step.RESTRICT),  # on its way down
-    *(_Step.PROLONG, _Step.SUBTRACT, _Step.CORRECT, _Step.FINISH),  # and, from TURN on, on its way up
-])  # fmt: skip
-ALL: Any = np.int64(0)
-TURN: Any = np.int64(4)
-OUTPUTS: Any = np.int64(3)
-END: Any = np.int64(len(STEPS))
-"""Not literals, for whose values the kernels would be compiled again."""
+DOWN = (_Step.START, _Step.FINISH, _Step.SUBTRACT, _Step.RESTRICT)
+UP = (_Step.PROLONG, _Step.SUBTRACT, _Step.CORRECT, _Step.FINISH)
+
+
+def _way(finest: int, coarsest: int) -> Index:
+    """The V-cycle from a lattice on down and back: (n, 2), a lattice and a step on it."""
+    down = [(level, step) for level in range(finest, coarsest) for step in DOWN]
+    up = [(level, step) for level in range(coarsest - 1, finest - 1, -1) for step in UP]
+    return np.array([*down, (coarsest, _Step.SOLVE), *up])
 
 
 class _Hierarchy(NamedTuple):
@@ -110,12 +112,9 @@ def _couplings(flat: Single, table: Index, level: int) -> Single:
     return flat[table[level, 5] : table[level + 1, 5]].reshape((COUPLINGS, -1))
 
 
-@compiled()
 def _build(
     lattices: _Hierarchy,
-    r_levels: Array,
-    g_levels: Array,
-    b_levels: Array,
+    levels: Levels,
     stencil: Array,
     smoothness: float,
     twist: float,
@@ -128,94 +127,74 @@ def _build(
     The right-hand sides hold the anchor, too, and are room for those of the coarser lattices.
     """
     table, cells, shares, anchor = lattices.table, lattices.cells, lattices.shares, lattices.right
-    depth = len(table) - 1
-    longest = cells.shape[2]
+    depth, longest = len(table) - 1, cells.shape[2]
     bends, slopes = np.zeros((depth, 3, longest, 3)), np.zeros((depth, 3, longest, 3))
     masses = np.zeros((depth, 3, longest))
     for axis in range(3):
-        levels = r_levels if axis == 0 else g_levels if axis == 1 else b_levels
-        coarsen_axis(levels, axis, cells, shares, bends, slopes, masses)
+        coarsen_axis(levels[axis], axis, cells, shares, bends, slopes, masses)
     mine, own = finest, middle
     for level in range(depth):
-        r, g, b = table[level, 0], table[level, 1], table[level, 2]
+        r, g, b = (int(count) for count in table[level, :3])
         if level > 0:
-            mine, own = np.zeros((COUPLINGS, (r + FAR) * g * b)), np.empty((3, r * g * b))
-            held = _planar(anchor, table, level)
-            for c in range(3):
-                for p in range(r * g * b):
-                    own[c, p] = held[c, FAR * g * b + p]
+            mine, plane = np.zeros((COUPLINGS, (r + FAR) * g * b)), g * b
+            own = _planar(anchor, table, level)[:, FAR * plane : (FAR + r) * plane].astype(np.float64)
         couple(stencil, bends[level], slopes[level], masses[level], smoothness, twist, mine, own)
         couplings, diagonal = _couplings(lattices.couplings, table, level), _nodes(lattices.diagonal, table, level)
         damp(mine, own, steps(g, b), g * b, couplings, diagonal, _nodes(lattices.damping, table, level))
         if level < depth - 1:
-            kr, kg, kb = table[level + 1, 0], table[level + 1, 1], table[level + 1, 2]
-            stencil = coarse_stencil(stencil, cells[level], shares[level], kr, kg, kb)
+            coarser = (int(count) for count in table[level + 1, :3])
+            stencil = coarse_stencil(stencil, cells[level], shares[level], *coarser)
             fine, coarse = _cube(anchor, table, level), _cube(anchor, table, level + 1)
-            restrict(fine, cells[level], shares[level], coarse, ALL, OUTPUTS)
+            restrict(fine, cells[level], shares[level], coarse, 0, 3)
     factor(mine, own, g, b, lattices.factors)
 
 
 @compiled()
-def _visit(lattices: _Hierarchy, level: int, begin: int, end: int, first: int, last: int) -> None:
-    """Take the steps begin … end − 1 of STEPS on a lattice.
+def _take(lattices: _Hierarchy, way: Index, first: int, last: int) -> None:
+    """Take steps of a V-cycle, (n, 2), one after the other.
 
-    They are taken on its planes first … last − 1, or between it and the next coarser one on these outputs; on all of
-    them where last is ALL.
+    They are taken on the planes first … last − 1 of a lattice, or between it and the next coarser one on these outputs;
+    on all of them where last is 0.
     """
-    table, cells, shares = lattices.table, lattices.cells[level], lattices.shares[level]
-    g, nb = table[level, 1], table[level, 2]
-    plane = g * nb
-    planes, outputs = (table[level, 0], OUTPUTS) if last == ALL else (last, last)
-    right, b = _planar(lattices.right, table, level), _planar(lattices.b, table, level)
-    residual, correction = _planar(lattices.residual, table, level), _planar(lattices.correction, table, level)
-    damping, diagonal = _nodes(lattices.damping, table, level), _nodes(lattices.diagonal, table, level)
-    couplings, far = _couplings(lattices.couplings, table, level), steps(g, nb)
-    for step in STEPS[begin:end]:
+    table = lattices.table
+    for number in range(len(way)):
+        level, step = way[number]
+        plane = table[level, 1] * table[level, 2]
+        planes, outputs = (table[level, 0], 3) if last == 0 else (last, last)
+        right, b = _planar(lattices.right, table, level), _planar(lattices.b, table, level)
+        residual, correction = _planar(lattices.residual, table, level), _planar(lattices.correction, table, level)
+        damping = _nodes(lattices.damping, table, level)
         if step == _Step.RESTRICT:
             fine, coarse = _cube(lattices.residual, table, level), _cube(lattices.right, table, level + 1)
-            restrict(fine, cells, shares, coarse, first, outputs)
+            restrict(fine, lattices.cells[level], lattices.shares[level], coarse, first, outputs)
         elif step == _Step.PROLONG:
             coarse, fine = _cube(lattices.b, table, level + 1), _cube(lattices.b, table, level)
-            prolong_add(coarse, cells, shares, fine, first, outputs)
-        if step == _Step.START:
-            _clear(b, plane, first, planes)
+            prolong_add(coarse, lattices.cells[level], lattices.shares[level], fine, first, outputs)
+        elif step == _Step.SOLVE:
+            solve(lattices.factors, right, b, plane)
         if step in (_Step.START, _Step.SUBTRACT):
-            _copy(right, residual, plane, first, planes)
-        if step == _Step.SUBTRACT:
-            add_product(np.float32(-1.0), couplings, diagonal, far, plane, b, residual, first, planes)
-        elif step == _Step.FINISH:
-            add_product(np.float32(-1.0), couplings, diagonal, far, plane, correction, residual, first, planes)
+            _begin(right, b, residual, step == _Step.START, plane, first, planes)
+        if step in (_Step.SUBTRACT, _Step.FINISH):
+            couplings, diagonal = _couplings(lattices.couplings, table, level), _nodes(lattices.diagonal, table, level)
+            taken, far = b if step == _Step.SUBTRACT else correction, steps(table[level, 1], table[level, 2])
+            add_product(np.float32(-1.0), couplings, diagonal, far, plane, taken, residual, first, planes)
+        if step == _Step.FINISH:
             second_step(damping, residual, plane, correction, b, first, planes)
-        if step in (_Step.START, _Step.CORRECT):
+        elif step in (_Step.START, _Step.CORRECT):
             first_step(damping, residual, plane, correction, b, first, planes)
 
 
 @compiled()
-def _cycle(lattices: _Hierarchy, finest: int) -> None:
-    """The V-cycle from the lattice `finest` on down and back."""
-    coarsest = len(lattices.table) - 2
-    for level in range(finest, coarsest):
-        _visit(lattices, level, ALL, TURN, ALL, ALL)
-    right, b = _planar(lattices.right, lattices.table, coarsest), _planar(lattices.b, lattices.table, coarsest)
-    solve(lattices.factors, right, b, lattices.table[coarsest, 1] * lattices.table[coarsest, 2])
-    for level in range(coarsest - 1, finest - 1, -1):
-        _visit(lattices, level, TURN, END, ALL, ALL)
+def _begin(right: Single, b: Single, residual: Single, clears: bool, plane: int, first: int, last: int) -> None:
+    """residual = right on planes, and b = 0 where that is wanted.
 
-
-@compiled()
-def _clear(b: Single, plane: int, first: int, last: int) -> None:
-    """b = 0 on planes."""
+    `to[:] = source` would take half a second to compile, for its error message.
+    """
     for c in range(3):
         for p in range((first + FAR) * plane, (last + FAR) * plane):
-            b[c, p] = 0.0
-
-
-@compiled()
-def _copy(source: Single, to: Single, plane: int, first: int, last: int) -> None:
-    """What `to[:] = source` would do on planes, which takes half a second to compile for its error message."""
-    for c in range(3):
-        for p in range((first + FAR) * plane, (last + FAR) * plane):
-            to[c, p] = source[c, p]
+            residual[c, p] = right[c, p]
+            if clears:
+                b[c, p] = 0.0
 
 
 class Multigrid:
@@ -262,10 +241,11 @@ class Multigrid:
         )
         diagonal = np.moveaxis(anchor, 3, 0).reshape(3, -1).copy()
         self._finest = np.zeros((COUPLINGS, (r + FAR) * g * b)), diagonal, steps(g, b), g * b
-        _build(self._lattices, *levels, stencil, smoothness, twist, *self._finest[:2])
+        _build(self._lattices, levels, stencil, smoothness, twist, *self._finest[:2])
         counts = table[:-1, :3].prod(axis=1)
         self._threads: list[int] = np.clip(counts // nodes_per_thread, 1, cores()).tolist()
-        self._small = int(np.argmax(counts < small))
+        self._small, deepest = int(np.argmax(counts < small)), depth - 1
+        self._way = _way(0, deepest), _way(self._small, deepest)
 
     @property
     def threads(self) -> int:
@@ -280,19 +260,20 @@ class Multigrid:
     def precondition(self, residual: Array) -> Single:
         """What one symmetric V-cycle from 0 makes of a residual; the next call overwrites it."""
         _planar(self._lattices.right, self._lattices.table, 0)[:] = residual
-        for level in range(self._small):
-            self._visit_threaded(level, range(TURN))
-        _cycle(self._lattices, self._small)
-        for level in range(self._small - 1, -1, -1):
-            self._visit_threaded(level, range(TURN, END))
+        whole, small = self._way
+        threaded = len(DOWN) * self._small
+        self._take_threaded(whole[:threaded])
+        _take(self._lattices, small, 0, 0)
+        self._take_threaded(whole[len(whole) - threaded :])
         return _planar(self._lattices.b, self._lattices.table, 0)
 
-    def _visit_threaded(self, level: int, steps: range) -> None:
-        """Steps on a lattice, one after the other, each on several threads."""
-        planes, outputs = self._parts(level), slabs(0, 3, 1, self._threads[level])
-        for step in steps:
-            between = STEPS[step] in (_Step.RESTRICT, _Step.PROLONG)
-            run(partial(_visit, self._lattices, level, step, step + 1), outputs if between else planes)
+    def _take_threaded(self, way: Index) -> None:
+        """Take steps one after the other, each on several threads."""
+        for number in range(len(way)):
+            level, step = way[number]
+            planes, outputs = self._parts(level), slabs(0, 3, 1, self._threads[level])
+            between = step in (_Step.RESTRICT, _Step.PROLONG)
+            run(partial(_take, self._lattices, way[number : number + 1]), outputs if between else planes)
 
     def _parts(self, level: int) -> list[tuple[int, int]]:
         """The planes of a lattice, shared out between its threads."""
