@@ -77,6 +77,16 @@ def curve_terms(encoded: Array) -> Array:
     return np.column_stack([np.ones_like(flat), flat, mean, curves]).reshape(*encoded.shape, TERMS)
 
 
+def cubic_terms(rendered: Array) -> Array:
+    """All products of up to three of the channels of rendered (n, 3) → (n, 20), about the middle grey."""
+    r, g, b = 2.0 * rendered.T - 1.0
+    one = np.ones_like(r)
+    first = (one, r, g, b)
+    return np.stack(
+        [first[i] * first[j] * first[k] for i in range(4) for j in range(i, 4) for k in range(j, 4)], axis=1
+    )
+
+
 @one_blas_thread
 def fit_chain(x: Array, encoded: Array, multipliers: Array) -> ColourChain:
     """Fit the chain to balanced RAW x (n, 3), unclipped JPEG values encoded (n, 3) and the multipliers (n, 3) of x.

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.unsaturated import saturation
-from lutforge.calibration.plausibility.colour_chain import CODE, ColourChain, curve_terms, fit_chain
-from lutforge.calibration.plausibility.known_cameras import stops
-from lutforge.errors import CalibrationError
+from lutforge.calibration.plausibility.colour_chain import CODE, ColourChain, cubic_terms, curve_terms, fit_chain
+from lutforge.calibration.plausibility.shot_saturation import odd_group
+from lutforge.calibration.plausibility.whole_set import LEAST_GAIN
 from lutforge.model.diagnosis import Diagnosis
 from lutforge.solvers.blas import one_blas_thread
 
@@ -57,17 +57,20 @@ def mixed_shots(
     names, index = np.unique(shot[rows], return_inverse=True)
     linear = chain.predicted(x, multipliers)
     rendered = chain.encoded(linear)
-    fitting, judging = _halves(_terms(rendered), encoded - rendered, index, len(names))
+    fitting, judging = _halves(cubic_terms(rendered), encoded - rendered, index, len(names))
     whole = np.ones(len(names), dtype=np.bool_)
-    group = _two_groups(fitting, judging, whole)
+    odd = odd_group(chain, x - chain.offset * multipliers, encoded, index)
+    told = odd.log_odds > LEAST_GAIN
+    group = odd.shots if told else _two_groups(fitting, judging, whole)
     one = _left_out(fitting, judging, whole)
     two = np.where(group, _left_out(fitting, judging, group), _left_out(fitting, judging, ~group))
     if group.sum() == 1:
         two[group] = judging.errors(_coefficients(fitting, group))[group]
-    gains, rendered = _brightened(chain, x, encoded, multipliers, index)
-    fitting, judging = _halves(_terms(rendered), encoded - rendered, index, len(names))
-    each = _left_out(fitting, judging, whole)
-    found = _explanation(one, two, each, group, gains)
+    found = "two"
+    if not told:
+        gains, rendered = _brightened(chain, x, encoded, multipliers, index)
+        each = _left_out(*_halves(cubic_terms(rendered), encoded - rendered, index, len(names)), whole)
+        found = _explanation(one, two, each, group, gains)
     if found == "each":
         return Diagnosis(
             "each JPEG was brightened by itself",
@@ -77,7 +80,8 @@ def mixed_shots(
     if not found:
         return None
     codes = [255 * float(np.sqrt(np.mean(errors[group]))) for errors in (one, two)]
-    return _of_groups(group, names, index, (x, encoded, multipliers, setting), codes)
+    sensor = _multipliers_differ(group[index], multipliers, setting) or odd.sensor_is_likelier(group)
+    return _of_group(group, names, sensor, codes)
 
 
 def _explanation(one: Array, two: Array, each: Array, group: Mask, gains: Array) -> str:
@@ -97,16 +101,6 @@ def _explanation(one: Array, two: Array, each: Array, group: Mask, gains: Array)
     if 3 * group.sum() <= len(group) and stray - usual > np.log(2.5) and parts[0] > 0.25 and len(group) > 5:
         return "two"
     return "two" if lowered > chance and min(parts) > 0.16 else ""
-
-
-def _terms(rendered: Array) -> Array:
-    """All products of up to three of the channels of rendered (n, 3) → (n, 20), about the middle grey."""
-    r, g, b = 2.0 * rendered.T - 1.0
-    one = np.ones_like(r)
-    first = (one, r, g, b)
-    return np.stack(
-        [first[i] * first[j] * first[k] for i in range(4) for j in range(i, 4) for k in range(j, 4)], axis=1
-    )
 
 
 def _halves(terms: Array, left: Array, index: NDArray[np.intp], count: int) -> tuple[_Sums, _Sums]:
@@ -195,14 +189,9 @@ def _gains(chain: ColourChain, x: Array, encoded: Array, multipliers: Array, ind
     return np.array([float(np.median(ratio[rows])) if rows.sum() >= 4 else 0.0 for rows in shots])
 
 
-def _of_groups(
-    group: Mask, names: NDArray[np.str_], index: NDArray[np.intp],
-    data: tuple[Array, Array, Array, NDArray[np.str_]], codes: list[float],
-) -> Diagnosis:  # fmt: skip
-    """Two renderings: by another sensor where multipliers or the matrix differ and the curve does not, else a style."""
+def _of_group(group: Mask, names: NDArray[np.str_], sensor: bool, codes: list[float]) -> Diagnosis:
     listed = ", ".join(str(name) for name in names[group][:4]) + (", …" if group.sum() > 4 else "")
-    kind = "sensor" if _other_sensor(group[index], *data) else "style"
-    what = "sensor under the same camera name" if kind == "sensor" else "picture style under the same name"
+    what = "sensor under the same camera name" if sensor else "picture style under the same name"
     return Diagnosis(
         f"{group.sum()} of {len(names)} shots seem to be of another {what}",
         f"{listed} lie {codes[0]:.1f} codes off the common rendering, {codes[1]:.1f} off one of their own",
@@ -211,7 +200,8 @@ def _of_groups(
     )
 
 
-def _other_sensor(inside: Mask, x: Array, encoded: Array, multipliers: Array, setting: NDArray[np.str_]) -> bool:
+def _multipliers_differ(inside: Mask, multipliers: Array, setting: NDArray[np.str_]) -> bool:
+    """Whether one white balance has other multipliers inside a group of samples (n,) than outside."""
     for name in np.unique(setting[inside]):
         both = [
             np.median(multipliers[(setting == name) & part], axis=0)
@@ -220,9 +210,4 @@ def _other_sensor(inside: Mask, x: Array, encoded: Array, multipliers: Array, se
         ]
         if name != "auto" and len(both) == 2 and np.abs(np.log(both[0] / both[1])).max() > 0.03:
             return True
-    try:
-        chains = [fit_chain(x[part], encoded[part], multipliers[part]) for part in (inside, ~inside)]
-    except CalibrationError:
-        return False
-    curve = np.abs(stops(chains[0]) - stops(chains[1]))[1:4].max()
-    return bool(curve < 0.05 and np.abs(chains[0].camera_matrix - chains[1].camera_matrix).max() > 0.1)
+    return False
