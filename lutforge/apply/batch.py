@@ -88,7 +88,7 @@ def apply_batch(
     left = [job for job in jobs if job not in already]
     tally = _Tally(len(jobs), len(already), report=progress)
     outcomes: dict[Job, Outcome] = {}
-    notes: list[str] = []
+    notes = [f"{source}: given twice; graded once" for source in dict.fromkeys(repeated)]
     bare = [job.source for job in jobs if masks is not None and job.mask is None]
     if bare:
         notes.append(f"{bare[0]}: a RAW file is rendered, and gets no mask (so of {len(bare)} of the images)")
@@ -114,7 +114,7 @@ def apply_batch(
     failed = [Failure(job.source, outcomes[job].reason) for job in left if outcomes[job].applied is None]
     return BatchResult(
         tuple(applied for job in left if (applied := outcomes[job].applied) is not None),
-        (*failed, *(Failure(source, f"{source}: given twice; graded once") for source in repeated)),
+        tuple(failed),
         tuple(job.target for job in jobs if job in already),
         tuple(notes),
     )

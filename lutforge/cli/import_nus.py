@@ -23,7 +23,7 @@ def import_nus(
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
 
     check_output(output, PROFILE_SUFFIXES)
-    profile = import_published(folders, camera or _camera_name(folders[0]), style.lower())
+    profile = import_published(folders, camera, style.lower())
     save_profile(profile, output)
     centres = sum(len(model.gamut_map.centres) for model in profile.styles[style.lower()].physical)
     say(f"{output}: {profile.camera}, style {style.lower()}, {centres} control points")
@@ -45,12 +45,3 @@ def export_nus(
         raise ProfileError(f"{camera.camera} has the styles {', '.join(camera.styles)}; name one with --style")
     for folder in export_published(camera, chosen, output):
         say(f"{folder}")
-
-
-def _camera_name(folder: Path) -> str:
-    """Read "Nikon D40" off "nus_nikon_d40/fluorescent". Raises ProfileError where nothing names the camera."""
-    above = folder.resolve().parent.name
-    if not above.startswith("nus_"):
-        raise ProfileError(f'{folder}: the model does not name its camera; name it, such as --camera "Nikon D40"')
-    words = above.removeprefix("nus_").split("_")
-    return " ".join(word.upper() if any(c.isdigit() for c in word) else word.capitalize() for word in words)

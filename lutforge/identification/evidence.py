@@ -35,6 +35,8 @@ class PictureEvidence:
 def read_evidence(path: str | Path) -> PictureEvidence:
     """Read a picture. Raises ImageError where it is none, has no colour, or has too few flat colours to judge by."""
     path = Path(path)
+    if path.suffix.lower() == ".npz":
+        raise ImageError(f"{path}: a camera profile, not a picture; name profiles after --profiles, one for each")
     image = read_image(path)
     pixels = image.pixels
     if pixels.ndim != 3 or pixels.shape[2] < 3:

@@ -147,6 +147,8 @@ def file_group(
             processor = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(str(link), interpolation=method))
             group = processor.createGroupTransform()
             _require_finite(group, path)
+            if path.suffix.lower() in (".cube", ".spi1d"):
+                _require_ranges(path)
             return group, processor
         except OCIO_ERRORS as error:
             raise LutError(f"{path}: {_reason(str(error), str(link), path)}") from error
@@ -177,6 +179,25 @@ def _require_finite(parts: OCIO.GroupTransform, path: Path) -> None:
         curve = isinstance(part, OCIO.Lut1DTransform) and not part.getInputHalfDomain()
         if (cube or curve) and not np.all(np.isfinite(part.getData())):
             raise LutError(f"{path}: a number in its {'cube' if cube else 'curve'} is not finite; make the file anew")
+
+
+def _require_ranges(path: Path) -> None:
+    """Raise LutError where a .cube's or .spi1d's range is empty or runs backwards, which OpenColorIO applies as it is.
+
+    Adobe's Cube LUT Specification 1.0 has the lower bound below the upper one.
+    """
+    with path.open("rb") as file:
+        head, _, _ = file.read(1 << 16).decode("utf-8", "replace").rpartition("\n")
+    lines = [line.split() for line in head.splitlines()]
+    numbers: dict[str, list[float]] = {"DOMAIN_MIN": [0.0] * 3, "DOMAIN_MAX": [1.0] * 3}
+    for word, *rest in filter(None, lines):
+        if word in (*numbers, "LUT_1D_INPUT_RANGE", "LUT_3D_INPUT_RANGE", "From"):
+            numbers[word] = [float(text) for text in rest]
+    bounds = {"DOMAIN": zip(numbers.pop("DOMAIN_MIN"), numbers.pop("DOMAIN_MAX"), strict=False)}
+    for name, pairs in (*bounds.items(), *((word, [tuple(pair)]) for word, pair in numbers.items())):
+        for low, high in pairs:
+            if not low < high:
+                raise LutError(f"{path}: {name}: the range {low:g} to {high:g} is empty; write it from low to high")
 
 
 def _reason(message: str, link: str, path: Path) -> str:

@@ -162,7 +162,9 @@ def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
     if not isinstance(document, dict) or document.get("format") != "lutforge-profile":
         raise ProfileError("profile.json is not a LutForge profile")
     version = document.get("version")
-    if not isinstance(version, int) or isinstance(version, bool) or not 1 <= version <= FORMAT_VERSION:
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise ProfileError(f"damaged profile, its version is {version!r:.60}; calibrate again, or find a good copy")
+    if version > FORMAT_VERSION:
         raise ProfileError(f"profile version {version}; this LutForge reads up to {FORMAT_VERSION}: update it")
     return document
 

@@ -62,6 +62,8 @@ def read_published_model(folder: str | Path) -> PublishedModel:
     folder = Path(folder)
     if not folder.is_dir():
         raise ProfileError(f"{folder}: no such folder; give the folder that holds raw2jpg_transform.txt")
+    if not (folder / "raw2jpg_transform.txt").is_file():
+        raise ProfileError(f"{folder}: holds no raw2jpg_transform.txt; give a model's folder, which does")
     matrix, balances = _read_transform(folder / "raw2jpg_transform.txt")
     linear = _read_points(folder / "raw2jpg_ctrlPoints.txt")
     forward = _read_gamut_map(folder, "raw2jpg", linear)
@@ -74,21 +76,33 @@ def read_published_model(folder: str | Path) -> PublishedModel:
     return PublishedModel(model, balances, linear, mapped)
 
 
-def import_published(folders: Iterable[str | Path], camera: str, style: str = "standard") -> CameraProfile:
-    """A profile of one camera and style from its model folders, as they stand."""
-    models = [read_published_model(folder) for folder in folders]
-    if not models:
+def import_published(folders: Sequence[str | Path], camera: str = "", style: str = "standard") -> CameraProfile:
+    """A profile of one camera and style from its model folders, as they stand.
+
+    camera: its name, which else is read off the folder above. Raises ProfileError where a folder is none of a model.
+    """
+    if not folders:
         raise ProfileError("no model folder given")
+    models = [read_published_model(folder) for folder in folders]
     balances = {name: balance for model in models for name, balance in model.white_balances.items()}
     largest = max(models, key=lambda model: len(model.linear)).model
     rows = largest.matrix.sum(axis=1, keepdims=True)
     return CameraProfile(
-        camera=camera,
+        camera=camera or _camera_name(Path(folders[0])),
         matrix=largest.matrix / rows,
         white_balances=balances,
         styles={style: PictureStyle(physical=tuple(model.model for model in models))},
         options={"source": "published model of the thesis's authors"},
     )
+
+
+def _camera_name(folder: Path) -> str:
+    """Read "Nikon D40" off "nus_nikon_d40/fluorescent". Raises ProfileError where nothing names the camera."""
+    above = folder.resolve().parent.name
+    if not above.startswith("nus_"):
+        raise ProfileError(f'{folder}: the model does not name its camera; name it, such as --camera "Nikon D40"')
+    words = above.removeprefix("nus_").split("_")
+    return " ".join(word.upper() if any(c.isdigit() for c in word) else word.capitalize() for word in words)
 
 
 def export_published(profile: CameraProfile, style: str, folder: str | Path) -> list[Path]:

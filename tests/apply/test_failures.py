@@ -44,13 +44,20 @@ def test_each_failure_is_named_and_nothing_is_lost(folder: Path, run: Run) -> No
     assert done.returncode == 1
     summary = json.loads(done.stdout)
     assert [entry["output"] for entry in summary["graded"]] == ["out/good.png", "out/good.tif", "out/inside.jpg"]
-    assert {entry["source"] for entry in summary["failed"]} == {*bad, "good.png"}
+    assert {entry["source"] for entry in summary["failed"]} == set(bad)
     lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
-    assert len(lines) == 7
+    assert len(lines) == 6
     assert all(line.startswith("lutforge: ") for line in lines), lines
-    assert "given twice" in done.stderr
-    assert "3 graded, 0 skipped, 7 failed" in done.stderr
+    assert "note: good.png: given twice; graded once" in done.stderr
+    assert "3 graded, 0 skipped, 6 failed" in done.stderr
     assert [path.name for path in (folder / "out").glob(".*")] == [".lutforge-apply.jsonl"]
+
+
+def test_a_file_that_is_given_twice_is_graded_once_and_is_no_failure(folder: Path, run: Run) -> None:
+    done = run("look.cube", "good.png", "./good.png", "good.png", "-o", "out")
+    assert done.returncode == 0
+    assert done.stderr.count("given twice; graded once") == 1
+    assert done.stdout == "out/good.png\n"
 
 
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf"])

@@ -205,6 +205,12 @@ def test_what_tells_nothing_is_refused_in_one_line(
     assert "\n" not in str(told.value)
 
 
+def test_a_profile_among_the_pictures_is_told_as_one(tmp_path: Path) -> None:
+    (tmp_path / "camera.npz").touch()
+    with pytest.raises(ImageError, match=r"a camera profile, not a picture.*--profiles"):
+        read_evidence(tmp_path / "camera.npz")
+
+
 def test_a_folder_without_profiles_is_told(tmp_path: Path) -> None:
     with pytest.raises(ProfileError, match="no camera profile"):
         known_cameras(tmp_path)

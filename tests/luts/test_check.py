@@ -12,6 +12,7 @@ from lutforge.errors import LutError
 from lutforge.luts.check import check_lut, report_lines
 from lutforge.luts.input_and_output import input_and_output_of
 from lutforge.luts.ops import Cube
+from lutforge.luts.processor import file_processor
 from lutforge.luts.sequence import Lut, read_lut
 from lutforge.model.lattice import grid, uniform_levels
 from tests.luts.fuzz_luts import seeds, spoil, try_file
@@ -143,6 +144,22 @@ def test_errors_name_line_text_and_cause(tmp_path: Path, name: str, text: str, w
     assert words in str(caught.value)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "header"),
+    [
+        ("a.cube", "LUT_3D_SIZE 2\nDOMAIN_MIN 1 1 1\nDOMAIN_MAX 0 0 0\n"),
+        ("a.cube", "LUT_3D_SIZE 2\nLUT_3D_INPUT_RANGE 1 0\n"),
+        ("a.spi1d", "Version 1\nFrom 1 0\nLength 2\nComponents 3\n{\n"),
+    ],
+)
+def test_a_range_that_runs_backwards_is_refused_by_check_and_by_apply(tmp_path: Path, name: str, header: str) -> None:
+    rows = "".join(f"{n & 1} {n >> 1 & 1} {n >> 2}\n" for n in range(8))
+    (tmp_path / name).write_text(header + (rows if "cube" in name else "0 0 0\n1 1 1\n}\n"))
+    for read in (check_lut, file_processor):
+        with pytest.raises(LutError, match=r"the range 1 to [01] is empty"):
+            read(tmp_path / name)
 
 
 def test_a_byte_order_mark(tmp_path: Path) -> None:

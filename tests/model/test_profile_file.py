@@ -211,6 +211,13 @@ def test_a_newer_version_asks_for_an_update(saved: Path) -> None:
     assert "update" in _refused(saved)
 
 
+@pytest.mark.parametrize("version", [0, "x", None, True, "1" * 1000])
+def test_a_version_that_no_release_wrote_is_damage(saved: Path, version: object) -> None:
+    _edit(saved, version=version)
+    said = _refused(saved)
+    assert "damaged" in said and "update" not in said and len(said) < 300
+
+
 @pytest.mark.parametrize(
     "fields",
     [

@@ -149,8 +149,19 @@ def test_damaged_files_are_named(tmp_path: Path, name: str, text: str, message: 
 def test_a_missing_folder_or_file(tmp_path: Path) -> None:
     with pytest.raises(ProfileError, match="no such folder"):
         read_published_model(tmp_path / "none")
-    with pytest.raises(ProfileError, match=r"raw2jpg_transform\.txt: cannot read"):
+    with pytest.raises(ProfileError, match=r"holds no raw2jpg_transform\.txt; give"):
         read_published_model(tmp_path)
+    with pytest.raises(ProfileError, match="holds no raw2jpg_transform"):  # before a name is asked for
+        import_published([tmp_path])
+
+
+def test_the_camera_is_named_by_the_folder_above_or_asked_for(tmp_path: Path) -> None:
+    for name in ("nus_nikon_d40", "other"):
+        (tmp_path / name / "daylight").mkdir(parents=True)
+        _write_small(tmp_path / name / "daylight")
+    assert import_published([tmp_path / "nus_nikon_d40" / "daylight"]).camera == "Nikon D40"
+    with pytest.raises(ProfileError, match="--camera"):
+        import_published([tmp_path / "other" / "daylight"])
 
 
 def _write_small(folder: Path) -> None:

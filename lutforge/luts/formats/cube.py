@@ -90,7 +90,8 @@ def read(path: Path, data: bytes) -> Lut:
     ranges = {name: np.repeat(np.array([pairs[name]]).T, 3, axis=1) for name in RANGES if name in pairs}
     for name, (low, high) in (*ranges.items(), ("DOMAIN", domain)):
         if not np.all(low < high):
-            raise LutError(f"{path}: {name}: the range {low.min():g} to {high.max():g} is empty")
+            span = f"{low.min():g} to {high.max():g}"
+            raise LutError(f"{path}: {name}: the range {span} is empty; write it from low to high")
     ops: list[Op] = []
     if entries:
         table = lines.table(index, entries, 3, "the 1D table")
