@@ -66,18 +66,16 @@ def mixed_shots(
     two = np.where(group, _left_out(fitting, judging, group), _left_out(fitting, judging, ~group))
     if group.sum() == 1:
         two[group] = judging.errors(_coefficients(fitting, group))[group]
-    found = "two"
-    if not told:
-        gains, rendered = _brightened(chain, x, encoded, multipliers, index)
-        each = _left_out(*_halves(cubic_terms(rendered), encoded - rendered, index, len(names)), whole)
-        found = _explanation(one, two, each, group, gains)
+    gains, rendered = _brightened(chain, x, encoded, multipliers, index)
+    each = _left_out(*_halves(cubic_terms(rendered), encoded - rendered, index, len(names)), whole)
+    found = _explanation(one, two, each, group, gains)
     if found == "each":
         return Diagnosis(
             "each JPEG was brightened by itself",
             f"brightness varies by {np.std(gains):.2f} EV (1 σ) over {len(names)} shots, and nothing else does",
             "switch automatic tone, D-Lighting and exposure compensation in development off",
         )
-    if not found:
+    if not found and not told:
         return None
     codes = [255 * float(np.sqrt(np.mean(errors[group]))) for errors in (one, two)]
     sensor = _multipliers_differ(group[index], multipliers, setting) or odd.sensor_is_likelier(group)
