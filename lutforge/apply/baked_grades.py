@@ -6,18 +6,17 @@ from functools import lru_cache
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
+from lutforge.apply.setting_change import SettingChange
 from lutforge.luts.bake import bake
 from lutforge.luts.ops import Cube, Matrix, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
 from lutforge.luts.steps import grading_lut, grading_steps
-from lutforge.model.camera_profile import CameraProfile, match, raw_to_balanced
+from lutforge.model.camera_profile import raw_to_balanced
 from lutforge.model.coverage import Refinish, confidence
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.transform import Transform, through_stages
-from lutforge.settings import Selector
 
 
 class BakedGrades:
@@ -31,34 +30,18 @@ class BakedGrades:
         self.processor: Callable[[Lut], OCIO.CPUProcessor] = lru_cache(16)(lambda lut: lut.processor())
         self.codes: Callable[[Lut], OCIO.CPUProcessor] = lru_cache(16)(lambda lut: lut.processor(codes=True))
 
-    def _refinish(
-        self,
-        camera: CameraProfile,
-        given: Selector,
-        look: CameraProfile,
-        wanted: Selector,
-        ev: float = 0.0,
-        transfer: RawTransfer | None = None,
-    ) -> Lut:
-        """The refinish of a picture from one camera's settings to another's or its own."""
-        return grading_lut(match(camera, given, look, wanted, ev, transfer=transfer), self._baked)
+    def _refinish(self, change: SettingChange) -> Lut:
+        return grading_lut(change.transform, self._baked)
 
-    def develop(
-        self,
-        camera: CameraProfile,
-        given: Selector,
-        look: CameraProfile,
-        wanted: Selector,
-        ev: float,
-        transfer: RawTransfer | None,
-    ) -> OCIO.CPUProcessor:
+    def develop(self, change: SettingChange) -> OCIO.CPUProcessor:
         """Return the processor that renders a camera's RAW.
 
         Highlights are clipped where the white-balanced sensor saturates, before less exposure darkens them: they stay
         neutral.
         """
+        camera, given, look, wanted, transfer = change.camera, change.given, change.look, change.wanted, change.transfer
         before = camera.multipliers(given if look is not camera else wanted)
-        k = 2.0**ev
+        k = 2.0**change.ev
         levels = uniform_levels(2 if transfer is None or transfer.is_linear else 49)
         stages = raw_to_balanced(camera, given, look, wanted, transfer=transfer)
         balanced = through_stages(stages, grid(levels) / before)
@@ -66,20 +49,13 @@ class BakedGrades:
         exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
         return Lut((*exposed, *self._baked(look.render_balanced(wanted)).ops)).processor()
 
-    def _confidence(
-        self,
-        camera: CameraProfile,
-        given: Selector,
-        look: CameraProfile,
-        wanted: Selector,
-        ev: float = 0.0,
-        transfer: RawTransfer | None = None,
-    ) -> OCIO.CPUProcessor:
+    def _confidence(self, change: SettingChange) -> OCIO.CPUProcessor:
         """Colours of a picture → (confidence, unclipped, covered) of their refinish, as of `Grade.confidence`."""
+        camera, given, look, wanted = change.camera, change.given, change.look, change.wanted
         linearize = camera.linearize_to_own_raw(given)
-        stages = raw_to_balanced(camera, given, look, wanted, ev, transfer)
+        stages = raw_to_balanced(camera, given, look, wanted, change.ev, change.transfer)
         refinish = Refinish(
-            match(camera, given, look, wanted, ev, transfer=transfer),
+            change.transform,
             lambda encoded: through_stages(stages, linearize(encoded)),
             look.styles[wanted.style],
         )

@@ -1,6 +1,7 @@
 """A contact sheet of a picture under presumed white balances, for one that tells none (thesis, chapter 6)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -63,13 +64,13 @@ def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[s
     if style not in camera.styles:
         known = ", ".join(sorted(camera.styles))
         raise SettingsError(f'{source}: unknown style "{style}"; name it with --from STYLE/auto, of {known}')
-    small, look = read_small(source, 480 * 360), recipe.look_for(camera)
-    pictures = []
+    small, pictures = read_small(source, 480 * 360), []
     for given in candidates(camera, style):
-        wanted = recipe.wanted(camera, given, look)
+        change = recipe.change(camera, given)
         if recipe.keeps_white_balance:
-            wanted = look.selector(Selector(wanted.style, next(iter(look.white_balances))))
-        processor = recipe.chain(camera, given, look, wanted).processor()
+            first = Selector(change.wanted.style, next(iter(change.look.white_balances)))
+            change = replace(change, wanted=change.look.selector(first))
+        processor = recipe.chain(change).processor()
         pictures.append((str(given), apply_to_pixels(processor, small)))
     page = _page(pictures)
     write_image(sheet, page, Image(page, oiio.ImageSpec(page.shape[1], page.shape[0], 3, "uint8")))

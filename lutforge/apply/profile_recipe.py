@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from lutforge.apply.baked_grades import BakedGrades
 from lutforge.apply.colours import TELL_ADOBE_RGB
 from lutforge.apply.grade import Grade, Rebuilt, fingerprint, unchanged
+from lutforge.apply.setting_change import SettingChange
 from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
 from lutforge.arrays import Array
 from lutforge.errors import ProfileError, SettingsError
@@ -79,22 +78,20 @@ class ProfileRecipe(Rebuilt):
         """Return the grade of one picture by its own settings."""
         settings = read_picture_settings(source)
         camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
-        look = self.look_for(camera)
         if source.suffix.lower() in RAW_SUFFIXES:
-            return self._developed(source, settings, camera, look)
-        needed = look is not camera or not self.keeps_white_balance or bool(_own_balance(self._target))
+            return self._developed(source, settings, camera)
+        other = self._look not in (None, camera)
+        needed = other or not self.keeps_white_balance or bool(_own_balance(self._target))
         given, doubts = source_selector(source, settings, camera, self.source, needed)
-        wanted = self.wanted(camera, given, look)
-        if look is camera and not self.ev and _same(camera, given, wanted):
-            return unchanged(_history(camera.camera, str(given), look.camera, str(wanted), self.ev))
-        chain = self.chain(camera, given, look, wanted)
+        change = self.change(camera, given)
+        if change.is_none:
+            return unchanged(change.history(str(given)))
+        chain = self.chain(change)
         return Grade(
             self._baked_grades.processor(chain),
-            _history(camera.camera, str(given), look.camera, str(wanted), self.ev),
-            attributes=_attributes(look, wanted, given),
-            confidence=self._baked_grades.confidence(
-                camera, given, look, wanted, self.ev, self._transfer(camera, look)
-            ),
+            change.history(str(given)),
+            attributes=_attributes(change.look, change.wanted, given),
+            confidence=self._baked_grades.confidence(change),
             notes=(*settings.notes, *notes, *doubts),
             lut=chain,
             codes=self._baked_grades.codes(chain),
@@ -106,18 +103,16 @@ class ProfileRecipe(Rebuilt):
         """True where pictures keep the white balance that they were shot with."""
         return _own_balance(self._target) is not None
 
-    def look_for(self, camera: CameraProfile) -> CameraProfile:
-        """The profile of the camera whose look a camera's pictures get."""
-        return self._look or camera
-
-    def chain(self, camera: CameraProfile, given: Selector, look: CameraProfile, wanted: Selector) -> Lut:
+    def chain(self, change: SettingChange) -> Lut:
         """The refinish as LUTs, the same for all pictures with the same settings."""
-        return self._baked_grades.refinish(camera, given, look, wanted, self.ev, self._transfer(camera, look))
+        return self._baked_grades.refinish(change)
 
-    def _developed(self, source: Path, settings: PictureSettings, camera: CameraProfile, look: CameraProfile) -> Grade:
+    def _developed(self, source: Path, settings: PictureSettings, camera: CameraProfile) -> Grade:
         """The grade of a RAW file: rendered, with its own white balance or the one asked for."""
-        if developer := camera.options.get("developer"):
-            raise SettingsError(f"{source}: the profile is of {developer}, not of RAW: develop it with `lutforge kit`")
+        if camera.developer:
+            raise SettingsError(
+                f"{source}: the profile is of {camera.developer}, not of RAW: develop it with `lutforge kit`"
+            )
         told = (settings.style, settings.style.removesuffix(f" {ADOBE_RGB}"))
         style = next((name for name in told if name in camera.styles), next(iter(camera.styles)))
         asked = parse_selector(self.source) if self.source else Selector(AS_SHOT, AS_SHOT)
@@ -125,11 +120,11 @@ class ProfileRecipe(Rebuilt):
         given, notes = source_selector(source, replace(settings, style=style), camera, text)
         if self._target.style == AS_SHOT and style not in told:
             notes = (*notes, f'the file does not tell a style of this profile; "{style}" is used')
-        wanted = self.wanted(camera, given, look)
+        change = self.change(camera, given)
         return Grade(
-            self._baked_grades.develop(camera, given, look, wanted, self.ev, self._transfer(camera, look)),
-            _history(camera.camera, "RAW", look.camera, str(wanted), self.ev),
-            attributes=_attributes(look, wanted),
+            self._baked_grades.develop(change),
+            change.history("RAW"),
+            attributes=_attributes(change.look, change.wanted),
             raw=True,
             falloffs=camera.falloffs,
             notes=notes,
@@ -183,21 +178,25 @@ class ProfileRecipe(Rebuilt):
     def _baked_grades(self) -> BakedGrades:
         return BakedGrades()
 
-    def _transfer(self, camera: CameraProfile, look: CameraProfile) -> RawTransfer | None:
-        return None if look is camera else self._transfers.get(camera.camera)
-
-    def wanted(self, camera: CameraProfile, given: Selector, look: CameraProfile) -> Selector:
-        """Return the settings to render with.
+    def change(self, camera: CameraProfile, given: Selector) -> SettingChange:
+        """What is changed of a picture with given settings.
 
         "as-shot" ones are those of the picture, for another camera those under which the same light is neutral.
         """
+        look = self._look or camera
+        transfer = None if look is camera else self._transfers.get(camera.camera)
+        return SettingChange(camera, given, look, self._wanted(camera, given, look, transfer), self.ev, transfer)
+
+    def _wanted(
+        self, camera: CameraProfile, given: Selector, look: CameraProfile, transfer: RawTransfer | None
+    ) -> Selector:
+        """The settings to render with."""
         style = given.style if self._target.style == AS_SHOT else self._target.style
         tint = _own_balance(self._target)
         if tint is None:
             return look.selector(Selector(style, self._target.white_balance))
         balance = given.white_balance
         if look is not camera:
-            transfer = self._transfer(camera, look)
             light = same_light(camera, given, look)
             if light is not None:
                 balance = light
@@ -221,21 +220,9 @@ def _own_balance(target: Selector) -> float | None:
     return None if found is None else checked_tint(float(found[2] or 0.0))
 
 
-def _same(camera: CameraProfile, given: Selector, wanted: Selector) -> bool:
-    """Whether two settings render alike."""
-    alike = np.allclose(camera.multipliers(given), camera.multipliers(wanted), rtol=1e-4)
-    return given.style == wanted.style and bool(alike)
-
-
 def _multipliers(values: Array) -> Multipliers:
     r, g, b = (float(value) for value in values)
     return Multipliers((r / g, 1.0, b / g))
-
-
-def _history(camera: str, source: str, look: str, target: str, ev: float) -> str:
-    """What was done, in one line for the image's history."""
-    exposure = f", {ev:+g} EV" if ev else ""
-    return f"{camera}: {source} -> {look}: {target}{exposure}"
 
 
 def _attributes(look: CameraProfile, wanted: Selector, given: Selector | None = None) -> dict[str, object]:

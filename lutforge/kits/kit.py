@@ -22,24 +22,35 @@ Source = Literal["raw", "developed", "any"]
 class Look:
     """A camera's look: from what the profile was calibrated on, RAW or developed pictures, to the camera's JPEG.
 
-    render: that input, white-balanced, (…, 3) on [0, 1] → encoded sRGB. to_srgb: (3, 3), the same → linear sRGB.
-    multipliers: (3,), the white balance of the setting, times its gain. space: "raw", or the linear space of the
-    developed pictures. developer: the program that developed them, or "".
+    render: that input, white-balanced, (…, 3) on [0, 1] → encoded sRGB. multipliers: (3,), the white balance of the
+    setting, times its gain.
     """
 
     profile: CameraProfile
     style: str
     white_balance: str
     render: Callable[[Array], Array]
-    to_srgb: Array
     multipliers: Array
-    space: str = "raw"
-    developer: str = ""
 
     @property
     def camera(self) -> str:
         """The camera's name."""
         return self.profile.camera
+
+    @property
+    def to_srgb(self) -> Array:
+        """(3, 3): white-balanced input → linear sRGB."""
+        return self.profile.matrix
+
+    @property
+    def space(self) -> str:
+        """What the input is in: "raw", or the linear space of the developed pictures."""
+        return self.profile.raw_space
+
+    @property
+    def developer(self) -> str:
+        """The program that developed the pictures, or ""."""
+        return self.profile.developer
 
     @property
     def title(self) -> str:
@@ -84,16 +95,7 @@ def look_of(profile: CameraProfile, to: str) -> Look:
     def render(balanced: Array) -> Array:
         return rendering(np.asarray(balanced) / multipliers)
 
-    return Look(
-        profile=profile,
-        style=selector.style,
-        white_balance=str(selector.white_balance),
-        render=render,
-        to_srgb=profile.matrix,
-        multipliers=multipliers,
-        space=str(profile.options.get("raw_space") or "raw"),
-        developer=str(profile.options.get("developer") or ""),
-    )
+    return Look(profile, selector.style, str(selector.white_balance), render, multipliers)
 
 
 @dataclass(frozen=True)

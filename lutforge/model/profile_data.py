@@ -107,6 +107,16 @@ class ProfileData:
     raw_transfer: Array | None = None
     encoders: tuple[str, ...] = ()
 
+    @property
+    def developer(self) -> str:
+        """The program and version, or the pictures, that stood in the place of RAW; "" for RAW."""
+        return str(self.options.get("developer") or "")
+
+    @property
+    def raw_space(self) -> str:
+        """The linear space of the pictures in the place of RAW; "raw" for RAW."""
+        return str(self.options.get("raw_space") or "raw")
+
     def __post_init__(self) -> None:
         if not self.styles or not self.white_balances:
             raise ProfileError(f"{self.camera}: a profile needs at least one picture style and one white balance")

@@ -24,7 +24,6 @@ from lutforge.luts.steps import bake_steps
 from lutforge.luts.verify import FileError, compare, verify
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import check_output, one_of
-from lutforge.pipeline.sample_origin import developer_of, space_of
 from lutforge.pipeline.transforms import DescribedTransform, TransformRequest, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
 
@@ -86,7 +85,7 @@ def bake_files(
     _require_feeds(program, camera, chosen, wanted.target)
     named, notes = _files([path for path in paths if path not in camera_profiles], program, chosen.title, stages)
     kind = chosen.kind
-    ends = input_and_output_of(kind, space_of(camera) if chosen.space == "raw" else chosen.space)
+    ends = input_and_output_of(kind, camera.raw_space if chosen.space == "raw" else chosen.space)
     scenes = kind == "render" and chosen.space != "raw" and rgb_space(chosen.space).is_linear
     targets = [target_of(path, reader, size, method, scenes) for path, reader in named.items()]
     comments = (f"LutForge {__version__}", *ends.comments, *chosen.comments)
@@ -143,8 +142,8 @@ def _camera_profiles(
     """
     found = [path for path in dict.fromkeys(paths) if path.suffix.lower() == CAMERA_PROFILE]
     for path in found[:1]:
-        if developer_of(camera):
-            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {developer_of(camera)}")
+        if camera.developer:
+            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.developer}")
         if (chosen.kind, chosen.space) != ("render", "raw"):
             raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
         if program is not None and CAMERA_PROFILE not in program_named(program).reads:
@@ -157,7 +156,7 @@ def _require_feeds(program: str | None, camera: CameraProfile, chosen: Described
     if program is not None and chosen.kind == "render" and program_named(program).develops:
         word = program.lower()
         helps = f"make a kit for it, lutforge kit camera.npz --to {target} --for {word} -o kit"
-        if not developer_of(camera) and CAMERA_PROFILE not in program_named(program).reads:  # nor has it a kit of RAW
+        if not camera.developer and CAMERA_PROFILE not in program_named(program).reads:  # nor has it a kit of RAW
             helps = f"lutforge calibrate SHOT… --developer {word} -o developed.npz, then lutforge kit developed.npz"
         raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {helps}")
 

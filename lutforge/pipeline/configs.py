@@ -11,7 +11,7 @@ from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
 from lutforge.ocio.versions import losses, minor_version
 from lutforge.pipeline.outputs import check_output
-from lutforge.pipeline.sample_origin import developer_of, is_of_chart
+from lutforge.pipeline.sample_origin import is_of_chart
 from lutforge.progress import Progress, silent, telling_of_compilation
 
 
@@ -49,9 +49,9 @@ def write_checked_config(
     check_output(output if archive else output / CONFIG_NAME, inputs=inputs)
     loaded = [as_profile(profile) for profile in profiles]
     for profile in loaded:
-        if developer_of(profile) and not is_of_chart(profile):
+        if profile.developer and not is_of_chart(profile):
             raise ConfigError(
-                f"{profile.camera}: the profile is of {developer_of(profile)}; a config needs one of RAW files, "
+                f"{profile.camera}: the profile is of {profile.developer}; a config needs one of RAW files, "
                 "lutforge calibrate SHOT… -o camera.npz"
             )
     with telling_of_compilation(progress) as telling:

@@ -9,7 +9,6 @@ from lutforge.developers.rawtherapee import RawTherapee
 from lutforge.errors import SettingsError, ShotError
 from lutforge.images.development import Development
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.sample_origin import developer_of
 from lutforge.pipeline.sampling import RawSubstitute, SampledShots, sample_each
 from lutforge.progress import Progress, silent
 from lutforge.shots.pair import read_pair
@@ -63,7 +62,7 @@ def raw_substitute(
 
 def raw_substitute_of(profile: CameraProfile) -> RawSubstitute | None:
     """What stands in the place of RAW for a profile: what its program develops. None for RAW, or exported pictures."""
-    program = developer_of(profile).split(" ")[0]
+    program = profile.developer.split(" ")[0]
     return raw_substitute(program) if program in DEVELOPERS else None
 
 

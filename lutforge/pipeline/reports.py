@@ -8,7 +8,7 @@ from pathlib import Path
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.raw_substitutes import raw_substitute_of
-from lutforge.pipeline.sample_origin import developer_of, require_same_origin
+from lutforge.pipeline.sample_origin import require_same_origin
 from lutforge.pipeline.sampling import SampledShots, gather_samples
 from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.report.compare import build_comparison
@@ -46,7 +46,7 @@ def report(
                 camera,
                 with_setting_names(sampled.samples),
                 sampled.shots,
-                {} if developer_of(camera) else sampled.files,  # the maps show camera RAW
+                {} if camera.developer else sampled.files,  # the maps show camera RAW
                 part(telling, 0.0, 0.7),
             )
     if output is not None:

@@ -21,28 +21,18 @@ def origin_of(samples: SampleSet) -> dict[str, str]:
     return {"raw_space": space, "developer": developer} if space else {}
 
 
-def developer_of(profile: CameraProfile) -> str:
-    """The program and version, or the pictures, that stood in the place of RAW; empty for RAW."""
-    return str(profile.options.get("developer") or "")
-
-
 def is_of_chart(profile: CameraProfile) -> bool:
     """True where the known colours of a chart stood in the place of RAW: an input transform of a camera without RAW."""
-    return developer_of(profile).startswith(CHART)
-
-
-def space_of(profile: CameraProfile) -> str:
-    """The linear space of the pictures in the place of RAW; "raw" for RAW."""
-    return str(profile.options.get("raw_space") or "raw")
+    return profile.developer.startswith(CHART)
 
 
 def require_same_origin(profile: CameraProfile, samples: SampleSet) -> None:
     """Raise CalibrationError, with what helps, where samples are not of what a profile was calibrated on."""
     given = origin_of(samples)
-    if space_of(profile) != given.get("raw_space", "raw"):
-        option = "--developed DIR --developed-space SPACE " if developer_of(profile) else ""
+    if profile.raw_space != given.get("raw_space", "raw"):
+        option = "--developed DIR --developed-space SPACE " if profile.developer else ""
         raise CalibrationError(
-            f"the profile is of {developer_of(profile) or 'RAW files'}, the samples are of "
+            f"the profile is of {profile.developer or 'RAW files'}, the samples are of "
             f"{given.get('developer', 'RAW files')}: sample what the profile is of, lutforge sample SHOT… {option}"
             "-o samples.csv"
         )

@@ -14,7 +14,6 @@ from lutforge.model.raw_transfer import chained, load_transfer
 from lutforge.model.response_profile import is_response_alone
 from lutforge.model.transform import Transform
 from lutforge.pipeline.outputs import one_of
-from lutforge.pipeline.sample_origin import developer_of
 
 KINDS = ("render", "linearize", "refinish", "match")
 
@@ -121,7 +120,7 @@ def choose_transform(camera: CameraProfile, wanted: TransformRequest) -> Describ
 
 def _fed_to(camera: CameraProfile) -> str:
     """What a render of a profile takes: "raw", or the space in which pictures in the place of RAW were encoded."""
-    pictures = re.fullmatch(r"pictures in (\S+)", developer_of(camera))
+    pictures = re.fullmatch(r"pictures in (\S+)", camera.developer)
     return pictures[1] if pictures and not rgb_space(pictures[1]).is_linear else "raw"
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import panel as pn
 
 from lutforge.errors import SettingsError
-from lutforge.model.camera_profile import CameraProfile, match
+from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import NAMED_KELVIN, temperature_range
 from lutforge.progress import silent
 from lutforge.settings import Selector
@@ -18,6 +18,7 @@ from lutforge.studio.photographs import (
     IMAGE_SUFFIXES,
     Photograph,
     bake_all,
+    change_of,
     coverage_lut,
     graded,
     grades_of,
@@ -212,8 +213,7 @@ class LookPage:
 
     def _slow_steps(self, look: ChosenLook) -> tuple[Any, ...]:
         profile = self.session.profile
-        given, wanted = profile.selector(look.source), profile.selector(look.target)
-        return grades_of(profile).slow_steps(match(profile, given, profile, wanted, look.ev))
+        return grades_of(profile).slow_steps(change_of(profile, look).transform)
 
     def _grade(self) -> None:
         """The photograph as the controls say."""

@@ -10,6 +10,7 @@ from PIL import Image
 
 from lutforge.apply.baked_grades import BakedGrades
 from lutforge.apply.blocks import apply_to_pixels
+from lutforge.apply.setting_change import SettingChange
 from lutforge.apply.source_settings import choose_camera, source_selector
 from lutforge.boundary import reading
 from lutforge.errors import ImageError, SettingsError
@@ -76,12 +77,17 @@ def grades_of(profile: CameraProfile) -> BakedGrades:
     return BakedGrades()
 
 
+def change_of(profile: CameraProfile, look: ChosenLook) -> SettingChange:
+    """What a look changes. Raises SettingsError."""
+    return SettingChange(profile, profile.selector(look.source), profile, profile.selector(look.target), look.ev)
+
+
 def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
     """The LUT that `apply` grades with; None where the look changes nothing. Raises SettingsError."""
-    given, wanted = profile.selector(look.source), profile.selector(look.target)
-    if not look.ev and str(given) == str(wanted):
+    change = change_of(profile, look)
+    if not look.ev and str(change.given) == str(change.wanted):
         return None
-    return grades_of(profile).refinish(profile, given, profile, wanted, look.ev)
+    return grades_of(profile).refinish(change)
 
 
 def bake_all(steps: tuple[Transform, ...], progress: Progress) -> tuple[Lut, ...]:

@@ -13,6 +13,7 @@ from lutforge.apply.baked_grades import BakedGrades
 from lutforge.apply.batch import apply_batch
 from lutforge.apply.candidates import candidate_sheet
 from lutforge.apply.profile_recipe import ProfileRecipe
+from lutforge.apply.setting_change import SettingChange
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer
 from lutforge.errors import ProfileError, SettingsError
@@ -130,9 +131,8 @@ def test_every_pair_of_settings_on_a_scene_that_was_held_out(
         for target in settings:
             if source != target:
                 recipe = ProfileRecipe((folder / "camera.npz",), "/".join(source), "/".join(target))
-                chain = recipe.chain(
-                    profile, profile.selector("/".join(source)), profile, profile.selector("/".join(target))
-                )
+                given, wanted = (profile.selector("/".join(setting)) for setting in (source, target))
+                chain = recipe.chain(SettingChange(profile, given, profile, wanted))
                 assert sum(isinstance(op, Cube) for op in chain.ops) == 2
                 after = evaluate(chain.processor(), pictures[source])
                 errors[source, target] = error(pictures[source], after, pictures[target])
@@ -219,7 +219,8 @@ def test_clipped_whites_and_blacks_stay_neutral_and_are_counted(
     greys = render(np.linspace(0.0, 1.0, 4097)[:, None].repeat(3, axis=1))
     for ev in (-1.0, 0.0, 1.0):
         recipe = ProfileRecipe((folder / "camera.npz",), "standard/tungsten", "vivid/shade", ev)
-        chain = recipe.chain(profile, profile.selector("standard/tungsten"), profile, profile.selector("vivid/shade"))
+        given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/shade")
+        chain = recipe.chain(SettingChange(profile, given, profile, wanted, ev))
         white, black = evaluate(chain.processor(), np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]))
         assert np.linalg.norm(greys - white, axis=1).min() < 0.001  # one of the greys that the camera makes
         assert np.all(black == 0.0)
@@ -244,7 +245,7 @@ def test_the_mask_of_a_camera_without_raw_is_that_of_the_same_lattices(profile: 
     codes = np.random.default_rng(2).random((500, 3))
     given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/shade")
     one, other = (
-        evaluate(BakedGrades().confidence(camera, given, camera, wanted, 0.0, None), codes)
+        evaluate(BakedGrades().confidence(SettingChange(camera, given, camera, wanted)), codes)
         for camera in (profile, without)
     )
     np.testing.assert_allclose(other, one, atol=1e-6)
