@@ -140,7 +140,7 @@ def _fit_styles(
     def prepare(fold: StyleData) -> None:
         with suppress(CalibrationError):  # the fit without its shots tells it
             for inverse in (False, True) if options.model == "lattice" else ():
-                fold.guess(options.size, inverse=inverse)
+                fold.prior_mean(options.size, inverse=inverse)
 
     progress(f"fitting {', '.join(data)}", 0.0)
     folds = [fold for style in data.values() if len(style.folds) > 1 for _, fold in style.folds]

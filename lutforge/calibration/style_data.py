@@ -38,15 +38,19 @@ class StyleData:
         """The matrix and response that the lattices follow where there are no samples. Raises CalibrationError."""
         return self.given or fit_matrix_and_response(self.balanced, self.encoded)
 
-    def guess(self, size: int, *, inverse: bool) -> Continuation:
-        """What a lattice of `size` nodes per axis follows where it has no samples; made once.
+    def pairs(self, *, inverse: bool) -> tuple[Array, Array]:
+        """What a lattice takes and gives at the samples, each (n, 3). inverse: it linearizes."""
+        return (self.encoded, self.balanced) if inverse else (self.balanced, self.encoded)
+
+    def prior_mean(self, size: int, *, inverse: bool) -> Continuation:
+        """What a lattice of `size` nodes per axis follows where it has no samples; made when it is first asked for.
 
         Raises CalibrationError.
         """
-        if (size, inverse) not in self._guesses:
-            x, y = (self.encoded, self.balanced) if inverse else (self.balanced, self.encoded)
-            self._guesses[size, inverse] = continuation(self.base, x, y, inverse=inverse, size=size)
-        return self._guesses[size, inverse]
+        if (size, inverse) not in self._prior_means:
+            pairs = self.pairs(inverse=inverse)
+            self._prior_means[size, inverse] = continuation(self.base, *pairs, inverse=inverse, size=size)
+        return self._prior_means[size, inverse]
 
     @cached_property
     def folds(self) -> list[tuple[Mask, "StyleData"]]:
@@ -54,7 +58,7 @@ class StyleData:
         return [(mask, self.select(~mask)) for mask in leave_groups_out(self.shot)]
 
     @cached_property
-    def _guesses(self) -> dict[tuple[int, bool], Continuation]:
+    def _prior_means(self) -> dict[tuple[int, bool], Continuation]:
         return {}
 
     def select(self, rows: Mask) -> "StyleData":

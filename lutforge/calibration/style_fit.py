@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.continuation import Continuation
 from lutforge.calibration.lattice.fit import fit_samples
 from lutforge.calibration.lattice.likely_scenes import rendered_scenes
 from lutforge.calibration.lattice.monochrome import inverse_of_greys
@@ -37,7 +36,7 @@ def fit_style(data: StyleData, options: CalibrationOptions) -> StyleFit:
     """Fit both lattices of a style."""
     render = fit_render(data, options)
     linearize = fit_linearize(data, options, render)
-    return StyleFit(data.guess(options.size, inverse=False).base, render, linearize)
+    return StyleFit(data.prior_mean(options.size, inverse=False).base, render, linearize)
 
 
 def fit_render(
@@ -52,9 +51,7 @@ def fit_render(
 
     smoothness: λ_S; like: a fit of the style, whose λ_S and node levels are taken; without either they are searched.
     """
-    return _fit(
-        data, options, data.guess(options.size, inverse=False), smoothness=smoothness, like=like, tolerance=tolerance
-    )
+    return _fit(data, options, inverse=False, smoothness=smoothness, like=like, tolerance=tolerance)
 
 
 def fit_linearize(
@@ -76,26 +73,25 @@ def fit_linearize(
     points = None
     if options.preset != "thesis":
         points = rendered_scenes(render.lattice, data.balanced, min(4 * options.size**3, 20_000))
-    guess = data.guess(options.size, inverse=True)
-    return _fit(data, options, guess, points=points, smoothness=smoothness, like=like, tolerance=tolerance)
+    return _fit(data, options, inverse=True, points=points, smoothness=smoothness, like=like, tolerance=tolerance)
 
 
 def _fit(
     data: StyleData,
     options: CalibrationOptions,
-    guess: Continuation,
     *,
+    inverse: bool,
     points: tuple[Array, Array] | None = None,
     smoothness: float | None,
     tolerance: float | None,
-    like: LatticeResult | None = None,
+    like: LatticeResult | None,
 ) -> LatticeResult:
-    """Fit the lattice that follows a guess, in the direction of that guess."""
-    inverse = guess.curve is None
-    x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
+    """Fit the lattice of one direction."""
+    x, y = data.pairs(inverse=inverse)
+    prior_mean = data.prior_mean(options.size, inverse=inverse)
     return fit_samples(
-        x, y, data.shot, guess, options,
-        clips=not inverse, curve=guess.curve, points=points, smoothness=smoothness, like=like, tolerance=tolerance,
+        x, y, data.shot, prior_mean, options, clips=not inverse, curve=prior_mean.curve,
+        points=points, smoothness=smoothness, like=like, tolerance=tolerance,
     )  # fmt: skip
 
 
@@ -116,7 +112,7 @@ def uniform_lattice_errors(
     if inverse:
         fitted = fit_linearize(data, uniform, fitted, tolerance=MEASURING_TOLERANCE)
     lattice = fitted.lattice
-    x, y = (data.encoded, data.balanced) if inverse else (data.balanced, data.encoded)
+    x, y = data.pairs(inverse=inverse)
     return error_histogram(x, np.sum((lattice(x) - y) ** 2, axis=1))
 
 

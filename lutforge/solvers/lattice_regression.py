@@ -4,8 +4,8 @@ b̂ = argmin ‖Ω^½ (W b − y)‖² + λ_S ‖S (b − b₀)‖² + λ_T ‖T
             + λ_K (b − b₀)'K (b − b₀) + ‖Λ (b − b₀)‖²
 
 S is the second difference along each axis, T the mixed one across each pair of axes: together they smooth alike in all
-directions, a thin plate in index space. b₀ is a prior lattice that the result continues where no sample reaches, Λ² how
-firmly a node is held to it; without one b₀ = 0, which leaves the thesis's own objective (λ_T = Λ = 0). Solved is for
+directions, a thin plate in index space. b₀ is a prior mean that the result continues where no sample reaches, Λ² its
+weight at each node; without one b₀ = 0, which leaves the thesis's own objective (λ_T = Λ = 0). Solved is for
 b − b₀, from the samples' differences to the prior.
 """
 
@@ -26,20 +26,24 @@ from lutforge.solvers.stencil import from_planar, planar
 
 @dataclass(frozen=True)
 class Regularisation:
-    """The weights of the terms beside the data: λ_S, λ_T, λ_A, λ_K. The defaults are the thesis's (5.3)."""
+    """The weights of the terms beside the data. The defaults are the thesis's (5.3).
+
+    smoothness: λ_S, of second differences; mixed: λ_T, of mixed second differences; anchor: λ_A, of the boundary term;
+    thin_plate: λ_K.
+    """
 
     smoothness: float = 0.1
-    twist: float = 0.0
+    mixed: float = 0.0
     anchor: float = 0.01
     thin_plate: float = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """b₀ and Λ²: values (N_r, N_g, N_b, 3), hold (N_r, N_g, N_b, 3) ≥ 0."""
+    """A prior mean b₀ of the node values, and its weight Λ² ≥ 0, both (N_r, N_g, N_b, 3)."""
 
     values: Array
-    hold: Array
+    weight: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,19 +96,19 @@ def solve_lattice(
     most: iterations at most. Raises CalibrationError where they leave a residual far from the tolerance.
     """
     right = equations.right
-    anchor = np.zeros_like(right) if prior is None else prior.hold
+    anchor = np.zeros_like(right) if prior is None else prior.weight
     if regularisation.anchor:
         held, target = _boundary(right.shape, regularisation.anchor)
         right = right + held * (target if prior is None else target - prior.values)
         anchor = anchor + held
     offset = np.zeros_like(right) if prior is None else prior.values
-    smoothness, twist = regularisation.smoothness, regularisation.twist
-    multigrid = Multigrid(levels, equations.stencil, anchor, smoothness, twist)
+    smoothness, mixed = regularisation.smoothness, regularisation.mixed
+    multigrid = Multigrid(levels, equations.stencil, anchor, smoothness, mixed)
     operator: Operator = multigrid
     if (weight := regularisation.thin_plate) > 0:
         # In index space ∂²b/∂u² is twice S b, and K counts ∂²b/∂u∂v twice. With both in the preconditioner the
         # equations are solved where nothing else smooths, too (λ_S = 0).
-        like = Multigrid(levels, equations.stencil, anchor, smoothness + 4 * weight, twist + 2 * weight)
+        like = Multigrid(levels, equations.stencil, anchor, smoothness + 4 * weight, mixed + 2 * weight)
         operator = _WithThinPlate(multigrid, like, thin_plate(multigrid.size), weight)
     first = None if start is None else planar(start - offset)
     solution = conjugate_gradients(operator, planar(right), first, tolerance=tolerance, most=most)

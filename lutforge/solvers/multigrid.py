@@ -117,7 +117,7 @@ def _build(
     levels: Levels,
     stencil: Array,
     smoothness: float,
-    twist: float,
+    mixed: float,
     finest: Array,
     middle: Array,
 ) -> None:
@@ -138,7 +138,7 @@ def _build(
         if level > 0:
             mine, plane = np.zeros((COUPLINGS, (r + FAR) * g * b)), g * b
             own = _planar(anchor, table, level)[:, FAR * plane : (FAR + r) * plane].astype(np.float64)
-        couple(stencil, bends[level], slopes[level], masses[level], smoothness, twist, mine, own)
+        couple(stencil, bends[level], slopes[level], masses[level], smoothness, mixed, mine, own)
         couplings, diagonal = _couplings(lattices.couplings, table, level), _nodes(lattices.diagonal, table, level)
         damp(mine, own, steps(g, b), g * b, couplings, diagonal, _nodes(lattices.damping, table, level))
         if level < depth - 1:
@@ -209,7 +209,7 @@ class Multigrid:
         stencil: Array,
         anchor: Array,
         smoothness: float,
-        twist: float,
+        mixed: float,
         *,
         small: int = 30_000,
         nodes_per_thread: int = 15_000,
@@ -217,7 +217,7 @@ class Multigrid:
         """Build the operator on the lattice and on all coarser ones.
 
         stencil: the data term (14, N_r, N_g, N_b), which is not changed; anchor: (N_r, N_g, N_b, 3), added to the
-        diagonal; smoothness, twist: weights of the second differences and of the mixed ones.
+        diagonal; smoothness, mixed: weights of the second differences and of the mixed ones.
         small: lattices of fewer nodes are gone through in one compiled call, which rounds in its own way, however many
         threads there are; nodes_per_thread: with fewer the threads wait for each other longer than they work.
         """
@@ -241,7 +241,7 @@ class Multigrid:
         )
         diagonal = np.moveaxis(anchor, 3, 0).reshape(3, -1).copy()
         self._finest = np.zeros((COUPLINGS, (r + FAR) * g * b)), diagonal, steps(g, b), g * b
-        _build(self._lattices, levels, stencil, smoothness, twist, *self._finest[:2])
+        _build(self._lattices, levels, stencil, smoothness, mixed, *self._finest[:2])
         counts = table[:-1, :3].prod(axis=1)
         self._threads: list[int] = np.clip(counts // nodes_per_thread, 1, cores()).tolist()
         self._small, deepest = int(np.argmax(counts < small)), depth - 1

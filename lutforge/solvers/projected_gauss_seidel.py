@@ -38,7 +38,8 @@ def solve_bounded(
     none = np.zeros((0, 3, longest), dtype=np.int64), np.zeros((0, 3, 2, longest), dtype=np.float32)
     for axis, nodes in enumerate(levels):
         coarsen_axis(nodes, axis, *none, bends[None], slopes[None], masses[None])
-    couplings, diagonal = np.zeros((COUPLINGS, (r + FAR) * g * b)), np.moveaxis(prior.hold, 3, 0).reshape(3, -1).copy()
+    couplings = np.zeros((COUPLINGS, (r + FAR) * g * b))
+    diagonal = np.moveaxis(prior.weight, 3, 0).reshape(3, -1).copy()
     couple(equations.stencil, bends, slopes, masses, smoothness, smoothness, couplings, diagonal)
     difference = planar(np.clip(start, *bounds) - prior.values)
     offset, right = planar(prior.values), planar(equations.right)

@@ -60,7 +60,7 @@ def couple(
     slopes: Array,
     masses: Array,
     smoothness: float,
-    twist: float,
+    mixed: float,
     couplings: Array,
     diagonal: Array,
 ) -> None:
@@ -81,12 +81,12 @@ def couple(
             for t in range(14):  # 0 is the node itself
                 dr, dg, db = (t + 13) // 9 - 1, (t + 13) // 3 % 3 - 1, (t + 13) % 3 - 1
                 sr, sg = slopes[0, i, dr + 1], slopes[1, j, dg + 1]
-                even = twist * sr * sg if db == 0 else 0.0
+                even = mixed * sr * sg if db == 0 else 0.0
                 if dg == 0 and db == 0:
                     even += smoothness * bends[0, i, dr] * mg
                 if dr == 0 and db == 0:
                     even += smoothness * bends[1, j, dg] * mr
-                sloped = twist * ((sr * mg if dg == 0 else 0.0) + (mr * sg if dr == 0 else 0.0))
+                sloped = mixed * ((sr * mg if dg == 0 else 0.0) + (mr * sg if dr == 0 else 0.0))
                 bent = smoothness * mr * mg if dr == 0 and dg == 0 else 0.0
                 to = shared if t == 0 else couplings[t - 1, start : start + nb]
                 data, slope, bend = stencil[t, i, j], slopes[2, :nb, db + 1], bends[2, :nb, max(db, 0)]

@@ -60,14 +60,14 @@ def test_prior_weights_and_mixed_differences(method: Interpolation) -> None:
     levels = random_levels(rng, size)
     x, y, omega = rng.random((250, 3)), rng.random((250, 3)), rng.random(250)
     prior = Prior(rng.random((*size, 3)), rng.random((*size, 3)) * (rng.random((*size, 3)) > 0.8))
-    terms = Regularisation(smoothness=0.02, twist=0.03, anchor=0.0, thin_plate=0.0)
+    terms = Regularisation(smoothness=0.02, mixed=0.03, anchor=0.0, thin_plate=0.0)
     found = fit_lattice(x, y, levels, terms, method=method, weight=omega, prior=prior, tolerance=1e-12)
 
     weights = interpolation_weights(x, levels, method)
     s, t = second_differences(levels), mixed_differences(size)
     smooth = 0.02 * s.T @ s + 0.03 * t.T @ t
     for c in range(3):
-        hold, b0 = prior.hold[..., c].ravel(), prior.values[..., c].ravel()
+        hold, b0 = prior.weight[..., c].ravel(), prior.values[..., c].ravel()
         matrix = weights.T @ (omega[:, None] * weights) + smooth + np.diag(hold)
         wanted = np.linalg.solve(matrix, weights.T @ (omega * y[:, c]) + (smooth + np.diag(hold)) @ b0)
         np.testing.assert_allclose(found.values[..., c].ravel(), wanted, atol=1e-8)
@@ -79,7 +79,7 @@ def test_a_linear_function_is_found_exactly_and_continued() -> None:
     levels = random_levels(rng, (17, 17, 17))
     matrix, offset = rng.normal(size=(3, 3)), rng.normal(size=3)
     x = rng.random((500, 3)) * 0.3
-    terms = Regularisation(smoothness=1e-3, twist=1e-3, anchor=0.0, thin_plate=0.0)
+    terms = Regularisation(smoothness=1e-3, mixed=1e-3, anchor=0.0, thin_plate=0.0)
     fit = fit_lattice(x, x @ matrix.T + offset, levels, terms, tolerance=1e-12)
     np.testing.assert_allclose(predict(fit, x), x @ matrix.T + offset, atol=1e-7)
     np.testing.assert_allclose(fit.values, grid(levels) @ matrix.T + offset, atol=1e-3)

@@ -26,7 +26,7 @@ def problem(size: tuple[int, int, int]) -> tuple[NormalEquations, Levels, Prior]
 
 
 def free(equations: NormalEquations, levels: Levels, prior: Prior) -> Array:
-    regularisation = Regularisation(SMOOTHNESS, twist=SMOOTHNESS, anchor=0.0, thin_plate=0.0)
+    regularisation = Regularisation(SMOOTHNESS, mixed=SMOOTHNESS, anchor=0.0, thin_plate=0.0)
     return solve_lattice(equations, levels, regularisation, prior=prior, tolerance=1e-10).values
 
 

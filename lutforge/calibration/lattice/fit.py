@@ -13,9 +13,9 @@ from lutforge.arrays import Array
 from lutforge.calibration.lattice.output_curve import OutputCurve
 from lutforge.calibration.lattice.plain import fit_plain
 from lutforge.calibration.lattice.problem import (
-    Guess,
     LatticeProblem,
     PlacedProblem,
+    PriorMean,
     curve_weights,
     outlier_weights,
     search_rows,
@@ -44,7 +44,7 @@ def choose_smoothness(
     masks = masks[: 1 if problem.options.size < SEARCH_SIZE else 2]
     if not masks:
         return options.smoothness
-    tests = [problem.select(mask, problem.guess).at(levels) for mask in masks]
+    tests = [problem.select(mask, problem.prior_mean).at(levels) for mask in masks]
     others = problem.leave_out(masks)
     trains = [(train if points is None else train.with_points(*points)).at(levels) for train in others]
     sure = np.ones(0 if points is None else len(points[0]))
@@ -72,7 +72,7 @@ def fit_samples(
     x: Array,
     y: Array,
     groups: NDArray[np.str_],
-    guess: Guess,
+    prior_mean: PriorMean,
     options: CalibrationOptions,
     *,
     clips: bool,
@@ -84,10 +84,10 @@ def fit_samples(
 ) -> LatticeResult:
     """Fit a lattice to samples x (n, 3) → y (n, 3), both in [0, 1]; groups (n,): the shot of each sample.
 
-    clips: the camera clips in this direction (render), so values that the guess clips are held there, and the thesis's
-    boundary term applies. curve: what comes behind the cube, in the output's encoding; errors count after it. With
-    options.output_curve off, the result is the plain form of that fit.
-    points: x and y (m, 3) that the lattice follows beside the samples.
+    prior_mean: what the lattice follows where it has no samples. clips: the camera clips in this direction (render), so
+    values that the prior mean clips are held there, and the thesis's boundary term applies. curve: what comes behind
+    the cube, in the output's encoding; errors count after it. With options.output_curve off, the result is the plain
+    form of that fit. points: x and y (m, 3) that the lattice follows beside the samples.
     smoothness: λ_S where it is known already; else it is cross-validated over the groups. like: a fit to samples of the
     same camera, whose λ_S and node levels are taken; nothing is searched then.
     tolerance: relative residual of the last solve; that of the options where None.
@@ -97,9 +97,9 @@ def fit_samples(
     target = y if curve is None else curve.to_values(y)
     weight = np.ones(len(x)) if curve is None else curve_weights(curve, y)
     begin = options.lattice.smoothness if smoothness is None else smoothness
-    problem = LatticeProblem(x, y, target, weight, guess, options, clips, begin, curve)
+    problem = LatticeProblem(x, y, target, weight, prior_mean, options, clips, begin, curve)
     rows = search_rows(len(x), options.size)
-    search = problem if len(rows) == len(x) else problem.select(rows, guess)
+    search = problem if len(rows) == len(x) else problem.select(rows, prior_mean)
     levels = search.levels(min(SEARCH_SIZE, options.size)) if like is None else like.lattice.levels
     if like is not None:
         chosen = like.smoothness
@@ -111,7 +111,7 @@ def fit_samples(
     if points is not None:
         problem = problem.with_points(*points)
         rows = search_rows(len(problem.x), options.size)
-        search = problem if len(rows) == len(problem.x) else problem.select(rows, guess)
+        search = problem if len(rows) == len(problem.x) else problem.select(rows, prior_mean)
         levels = search.levels(min(SEARCH_SIZE, options.size)) if like is None else levels
     found = _search(search, levels) if like is None else _fit_at(search, levels)
     lattice = _final_fit(problem, found, tolerance)

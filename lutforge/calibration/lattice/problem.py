@@ -51,8 +51,8 @@ def search_rows(count: int, size: int) -> NDArray[np.intp]:
     return np.random.default_rng(0).choice(count, most, replace=False, shuffle=False)
 
 
-Guess = Callable[[Array], Array]
-"""What the lattice should be where there are no samples: node positions (…, 3) → values (…, 3)."""
+PriorMean = Callable[[Array], Array]
+"""What a lattice should be where there are no samples: node positions (…, 3) → values (…, 3)."""
 
 GREY = np.linspace(0.0, 1.0, 257)[:, None].repeat(3, axis=1)
 
@@ -62,32 +62,37 @@ class LatticeProblem:
     """What stays the same while node levels and weights are searched, for n samples.
 
     x, y: (n, 3); target: what the cube should give, (n, 3); weight: how much its error counts behind the curve, (n,);
-    guess: what the lattice follows elsewhere; clips: the camera clips in this direction, as in a render; smoothness:
-    λ_S, stated for SEARCH_SIZE nodes; curve: the output curve behind the cube, or none.
+    prior_mean: what the lattice follows elsewhere; clips: the camera clips in this direction, as in a render;
+    smoothness: λ_S, stated for SEARCH_SIZE nodes; curve: the output curve behind the cube, or none.
     """
 
     x: Array
     y: Array
     target: Array
     weight: Array
-    guess: Guess
+    prior_mean: PriorMean
     options: CalibrationOptions
     clips: bool
     smoothness: float
     curve: OutputCurve | None
 
     def leave_out(self, held: list[Mask]) -> "list[LatticeProblem]":
-        """Return, for each mask, the problem of all other samples, with a guess that has not seen those of the mask."""
-        if isinstance(self.guess, Continuation):
-            guesses: list[Guess] = [*self.guess.leave_out(self.x, self.y, held)]
+        """Return, for each mask, the problem of all other samples, with a prior mean that has not seen those."""
+        if isinstance(self.prior_mean, Continuation):
+            means: list[PriorMean] = [*self.prior_mean.leave_out(self.x, self.y, held)]
         else:
-            guesses = [self.guess] * len(held)
-        return [self.select(~mask, guess) for mask, guess in zip(held, guesses, strict=True)]
+            means = [self.prior_mean] * len(held)
+        return [self.select(~mask, mean) for mask, mean in zip(held, means, strict=True)]
 
-    def select(self, rows: NDArray[np.intp] | Mask, guess: Guess) -> "LatticeProblem":
-        """The problem of some of the samples, with another guess."""
+    def select(self, rows: NDArray[np.intp] | Mask, prior_mean: PriorMean) -> "LatticeProblem":
+        """The problem of some of the samples, with another prior mean."""
         return replace(
-            self, x=self.x[rows], y=self.y[rows], target=self.target[rows], weight=self.weight[rows], guess=guess
+            self,
+            x=self.x[rows],
+            y=self.y[rows],
+            target=self.target[rows],
+            weight=self.weight[rows],
+            prior_mean=prior_mean,
         )
 
     def with_points(self, points: Array, values: Array) -> "LatticeProblem":
@@ -112,18 +117,18 @@ class LatticeProblem:
 
     @cached_property
     def first_robust(self) -> Array:
-        """(n,): robust weights before any lattice is fitted, from the guess, which no stray sample bends."""
-        return outlier_weights(squares(np.clip(self.guessed, 0.0, 1.0) - self.y), self.options.lattice)
+        """(n,): robust weights before any lattice is fitted, from the prior mean, which no stray sample bends."""
+        return outlier_weights(squares(np.clip(self.prior_at_samples, 0.0, 1.0) - self.y), self.options.lattice)
 
     @cached_property
-    def guessed(self) -> Array:
-        """(n, 3): the guess at the samples."""
-        return self.guess(self.x)
+    def prior_at_samples(self) -> Array:
+        """(n, 3): the prior mean at the samples."""
+        return self.prior_mean(self.x)
 
     @cached_property
     def grey(self) -> Array:
-        """What the cube should give on GREY: neutral, as bright as the guess makes it on average."""
-        values = np.clip(self.guess(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
+        """What the cube should give on GREY: neutral, as bright as the prior mean has it on average."""
+        values = np.clip(self.prior_mean(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
         return values if self.curve is None else self.curve.to_values(values)
 
     @property
@@ -136,9 +141,9 @@ class LatticeProblem:
         return PlacedProblem(self, levels, InterpolationMatrix(self.x, levels, self.options.interpolation))
 
     def levels(self, size: int) -> Levels:
-        """Choose node levels by rounds of equidistribution of what the guess loses between nodes; keep the best round.
+        """Choose node levels by rounds of equidistribution of what the prior mean loses between nodes; keep the best.
 
-        The guess has no noise, and no lattice has to be fitted to tell where it bends. They begin even to the eye.
+        The prior mean has no noise, and no lattice has to be fitted to tell where it bends. They begin even to the eye.
         """
         even = np.linspace(0.0, 1.0, size)
         start = even if self.curve is None else from_even(even, OFFSET)
@@ -169,21 +174,21 @@ class PlacedProblem:
 
     @cached_property
     def prior(self) -> Prior:
-        """The guess at the nodes, and how firmly they are held to it."""
+        """The prior mean at the nodes, and its weight there."""
         problem, positions = self.problem, grid(self.levels)
         if problem.curve is None:
-            values = np.clip(problem.guess(positions), 0.0, 1.0)
-        elif isinstance(problem.guess, Continuation):
-            values = np.clip(problem.guess.values(positions), -1.0, 2.0)  # the curve clamps to [0, 1]
+            values = np.clip(problem.prior_mean(positions), 0.0, 1.0)
+        elif isinstance(problem.prior_mean, Continuation):
+            values = np.clip(problem.prior_mean.values(positions), -1.0, 2.0)  # the curve clamps to [0, 1]
         else:
-            values = problem.curve.to_values(np.clip(problem.guess(positions), 0.0, 1.0))
-        hold, firm = np.full_like(values, problem.options.lattice.prior_weight), 1e3
-        values[0, 0, 0], hold[0, 0, 0] = 0.0, firm  # no sample can lie there, nor where the camera clips all channels
+            values = problem.curve.to_values(np.clip(problem.prior_mean(positions), 0.0, 1.0))
+        weight, firm = np.full_like(values, problem.options.lattice.prior_weight), 1e3
+        values[0, 0, 0], weight[0, 0, 0] = 0.0, firm  # no sample can lie there, nor where the camera clips all channels
         if problem.clips:
             # Behind a curve white may lie beyond 1: the cube need not turn back to it.
             values[-1, -1, -1] = 1.0 if problem.curve is None else np.maximum(values[-1, -1, -1], 1.0)
-            hold[-1, -1, -1] = firm
-        return Prior(values, hold)
+            weight[-1, -1, -1] = firm
+        return Prior(values, weight)
 
     @cached_property
     def _grey(self) -> InterpolationMatrix:
@@ -197,7 +202,7 @@ class PlacedProblem:
     def with_grey(
         self, equations: NormalEquations, values: Array | None = None, weight: Array | None = None
     ) -> NormalEquations:
-        """Add values on the grey axis, (257, 3), with weights (257,): by default the guess's, and the option's."""
+        """Add values on the grey axis, (257, 3), with weights (257,): by default the prior mean's, and the option's."""
         values = self.problem.grey if values is None else values
         weight = self.problem.grey_weight if weight is None else weight
         return equations + self._grey.normal_equations(values - self._grey @ self.prior.values, weight)
@@ -207,7 +212,7 @@ class PlacedProblem:
     ) -> LatticeFit:
         """Solve the equations at these levels. smoothness: λ_S, stated for SEARCH_SIZE nodes."""
         smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
-        regularisation = Regularisation(smoothness, twist=smoothness, anchor=0.0, thin_plate=0.0)
+        regularisation = Regularisation(smoothness, mixed=smoothness, anchor=0.0, thin_plate=0.0)
         return solve_lattice(equations, self.levels, regularisation, prior=prior, start=start, tolerance=tolerance)
 
     def moved(self, fit: LatticeFit) -> LatticeFit:
@@ -258,8 +263,8 @@ class PlacedProblem:
         return squares(self._output(fit.values) - self.problem.y)
 
     def lost(self) -> Array:
-        """Return the squared errors (n,) of the guess interpolated between these nodes, times the robust weights."""
-        return self.problem.first_robust * squares(self._output(self.prior.values) - self.problem.guessed)
+        """Return the squared errors (n,) of the prior mean interpolated between nodes, times the robust weights."""
+        return self.problem.first_robust * squares(self._output(self.prior.values) - self.problem.prior_at_samples)
 
     def _output(self, values: Array) -> Array:
         """(n, 3): what node values make of the samples, behind the curve."""
