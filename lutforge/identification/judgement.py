@@ -11,6 +11,7 @@ from lutforge.errors import ProfileError
 from lutforge.identification.evidence import Explained, PictureEvidence, explain
 from lutforge.identification.noise_tally import TO_YCC
 from lutforge.identification.rendering import Rendering
+from lutforge.solvers.blas import one_blas_thread
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ class Judgement:
         }
 
 
+@one_blas_thread
 def judge(picture: PictureEvidence, known: Sequence[Rendering], options: JudgementOptions | None = None) -> Judgement:
     """Weigh the renderings. Raises ProfileError where there is none."""
     if not known:

@@ -29,32 +29,38 @@ def compile_ahead() -> None:
 def compile_all() -> None:
     """Compile all kernels that sampling, calibration, baking and configs need; those of the lattice fit first.
 
-    These take the longest, and whoever began this process begins with the others.
+    These take the longest. Those of sampling come last: whoever began this process compiles them itself meanwhile.
     """
     from lutforge.calibration.options import CalibrationOptions
+    from lutforge.colour.srgb import srgb_encode
     from lutforge.inverse.linearization import InverseOptions
     from lutforge.ocio.config import config_luts
     from lutforge.pipeline.baking import bake_files
     from lutforge.pipeline.calibration import calibrate
     from lutforge.pipeline.sampling import sample
     from lutforge.pipeline.transforms import TransformRequest
+    from lutforge.samples.sample_set import SampleSet
     from lutforge.simulate.camera import nikon_d5100
     from lutforge.simulate.photograph import CameraSettings, photograph
     from lutforge.simulate.scenes import SCENES
     from lutforge.solvers.lattice_regression import Regularisation, fit_lattice
 
-    colours = np.random.default_rng(0).random((100, 3))
-    fit_lattice(colours, colours, (np.linspace(0, 1, 5),) * 3, Regularisation(thin_plate=0.0))
+    count, rng = 120, np.random.default_rng(0)
+    raw = rng.uniform(0.01, 0.9, (count, 3))
+    fit_lattice(raw, raw, (np.linspace(0, 1, 5),) * 3, Regularisation(thin_plate=0.0))
+    name, style, balance = (np.full(count, word) for word in ("camera", "standard", "daylight"))
+    shots = np.array([f"shot {number % 3}" for number in range(count)])
+    jpeg, gains = srgb_encode(raw), np.ones((count, 3))
+    samples = SampleSet(name, style, balance, shots, shots, np.ones(count), raw, jpeg, gains, name)
+    profile = calibrate(samples, CalibrationOptions(size=5))
+    wanted = TransformRequest("refinish", "standard/daylight", "standard/daylight", 1.0)
     camera = nikon_d5100()
+    settings = CameraSettings("standard", "daylight", camera.nominal_exposure_s)
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        for number in range(3):
-            settings = CameraSettings("standard", "daylight", camera.nominal_exposure_s * 2.0**-number)
-            photograph(camera, SCENES["still-life"](404, 608, number), settings, folder, f"{number}")
-        profile = calibrate(sample(folder), CalibrationOptions(size=5))
-        wanted = TransformRequest("refinish", "standard/daylight", "standard/daylight", 1.0)
         bake_files(profile, wanted, [folder / "baked.clf", folder / "baked.cube"], size=5)
         config_luts([profile], InverseOptions(size=9))
+        sample(photograph(camera, SCENES["still-life"](404, 608, 0), settings, folder, "shot").dng)
     mark = _compiled_mark()
     if mark is not None:
         mark.touch()
