@@ -97,3 +97,14 @@ def test_its_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     assert names["image"].shape == (4, 5, 3)
     assert (tmp_path / "fix.clf").stat().st_size > 0
     assert (tmp_path / "camera.npz").stat().st_size > 0
+
+
+def test_the_python_of_getting_started_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (ROOT / "examples" / "guide" / "getting_started.md").read_text(encoding="utf-8")
+    code = page.split("```python\n", 1)[1].split("```", 1)[0]
+    raw = np.random.default_rng(3).uniform(0.02, 0.5, (240, 3))
+    monkeypatch.chdir(tmp_path)
+    names = {"raw": raw, "srgb": np.sqrt(raw), "shot": np.repeat(["a", "b", "c"], 80)}
+    exec(code, names)
+    assert names["light"].shape == (240, 3)
+    assert lf.load_profile("camera.npz").camera == "My camera"

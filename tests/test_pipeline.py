@@ -107,3 +107,17 @@ def test_a_held_out_shot_is_told_from_one_that_was_calibrated_from() -> None:
     assert {row.shot for row in mine} == {"s0", "s1", "s2"}
     assert all(row.held_out for row in mine)
     assert all(row.figures.mean < 0.02 for row in mine)
+
+
+def test_what_is_neither_samples_nor_paths_is_refused_in_one_line() -> None:
+    with pytest.raises(SampleError, match="not samples: give a SampleSet"):
+        lf.calibrate(np.zeros((3, 3)))  # type: ignore[arg-type]
+
+
+def test_records_print_without_their_arrays() -> None:
+    rng = np.random.default_rng(4)
+    raw = rng.uniform(0.02, 0.5, (120, 3))
+    samples = lf.SampleSet.from_arrays(raw, np.sqrt(raw), camera="Made up", shot=np.repeat(["a", "b"], 60))
+    profile = lf.calibrate(samples, lf.CalibrationOptions(size=5))
+    assert repr(profile) == "CameraProfile(Made up: styles standard; white balances auto)"
+    assert "array(" not in repr(lf.evaluate(profile, samples))

@@ -77,7 +77,8 @@ def source_selector(
     told = f'its white balance is "{settings.white_balance}"'
     raise SettingsError(
         f"{path}: {told if settings.white_balance != 'unknown' else 'the file does not tell its white balance'}, "
-        f"without multipliers; name it with --from {style}/WB, where {camera.camera} has {_balances(camera)}, "
+        f"without multipliers; name it with --from, of {camera.camera} "
+        f"{' or '.join(f'{style}/{name}' for name in sorted(camera.white_balances))}, "
         f"or find it with --candidates sheet.jpg{ASK_PIXELS if settings.white_balance == 'unknown' else ''}"
     )
 

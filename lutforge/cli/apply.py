@@ -47,11 +47,13 @@ def apply(
     ] = None,
     suffix: Annotated[str | None, typer.Option(help="Another format for the output, such as .png or .exr.")] = None,
     quality: Annotated[int | None, typer.Option(help="Of JPEG files, 1 to 100, if not as their sources.")] = None,
-    interpolation: Annotated[str, typer.Option(help="For LUTs that name none.")] = "tetrahedral",
+    interpolation: Annotated[
+        str, typer.Option(help="trilinear or tetrahedral, for LUTs that do not say it.")
+    ] = "tetrahedral",
     workers: Annotated[int | None, typer.Option(help="Threads; one per core by default.")] = None,
     frames: Annotated[str | None, typer.Option(help="Frames of sequences: 1001-1100, 1-9x2, 1,5,9.")] = None,
     recursive: Annotated[bool, typer.Option("--recursive", help="Folders with their subfolders.")] = False,
-    mask: Annotated[Path | None, typer.Option(help="A folder for each grade's confidence as an image.")] = None,
+    mask: Annotated[Path | None, typer.Option(help="A folder for images of how sure each pixel is.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Skip what an earlier run did that is still right.")] = False,
     scheduler: Annotated[str | None, typer.Option(help="A Dask cluster that does the work: tcp://HOST:PORT.")] = None,
     print_commands: Annotated[

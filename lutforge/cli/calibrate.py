@@ -63,7 +63,7 @@ Curves = Annotated[
     int, typer.Option(rich_help_panel=STAGES, help="Curves of EMoR that the response is made of, 1 to 15.")
 ]
 Weighting = Annotated[
-    float, typer.Option(rich_help_panel=STAGES, help="0 counts samples alike in the response, 1 tones.")
+    float, typer.Option(rich_help_panel=STAGES, help="In the fit of the response: 0 weights samples equally, 1 tones.")
 ]
 Centres = Annotated[int, typer.Option(rich_help_panel=STAGES, help="Centres of the gamut map, at most.")]
 Rho = Annotated[
@@ -131,7 +131,8 @@ def calibrate(
         note(text)
     print_held_out(profile)
     profile.save(output)
-    say(f"{output}: {profile.camera}, {len(samples)} samples of {len(profile.shots)} shots")
+    shots = "1 shot" if len(profile.shots) == 1 else f"{len(profile.shots)} shots"
+    say(f"{output}: {profile.camera}, {len(samples)} samples of {shots}")
     if learning_curve:
         _measure_learning_curves(samples)
     say(f"styles: {', '.join(profile.styles)}; white balances: {', '.join(profile.white_balances)}")

@@ -20,7 +20,8 @@ def config(
     ocio_version: Annotated[
         str | None,
         typer.Option(
-            help="Profile version, 2.1 to 2.6: the oldest that will read it.", show_default="2.1, or --merge's"
+            help="Profile version of the config, 2.1 to 2.6: that of the oldest OpenColorIO which must read it.",
+            show_default="2.1, or --merge's",
         ),
     ] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Replace the config that the folder holds.")] = False,
@@ -41,6 +42,6 @@ def config(
         ("view transforms", written.views),
         ("looks", written.looks),
     ):
-        say(f"{len(entries)} {title}:")
+        say(f"{title}: {len(entries)}")
         for name in entries:
             say(f"  {name}")

@@ -40,7 +40,7 @@ def sample(
             sampled = sample_shots(shots, progress, raw_substitute(developer, developed, developed_space))
     tell(sampled)
     write_samples(output, sampled.samples)
-    say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shots")
+    say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shot{'s' * (len(sampled.shots) != 1)}")
 
 
 def tell(sampled: "SampledShots") -> None:

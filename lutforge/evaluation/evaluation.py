@@ -82,7 +82,7 @@ class Evaluation:
     linearization: tuple[LinearizationError, ...] = ()
     refinish: tuple[RefinishError, ...] = ()
     tables: bool = False
-    predictions: Mapping[str, Predictions] = field(default_factory=dict)
+    predictions: Mapping[str, Predictions] = field(default_factory=dict, repr=False)  # long arrays
     shares: tuple[ErrorShares, ...] = ()
     tones: tuple[ShotTone, ...] = ()
 

@@ -40,6 +40,10 @@ MODELS: tuple[ModelName, ...] = get_args(ModelName)
 class CameraProfile(ProfileData):
     """A calibrated camera, and the transforms that it offers."""
 
+    def __repr__(self) -> str:
+        styles, balances = ", ".join(sorted(self.styles)), ", ".join(sorted(self.white_balances))
+        return f"CameraProfile({self.camera}: styles {styles}; white balances {balances})"
+
     def selector(self, text: str | Selector) -> Selector:
         """A selector whose style and white balance this profile knows. Raises SettingsError listing the known ones."""
         selector = parse_selector(text) if isinstance(text, str) else text

@@ -41,6 +41,11 @@ class PictureStyle:
 
     render: Tw E → I; linearize: I → Tw E; errors: held-out figures by name; coverage: per direction the summed weight
     of the samples at each node of its lattice, (N_r, N_g, N_b); expected: the error to expect there, in encoded RGB.
+
+    The errors are norms of RGB differences, 1 = full scale: "render_mean", "render_max", "linearize_mean",
+    "linearize_max", and "render_de00_mean" (ΔE00). The expected error of a render is "render_at_sample", plus
+    "render_per_distance" times the distance from the nearest sample in encoded RGB, plus "render_per_doubt" times the
+    distance between what the lattice gives and what matrix and response give; that of linearize likewise.
     """
 
     render: Lattice | None = None

@@ -118,7 +118,8 @@ def temperature_range(known: Mapping[str, WhiteBalance]) -> tuple[float, float]:
     if len(set(mireds)) < 2:
         raise SettingsError(
             "a colour temperature needs two white balances of known temperature to interpolate between; "
-            f"this profile knows {', '.join(sorted(known))}"
+            f"this profile knows {', '.join(sorted(known))}: name multipliers instead, such as standard/2.1,1,1.4, or "
+            "calibrate with shots on two named settings, such as daylight and tungsten"
         )
     margin = 30.0  # mired beyond the outermost known white balance
     return 1e6 / (max(mireds) + margin), 1e6 / max(min(mireds) - margin, 1e6 / HOTTEST)

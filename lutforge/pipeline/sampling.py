@@ -201,5 +201,7 @@ def gather_samples(
 
 
 def as_samples(samples: SampleSet | Paths) -> SampleSet:
-    """Return samples as they are, or those of tables and shots."""
+    """Return samples as they are, or those of tables and shots. Raises SampleError on anything else."""
+    if not isinstance(samples, SampleSet | str | Path) and not all(isinstance(path, str | Path) for path in samples):
+        raise SampleError("not samples: give a SampleSet (SampleSet.from_arrays makes one of arrays), or paths")
     return samples if isinstance(samples, SampleSet) else sample(samples)

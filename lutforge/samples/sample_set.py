@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import SampleError
@@ -24,8 +25,8 @@ class SampleSet:
     where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown.
     raw_space, developer: where a program's pictures stand in the place of the RAW, their linear RGB space and the
     program; "" for RAW. encoder: of the JPEG (`JpegHeader.encoder`), "" where unknown. The columns from `position` on
-    may be left out; they are unknown then. Raises SampleError where the columns differ
-    in length.
+    may be left out; they are unknown then. `from_arrays` fills in more. Raises SampleError where the columns differ in
+    length.
     """
 
     camera: Text
@@ -60,6 +61,48 @@ class SampleSet:
             shape = (count, *widths.get(name, ()))
             if getattr(self, name).shape != shape:
                 raise SampleError(f"samples: column {name} has shape {getattr(self, name).shape}, not {shape}")
+
+    @classmethod
+    def from_arrays(
+        cls,
+        raw: ArrayLike,
+        srgb: ArrayLike,
+        *,
+        camera: str,
+        shot: ArrayLike,
+        style: ArrayLike = "standard",
+        white_balance: ArrayLike = "auto",
+        patch: ArrayLike = "",
+        exposure_s: ArrayLike = np.nan,
+        wb: ArrayLike = np.nan,
+    ) -> "SampleSet":
+        """Make samples of arrays; what is given once (a text, a number, one wb triple) stands for every sample.
+
+        raw, srgb: (n, 3); wb: (3,) or (n, 3); the others a value or (n,); each as the class describes it.
+        Raises SampleError where a column does not fit the number of samples.
+        """
+        count = len(np.atleast_1d(np.asarray(raw)))
+
+        def column(name: str, values: ArrayLike, *width: int, dtype: type = float) -> NDArray[Any]:
+            try:
+                return np.array(np.broadcast_to(np.asarray(values, dtype), (count, *width)))
+            except (TypeError, ValueError) as error:
+                raise SampleError(f"samples: column {name} does not fit {count} samples: {error}") from error
+
+        texts = {"camera": camera, "style": style, "white_balance": white_balance, "shot": shot, "patch": patch}
+        words = {name: column(name, values, dtype=str) for name, values in texts.items()}
+        return cls(
+            **words,
+            exposure_s=column("exposure_s", exposure_s),
+            raw=np.asarray(raw, dtype=float),  # not repeated: each sample has its own colours
+            srgb=np.asarray(srgb, dtype=float),
+            wb=column("wb", wb, 3),
+            raw_camera=words["camera"],
+        )
+
+    def __repr__(self) -> str:
+        cameras = ", ".join(np.unique(self.camera))
+        return f"SampleSet({cameras}: samples {len(self)}, shots {len(np.unique(self.shot))})"
 
     def __len__(self) -> int:
         return len(self.camera)

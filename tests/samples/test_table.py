@@ -323,3 +323,20 @@ def test_nothing_to_write(tmp_path: Path) -> None:
     with pytest.raises(SampleError, match=r"\.csv or \.parquet"):
         write_samples(tmp_path / "a.txt", samples)
     assert len(read_samples(path)) == 1
+
+
+def test_samples_of_arrays_take_what_stands_for_every_row_once() -> None:
+    raw = [[0.1, 0.2, 0.3], [0.2, 0.3, 0.4]]
+    samples = SampleSet.from_arrays(
+        raw, raw, camera="Made up", shot=["a", "b"], white_balance="daylight", wb=(2, 1, 1.5)
+    )
+    assert samples.shot.tolist() == ["a", "b"]
+    assert samples.raw_camera.tolist() == ["Made up"] * 2
+    assert samples.wb.tolist() == [[2, 1, 1.5]] * 2
+    assert np.isnan(samples.exposure_s).all()
+    assert repr(samples) == "SampleSet(Made up: samples 2, shots 2)"
+    with pytest.raises(SampleError, match="column shot does not fit 2 samples"):
+        SampleSet.from_arrays(raw, raw, camera="Made up", shot=["a", "b", "c"])
+    for wrong in ([0.1, 0.2, 0.3], [[0.1, 0.2, 0.3]]):  # one colour is no column of two
+        with pytest.raises(SampleError, match="column srgb has shape"):
+            SampleSet.from_arrays(raw, wrong, camera="Made up", shot="a")
