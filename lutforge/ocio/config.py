@@ -2,8 +2,9 @@
 
 import zipfile
 from collections.abc import Mapping, Sequence
-from functools import partial
+from itertools import count
 from pathlib import Path
+from threading import Lock
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
@@ -20,7 +21,7 @@ from lutforge.ocio.looks import REFINISH, add_looks
 from lutforge.ocio.lut_files import write_compact
 from lutforge.ocio.merge import BaseConfig, merged, open_base
 from lutforge.ocio.names import UniqueNames, config_names
-from lutforge.ocio.renderings import BakedRendering, Rendering, baked, renderings
+from lutforge.ocio.renderings import STEPS, BakedRendering, Rendering, baked, renderings
 from lutforge.ocio.spaces import add_contextual, add_jpegs, add_raw, add_views, any_names, default_balances
 from lutforge.ocio.versions import DEFAULT_VERSION, OLDEST
 from lutforge.progress import Progress, silent
@@ -127,12 +128,16 @@ def _all_baked(
     parts: Sequence[Rendering], inverse: InverseOptions | None, progress: Progress
 ) -> tuple[BakedRendering, ...]:
     """Bake renderings, as many beside each other as there are cores; a single one has all cores for itself."""
-    bake_one, made = partial(baked, options=inverse), list[BakedRendering]()
-    running = each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts)
-    for index, rendering in enumerate(parts):
-        progress(f"{rendering.camera.name} {rendering.style}", index / len(parts))
-        made.append(next(running))
-    return tuple(made)
+    begun, telling = count(), Lock()
+
+    def bake_one(rendering: Rendering) -> BakedRendering:
+        def tell(what: str) -> None:
+            with telling:
+                progress(f"{rendering.camera.name} {rendering.style}: {what}", next(begun) / (STEPS * len(parts)))
+
+        return baked(rendering, inverse, tell)
+
+    return tuple(each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts))
 
 
 def _require_usable(target: Path, replace: bool) -> None:

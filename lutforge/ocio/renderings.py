@@ -3,7 +3,7 @@
 White balance is a matrix in front of the LUTs or behind them.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,12 +84,19 @@ def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
             yield Rendering(camera, name, balances, stem, render, linearize)
 
 
-def baked(rendering: Rendering, options: InverseOptions | None = None) -> BakedRendering:
+STEPS = 4
+"""How often `baked` tells what it does, at most."""
+
+
+def baked(
+    rendering: Rendering, options: InverseOptions | None = None, tell: Callable[[str], None] = lambda what: None
+) -> BakedRendering:
     """Bake the render as it is, and the linearization as its inverse, so that JPEG → reference → JPEG comes back.
 
-    The linearization of a style without a render is that of its profile.
+    The linearization of a style without a render is that of its profile. tell: called with each step as it begins.
     """
     title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
+    tell("baking the render")
     luts: dict[str, Lut] = {}
     said = []
     if rendering.render is not None:
@@ -103,6 +110,7 @@ def baked(rendering: Rendering, options: InverseOptions | None = None) -> BakedR
             linearize = bake(model, title=f"{title} linearize")
             linearize = linearize if linearize.cube is None else compact(linearize)
         else:
+            tell("inverting it")
             inverse = inverse_of(BakedRender.of(render), model, options)
             # White lies two stops above saturation: no two white balances of a camera part a channel by more, so that
             # behind any of them it still is white.
@@ -110,7 +118,9 @@ def baked(rendering: Rendering, options: InverseOptions | None = None) -> BakedR
             model = Transform((KeepNeutral(model.stages, 4.0),))
             linearize = compact(inverse.as_lut(f"{title} linearize"))
             style = rendering.camera.profile.styles[rendering.style]
+            tell("measuring what comes back")
             trip = str(measure(render, linearize, shown=lambda jpeg: ~uncovered(style, jpeg)))
+        tell("comparing with the model")
         told = [f"linearize LUT against the model: {_error(linearize, model, rendering.render)}", *filter(None, [trip])]
         luts[rendering.linearize_file] = replace(linearize, comments=tuple(told))
         said += told

@@ -380,3 +380,12 @@ def test_a_folder_in_use_is_not_written_into(tmp_path: Path) -> None:
     assert (tmp_path / "ocio" / "notes.txt").read_text() == "mine"
     with pytest.raises(ConfigError, match="is a file"):
         write_config([plain_profile("A")], tmp_path / "notes.txt")
+
+
+def test_progress_tells_the_steps_within_each_style(tmp_path: Path) -> None:
+    told: list[tuple[str, float]] = []
+    write_config([plain_profile("A"), plain_profile("B")], tmp_path / "ocio", progress=lambda *step: told.append(step))
+    shares = [share for _, share in told]
+    assert shares == [*(step / 8 for step in range(8)), 1.0]
+    assert {what.partition(": ")[0] for what, _ in told[:-1]} == {"A standard", "B standard"}
+    assert len({what for what, _ in told[:-1]}) == 8
