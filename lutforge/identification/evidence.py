@@ -73,7 +73,7 @@ class Explained:
 
 
 def explain(picture: PictureEvidence, rendering: Rendering) -> Explained:
-    """Judge one rendering."""
+    """Tell how well one rendering explains a picture, by each kind of evidence."""
     multipliers = np.array(list(rendering.white_balances.values()))
     noise = np.zeros(len(multipliers))
     for tally in picture.noise:

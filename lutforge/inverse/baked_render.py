@@ -28,7 +28,7 @@ class BakedRender:
 
     @classmethod
     def of(cls, lut: Lut) -> "BakedRender":
-        """The parts of a render LUT: node levels, a cube, a output curve. Raises LutError on any other sequence."""
+        """The parts of a render LUT: node levels, a cube, an output curve. Raises LutError on any other sequence."""
         ops = [op for op in lut.ops if not isinstance(op, Range)]
         if isinstance(ops[-1], Cube):
             ops.append(Curve(np.repeat([[0.0], [1.0]], 3, axis=1)))

@@ -23,7 +23,10 @@ REFINISH = "Camera refinish"
 def add_looks(
     config: OCIO.Config, cameras: Sequence[Camera], renderings: Sequence[Rendering], looks: UniqueNames, as_shot: str
 ) -> None:
-    """All looks of the cameras. looks: the names that are taken; as_shot: the space of photographs by any camera."""
+    """Add all looks of the cameras to a config.
+
+    looks: the names that are taken; as_shot: the space of photographs by any camera.
+    """
     for camera in cameras:
         _add_white_balances(config, camera, looks)
         whole = {r.style for r in renderings if r.camera is camera and r.render is not None and r.linearize is not None}

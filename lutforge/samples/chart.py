@@ -136,7 +136,7 @@ def _is_plain(codes: Array, deviation: Array) -> bool:
 
 
 def sample_chart(shot: Shot, chart: Chart, saturation: Array) -> ChartSamples:
-    """Means over the same squares in JPEG and RAW. saturation: (3,) see `clipping.saturation_levels`."""
+    """Return the means over the same squares of JPEG and RAW. saturation: (3,) see `clipping.saturation_levels`."""
     registration, size = shot.registration, shot.raw.pixel_size
     offset = np.array([registration.offset_x, registration.offset_y])
     in_array = Chart((registration.scale * chart.corners + offset - (size - 1) / 2) / size, chart.kind)

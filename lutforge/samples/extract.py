@@ -42,7 +42,7 @@ class ShotSamples:
     """The samples of one shot and the account of its areas.
 
     tiles, patches: kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a
-    line each. cells: the shot in small.
+    line each. cells: the shot's means over a coarse grid.
     """
 
     shot: str

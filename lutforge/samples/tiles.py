@@ -51,7 +51,7 @@ class JpegCells:
 
 @dataclass(frozen=True, eq=False)
 class Flatness:
-    """What each cell is like, (hc, wc).
+    """How flat each cell is, (hc, wc).
 
     level: the index of the first of LEVELS that it meets (len(LEVELS): none); roughness: its structure as a share of
     the strict limits.

@@ -110,7 +110,7 @@ class Handle:
         self.at = to + (self.at if whence == 1 else 0)
 
     def tell(self) -> int:
-        """Return the present place."""
+        """Return the present position, in bytes from the start."""
         return self.at
 
     def read(self, size: int = 0) -> bytes:

@@ -15,9 +15,9 @@ def share(weight: Single) -> Single:
 
 
 def structure(luma: Single, weight: Single, around: Single) -> Single:
-    """Local structure of luma (h, w). weight: of its pixels; around: `share` of it.
+    """Return the local structure of luma (h, w): detail over its local deviation, times the weight.
 
-    Structure below the noise of rounding to 8 bits is none.
+    weight: (h, w) of the pixels; around: `share` of the weight. Detail below the noise of rounding to 8 bits is none.
     """
     detail = luma - blurred(luma * weight) / around
     energy = blurred(detail * detail * weight) / around

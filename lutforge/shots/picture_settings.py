@@ -29,11 +29,11 @@ SOFTWARE = "LutForge"
 
 @dataclass(frozen=True, eq=False)
 class PictureSettings:
-    """camera: make and model, "" where the file does not name it.
+    """The settings that a picture's metadata tell.
 
-    style, white_balance: lower-case words, "unknown" where the file does not tell; white_balance may be a temperature
-    ("5200k"). multipliers: (3,) with green = 1, None where unknown. notes: what makes the rendering depend on the
-    scene.
+    camera: make and model, "" where the file does not name it. style, white_balance: lower-case words, "unknown" where
+    the file does not tell; white_balance may be a temperature ("5200k"). multipliers: (3,) with green = 1, None where
+    unknown. notes: what makes the rendering depend on the scene.
     """
 
     camera: str

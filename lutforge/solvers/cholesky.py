@@ -36,7 +36,10 @@ def factor(couplings: Array, diagonal: Array, ng: int, nb: int, lower: Array) ->
 
 @compiled()
 def solve(factors: Array, right: Single, b: Single, plane: int) -> None:
-    """Fill b with (L L')⁻¹ right, planar lattices of planes of so many nodes; factors: as `factor` leaves them."""
+    """Solve L L' b = right, for planar lattices b and right.
+
+    plane: the nodes in one plane of these; factors: as `factor` leaves them.
+    """
     nodes, margin = factors.shape[1], FAR * plane
     x = np.empty(nodes)
     for c in range(3):

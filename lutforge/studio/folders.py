@@ -29,7 +29,10 @@ class Folders:
         return cls(tuple(roots))
 
     def inside(self, text: str) -> Path:
-        """The resolved path that a visitor names, relative to the first folder. Raises FolderError: outside of all."""
+        """The resolved path that a visitor names, relative to the first folder.
+
+        Raises FolderError where it lies outside of all.
+        """
         shown = " ".join(text.split())[:200]
         if not shown:
             raise FolderError("no file named: write its path, or choose one from the list")

@@ -76,7 +76,7 @@ class SettingControl:
         self.enable()
 
     def enable(self) -> None:
-        """Enable what the white balance is set by; nothing moves."""
+        """Enable the controls that set the white balance, and disable the others; the layout stays as it is."""
         self.kelvin.disabled = self.balance.value != BY_TEMPERATURE
         self.multipliers.disabled = self.balance.value != BY_MULTIPLIERS
 

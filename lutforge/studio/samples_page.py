@@ -47,7 +47,7 @@ def find_rows(samples: SampleSet, words: str) -> Mask:
 
 
 class SamplesPage:
-    """The second step."""
+    """The studio's second step: plots of the samples, filters and marks."""
 
     def __init__(self, session: Session) -> None:
         self.session = session

@@ -30,12 +30,12 @@ class OutputCurve:
     ends: Array
 
     def to_values(self, encoded: Array) -> Array:
-        """I (…, 3) in [0, 1] → v, through the table as files hold it."""
+        """Take I (…, 3) in [0, 1] to the values v in front of the curve, by its table as files hold it."""
         points = np.ascontiguousarray(encoded, dtype=np.float64)
         return np.asarray(_enter(self.table, self.values, points.reshape(-1, 3))).reshape(points.shape)
 
     def to_encoded(self, values: Array) -> Array:
-        """v (…, 3) → I in [0, 1]."""
+        """Take values v (…, 3) in front of the curve to I in [0, 1]."""
         return apply_curve(self.table, values)
 
     def slope(self, encoded: Array) -> Array:
@@ -44,7 +44,7 @@ class OutputCurve:
         return np.asarray((high - low) / (self.to_values(high) - self.to_values(low)))
 
     def continued(self, linear: Array) -> Array:
-        """v of linear light (…, 3), which runs on straight where the camera clips."""
+        """Take linear light (…, 3) to v, which runs on as a straight line where the camera clips."""
         points = np.ascontiguousarray(linear, dtype=np.float64)
         found = _continued(*self._by_linear, self.values, self.ends, points.reshape(-1, 3))
         return np.asarray(found).reshape(points.shape)

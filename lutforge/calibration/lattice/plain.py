@@ -75,7 +75,7 @@ class BoundedProblem(PlacedProblem):
         return solve_bounded(equations, self.levels, smoothness, prior, values, self.bounds, sweeps=6)
 
     def search_fit(self, like: LatticeFit | None = None) -> LatticeFit:
-        """Fit to the tolerance of the search. like: a fit at other levels, to start from."""
+        """Fit to the tolerance of a search for levels and weights. like: a fit at other levels, to start from."""
         return self.fit(self.problem.first_robust, self.problem.options.lattice.search_tolerance, like)
 
     def error(self, fit: LatticeFit) -> Array:

@@ -141,9 +141,10 @@ class LatticeProblem:
         return PlacedProblem(self, levels, InterpolationMatrix(self.x, levels, self.options.interpolation))
 
     def levels(self, size: int) -> Levels:
-        """Choose node levels by rounds of equidistribution of what the prior mean loses between nodes; keep the best.
+        """Choose node levels by rounds that spread the prior mean's interpolation error evenly, and keep the best.
 
-        The prior mean has no noise, and no lattice has to be fitted to tell where it bends. They begin even to the eye.
+        The prior mean has no noise, and no lattice has to be fitted to tell where it bends. The first levels are evenly
+        spaced, on the even scale where there is an output curve.
         """
         even = np.linspace(0.0, 1.0, size)
         start = even if self.curve is None else from_even(even, OFFSET)

@@ -29,7 +29,7 @@ class TransferFunction:
     """The pairs of one exposure ratio.
 
     stops: log2 k'; first, second: JPEG values (n, 3); raw_first, raw_second: (n, 3) or NaN; outlier: (n,); curve: τ at
-    256 JPEG values (256, 3); of_all: the same of an f that is fitted to outliers, too.
+    256 JPEG values (256, 3); of_all: τ by an f that is fitted to outliers, too.
     """
 
     stops: float

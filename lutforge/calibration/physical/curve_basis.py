@@ -80,11 +80,11 @@ def emor_basis(count: int = 15) -> CurveBasis:
 
 
 def spline_basis(like: Array, knots: int = 33) -> CurveBasis:
-    """f⁻¹ piecewise linear between even knots; θ: its value at black, then its steps.
+    """Make f⁻¹ piecewise linear between even knots; θ: its value at black, then its steps.
 
-    like: (k,) f⁻¹ at even encoded values, which the prior follows: its values, as if a hundredth of a sample told them
-    at each knot, and the relative change of its slope from knot to knot, which may differ by about 3 % and by half of
-    itself: how steeply f⁻¹ ends near white is what `like` knows least.
+    like: (k,) f⁻¹ at even encoded values, which the prior follows. At each knot it holds the value of `like` with the
+    weight of a hundredth of a sample, and the relative change of its slope to within 3 % and half of that change:
+    how steeply f⁻¹ ends near white is what `like` knows least.
     """
     shape = np.interp(np.linspace(0.0, 1.0, knots), np.linspace(0.0, 1.0, len(like)), like)
     rate = np.maximum(np.gradient(shape, 1.0 / (knots - 1)), 0.05)

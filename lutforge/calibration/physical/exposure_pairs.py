@@ -25,7 +25,9 @@ TIME_SPREAD = 0.03
 
 @dataclass(frozen=True, eq=False)
 class ExposurePairs:
-    """first, second: JPEG values (n, 3) of the same surfaces; log_ratio: log k' (n,) of second over first.
+    """Colours of the same surfaces at two exposures.
+
+    first, second: JPEG values (n, 3); log_ratio: log k' (n,) of second over first.
 
     raw_first, raw_second: (n, 3), NaN where there is no RAW. first_row, second_row: (n,) rows of the sample table, or
     cells of the images. shots: names; first_shot, second_shot: (n,) indices into it; shot_exposure: (shots,) log
@@ -75,7 +77,7 @@ class ExposurePairs:
         return replace(self, **{name: getattr(self, name)[rows] for name in by_pair})
 
     def without(self, names: Iterable[tuple[str, str]]) -> "ExposurePairs":
-        """The pairs of other shots than those that are named two by two, in either order."""
+        """Return the pairs without those between two shots that `names` lists together, in either order."""
         index = {name: place for place, name in enumerate(self.shots)}
         keep = np.ones(len(self), dtype=np.bool_)
         for one, other in names:

@@ -46,7 +46,7 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class Departure:
-    """One shot beside the prediction by the others.
+    """How one shot departs from what the other shots predict.
 
     error: (m,) stops by which its cells' JPEGs are brighter; covariance: (m, m); member: (n,) its cells.
     """

@@ -39,7 +39,7 @@ class PartialModel:
     bending: tuple[Array, ...]
 
     def residual(self, columns: Array, weight: Array) -> Array:
-        """Columns (n, k) less what a function of colour makes of them, in a fit of weights (n,)."""
+        """Fit a function of colour to columns (n, k) with weights (n,), and return the residuals (n, k)."""
         left = np.empty_like(columns)
         for place, (design, bending) in enumerate(zip(self.designs, self.bending, strict=True)):
             mine = self.style == place
