@@ -1,12 +1,12 @@
 """How near a refinish comes to what the camera would have made, for every pair of settings of a simulated camera.
 
-    python -m tests.benchmarks.refinish_table FOLDER [--sensor sd-merrill] [--repeat 2]
+    python -m tests.benchmarks.refinish_table FOLDER [--sensor sd-merrill] [--repeat 2] [--draw 1]
 
-Two styles, six white balances, twelve calibration shots of each setting (with --repeat more, of other scenes), 8-bit
-JPEGs of quality 95. Scenes that were held out are compared on the means of 8 × 8 pixels of which none is clipped, and
-on single pixels, where noise and JPEG compression remain. The floor beside each figure is what the camera's own
-functions make of the same JPEG. Shots and samples are kept in FOLDER and used again: about four minutes the first time
-on two cores, one after that.
+Two styles, six white balances, twelve calibration shots of each setting (with --repeat more, of other scenes; --draw
+takes other scenes from the start), 8-bit JPEGs of quality 95. Scenes that were held out are compared on the means of
+8 × 8 pixels of which none is clipped, and on single pixels, where noise and JPEG compression remain. The floor beside
+each figure is what the camera's own functions make of the same JPEG. Shots and samples are kept in FOLDER and used
+again: about four minutes the first time on two cores, one after that.
 """
 
 import argparse
@@ -59,10 +59,11 @@ class Scene:
     true_raw: Pixels
 
 
-def calibrated(camera: SimulatedCamera, folder: Path, repeat: int = 1) -> lf.CameraProfile:
-    """A profile from shots of all settings; samples of an earlier run are used again."""
-    tables = [folder / f"samples-{number}.csv" for number in range(repeat)]
-    for number, table in enumerate(tables):
+def calibrated(camera: SimulatedCamera, folder: Path, repeat: int = 1, draw: int = 0) -> lf.CameraProfile:
+    """A profile from shots of all settings; samples of an earlier run are used again. draw: the first of its scenes."""
+    numbers = range(draw, draw + repeat)
+    tables = [folder / f"samples-{number}.csv" for number in numbers]
+    for number, table in zip(numbers, tables, strict=True):
         if not table.exists():
             shoot(camera, folder / f"shots-{number}", 1000 * number)
             write_samples(table, lf.sample([folder / f"shots-{number}"]))
@@ -148,9 +149,10 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="where shots and samples are kept between runs")
     parser.add_argument("--sensor", choices=SENSORS, default="d5100")
     parser.add_argument("--repeat", type=int, default=1, help="how many times the plan is photographed")
+    parser.add_argument("--draw", type=int, default=0, help="which scenes are photographed, from 0 on")
     arguments = parser.parse_args()
     camera, folder = SENSORS[arguments.sensor](), arguments.folder / arguments.sensor
-    profile = calibrated(camera, folder, arguments.repeat)
+    profile = calibrated(camera, folder, arguments.repeat, arguments.draw)
     found = errors(camera, profile, held_out(camera, profile, folder))
     print(f"{camera.name}: RMSE of refinishing, worst first; the floor is what the camera's own functions leave")
     print(f"{'':<48}{'tiles':>8}{'floor':>8}{'pixels':>9}{'floor':>8}")
