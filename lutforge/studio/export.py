@@ -1,9 +1,11 @@
 """Exports: the use cases of the command line, each with the words that do the same there."""
 
 import shlex
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.errors import LutForgeError, one_line
@@ -19,55 +21,138 @@ from lutforge.samples.sample_set import SampleSet
 
 
 @dataclass(frozen=True, eq=False)
-class Export:
-    """What to write. command: of `lutforge`; profile: the path that it was saved to; output: a file or folder.
+class Export(ABC):
+    """A file or folder to write of a profile, by a command of `lutforge`. profile: the path that it was saved to."""
 
-    wanted: the transform of a LUT; target: the STYLE/WB of a kit, and its program; style: of the parameters as text.
-    samples: those in the fit, with their table, for reports; shots: RAW files that a kit is checked with.
-    """
-
-    command: str
     profile: Path
     output: Path
-    wanted: TransformRequest | None = None
-    target: str = ""
-    program: str = ""
-    style: str = ""
-    samples: SampleSet | None = None
-    table: Path | None = None
-    shots: tuple[Path, ...] = ()
+    command: ClassVar[str]
+
+    @abstractmethod
+    def write(self, progress: Progress) -> Iterator[str]:
+        """Write it; the lines that tell of it, and of its error. Raises LutForgeError."""
+
+    def options(self) -> list[str]:
+        """The command's words between the profile and the output."""
+        return []
 
     def __str__(self) -> str:
         """The command as one would type it."""
-        words = ["lutforge", self.command, str(self.profile)]
-        words += [str(self.table)] if self.table is not None else []
-        if self.wanted is not None:
-            words.append(self.wanted.kind)
-            for option, value in (("--from", self.wanted.source), ("--to", self.wanted.target)):
-                words += [option, value] if value else []
-            words += ["--ev", f"{self.wanted.ev:g}"] if self.wanted.ev else []
-            words += ["--space", self.wanted.space] if self.wanted.space != "raw" else []
-        for option, value in (("--to", self.target), ("--for", self.program), ("--style", self.style)):
+        return shlex.join(["lutforge", self.command, str(self.profile), *self.options(), "-o", str(self.output)])
+
+
+@dataclass(frozen=True, eq=False)
+class LutExport(Export):
+    """A LUT of a transform."""
+
+    wanted: TransformRequest
+    command = "bake"
+
+    def options(self) -> list[str]:
+        """The transform's kind and what is not as usual."""
+        wanted = self.wanted
+        words = [wanted.kind]
+        for option, value in (("--from", wanted.source), ("--to", wanted.target)):
             words += [option, value] if value else []
-        words += ["-o", str(self.output)]
-        return shlex.join([*words, *(["--check", *map(str, self.shots)] if self.shots else [])])
+        words += ["--ev", f"{wanted.ev:g}"] if wanted.ev else []
+        return words + (["--space", wanted.space] if wanted.space != "raw" else [])
+
+    def write(self, progress: Progress) -> Iterator[str]:
+        """Tell a line a file, with its error when read back."""
+        baked = bake_files(self.profile, self.wanted, [self.output], progress=progress)
+        yield from (f"{file.summary}; read back, against the model: {file.error}" for file in baked.files)
+        yield from baked.notes
 
 
-def _checked(folder: Path, export: Export, progress: Progress) -> Iterator[str]:
-    """A line a shot: how far the program is from the camera's JPEG, or why that is not known."""
-    if not (folder / SCRIPT).is_file():
-        yield f"not checked: {export.program} is not run from the command line; compare a shot there by eye"
-        return
-    try:
-        checks, notes = check_kit(folder, export.shots, progress)
-    except LutForgeError as error:  # such as a program that is not installed here: the kit is written all the same
-        yield f"not checked: {one_line(str(error), 300)}"
-        return
-    yield from (
-        f"{each.shot}: the program against the camera's JPEG, ΔE00 mean {each.mean:.2f}, 95 % {each.p95:.2f}"
-        for each in checks
-    )
-    yield from notes
+@dataclass(frozen=True, eq=False)
+class KitExport(Export):
+    """A kit. target: its STYLE/WB; shots: RAW files that it is checked with."""
+
+    target: str
+    program: str
+    shots: tuple[Path, ...] = ()
+    command = "kit"
+
+    def options(self) -> list[str]:
+        """Settings and program."""
+        return ["--to", self.target, "--for", self.program]
+
+    def __str__(self) -> str:
+        check = ["--check", *map(str, self.shots)] if self.shots else []  # last: it takes all the words that follow
+        return " ".join([super().__str__(), *map(shlex.quote, check)])
+
+    def write(self, progress: Progress) -> Iterator[str]:
+        """Tell the kit's files, and how far each checked shot is from the camera's."""
+        progress("kit", 0.0)
+        folder = write_kit(as_profile(self.profile), self.target, self.output, self.program)
+        yield f"{', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first"
+        if self.shots:
+            yield from self._checked(folder, progress)
+
+    def _checked(self, folder: Path, progress: Progress) -> Iterator[str]:
+        """A line a shot: how far the program is from the camera's JPEG, or why that is not known."""
+        if not (folder / SCRIPT).is_file():
+            yield f"not checked: {self.program} is not run from the command line; compare a shot there by eye"
+            return
+        try:
+            checks, notes = check_kit(folder, self.shots, progress)
+        except LutForgeError as error:  # such as a program that is not installed here: the kit is written all the same
+            yield f"not checked: {one_line(str(error), 300)}"
+            return
+        yield from (
+            f"{each.shot}: the program against the camera's JPEG, ΔE00 mean {each.mean:.2f}, 95 % {each.p95:.2f}"
+            for each in checks
+        )
+        yield from notes
+
+
+@dataclass(frozen=True, eq=False)
+class ConfigExport(Export):
+    """An OpenColorIO config, checked."""
+
+    command = "config"
+
+    def write(self, progress: Progress) -> Iterator[str]:
+        """Tell how much the config holds, and what its check found."""
+        written = write_checked_config([self.profile], self.output, progress=progress)
+        yield f"{len(written.spaces)} input colour spaces, {len(written.looks)} looks; checked: " + (
+            "; ".join(map(str, written.findings)) or "sound"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ParametersExport(Export):
+    """The parameters of one style as text."""
+
+    style: str
+    command = "export-nus"
+
+    def options(self) -> list[str]:
+        """The style."""
+        return ["--style", self.style]
+
+    def write(self, progress: Progress) -> Iterator[str]:
+        """Tell the files."""
+        progress("parameters", 0.0)
+        yield from (f"{path}" for path in export_published(as_profile(self.profile), self.style, self.output))
+
+
+@dataclass(frozen=True, eq=False)
+class ReportExport(Export):
+    """A report; with the samples in the fit, which are in a table, where there are any."""
+
+    samples: SampleSet | None = None
+    table: Path | None = None
+    command = "report"
+
+    def options(self) -> list[str]:
+        """The table, where there are samples."""
+        return [str(self.table)] if self.table is not None else []
+
+    def write(self, progress: Progress) -> Iterator[str]:
+        """Tell how many figures there are."""
+        page = report(self.profile, self.samples, self.output, progress=progress)
+        yield f"{len(page.pictures)} figures"
 
 
 def wanted_lut(kind: str, source: str, target: str, ev: float, space: str = "raw") -> TransformRequest:
@@ -106,28 +191,4 @@ def calibration_command(table: Path, inliers: Path | None, options: CalibrationO
 
 def run(export: Export, progress: Progress) -> tuple[str, ...]:
     """Write the export; the lines that tell of it, and of its error. Raises LutForgeError."""
-    return tuple(_run(export, progress))
-
-
-def _run(export: Export, progress: Progress) -> Iterator[str]:
-    if export.wanted is not None:
-        baked = bake_files(export.profile, export.wanted, [export.output], progress=progress)
-        yield from (f"{file.summary}; read back, against the model: {file.error}" for file in baked.files)
-        yield from baked.notes
-    elif export.command == "kit":
-        progress("kit", 0.0)
-        folder = write_kit(as_profile(export.profile), export.target, export.output, export.program or None)
-        yield f"{', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first"
-        if export.shots:
-            yield from _checked(folder, export, progress)
-    elif export.command == "config":
-        written = write_checked_config([export.profile], export.output, progress=progress)
-        yield f"{len(written.spaces)} input colour spaces, {len(written.looks)} looks; checked: " + (
-            "; ".join(map(str, written.findings)) or "sound"
-        )
-    elif export.command == "export-nus":
-        progress("parameters", 0.0)
-        yield from (f"{path}" for path in export_published(as_profile(export.profile), export.style, export.output))
-    else:
-        page = report(export.profile, export.samples, export.output, progress=progress)
-        yield f"{len(page.pictures)} figures"
+    return tuple(export.write(progress))

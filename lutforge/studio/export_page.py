@@ -16,7 +16,17 @@ from lutforge.colour.rgb_spaces import SPACES
 from lutforge.pipeline.kits import kits_of
 from lutforge.samples.table import write_samples
 from lutforge.studio.elements import FILL, TOGETHER, WIDE, entry, select, text
-from lutforge.studio.export import Export, calibration_command, run, wanted_lut
+from lutforge.studio.export import (
+    ConfigExport,
+    Export,
+    KitExport,
+    LutExport,
+    ParametersExport,
+    ReportExport,
+    calibration_command,
+    run,
+    wanted_lut,
+)
 from lutforge.studio.fits import held_out_error
 from lutforge.studio.session import Session, Written
 from lutforge.studio.steps import states_of
@@ -237,29 +247,29 @@ class ExportPage:
             raise WorkspaceError("what were the pictures taken as? choose that under Look, “Taken as”")
         wanted = wanted_lut(kind, source, target, look.ev, self.space.value)
         path, output = self._with_profile(f"_{kind}{self.suffix.value}")
-        self._run(f"LUT, {kind}", Export("bake", path, output, wanted))
+        self._run(f"LUT, {kind}", LutExport(path, output, wanted))
 
     def _kit(self) -> None:
         target, program = self._wanted(), self.program.value
         profile, output = self._with_profile(f"_{program}_kit")
         shots = tuple(self.session.files.values()) if self.check.value else ()
-        self._run(f"kit for {program}", Export("kit", profile, output, target=target, program=program, shots=shots))
+        self._run(f"kit for {program}", KitExport(profile, output, target, program, shots))
 
     def _config(self) -> None:
         profile, output = self._with_profile(".ocioz")
-        self._run("config", Export("config", profile, output))
+        self._run("config", ConfigExport(profile, output))
 
     def _parameters(self) -> None:
         style = next(iter(self.session.profile.styles))
         profile, output = self._with_profile("_parameters")
-        self._run("parameters", Export("export-nus", profile, output, style=style))
+        self._run("parameters", ParametersExport(profile, output, style))
 
     def _report(self) -> None:
         if self.session.history is None:
             profile, output = self._with_profile(".html")
-            self._run("report", Export("report", profile, output))
+            self._run("report", ReportExport(profile, output))
             return
         profile, output, table = self._with_profile(".html", ".parquet")
         samples = self.session.workspace.samples.select(self.session.workspace.fitted_rows)
         write_samples(table, samples)
-        self._run("report", Export("report", profile, output, samples=samples, table=table))
+        self._run("report", ReportExport(profile, output, samples, table))

@@ -33,7 +33,7 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.progress import silent
 from lutforge.settings import Selector
 from lutforge.shots.picture_settings import software_tag
-from lutforge.studio.export import Export, run, wanted_lut
+from lutforge.studio.export import ConfigExport, Export, KitExport, LutExport, ReportExport, run, wanted_lut
 from lutforge.studio.export_page import ExportPage
 from lutforge.studio.fits import evaluate_on
 from lutforge.studio.folders import FolderError, Folders
@@ -266,12 +266,14 @@ def test_an_export_is_the_command_that_it_tells(
     profile: CameraProfile, tmp_path: Path, command: str, suffix: str
 ) -> None:
     profile.save(tmp_path / "camera.npz")
-    target = "vivid/daylight"
-    export = Export(
-        command, tmp_path / "camera.npz", tmp_path / f"mine{suffix}",
-        wanted_lut("refinish", "standard/tungsten", target, 0.8) if command == "bake" else None,
-        target if command == "kit" else "", "rawtherapee" if command == "kit" else "",
-    )  # fmt: skip
+    paths, target = (tmp_path / "camera.npz", tmp_path / f"mine{suffix}"), "vivid/daylight"
+    exports: dict[str, Export] = {
+        "bake": LutExport(*paths, wanted_lut("refinish", "standard/tungsten", target, 0.8)),
+        "kit": KitExport(*paths, target, "rawtherapee"),
+        "config": ConfigExport(*paths),
+        "report": ReportExport(*paths),
+    }
+    export = exports[command]
     lines = run(export, lambda what, share: None)
     assert lines and all("\n" not in line for line in lines)
     assert command != "bake" or "read back, against the model" in lines[0]
@@ -294,9 +296,7 @@ def test_a_kit_is_written_where_its_program_is_not(
     profile.save(tmp_path / "camera.npz")
     (tmp_path / "one.dng").write_bytes(b"")
     shots = (tmp_path / "one.dng",)
-    export = Export(
-        "kit", tmp_path / "camera.npz", tmp_path / "kit", target="vivid/daylight", program=program, shots=shots
-    )
+    export = KitExport(tmp_path / "camera.npz", tmp_path / "kit", "vivid/daylight", program, shots)
     lines = run(export, lambda what, share: None)
     assert "read README.md first" in lines[0] and "not checked: " in lines[1] and why in lines[1]
 
