@@ -9,9 +9,9 @@ from bokeh.models import ColumnDataSource, Range1d
 from lutforge.arrays import Array
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.diagnosis import told
+from lutforge.model.emor import mean_response
 from lutforge.studio.elements import CHANNELS, FILL, LINE, frame, plot, table, text
 from lutforge.studio.fits import before, held_out_error, residuals
-from lutforge.studio.plots import curves
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import MODELS, Workspace
 
@@ -66,9 +66,10 @@ class FitView:
         if profile is None:
             self.curve.data = {name: [] for name in ("x", "r", "g", "b", "mean")}
             return
-        linear, values, mean = curves(profile)
-        lattice = not next(iter(profile.styles.values())).physical
-        self.response.title.text = "The grey axis of the lattice" if lattice else "The response f, first style"
+        style = next(iter(profile.styles.values()))
+        self.response.title.text = "The response f, first style" if style.physical else "The grey axis of the lattice"
+        linear = np.linspace(0.0, 1.0, 257)
+        values, mean = style.tones(linear), mean_response(linear)
         self.curve.data = {"x": linear, "r": values[:, 0], "g": values[:, 1], "b": values[:, 2], "mean": mean}
 
     def _draw_residuals(self, workspace: Workspace) -> None:

@@ -10,7 +10,7 @@ from panel.custom import JSComponent
 from lutforge.arrays import Array
 from lutforge.model.gamut_map import GamutMap
 from lutforge.report.gamut_slices import LUMINANCE, centres_near
-from lutforge.studio.plots import cube_edges
+from lutforge.studio.colours_in_space import cube_edges
 
 
 def slice_grid(luminance: float, rings: int = 17, points: int = 16) -> Array:

@@ -14,18 +14,9 @@ from lutforge.colour.srgb import srgb_decode
 from lutforge.report.figures import chromaticity_outlines
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.brushed_plot import BrushedPlot
+from lutforge.studio.colours_in_space import chromaticities, cube_edges, projected, tristimulus
 from lutforge.studio.elements import FILL, LINE, TOGETHER, WIDE, entry, frame, select, slider, text, ticks
-from lutforge.studio.plots import (
-    COLOURS,
-    PLOTS,
-    Points,
-    chromaticities,
-    cube_edges,
-    hex_colours,
-    points,
-    projected,
-    tristimulus,
-)
+from lutforge.studio.plots import COLOURS, PLOTS, Points, hex_colours, points
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Filters, Workspace, WorkspaceError
 

@@ -10,20 +10,9 @@ from tests.studio.shots_for_the_studio import chart_samples
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.colour.srgb import srgb_decode
 from lutforge.samples.sample_set import SampleSet
+from lutforge.studio.colours_in_space import chromaticities, projected, tristimulus
 from lutforge.studio.fits import fit_model
-from lutforge.studio.plots import (
-    COLOURS,
-    PLOTS,
-    chromaticities,
-    colours,
-    drawn,
-    inside_polygon,
-    nearest,
-    points,
-    projected,
-    rows_at,
-    tristimulus,
-)
+from lutforge.studio.plots import COLOURS, PLOTS, colours, drawn, inside_polygon, nearest, points, rows_at
 from lutforge.studio.samples_page import find_rows
 from lutforge.studio.shot_pictures import cards, swatches
 from lutforge.studio.workspace import Workspace, WorkspaceError
