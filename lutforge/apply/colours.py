@@ -62,8 +62,13 @@ def colour_space(source: Path, spec: oiio.ImageSpec, format: str, jpeg: JpegHead
     return TELL_ADOBE_RGB if in_adobe_rgb(tags(source)) else {}
 
 
-def wrong_light(grade: Grade, source: oiio.ImageSpec, output: oiio.ImageSpec) -> Iterator[str]:
-    """Yield notes on scene-linear light in 8-bit files, which hardly ever hold it."""
+def wrong_light(grade: Grade, format: str, source: oiio.ImageSpec, output: oiio.ImageSpec) -> Iterator[str]:
+    """Yield notes on scene-linear light in 8-bit files, which hardly ever hold it, and on formats that are made for it.
+
+    format: of the source, as `Image.format`.
+    """
+    if grade.for_srgb and not grade.raw and format in ("openexr", "hdr"):
+        yield "such a file holds scene-linear light, as a rule, and this grade takes encoded sRGB: encode it first"
     if grade.takes_linear and not grade.raw and str(source.format) == "uint8":
         yield "scene-linear light is what this grade takes, and 8-bit pictures are encoded: linearize them first"
     if grade.gives_linear and str(output.format) == "uint8":

@@ -104,7 +104,7 @@ def apply_image(
             writer = stack.enter_context(image_writer(target, output, start))
             doubtful = _grade_regions(grade, image, writer, masking, threads, region_samples, count > 1, done)
         notes = (
-            *_notes(grade, spec, output, attributes, doubtful, image.count_parts()),
+            *_notes(grade, image, output, attributes, doubtful),
             *(() if jpeg is None else jpeg.notes),
         )
     return GradedImage(source, target, spec.width, spec.height, notes, mask if masking is not None else None)
@@ -148,15 +148,15 @@ def _grade_regions(
 
 def _notes(
     grade: Grade,
-    source: oiio.ImageSpec,
+    image: ImageReader | InMemoryImage,
     output: oiio.ImageSpec,
     attributes: Mapping[str, object],
     doubtful: Index,
-    parts: int,
 ) -> Iterator[str]:
     """What the user should know of a graded image. doubtful: as `count_doubtful` sums them."""
+    source, parts = image.spec, image.count_parts()
     yield from grade.notes
-    yield from wrong_light(grade, source, output)
+    yield from wrong_light(grade, image.format, source, output)
     yield from other_space(grade, source, attributes)
     yield from layers(source)
     yield from doubts(doubtful, source.width * source.height)

@@ -140,6 +140,11 @@ def _gaps(numbers: Sequence[int]) -> str:
     return ", ".join(gaps)
 
 
+def is_picture(path: Path) -> bool:
+    """Whether the suffix is that of an image file."""
+    return path.suffix.lower() in _suffixes() | frozenset(HEIF_SUFFIXES) | RAW_SUFFIXES
+
+
 def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bool) -> tuple[list[Input], list[str]]:
     """The images of a folder by name, and notes on what was left out.
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from lutforge.apply.batch import BatchResult, Failure, apply_batch, plan_jobs
 from lutforge.apply.batch import Progress as BatchProgress
 from lutforge.apply.grade import ConfigRecipe, LutRecipe, Recipe
-from lutforge.apply.inputs import Inputs, find_inputs
+from lutforge.apply.inputs import Inputs, find_inputs, is_picture
 from lutforge.atomic_write import removed_if_empty
 from lutforge.errors import ImageError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
@@ -49,6 +49,8 @@ class Grading:
     quality: int | None = None
 
     def __post_init__(self) -> None:
+        if self.words and is_picture(self.words[0]):
+            raise ImageError(f"{self.words[0]}: a picture; name the LUT, profile or config first, then the pictures")
         if not self.images:
             raise SettingsError("no image named: give the images after the profiles")
         if self.workers is not None and self.workers < 1:

@@ -186,6 +186,8 @@ def gather_samples(
         raise SampleError("nothing given: name sample tables (.csv, .parquet) or RAW files")
     tables = [path for path in given if path.suffix.lower() in TABLE_SUFFIXES]
     others = [path for path in given if path not in tables]
+    if profiles := [path for path in others if path.suffix.lower() == ".npz"]:
+        raise SampleError(f"{profiles[0]}: a camera profile; name sample tables (.csv, .parquet) or RAW files instead")
     parts = []
     if tables:
         from lutforge.samples.table import read_samples  # loads Polars

@@ -138,7 +138,7 @@ def test_our_own_fit_of_its_pairs_split_in_two(shared_data: Path, offset: float,
     ],
 )
 def test_damaged_files_are_named(tmp_path: Path, name: str, text: str, message: str) -> None:
-    _write_small(tmp_path)
+    write_small(tmp_path)
     read_published_model(tmp_path)  # whole, it reads
     (tmp_path / name).write_text(text)
     with pytest.raises(ProfileError, match=message) as caught:
@@ -158,13 +158,13 @@ def test_a_missing_folder_or_file(tmp_path: Path) -> None:
 def test_the_camera_is_named_by_the_folder_above_or_asked_for(tmp_path: Path) -> None:
     for name in ("nus_nikon_d40", "other"):
         (tmp_path / name / "daylight").mkdir(parents=True)
-        _write_small(tmp_path / name / "daylight")
+        write_small(tmp_path / name / "daylight")
     assert import_published([tmp_path / "nus_nikon_d40" / "daylight"]).camera == "Nikon D40"
     with pytest.raises(ProfileError, match="--camera"):
         import_published([tmp_path / "other" / "daylight"])
 
 
-def _write_small(folder: Path) -> None:
+def write_small(folder: Path) -> None:
     """The identity in the published format: one centre, no weights."""
     identity = "1 0 0\n0 1 0\n0 0 1\n"
     for side in ("raw2jpg", "jpg2raw"):

@@ -17,8 +17,10 @@ from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.samples.read_parquet import _is_as_written, write_parquet
+from tests.apply.graded_images import write_picture
 from tests.conftest import CommandLine
 from tests.model.profiles_synthetic import small_profile
+from tests.model.test_published_model import write_small
 
 
 @pytest.fixture
@@ -151,7 +153,10 @@ def test_outputs_are_tried_before_the_work(lutforge: CommandLine, words: tuple[s
 
 
 def test_a_published_model_in_a_folder_that_names_no_camera(lutforge: CommandLine, tmp_path: Path) -> None:
-    told = failed(lutforge("import-nus", tmp_path / "Vis" / "fluorescent", "-o", tmp_path / "camera.npz"))
+    folder = tmp_path / "Vis" / "fluorescent"
+    folder.mkdir(parents=True)
+    write_small(folder)
+    told = failed(lutforge("import-nus", folder, "-o", tmp_path / "camera.npz"))
     assert '--camera "Nikon D40"' in told and "Vis" in told
 
 
@@ -173,3 +178,22 @@ def test_closed_streams_are_no_fault(profile: Path) -> None:
     quiet = subprocess.run(f"{words} >&-", shell=True, capture_output=True, text=True, check=False)
     assert (quiet.returncode, quiet.stderr) == (0, "")
     assert subprocess.run(f"{words} >&- 2>&-", shell=True, check=False).returncode == 0
+
+
+def test_files_in_the_wrong_place_are_called_what_they_are(
+    lutforge: CommandLine, profile: Path, tmp_path: Path
+) -> None:
+    photo = picture(tmp_path / "a.jpg")
+    said = failed(lutforge("apply", photo, profile, "--to", "vivid/daylight", "-o", tmp_path / "out"))
+    assert "a picture; name the LUT, profile or config first" in said
+    assert "a camera profile; name sample tables" in failed(lutforge("calibrate", profile, "-o", tmp_path / "b.npz"))
+
+
+def test_a_picture_of_scene_linear_light_is_told_where_encoded_ones_are_graded(
+    lutforge: CommandLine, profile: Path, tmp_path: Path
+) -> None:
+    write_picture(tmp_path / "a.exr", (16, 16), "half")
+    words = ("--from", "standard/daylight", "--to", "vivid/daylight", "-o", tmp_path / "out")
+    done = lutforge("apply", profile, tmp_path / "a.exr", picture(tmp_path / "a.jpg"), *words)
+    assert done.returncode == 0
+    assert done.stderr.count("holds scene-linear light, as a rule") == 1
