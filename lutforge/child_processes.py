@@ -1,6 +1,5 @@
 """Run other programs so that none outlives a command that Ctrl-C ends."""
 
-import atexit
 import os
 import signal
 import subprocess
@@ -38,14 +37,16 @@ def run(
 
 
 def begin(command: Sequence[str]) -> None:
-    """Begin a program that runs beside this process, unheard, and ends with it at the latest; none where it cannot."""
+    """Begin a program beside this process, unheard; it goes on when this one has done its work, not after Ctrl-C.
+
+    Where it cannot be run nothing happens.
+    """
     with _beginning, suppress(OSError):
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True,
             process_group=0 if os.name == "posix" else None,
         )  # fmt: skip
         _running.add(process)
-        atexit.register(_end, process)
 
 
 def end_all() -> None:

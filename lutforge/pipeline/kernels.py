@@ -16,7 +16,7 @@ from lutforge.threads import cores
 
 
 def compile_ahead() -> None:
-    """Begin to compile all kernels beside this process, once after an installation.
+    """Begin to compile all kernels beside this process, once after an installation; it may take longer than this one.
 
     Not where there is one core only, or no folder that keeps them. For the command line: a program that embeds Python
     names itself as Python's executable.
