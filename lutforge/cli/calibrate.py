@@ -19,10 +19,10 @@ from lutforge.cli.console import (
 from lutforge.cli.sample import tell
 from lutforge.errors import SettingsError
 from lutforge.model.diagnosis import told
+from lutforge.report.tables import Table, held_out_table
 
 if TYPE_CHECKING:
     from lutforge.evaluation.learning_curve import LearningCurve
-    from lutforge.model.camera_profile import CameraProfile
     from lutforge.pipeline.sampling import SampledShots
     from lutforge.samples.sample_set import SampleSet
 
@@ -129,7 +129,7 @@ def calibrate(
         profile = fit(samples, options, progress, stages=stages)
     for text in (*told(profile.diagnoses), *profile.notes):
         note(text)
-    print_held_out(profile)
+    print_table(held_out_table(profile))
     profile.save(output)
     shots = "1 shot" if len(profile.shots) == 1 else f"{len(profile.shots)} shots"
     say(f"{output}: {profile.camera}, {len(samples)} samples of {shots}")
@@ -180,18 +180,5 @@ def print_learning_curve(style: str, curve: "LearningCurve") -> None:
         for point in curve.points
     ]
     header = ("shots", "samples", "render mean", "± 1 σ", "linearize mean")
-    print_table(f"Error on held-out shots by the number of shots: {style}", header, rows)
+    print_table(Table(f"Error on held-out shots by the number of shots: {style}", header, rows))
     say(f"{style}: {curve.advice}")
-
-
-def print_held_out(profile: "CameraProfile") -> None:
-    """The held-out errors of each style, as a table."""
-    rows = []
-    for name, style in profile.styles.items():
-        for direction in ("render", "linearize"):
-            figures = [style.errors.get(f"{direction}_{kind}") for kind in ("mean", "max", "de00_mean")]
-            if figures[0] is not None:
-                told = ("–" if value is None else f"{value:.{d}f}" for value, d in zip(figures, (4, 4, 2), strict=True))
-                rows.append((name, direction, *told))
-    if rows:
-        print_table("Error on held-out shots", ("style", "direction", "mean", "max", "mean ΔE00"), rows)

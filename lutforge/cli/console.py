@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from lutforge.errors import LutForgeError
+from lutforge.report.tables import Table
 
 
 @contextmanager
@@ -91,22 +92,24 @@ def for_each(title: str, files: Sequence[Path], show: Callable[[Path], None]) ->
         raise typer.Exit(2)
 
 
-def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """A table on stdout; columns after the first are set right where they hold numbers."""
+def print_table(table: Table) -> None:
+    """A table on stdout, if it has rows; columns of numbers are set right."""
+    if not table.rows:
+        return
     from rich.console import Console
     from rich.markup import escape
-    from rich.table import Table
+    from rich.table import Table as Lines
 
     # Tables are as wide as they need: a narrow terminal wraps whole lines, not letters.
     width = max(Console().width, 140) if sys.stdout.isatty() else 240
-    table = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False)
-    for index, name in enumerate(header):
-        cells = [row[index] for row in rows]
-        numeric = bool(cells) and all(not cell or cell == "–" or cell[0].isdigit() for cell in cells)
-        table.add_column(name, justify="right" if numeric else "left", overflow="fold", no_wrap=numeric)
-    for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
-    Console(highlight=False, width=width, soft_wrap=True).print(table)
+    lines = Lines(
+        title=table.caption, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False
+    )
+    for name, numeric in zip(table.header, table.numeric, strict=True):
+        lines.add_column(name, justify="right" if numeric else "left", overflow="fold", no_wrap=numeric)
+    for row in table.rows:
+        lines.add_row(*map(escape, row))
+    Console(highlight=False, width=width, soft_wrap=True).print(lines)
 
 
 Profile = Annotated[Path, typer.Argument(help="The profile (.npz).", show_default=False)]

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lutforge import child_processes
-from lutforge.cli.calibrate import print_held_out
 from lutforge.cli.console import note, print_table, progress_bar, say
 from lutforge.model.diagnosis import told
+from lutforge.report.tables import Table, held_out_table
 
 if TYPE_CHECKING:
     from lutforge.evaluation.errors_table import ErrorFigures
@@ -50,7 +50,7 @@ def demo(
         note(text)
     profile.save(output / "camera.npz")
     calibration_sheet(profile, "standard", output / "calibration.png")
-    print_held_out(profile)
+    print_table(held_out_table(profile))
 
     say("4. Bake: LUT files, each read back and compared with the model")
     _bake(profile, shots, output / "luts")
@@ -62,7 +62,7 @@ def demo(
     say("7. Compare with the simulated camera itself, on colours that it was not calibrated from")
     rows = [*_truth(profile, shots), graded]
     header = ("what", "n", "mean", "max", "RMSE", "mean ΔE00")
-    print_table("Error against the known truth (1 = full scale)", header, rows)
+    print_table(Table("Error against the known truth (1 = full scale)", header, rows))
     say("8. Report")
     with progress_bar("reporting") as progress:
         page = write_report(profile, sampled, output / "report.html", progress=progress)

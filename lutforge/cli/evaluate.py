@@ -2,17 +2,13 @@
 
 import json
 import sys
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from lutforge.cli.console import AsJson, Profile, Sources, note, print_table, progress_bar
 from lutforge.cli.sample import tell
-
-if TYPE_CHECKING:
-    from lutforge.evaluation.evaluation import Evaluation
-
-TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW (white-balanced)"}
+from lutforge.report.tables import TITLES, error_table, more_tables, share_table
 
 
 def evaluate(
@@ -51,68 +47,8 @@ def evaluate(
         json.dump(evaluation.as_json(), sys.stdout, indent=1, ensure_ascii=False, allow_nan=False)
         sys.stdout.write("\n")
         return
-    _print_errors(evaluation)
-    _print_raw(evaluation)
-    _print_linearization(evaluation)
-    _print_refinish(evaluation)
-    _print_shares(evaluation)
-
-
-def _print_errors(evaluation: "Evaluation") -> None:
-    from lutforge.evaluation.errors_table import FIGURES
-
-    times = ("fit, s", "s/Mpixel") if evaluation.tables else ()
     for direction, title in TITLES.items():
-        cells = []
-        for row in evaluation.rows:
-            if row.direction == direction:
-                seconds = (row.fit_seconds, row.seconds_per_megapixel) if evaluation.tables else ()
-                taken = tuple("–" if value is None else f"{value:.3g}" for value in seconds)
-                cells.append((row.style, row.shot, row.method, _yes(row.held_out), *row.figures.cells, *taken))
-        if cells:
-            header = ("style", "shot", "method", "held out", *FIGURES, *times)
-            print_table(f"{title}: error (1 = full scale)", header, cells)
-
-
-def _print_raw(evaluation: "Evaluation") -> None:
-    cells = [
-        (row.style, row.method, _yes(row.held_out), str(row.count), *(f"{v:.4f}" for v in (row.rmse, *row.rmse_rgb)))
-        for row in evaluation.raw
-    ]
-    if cells:
-        header = ("style", "method", "held out", "n", "RMSE", "R", "G", "B")
-        print_table("JPEG → RAW before white balance: RMSE (1 = saturation)", header, cells)
-
-
-def _print_linearization(evaluation: "Evaluation") -> None:
-    cells = [
-        (row.style, row.method, _yes(row.held_out), str(row.pairs), *(f"{value:.4f}" for value in row.delta))
-        for row in evaluation.linearization
-    ]
-    if cells:
-        header = ("style", "method", "held out", "n", "R", "G", "B")
-        print_table("Linearization error over pairs of exposures of one scene (1 = full scale)", header, cells)
-
-
-def _print_refinish(evaluation: "Evaluation") -> None:
-    from lutforge.evaluation.errors_table import FIGURES
-
-    cells = [
-        (row.source, row.target, row.method, _yes(row.held_out), str(row.shots), *row.figures.cells)
-        for row in evaluation.refinish
-    ]
-    if cells:
-        header = ("from", "to", "method", "held out", "pairs", *FIGURES)
-        print_table("Refinish between settings of one scene: error (1 = full scale)", header, cells)
-
-
-def _print_shares(evaluation: "Evaluation") -> None:
-    from lutforge.evaluation.error_shares import SHARES
-
-    if evaluation.shares:
-        title = "Where the error of rendered colours comes from: RMSE (1 = full scale); squares add up"
-        print_table(title, SHARES, [row.cells for row in evaluation.shares])
-
-
-def _yes(value: bool) -> str:
-    return "yes" if value else "no"
+        rows = [row for row in evaluation.rows if row.direction == direction]
+        print_table(error_table(f"{title}: error (1 = full scale)", rows))
+    for table in (*more_tables(evaluation), share_table(evaluation.shares)):
+        print_table(table)

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from lutforge.cli.calibrate import print_held_out
 from lutforge.cli.console import for_each, note, print_table, progress_bar
+from lutforge.report.tables import Table, held_out_table
 
 
 def inspect(
@@ -34,7 +34,7 @@ def inspect(
 
         with progress_bar("sampling") as progress:
             found = inspect_scene(scene, files, progress)
-        print_table(f"Beyond the rendering of {scene}", found.columns, found.rows)
+        print_table(found.table)
         for text in found.notes:
             note(text)
         return
@@ -45,6 +45,6 @@ def _show(file: Path) -> None:
     from lutforge.pipeline.inspection import inspect as look
 
     found = look(file)
-    print_table(str(file), ("", ""), found.rows)
+    print_table(Table(str(file), ("", ""), found.rows))
     if found.profile is not None:
-        print_held_out(found.profile)
+        print_table(held_out_table(found.profile))

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from lutforge.cli.console import Profile, note, print_table, progress_bar, say
+from lutforge.report.tables import Table
 
 
 def kit(
@@ -44,6 +45,5 @@ def kit(
         (entry.shot, str(entry.tiles), f"{entry.mean:.2f}", f"{entry.p95:.2f}", f"{entry.maximum:.2f}")
         for entry in checks
     ]
-    print_table(
-        "What the program shows against the camera's JPEG, ΔE00", ("shot", "tiles", "mean", "95 %", "max"), rows
-    )
+    header = ("shot", "tiles", "mean", "95 %", "max")
+    print_table(Table("What the program shows against the camera's JPEG, ΔE00", header, rows))

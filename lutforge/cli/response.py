@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.cli.calibrate import print_held_out
 from lutforge.cli.console import ProfileOutput, note, print_table, progress_bar, say
 from lutforge.errors import CalibrationError
+from lutforge.report.tables import Table, held_out_table, response_table
 
 if TYPE_CHECKING:
     from lutforge.calibration.physical.bracket import BracketFit
@@ -59,16 +59,12 @@ def response(
     say(f"{output}: {profile.camera}, {', '.join(profile.styles)}/{', '.join(profile.white_balances)}")
     known, follows = fit.told
     say(known)
-    rows = [(curve.name, f"{curve.median:.1f}", f"{curve.rms:.1f}") for curve in fit.curves]
-    print_table("Error of the next exposure in codes, exposures as stated", ("curve", "median", "RMS"), rows)
-    print_table(
-        "Exposures",
-        ("shot", "stated, relative", "true / stated"),
-        [
-            (name, f"{time / min(exposures.values()):.4g}", f"{fit.exposure_error.get(name, float('nan')):.3f}")
-            for name, time in exposures.items()
-        ],
-    )
+    rows = [
+        (name, f"{time / min(exposures.values()):.4g}", f"{fit.exposure_error.get(name, float('nan')):.3f}")
+        for name, time in exposures.items()
+    ]
+    print_table(response_table(fit))
+    print_table(Table("Exposures", ("shot", "stated, relative", "true / stated"), rows))
     say(follows)
     _tell_verdict(fit)
 
@@ -89,22 +85,20 @@ def _of_chart(
     (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
     say(f"{output}: {profile.camera}, {selector}, of the {known.kind.name} under {light}")
     kept = {name: len(rows) for name, rows in fitted.samples.by_shot()}
-    print_table(
-        "Exposures",
-        ("shot", "chart", "patches used", "stated, relative", "true / stated", "white beside the chart"),
-        [
-            (
-                name, "found" if name in fitted.found else "", str(kept.get(name, 0)),
-                f"{time / min(exposures.values()):.4g}", f"{fitted.fit.exposure_error.get(name, float('nan')):.3f}",
-                f"{fitted.level[name]:.3g}",
-            )
-            for name, time in exposures.items()
-        ],
-    )  # fmt: skip
+    rows = [
+        (
+            name, "found" if name in fitted.found else "", str(kept.get(name, 0)),
+            f"{time / min(exposures.values()):.4g}", f"{fitted.fit.exposure_error.get(name, float('nan')):.3f}",
+            f"{fitted.level[name]:.3g}",
+        )
+        for name, time in exposures.items()
+    ]  # fmt: skip
+    header = ("shot", "chart", "patches used", "stated, relative", "true / stated", "white beside the chart")
+    print_table(Table("Exposures", header, rows))
     _tell_verdict(fitted.fit)
     for text in profile.notes:
         note(text)
-    print_held_out(profile)
+    print_table(held_out_table(profile))
     say(f"next: lutforge bake {output} linearize --from {selector} --space aces2065-1 -o input.clf")
 
 

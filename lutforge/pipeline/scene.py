@@ -15,15 +15,15 @@ from lutforge.model.shot_tone import ShotTone
 from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress, silent
+from lutforge.report.tables import Table
 from lutforge.samples.sample_set import with_setting_names
 
 
 @dataclass(frozen=True)
 class SceneInspection:
-    """What the camera did to shots beyond a profile's fixed rendering. rows: one a shot, as its columns are named."""
+    """What the camera did to shots beyond a profile's fixed rendering. table: a row a shot."""
 
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    table: Table
     notes: tuple[str, ...]
 
 
@@ -49,8 +49,8 @@ def inspect_scene(profile: CameraProfile | str | Path, shots: Paths, progress: P
         falloff = falloff_of(camera.falloffs, str(shot.lens[0]), float(shot.focal_mm[0]), float(shot.aperture[0]))
         corners = "–" if falloff is None else f"{falloff.corner_ev:+.2f} EV"
         rows.append((name, corners, *_scene_cells(tones.get(name))))
-    columns = ("shot", "corners", "exposure", "shadows", "highlights", "from place to place", "odds by chance")
-    return SceneInspection(columns, tuple(rows), gathered.left_out)
+    header = ("shot", "corners", "exposure", "shadows", "highlights", "from place to place", "odds by chance")
+    return SceneInspection(Table(f"Beyond the rendering of {profile}", header, rows), gathered.left_out)
 
 
 def _scene_cells(tone: ShotTone | None) -> tuple[str, ...]:

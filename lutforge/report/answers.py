@@ -9,7 +9,8 @@ from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import linearizing_error
 from lutforge.model.diagnosis import told
-from lutforge.report.page import Block, BulletList, Section, Table, Text
+from lutforge.report.page import Block, BulletList, Section, Text
+from lutforge.report.tables import Table
 
 FIT = {
     "less than an eye sees side by side": "yes",

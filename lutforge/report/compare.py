@@ -10,7 +10,8 @@ from lutforge.colour.srgb import srgb_encode
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.transform import Transform
 from lutforge.report.figures import MAP
-from lutforge.report.page import Picture, Report, Section, Table
+from lutforge.report.page import Picture, Report, Section
+from lutforge.report.tables import Table
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.scenes import still_life
 

@@ -12,11 +12,9 @@ from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_res
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import uniform_lattice_errors
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.errors_table import FIGURES
-from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
+from lutforge.evaluation.evaluation import Evaluation
 from lutforge.evaluation.expected_error import by_distance, held_out_errors
 from lutforge.evaluation.linearization import response_deltas
-from lutforge.evaluation.refinish_errors import RefinishError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
 from lutforge.report.error_maps import error_maps_figure, maps_of_shot
@@ -29,13 +27,13 @@ from lutforge.report.figures import (
 )
 from lutforge.report.gamut_slices import gamut_figure
 from lutforge.report.lattice_figures import lattice_figure, levels_on_errors, plane_destinations
-from lutforge.report.page import Block, Picture, Table, Text
+from lutforge.report.page import Block, Picture, Text
 from lutforge.report.sheets import DIRECTIONS
+from lutforge.report.tables import TITLES, Table, error_table, more_tables
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.settings import setting_name
 
-TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW, white-balanced"}
 MAPS_TEXT = (
     "Each shot's JPEG predicted from its RAW, and its white-balanced RAW from its JPEG: by the profile's own model, a "
     "lattice of evenly spaced nodes, the physical model with its gamut map by RBFs, and a polynomial. Each direction "
@@ -45,39 +43,21 @@ MAPS_TEXT = (
 
 
 def error_tables(own: str, evaluation: Evaluation) -> Iterator[Block]:
-    """Tabulate the errors of both directions, of refinishing, and of exposure pairs."""
-    header = ("style", "shot", "method", *FIGURES)
+    """Tabulate the errors of both directions, of RAW, of refinishing, and of exposure pairs."""
     for direction, title in TITLES.items():
         rows = [row for row in evaluation.rows if row.direction == direction and row.shot.startswith("all")]
-        if not rows:
-            continue
-        held = "held out by shot" if all(row.held_out for row in rows) else "NOT all held out"
-        bold = frozenset(index for index, row in enumerate(rows) if row.method == own)
-        yield Table(f"{title}, all shots, {held}", header, tuple(map(_cells, rows)), bold)
+        if rows:
+            held = "held out by shot" if all(row.held_out for row in rows) else "NOT all held out"
+            yield error_table(f"{title}, all shots, {held}", rows, own)
     shots = [
         row
         for row in evaluation.rows
         if row.direction == "render" and row.method == own and not row.shot.startswith("all")
     ]
     if shots:
-        yield Table("RAW → JPEG by shot", header, tuple(map(_cells, shots)))
+        yield error_table("RAW → JPEG by shot", shots)
     yield from _by_distance(own, evaluation)
-    if evaluation.refinish:
-        yield Table(
-            "JPEGs changed to another setting, against the camera's own JPEG of the same scene",
-            ("from", "to", "method", "n", "mean", "max", "RMSE", "ΔE00"),
-            tuple(map(_refinish_cells, evaluation.refinish)),
-            frozenset(index for index, row in enumerate(evaluation.refinish) if row.method == own),
-        )
-    if evaluation.linearization:
-        yield Table(
-            "Two exposures of one scene: how far their linearized JPEGs differ, beyond the exposure",
-            ("style", "method", "pairs", "R", "G", "B"),
-            tuple(
-                (entry.style, entry.method, str(entry.pairs), *(f"{value:.4f}" for value in entry.delta))
-                for entry in evaluation.linearization
-            ),
-        )
+    yield from more_tables(evaluation, own)
 
 
 def _by_distance(own: str, evaluation: Evaluation) -> Iterator[Block]:
@@ -90,17 +70,6 @@ def _by_distance(own: str, evaluation: Evaluation) -> Iterator[Block]:
     if rows:
         header = ("style", "codes to the nearest sample", "RAW → JPEG", "JPEG → RAW, as rendered")
         yield Table("Mean error by distance to the nearest sample", header, tuple(rows))
-
-
-def _cells(row: EvaluationRow) -> tuple[str, ...]:
-    return (row.style, row.shot, row.method, *row.figures.cells)
-
-
-def _refinish_cells(row: RefinishError) -> tuple[str, ...]:
-    f = row.figures
-    difference = "–" if f.de00_mean is None else f"{f.de00_mean:.2f}"
-    numbers = (f"{value:.4f}" for value in (f.mean, f.maximum, f.rmse))
-    return (row.source, row.target, row.method, str(f.count), *numbers, difference)
 
 
 def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Block]:
@@ -179,22 +148,6 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
             "that is fitted to all colours, outliers too."
         )
         yield Picture(f"brightness_transfer_{name}", brightness_transfer_figure(functions), caption)
-
-
-def setting_tables(profile: CameraProfile) -> Iterator[Block]:
-    """Tabulate the white balances and the matrix."""
-    rows = []
-    for name, balance in profile.white_balances.items():
-        r, _, b = balance.multipliers
-        kelvin = "–" if balance.kelvin is None else f"{balance.kelvin:.0f} K"
-        rows.append((name, f"{r:.4f}", "1", f"{b:.4f}", kelvin, f"{100 * balance.spread:.1f} %"))
-    header = ("name", "red", "green", "blue", "temperature", "spread over shots")
-    yield Table("White balances: what the RAW channels are multiplied by", header, tuple(rows))
-    matrix = tuple(
-        (f"linear {channel}", *(f"{value:+.4f}".replace("-", "−").replace("+", "") for value in row))
-        for channel, row in zip("RGB", profile.matrix, strict=True)
-    )
-    yield Table("Matrix: white-balanced camera RGB → linear sRGB", ("", "camera R", "camera G", "camera B"), matrix)
 
 
 def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data: StyleData | None) -> Iterator[Block]:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from lutforge.atomic_write import atomic_path
 from lutforge.progress import Progress, silent
 from lutforge.report.figures import save_png, to_svg
+from lutforge.report.tables import Table
 
 
 @dataclass(frozen=True)
@@ -45,25 +46,6 @@ class Picture:
         """The figure as an <svg> element, whose ids are its own within a page."""
         prefix = re.sub(r"\W", "_", self.name)
         return re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{prefix}_", to_svg(self.figure))
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of cells as long as the header; own: the rows that are set bold."""
-
-    caption: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    own: frozenset[int] = frozenset()
-    kind: Literal["table"] = "table"
-
-    @property
-    def numeric(self) -> tuple[bool, ...]:
-        """Per column: whether it holds numbers only."""
-        return tuple(
-            bool(self.rows) and all(re.fullmatch(r"[-−]?[\d.]+( K| %)?|–|", row[column]) for row in self.rows)
-            for column in range(len(self.header))
-        )
 
 
 Block = Text | BulletList | Picture | Table

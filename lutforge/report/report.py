@@ -19,12 +19,12 @@ from lutforge.report.error_blocks import (
     error_tables,
     exposure_blocks,
     sample_blocks,
-    setting_tables,
     style_pictures,
 )
 from lutforge.report.error_maps import own_method
 from lutforge.report.page import BulletList, Report, Section
 from lutforge.report.scene_blocks import falloff_blocks, tone_blocks
+from lutforge.report.tables import balance_table, matrix_table
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
 
@@ -67,7 +67,7 @@ def build_report(
     ]
     said = Section("Notes", (BulletList(notes),) if notes else ())
     lens = Section("Lens and scene", (*falloff_blocks(profile.falloffs), *tone_blocks(tones, shares)))
-    settings = Section("White balances and matrix", tuple(setting_tables(profile)))
+    settings = Section("White balances and matrix", (balance_table(profile), matrix_table(profile)))
     sections = tuple(section for section in (said, *judged, lens, settings, *models, *shown) if section.blocks)
     progress("done", 1.0)
     return Report(

@@ -5,10 +5,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from lutforge.evaluation.error_shares import SHARES, ErrorShares
+from lutforge.evaluation.error_shares import ErrorShares
 from lutforge.model.falloff import Falloff
 from lutforge.model.shot_tone import ShotTone
-from lutforge.report.page import Block, Picture, Table
+from lutforge.report.page import Block, Picture
+from lutforge.report.tables import Table, share_table
 from lutforge.settings import setting_name
 
 
@@ -48,8 +49,7 @@ def tone_blocks(tones: Sequence[ShotTone], shares: Sequence[ErrorShares]) -> Ite
             caption = f"{tone.shot}: brightened by so many EV, from place to place. The shot is left out of the fit."
             yield Picture(f"local_tone_{setting_name(tone.shot)}", _local_figure(tone), caption)
     if shares:
-        title = "What the error of rendered colours consists of: RMSE, whose squares add up"
-        yield Table(title, SHARES, tuple(row.cells for row in shares))
+        yield share_table(shares)
 
 
 def _local_figure(tone: ShotTone) -> Figure:

@@ -9,6 +9,7 @@ import panel_material_ui as pmui
 
 from lutforge.pipeline.charts import FittedChart
 from lutforge.pipeline.response import FittedResponse
+from lutforge.report.tables import response_table
 from lutforge.samples.chart_kinds import chart_names
 from lutforge.studio.brackets import Bracket, BracketRequest, fit_request
 from lutforge.studio.elements import CHANNELS, FILL, LINE, TOGETHER, WIDE, entry, plot, select, table, text
@@ -88,9 +89,6 @@ class BracketView:
             drawing.line(linear, values[:, channel], color=colour, line_dash=dash, line_width=2)
         srgb = next(curve.response for curve in fit.curves if curve.name == "sRGB")
         drawing.line(linear, srgb.encode(np.repeat(linear[:, None], 3, axis=1))[:, 1], color=LINE)
-        rows = [(curve.name, f"{curve.median:.1f}", f"{curve.rms:.1f}") for curve in fit.curves]
         lines = [*fit.told, fit.verdict.told, *self.session.profile.notes]
-        self.told.object = "".join(f"<p>{escape(line)}</p>" for line in lines) + table(
-            ("curve", "median", "RMS"), rows, "Error of the next exposure in codes, exposures as stated"
-        )
+        self.told.object = "".join(f"<p>{escape(line)}</p>" for line in lines) + table(response_table(fit))
         self.layout[:] = [drawing, self.told]

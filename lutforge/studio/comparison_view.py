@@ -13,6 +13,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.progress import Progress
 from lutforge.report.figures import ERROR_SCALE
+from lutforge.report.tables import Table
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.elements import FILL, frame, plot, select, table, text
 from lutforge.studio.maps_view import DIRECTIONS, PALETTE
@@ -107,7 +108,7 @@ class ComparisonView:
             figures = (one.error.mean(), q3, high, one.error.max())
             rows.append((one.method, *(f"{value:.4f}" for value in figures)))
         header = ("method", "mean", "Q3", "95 %", "max")
-        self.table.object = table(header, rows, "Errors on shots left out, norm of RGB")
+        self.table.object = table(Table("Errors on shots left out, norm of RGB", header, rows))
         for (drawing, source), name in zip(self.maps, METHODS, strict=True):
             drawing.title.text, source.data = f"no {name}", {"x": [], "y": [], "error": []}
             for one in [one for one in found if one.method.startswith(name)][:1]:

@@ -1,6 +1,5 @@
 """What pages are made of: controls by their labels, tables, text that is only text, plots that can be saved."""
 
-from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -9,6 +8,8 @@ import panel as pn
 import panel_material_ui as pmui
 from bokeh.models import CustomAction, CustomJS, Range1d
 from bokeh.plotting import figure
+
+from lutforge.report.tables import Table
 
 NOTHING = {"–": ""}
 """The options of a list from which nothing can be chosen yet."""
@@ -38,12 +39,11 @@ def text(html: str = "", **options: Any) -> pn.pane.HTML:
     return pn.pane.HTML(html, stylesheets=[TEXT], **{**WIDE, **options})
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:
+def table(shown: Table) -> str:
     """An HTML table; all cells are escaped."""
-    head = "".join(f"<th scope='col'>{escape(cell) or '&nbsp;'}</th>" for cell in header)
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    title = f"<h2>{escape(caption)}</h2>" if caption else ""
-    return f"{title}<table><tr>{head}</tr>{body}</table>"
+    head = "".join(f"<th scope='col'>{escape(cell) or '&nbsp;'}</th>" for cell in shown.header)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in shown.rows)
+    return f"<h2>{escape(shown.caption)}</h2><table><tr>{head}</tr>{body}</table>"
 
 
 def slider(label: str, value: float, start: float, end: float, step: float = 0.01, **more: Any) -> pmui.FloatSlider:

@@ -10,6 +10,7 @@ from lutforge.arrays import Array
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.diagnosis import told
 from lutforge.model.emor import mean_response
+from lutforge.report.tables import Table, balance_table, matrix_table
 from lutforge.studio.elements import CHANNELS, FILL, LINE, frame, plot, table, text
 from lutforge.studio.fits import before, held_out_error, residuals
 from lutforge.studio.session import Session
@@ -102,20 +103,12 @@ class FitView:
                 left_out = "–" if held_out is None else f"{held_out:.4f}"
                 cells.append((name, *(f"{value:.4f}" for value in figures), left_out))
         header = ("model", "mean", "median", "95 %", "max", "held out")
-        return table(header, cells, f"Residuals, RAW → JPEG, on {int(rows.sum()):,} samples")
+        return table(Table(f"Residuals, RAW → JPEG, on {int(rows.sum()):,} samples", header, cells))
 
 
 def _numbers(profile: CameraProfile) -> str:
     """Matrix, multipliers and notes of a profile."""
-    matrix = [
-        (f"sRGB {name}", *(f"{value:.4f}" for value in row)) for name, row in zip("RGB", profile.matrix, strict=True)
-    ]
-    parts = [table(("", "camera R", "camera G", "camera B"), matrix, "Matrix: white-balanced camera RGB → linear sRGB")]
-    balances = []
-    for name, balance in profile.white_balances.items():
-        kelvin = "–" if balance.kelvin is None else f"{balance.kelvin:.0f} K"
-        balances.append((name, *(f"{value:.4f}" for value in balance.multipliers), kelvin, f"{balance.spread:.1%}"))
-    parts.append(table(("white balance", "R", "G", "B", "about", "spread"), balances, "Multipliers"))
+    parts = [table(matrix_table(profile)), table(balance_table(profile))]
     notes = (*told(profile.diagnoses), *profile.notes)
     parts += ["<h2>Notes</h2>"] * bool(notes) + [f"<p>{escape(note)}</p>" for note in notes]
     return "".join(parts)

@@ -12,7 +12,7 @@ from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import import_published
 from lutforge.pipeline.reports import compare
 from lutforge.report.compare import build_comparison
-from lutforge.report.page import Table
+from lutforge.report.tables import Table
 
 
 @pytest.fixture(scope="module")

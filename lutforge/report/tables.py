@@ -1,0 +1,146 @@
+"""Tables of a profile, its errors and its shots, each made once: the command line prints them, pages show them."""
+
+from __future__ import annotations  # the records are named only: what prints a table should not wait for what fits
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from lutforge.calibration.physical.bracket import BracketFit
+    from lutforge.evaluation.error_shares import ErrorShares
+    from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
+    from lutforge.model.camera_profile import CameraProfile
+
+TITLES = {"render": "RAW → JPEG", "linearize": "JPEG → RAW, white-balanced"}
+"""The directions of a profile's models, for captions."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells as long as the header; own: the rows that are set bold."""
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    own: frozenset[int] = frozenset()
+    kind: Literal["table"] = "table"
+
+    @property
+    def numeric(self) -> tuple[bool, ...]:
+        """Per column: whether it holds numbers only, which are set right."""
+        number = re.compile(r"[-−+±]?[\d.]+(e[-+]?\d+)?( K| %| EV)?|–|")
+        return tuple(
+            bool(self.rows) and all(number.fullmatch(row[column]) for row in self.rows)
+            for column in range(len(self.header))
+        )
+
+
+def held_out_table(profile: CameraProfile) -> Table:
+    """Tabulate the errors on held-out shots that a profile holds; no rows where it holds none."""
+    rows = []
+    for name, style in profile.styles.items():
+        for direction in ("render", "linearize"):
+            figures = [style.errors.get(f"{direction}_{kind}") for kind in ("mean", "max", "de00_mean")]
+            if figures[0] is not None:
+                rows.append((name, direction, *(_fixed(value, d) for value, d in zip(figures, (4, 4, 2), strict=True))))
+    return Table("Error on held-out shots", ("style", "direction", "mean", "max", "mean ΔE00"), rows)
+
+
+def balance_table(profile: CameraProfile) -> Table:
+    """Tabulate the white balances of a profile."""
+    rows = []
+    for name, balance in profile.white_balances.items():
+        kelvin = "–" if balance.kelvin is None else f"{balance.kelvin:.0f} K"
+        r, _, b = balance.multipliers
+        rows.append((name, f"{r:.4f}", "1", f"{b:.4f}", kelvin, f"{100 * balance.spread:.1f} %"))
+    header = ("name", "red", "green", "blue", "temperature", "spread over shots")
+    return Table("White balances: what the RAW channels are multiplied by", header, rows)
+
+
+def matrix_table(profile: CameraProfile) -> Table:
+    """Tabulate the matrix of a profile."""
+    rows = [
+        (f"linear {channel}", *(f"{value:.4f}".replace("-", "−") for value in row))
+        for channel, row in zip("RGB", profile.matrix, strict=True)
+    ]
+    header = ("", "camera R", "camera G", "camera B")
+    return Table("Matrix: white-balanced camera RGB → linear sRGB", header, rows)
+
+
+def response_table(fit: BracketFit) -> Table:
+    """Tabulate how well the response of a bracket, and other curves, predict the next exposure."""
+    rows = [(curve.name, f"{curve.median:.1f}", f"{curve.rms:.1f}") for curve in fit.curves]
+    return Table("Error of the next exposure in codes, exposures as stated", ("curve", "median", "RMS"), rows)
+
+
+def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> Table:
+    """Tabulate errors of one direction, with times where these were measured; own: the method that is set bold."""
+    from lutforge.evaluation.errors_table import FIGURES
+
+    timed = any(row.fit_seconds is not None for row in rows)
+
+    def cells(row: EvaluationRow) -> tuple[str, ...]:
+        seconds = (row.fit_seconds, row.seconds_per_megapixel) if timed else ()
+        taken = ("–" if value is None else f"{value:.3g}" for value in seconds)
+        return (row.style, row.shot, row.method, _yes(row.held_out), *row.figures.cells, *taken)
+
+    header = ("style", "shot", "method", "held out", *FIGURES, *(("fit, s", "s/Mpixel") if timed else ()))
+    return _by_method(caption, header, rows, cells, own)
+
+
+def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
+    """Tabulate an evaluation's errors of RAW, over exposure pairs and of refinishing, where there are such."""
+    from lutforge.evaluation.errors_table import FIGURES
+
+    tables = (
+        _by_method(
+            "JPEG → RAW before white balance: RMSE (1 = saturation)",
+            ("style", "method", "held out", "n", "RMSE", "R", "G", "B"), evaluation.raw,
+            lambda row: (row.style, row.method, _yes(row.held_out), str(row.count), *_four(row.rmse, *row.rmse_rgb)),
+            own,
+        ),
+        _by_method(
+            "Two exposures of one scene: how far their linearized JPEGs differ, beyond the exposure (1 = full scale)",
+            ("style", "method", "held out", "pairs", "R", "G", "B"), evaluation.linearization,
+            lambda row: (row.style, row.method, _yes(row.held_out), str(row.pairs), *_four(*row.delta)), own,
+        ),
+        _by_method(
+            "JPEGs changed to another setting, against the camera's own JPEG of the same scene (1 = full scale)",
+            ("from", "to", "method", "held out", "pairs", *FIGURES), evaluation.refinish,
+            lambda row: (
+                row.source, row.target, row.method, _yes(row.held_out), str(row.shots), *row.figures.cells,
+            ),
+            own,
+        ),
+    )  # fmt: skip
+    yield from (table for table in tables if table.rows)
+
+
+def share_table(shares: Sequence[ErrorShares]) -> Table:
+    """Tabulate what the error of rendered colours consists of."""
+    from lutforge.evaluation.error_shares import SHARES
+
+    title = "What the error of rendered colours consists of: RMSE (1 = full scale), whose squares add up"
+    return Table(title, SHARES, [row.cells for row in shares])
+
+
+def _by_method(
+    caption: str, header: Sequence[str], rows: Sequence[Any], cells: Callable[[Any], tuple[str, ...]], own: str
+) -> Table:
+    """Tabulate records; those of the method `own` are set bold."""
+    bold = frozenset(index for index, row in enumerate(rows) if row.method == own)
+    return Table(caption, header, [cells(row) for row in rows], bold)
+
+
+def _fixed(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def _four(*values: float) -> tuple[str, ...]:
+    return tuple(f"{value:.4f}" for value in values)
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
