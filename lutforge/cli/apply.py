@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lutforge.cli.console import complain, note, progress_bar, quiet_codecs, say
+from lutforge.cli.console import argument, complain, note, option, progress_bar, quiet_codecs, say
 
 if TYPE_CHECKING:
     from lutforge.apply.batch import BatchResult
@@ -19,47 +19,39 @@ if TYPE_CHECKING:
 
 
 def apply(
-    grade: Annotated[Path, typer.Argument(help="A LUT file, a profile (.npz) or a config.", show_default=False)],
+    grade: Annotated[Path, argument("A LUT file, a profile (.npz) or a config.")],
     images: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Images: JPEG, PNG, TIFF, EXR, with a profile RAW; before them further profiles.", show_default=False
-        ),
+        list[Path], argument("Images: JPEG, PNG, TIFF, EXR, with a profile RAW; before them further profiles.")
     ],
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="The folder for the graded images.")] = None,
+    output: Annotated[Path | None, option("The folder for the graded images.", "-o", "--output")] = None,
     source: Annotated[
         str | None,
-        typer.Option(
-            "--from", help="STYLE/WB of the images, where they do not tell; with a config, their colour space."
-        ),
+        option("STYLE/WB of the images, where they do not tell; with a config, their colour space.", "--from"),
     ] = None,
     target: Annotated[
-        str | None,
-        typer.Option("--to", help="STYLE/WB wanted, as-shot to keep either; with a config, the colour space wanted."),
+        str | None, option("STYLE/WB wanted, as-shot to keep either; with a config, the colour space wanted.", "--to")
     ] = None,
-    ev: Annotated[float, typer.Option(help="Exposure change in stops, with a profile.")] = 0.0,
-    look: Annotated[Path | None, typer.Option("--as", help="The profile of the camera whose look is wanted.")] = None,
+    ev: Annotated[float, option("Exposure change in stops, with a profile.")] = 0.0,
+    look: Annotated[Path | None, option("The profile of the camera whose look is wanted.", "--as")] = None,
     transfer: Annotated[
-        list[Path] | None, typer.Option(help="With --as: RAW to RAW, from `lutforge transfer`; may repeat.")
+        list[Path] | None, option("With --as: RAW to RAW, from `lutforge transfer`; may repeat.")
     ] = None,
     candidates: Annotated[
-        Path | None, typer.Option(help="Grade nothing: a sheet of the image under presumed white balances.")
+        Path | None, option("Grade nothing: a sheet of the image under presumed white balances.")
     ] = None,
-    suffix: Annotated[str | None, typer.Option(help="Another format for the output, such as .png or .exr.")] = None,
-    quality: Annotated[int | None, typer.Option(help="Of JPEG files, 1 to 100, if not as their sources.")] = None,
-    interpolation: Annotated[
-        str, typer.Option(help="trilinear or tetrahedral, for LUTs that do not say it.")
-    ] = "tetrahedral",
-    workers: Annotated[int | None, typer.Option(help="Threads; one per core by default.")] = None,
-    frames: Annotated[str | None, typer.Option(help="Frames of sequences: 1001-1100, 1-9x2, 1,5,9.")] = None,
-    recursive: Annotated[bool, typer.Option("--recursive", help="Folders with their subfolders.")] = False,
-    mask: Annotated[Path | None, typer.Option(help="A folder for images of how sure each pixel is.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Skip what an earlier run did that is still right.")] = False,
-    scheduler: Annotated[str | None, typer.Option(help="A Dask cluster that does the work: tcp://HOST:PORT.")] = None,
+    suffix: Annotated[str | None, option("Another format for the output, such as .png or .exr.")] = None,
+    quality: Annotated[int | None, option("Of JPEG files, 1 to 100, if not as their sources.")] = None,
+    interpolation: Annotated[str, option("trilinear or tetrahedral, for LUTs that do not say it.")] = "tetrahedral",
+    workers: Annotated[int | None, option("Threads; one per core by default.")] = None,
+    frames: Annotated[str | None, option("Frames of sequences: 1001-1100, 1-9x2, 1,5,9.")] = None,
+    recursive: Annotated[bool, option("Folders with their subfolders.", "--recursive")] = False,
+    mask: Annotated[Path | None, option("A folder for images of how sure each pixel is.")] = None,
+    resume: Annotated[bool, option("Skip what an earlier run did that is still right.", "--resume")] = False,
+    scheduler: Annotated[str | None, option("A Dask cluster that does the work: tcp://HOST:PORT.")] = None,
     print_commands: Annotated[
-        bool, typer.Option("--print-commands", help="Grade nothing: print oiiotool lines that would, for a farm.")
+        bool, option("Grade nothing: print oiiotool lines that would, for a farm.", "--print-commands")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for programs.")] = False,
+    as_json: Annotated[bool, option("Print the summary as JSON, for programs.", "--json")] = False,
 ) -> None:
     """Grade images through OpenColorIO; metadata, bit depth and extra channels are kept.
 
@@ -87,8 +79,7 @@ def _run(grading: "Grading", as_json: bool) -> None:
     with quiet_codecs(), progress_bar("grading") as progress:
         result = grading.run(lambda now: progress(_rate(now.images, now.pixels, now.seconds), now.share))
     seconds = time.monotonic() - began
-    for text in (*result.notes, *_notes(result.done)):
-        note(text)
+    note(*result.notes, *_notes(result.done))
     for failure in result.failed:
         complain(failure.reason)
     if as_json:

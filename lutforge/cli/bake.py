@@ -3,9 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from lutforge.cli.console import Profile, note, progress_bar, say
+from lutforge.cli.console import Profile, argument, note, option, progress_bar, say
 
 PROGRAMS = (
     "resolve, nuke, ocio, oiio, baselight, flame, houdini, blender, photoshop, lightroom, premiere, aftereffects, "
@@ -16,45 +14,38 @@ PROGRAMS = (
 
 def bake(
     profile: Profile,
-    kind: Annotated[str, typer.Argument(help="render, linearize, refinish or match.", show_default=False)],
-    other: Annotated[Path | None, typer.Argument(help="For match: the profile whose look is wanted.")] = None,
+    kind: Annotated[str, argument("render, linearize, refinish or match.")],
+    other: Annotated[Path | None, argument("For match: the profile whose look is wanted.")] = None,
     output: Annotated[
-        list[Path] | None, typer.Option("-o", "--output", help="A LUT file; may repeat. The suffix picks the format.")
+        list[Path] | None, option("A LUT file; may repeat. The suffix picks the format.", "-o", "--output")
     ] = None,
-    source: Annotated[str | None, typer.Option("--from", help="STYLE/WB of the JPEG that comes in.")] = None,
-    target: Annotated[str | None, typer.Option("--to", help="STYLE/WB of the JPEG that comes out.")] = None,
-    ev: Annotated[
-        float, typer.Option(help="Exposure change in stops (refinish, match; render from scene-linear light).")
-    ] = 0.0,
+    source: Annotated[str | None, option("STYLE/WB of the JPEG that comes in.", "--from")] = None,
+    target: Annotated[str | None, option("STYLE/WB of the JPEG that comes out.", "--to")] = None,
+    ev: Annotated[float, option("Exposure change in stops (refinish, match; render from scene-linear light).")] = 0.0,
     space: Annotated[
         str,
-        typer.Option(
-            help="What render takes and linearize gives: raw, or a colour space, linear (acescg, linear-rec2020 …) or "
+        option(
+            "What render takes and linearize gives: raw, or a colour space, linear (acescg, linear-rec2020 …) or "
             "encoded (vlog, slog3, logc4, acescct, davinci-intermediate …)."
         ),
     ] = "raw",
     reader: Annotated[
         str | None,
-        typer.Option(
+        option(
+            f"The program that will read it, which without -o names the files: {PROGRAMS}.",
             "--for",
-            help=f"The program that will read it, which without -o names the files: {PROGRAMS}.",
             autocompletion=lambda: PROGRAMS.split(", "),
         ),
     ] = None,
-    size: Annotated[int | None, typer.Option(help="Nodes per axis of the cube.")] = None,
-    tolerance: Annotated[
-        float | None, typer.Option(help="Instead of a size: the ΔE00 that 99 % of colours keep within.")
-    ] = None,
-    interpolation: Annotated[
-        str | None, typer.Option(help="trilinear or tetrahedral: how the reader interpolates.")
-    ] = None,
-    model: Annotated[str | None, typer.Option(help="lattice or rbf, where the profile holds both.")] = None,
+    size: Annotated[int | None, option("Nodes per axis of the cube.")] = None,
+    tolerance: Annotated[float | None, option("Instead of a size: the ΔE00 that 99 % of colours keep within.")] = None,
+    interpolation: Annotated[str | None, option("trilinear or tetrahedral: how the reader interpolates.")] = None,
+    model: Annotated[str | None, option("lattice or rbf, where the profile holds both.")] = None,
     transfer: Annotated[
-        list[Path] | None, typer.Option(help="For match: RAW to RAW, from `lutforge transfer`; may repeat, in steps.")
+        list[Path] | None, option("For match: RAW to RAW, from `lutforge transfer`; may repeat, in steps.")
     ] = None,
     stages: Annotated[
-        bool,
-        typer.Option("--stages", help=".clf, .ctf: each step a cube of its own; lattices of a profile stay exact."),
+        bool, option(".clf, .ctf: each step a cube of its own; lattices of a profile stay exact.", "--stages")
     ] = False,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
@@ -70,5 +61,4 @@ def bake(
     for file in baked.files:
         say(str(file))
         say(f"  read back, against the model: {file.error}")
-    for text in baked.notes:
-        note(text)
+    note(*baked.notes)

@@ -4,15 +4,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lutforge.cli.console import (
     DevelopedFolder,
     DevelopedSpace,
     DeveloperName,
     ProfileOutput,
+    argument,
     note,
-    print_table,
+    option,
+    print_tables,
     progress_bar,
     say,
 )
@@ -28,57 +28,47 @@ if TYPE_CHECKING:
 
 
 OptionalSources = Annotated[
-    list[Path] | None,
-    typer.Argument(help="Sample tables (.csv, .parquet), RAW files, folders of RAW files.", show_default=False),
+    list[Path] | None, argument("Sample tables (.csv, .parquet), RAW files, folders of RAW files.")
 ]
 Pairs = Annotated[
-    tuple[Path, Path] | None,
-    typer.Option(help="Instead of shots, two folders: the same frames before and after, same stems."),
+    tuple[Path, Path] | None, option("Instead of shots, two folders: the same frames before and after, same stems.")
 ]
-FromSpace = Annotated[str, typer.Option("--from-space", help="The colour space of the first folder of --pairs.")]
-Model = Annotated[
-    str, typer.Option(help="lattice; or rbf: fits response, matrix and gamut map as stages of their own, too.")
-]
-Preset = Annotated[str, typer.Option(help="lutforge; or thesis: the published method as written.")]
-Size = Annotated[int | None, typer.Option(help="Nodes per axis of the lattices, 3 to 65; 33 unless given.")]
+FromSpace = Annotated[str, option("The colour space of the first folder of --pairs.", "--from-space")]
+Model = Annotated[str, option("lattice; or rbf: fits response, matrix and gamut map as stages of their own, too.")]
+Preset = Annotated[str, option("lutforge; or thesis: the published method as written.")]
+Size = Annotated[int | None, option("Nodes per axis of the lattices, 3 to 65; 33 unless given.")]
 Tolerance = Annotated[
     float | None,
-    typer.Option(
-        help="Instead of a size: the smallest one (9 to 65) that renders held-out shots with this mean error, the "
-        "norm of the RGB difference of encoded values 0 to 1 (0.0068 is one code of 255).",
+    option(
+        "Instead of a size: the smallest one (9 to 65) that renders held-out shots with this mean error, the "
+        "norm of the RGB difference of encoded values 0 to 1 (0.0068 is one code of 255)."
     ),
 ]
-ForReaders = Annotated[str, typer.Option(help="trilinear or tetrahedral: what will read the LUT.")]
+ForReaders = Annotated[str, option("trilinear or tetrahedral: what will read the LUT.")]
 STAGES = "Response, matrix and gamut map"
 Inliers = Annotated[
     list[Path] | None,
-    typer.Option(
-        rich_help_panel=STAGES, help="Samples that response, matrix and white balances are fitted to, instead of all."
-    ),
+    option("Samples that response, matrix and white balances are fitted to, instead of all.", rich_help_panel=STAGES),
 ]
-Beta = Annotated[
-    float, typer.Option(rich_help_panel=STAGES, help="β, the saturation below which colours tell the response.")
-]
-Curves = Annotated[
-    int, typer.Option(rich_help_panel=STAGES, help="Curves of EMoR that the response is made of, 1 to 15.")
-]
+Beta = Annotated[float, option("β, the saturation below which colours tell the response.", rich_help_panel=STAGES)]
+Curves = Annotated[int, option("Curves of EMoR that the response is made of, 1 to 15.", rich_help_panel=STAGES)]
 Weighting = Annotated[
-    float, typer.Option(rich_help_panel=STAGES, help="In the fit of the response: 0 weights samples equally, 1 tones.")
+    float, option("In the fit of the response: 0 weights samples equally, 1 tones.", rich_help_panel=STAGES)
 ]
-Centres = Annotated[int, typer.Option(rich_help_panel=STAGES, help="Centres of the gamut map, at most.")]
+Centres = Annotated[int, option("Centres of the gamut map, at most.", rich_help_panel=STAGES)]
 Rho = Annotated[
-    float | None, typer.Option(rich_help_panel=STAGES, help="ρ, the gamut map's smoothness, if not by held-out shots.")
+    float | None, option("ρ, the gamut map's smoothness, if not by held-out shots.", rich_help_panel=STAGES)
 ]
 WithoutPairs = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
+        '"SHOT|SHOT": their exposure pairs do not tell the response (preset thesis); may repeat.',
         rich_help_panel=STAGES,
-        help='"SHOT|SHOT": their exposure pairs do not tell the response (preset thesis); may repeat.',
     ),
 ]
-Uniform = Annotated[bool, typer.Option("--uniform", help="Keep the node levels evenly spaced.")]
+Uniform = Annotated[bool, option("Keep the node levels evenly spaced.", "--uniform")]
 WithLearningCurve = Annotated[
-    bool, typer.Option("--learning-curve", help="Show, too, how the error falls with more shots: are they enough?")
+    bool, option("Show, too, how the error falls with more shots: are they enough?", "--learning-curve")
 ]
 
 
@@ -127,9 +117,8 @@ def calibrate(
     with progress_bar("calibrating") as progress:
         stages = calibrate_stages(inliers, options) if inliers else None
         profile = fit(samples, options, progress, stages=stages)
-    for text in (*told(profile.diagnoses), *profile.notes):
-        note(text)
-    print_table(held_out_table(profile))
+    note(*told(profile.diagnoses), *profile.notes)
+    print_tables(held_out_table(profile))
     profile.save(output)
     shots = "1 shot" if len(profile.shots) == 1 else f"{len(profile.shots)} shots"
     say(f"{output}: {profile.camera}, {len(samples)} samples of {shots}")
@@ -180,5 +169,5 @@ def print_learning_curve(style: str, curve: "LearningCurve") -> None:
         for point in curve.points
     ]
     header = ("shots", "samples", "render mean", "± 1 σ", "linearize mean")
-    print_table(Table(f"Error on held-out shots by the number of shots: {style}", header, rows))
+    print_tables(Table(f"Error on held-out shots by the number of shots: {style}", header, rows))
     say(f"{style}: {curve.advice}")

@@ -3,13 +3,11 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from lutforge.cli.console import for_each, say
+from lutforge.cli.console import argument, for_each, say
 
 
 def check(
-    luts: Annotated[list[Path], typer.Argument(help="LUT files of any origin.", show_default=False)],
+    luts: Annotated[list[Path], argument("LUT files of any origin.")],
 ) -> None:
     """Show what LUT files hold, which programs read them, and which misread them."""
     for_each("checking", luts, _show)
@@ -18,5 +16,4 @@ def check(
 def _show(path: Path) -> None:
     from lutforge.pipeline.inspection import check as lines_of
 
-    for line in lines_of(path):
-        say(line)
+    say(*lines_of(path))

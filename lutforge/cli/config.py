@@ -3,28 +3,23 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from lutforge.cli.console import note, progress_bar, say
+from lutforge.cli.console import argument, note, option, progress_bar, say
 
 
 def config(
-    profiles: Annotated[list[Path], typer.Argument(help="Profiles (.npz).", show_default=False)],
-    output: Annotated[Path, typer.Option("-o", "--output", help="A folder, or one archive (.ocioz).")] = Path("ocio"),
+    profiles: Annotated[list[Path], argument("Profiles (.npz).")],
+    output: Annotated[Path, option("A folder, or one archive (.ocioz).", "-o", "--output")] = Path("ocio"),
     merge: Annotated[
-        str | None,
-        typer.Option(
-            help="A config (.ocio, .ocioz, or the name of a built-in one) to add the cameras to.", show_default=False
-        ),
+        str | None, option("A config (.ocio, .ocioz, or the name of a built-in one) to add the cameras to.")
     ] = None,
     ocio_version: Annotated[
         str | None,
-        typer.Option(
-            help="Profile version of the config, 2.1 to 2.6: that of the oldest OpenColorIO which must read it.",
+        option(
+            "Profile version of the config, 2.1 to 2.6: that of the oldest OpenColorIO which must read it.",
             show_default="2.1, or --merge's",
         ),
     ] = None,
-    replace: Annotated[bool, typer.Option("--replace", help="Replace the config that the folder holds.")] = False,
+    replace: Annotated[bool, option("Replace the config that the folder holds.", "--replace")] = False,
 ) -> None:
     """Write an OpenColorIO config with the cameras' RAW and JPEG colour spaces, views and refinish looks."""
     from lutforge.pipeline.configs import write_checked_config
@@ -34,8 +29,7 @@ def config(
             profiles, output, version=ocio_version, merge=merge, replace=replace, progress=progress
         )
     losses = (f"version {written.version}: {loss}" for loss in written.losses)
-    for text in (*losses, *(finding.note for finding in written.findings)):
-        note(text)
+    note(*losses, *(finding.note for finding in written.findings))
     say(f"{written.path}: profile version {written.version}, checked")
     for title, entries in (
         ("input colour spaces", written.spaces),

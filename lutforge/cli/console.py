@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -59,15 +59,17 @@ def quiet_codecs() -> Iterator[None]:
             sys.stderr = python_stderr
 
 
-def say(text: str) -> None:
-    """One line on stdout, as it is."""
-    print(text)
+def say(*lines: str) -> None:
+    """Lines on stdout, as they are."""
+    for line in lines:
+        print(line)
 
 
-def note(text: str) -> None:
-    """One line on stderr that is not an error."""
+def note(*lines: str) -> None:
+    """Lines on stderr that are no errors."""
     dim, plain = ("\x1b[2m", "\x1b[0m") if sys.stderr.isatty() and os.name == "posix" else ("", "")
-    print(f"{dim}note:{plain} {text}", file=sys.stderr)
+    for line in lines:
+        print(f"{dim}note:{plain} {line}", file=sys.stderr)
 
 
 def complain(text: str) -> None:
@@ -92,41 +94,46 @@ def for_each(title: str, files: Sequence[Path], show: Callable[[Path], None]) ->
         raise typer.Exit(2)
 
 
-def print_table(table: Table) -> None:
-    """A table on stdout, if it has rows; columns of numbers are set right."""
-    if not table.rows:
-        return
+def print_tables(*tables: Table) -> None:
+    """Tables on stdout, those that have rows; columns of numbers are set right."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table as Lines
 
     # Tables are as wide as they need: a narrow terminal wraps whole lines, not letters.
     width = max(Console().width, 140) if sys.stdout.isatty() else 240
-    lines = Lines(
-        title=table.caption, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False
-    )
-    for name, numeric in zip(table.header, table.numeric, strict=True):
-        lines.add_column(name, justify="right" if numeric else "left", overflow="fold", no_wrap=numeric)
-    for row in table.rows:
-        lines.add_row(*map(escape, row))
-    Console(highlight=False, width=width, soft_wrap=True).print(lines)
+    for table in (table for table in tables if table.rows):
+        lines = Lines(
+            title=table.caption, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False
+        )
+        for name, numeric in zip(table.header, table.numeric, strict=True):
+            lines.add_column(name, justify="right" if numeric else "left", overflow="fold", no_wrap=numeric)
+        for row in table.rows:
+            lines.add_row(*map(escape, row))
+        Console(highlight=False, width=width, soft_wrap=True).print(lines)
 
 
-Profile = Annotated[Path, typer.Argument(help="The profile (.npz).", show_default=False)]
-Shots = Annotated[list[Path], typer.Argument(help="RAW files, or folders of them.", show_default=False)]
-Sources = Annotated[
-    list[Path],
-    typer.Argument(help="Sample tables (.csv, .parquet), RAW files, folders of RAW files.", show_default=False),
-]
-ProfileOutput = Annotated[Path, typer.Option("-o", "--output", help="The profile to write (.npz).")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print everything as JSON, for programs.")]
+def argument(help: str, **more: Any) -> Any:
+    """What a command is given, in words for its help."""
+    return typer.Argument(help=help, **{"show_default": False, **more})
+
+
+def option(help: str, *names: str, **more: Any) -> Any:
+    """An option of a command, in words for its help, and its names where the parameter's is not enough."""
+    return typer.Option(*names, help=help, **more)
+
+
+Profile = Annotated[Path, argument("The profile (.npz).")]
+Shots = Annotated[list[Path], argument("RAW files, or folders of them.")]
+Sources = Annotated[list[Path], argument("Sample tables (.csv, .parquet), RAW files, folders of RAW files.")]
+ProfileOutput = Annotated[Path, option("The profile to write (.npz).", "-o", "--output")]
+AsJson = Annotated[bool, option("Print everything as JSON, for programs.", "--json")]
 DeveloperName = Annotated[
-    str | None,
-    typer.Option(help="Instead of RAW, what this program feeds to a LUT: darktable or rawtherapee."),
+    str | None, option("Instead of RAW, what this program feeds to a LUT: darktable or rawtherapee.")
 ]
 DevelopedFolder = Annotated[
-    Path | None, typer.Option(help="A folder of pictures that another program developed, one a shot, same stem.")
+    Path | None, option("A folder of pictures that another program developed, one a shot, same stem.")
 ]
 DevelopedSpace = Annotated[
-    str | None, typer.Option("--developed-space", help="The colour space of those pictures, such as prophoto.")
+    str | None, option("The colour space of those pictures, such as prophoto.", "--developed-space")
 ]

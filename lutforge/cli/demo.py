@@ -6,10 +6,8 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lutforge import child_processes
-from lutforge.cli.console import note, print_table, progress_bar, say
+from lutforge.cli.console import note, option, print_tables, progress_bar, say
 from lutforge.model.diagnosis import told
 from lutforge.report.tables import Table, held_out_table
 
@@ -20,8 +18,8 @@ if TYPE_CHECKING:
 
 
 def demo(
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for everything it makes.")] = Path("demo"),
-    size: Annotated[int, typer.Option(help="Nodes per axis of the lattices.")] = 33,
+    output: Annotated[Path, option("The folder for everything it makes.", "-o", "--output")] = Path("demo"),
+    size: Annotated[int, option("Nodes per axis of the lattices.")] = 33,
 ) -> None:
     """Photograph with a simulated camera, calibrate it, bake, write a config, grade, and compare with the truth."""
     from lutforge.calibration.options import CalibrationOptions
@@ -46,11 +44,10 @@ def demo(
     say("3. Calibrate")
     with progress_bar("calibrating") as progress:
         profile = calibrate(sampled.samples, CalibrationOptions(size=size), progress)
-    for text in (*told(profile.diagnoses), *profile.notes):
-        note(text)
+    note(*told(profile.diagnoses), *profile.notes)
     profile.save(output / "camera.npz")
     calibration_sheet(profile, "standard", output / "calibration.png")
-    print_table(held_out_table(profile))
+    print_tables(held_out_table(profile))
 
     say("4. Bake: LUT files, each read back and compared with the model")
     _bake(profile, shots, output / "luts")
@@ -62,7 +59,7 @@ def demo(
     say("7. Compare with the simulated camera itself, on colours that it was not calibrated from")
     rows = [*_truth(profile, shots), graded]
     header = ("what", "n", "mean", "max", "RMSE", "mean ΔE00")
-    print_table(Table("Error against the known truth (1 = full scale)", header, rows))
+    print_tables(Table("Error against the known truth (1 = full scale)", header, rows))
     say("8. Report")
     with progress_bar("reporting") as progress:
         page = write_report(profile, sampled, output / "report.html", progress=progress)

@@ -4,9 +4,7 @@ import json
 import sys
 from typing import Annotated
 
-import typer
-
-from lutforge.cli.console import AsJson, Profile, Sources, note, print_table, progress_bar
+from lutforge.cli.console import AsJson, Profile, Sources, note, option, print_tables, progress_bar
 from lutforge.cli.sample import tell
 from lutforge.report.tables import TITLES, error_table, more_tables, share_table
 
@@ -16,10 +14,10 @@ def evaluate(
     sources: Sources,
     tables: Annotated[
         bool,
-        typer.Option(
-            "--tables",
-            help="All methods of the thesis's tables, with times: radial basis functions, uniform and nonuniform "
+        option(
+            "All methods of the thesis's tables, with times: radial basis functions, uniform and nonuniform "
             "lattices of 13, 17 and 24 nodes. Takes a minute or more.",
+            "--tables",
         ),
     ] = False,
     as_json: AsJson = False,
@@ -41,14 +39,12 @@ def evaluate(
         samples = gather_samples(sources, progress, told, raw_substitute_of(camera)).samples
     with progress_bar("evaluating") as progress:
         evaluation = measure(camera, samples, progress, tables=tables)
-    for text in evaluation.notes:
-        note(text)
+    note(*evaluation.notes)
     if as_json:
         json.dump(evaluation.as_json(), sys.stdout, indent=1, ensure_ascii=False, allow_nan=False)
         sys.stdout.write("\n")
         return
     for direction, title in TITLES.items():
         rows = [row for row in evaluation.rows if row.direction == direction]
-        print_table(error_table(f"{title}: error (1 = full scale)", rows))
-    for table in (*more_tables(evaluation), share_table(evaluation.shares)):
-        print_table(table)
+        print_tables(error_table(f"{title}: error (1 = full scale)", rows))
+    print_tables(*more_tables(evaluation), share_table(evaluation.shares))

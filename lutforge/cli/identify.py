@@ -4,17 +4,12 @@ import json
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from lutforge.cli.console import AsJson, for_each, note, say
+from lutforge.cli.console import AsJson, argument, for_each, note, option, say
 
 
 def identify(
-    images: Annotated[list[Path], typer.Argument(help="Pictures that do not tell their camera.", show_default=False)],
-    profiles: Annotated[
-        list[Path],
-        typer.Option("--profiles", help="A folder of camera profiles, or a profile; may repeat.", show_default=False),
-    ],
+    images: Annotated[list[Path], argument("Pictures that do not tell their camera.")],
+    profiles: Annotated[list[Path], option("A folder of camera profiles, or a profile; may repeat.", "--profiles")],
     as_json: AsJson = False,
 ) -> None:
     """Tell by its pixels which camera, style and white balance rendered a picture, or that they do not tell."""
@@ -22,8 +17,7 @@ def identify(
     from lutforge.pipeline.identification import known_cameras
 
     cameras = known_cameras(profiles)
-    for text in cameras.left_out:
-        note(text)
+    note(*cameras.left_out)
     records: list[dict[str, object]] = []
 
     def show(image: Path) -> None:

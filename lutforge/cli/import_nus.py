@@ -3,19 +3,15 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from lutforge.cli.console import Profile, say
+from lutforge.cli.console import Profile, argument, option, say
 from lutforge.errors import ProfileError
 
 
 def import_nus(
-    folders: Annotated[list[Path], typer.Argument(help="Folders that hold raw2jpg_transform.txt.", show_default=False)],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The profile to write (.npz).")] = Path("camera.npz"),
-    camera: Annotated[
-        str, typer.Option(help="The camera's name; needed where their folder is not nus_MAKE_MODEL.")
-    ] = "",
-    style: Annotated[str, typer.Option(help="The picture style that the folders are of.")] = "standard",
+    folders: Annotated[list[Path], argument("Folders that hold raw2jpg_transform.txt.")],
+    output: Annotated[Path, option("The profile to write (.npz).", "-o", "--output")] = Path("camera.npz"),
+    camera: Annotated[str, option("The camera's name; needed where their folder is not nus_MAKE_MODEL.")] = "",
+    style: Annotated[str, option("The picture style that the folders are of.")] = "standard",
 ) -> None:
     """Read the thesis authors' model folders (response, matrix, white balances, gamut map) into a profile."""
     from lutforge.model.profile_file import save_profile
@@ -32,8 +28,8 @@ def import_nus(
 
 def export_nus(
     profile: Profile,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder to write.", show_default=False)],
-    style: Annotated[str | None, typer.Option(help="The picture style, where there are several.")] = None,
+    output: Annotated[Path, option("The folder to write.", "-o", "--output")],
+    style: Annotated[str | None, option("The picture style, where there are several.")] = None,
 ) -> None:
     """Write a profile's physical models as the thesis authors' text files, a folder each, which import-nus reads."""
     from lutforge.model.camera_profile import as_profile

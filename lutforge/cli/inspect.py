@@ -3,26 +3,18 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from lutforge.cli.console import for_each, note, print_table, progress_bar
+from lutforge.cli.console import argument, for_each, note, option, print_tables, progress_bar
 from lutforge.report.tables import Table, held_out_table
 
 
 def inspect(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            help="RAW files, pictures, sample tables, profiles, LUTs, and folders of them.", show_default=False
-        ),
-    ],
+    files: Annotated[list[Path], argument("RAW files, pictures, sample tables, profiles, LUTs, and folders of them.")],
     scene: Annotated[
         Path | None,
-        typer.Option(
+        option(
+            "Compare shots with a profile's rendering: what the camera did beyond it, in stops.",
             "--scene",
             metavar="PROFILE",
-            help="Compare shots with a profile's rendering: what the camera did beyond it, in stops.",
-            show_default=False,
         ),
     ] = None,
 ) -> None:
@@ -34,9 +26,8 @@ def inspect(
 
         with progress_bar("sampling") as progress:
             found = inspect_scene(scene, files, progress)
-        print_table(found.table)
-        for text in found.notes:
-            note(text)
+        print_tables(found.table)
+        note(*found.notes)
         return
     for_each("inspecting", [file for path in files for file in files_to_inspect(path)], _show)
 
@@ -45,6 +36,6 @@ def _show(file: Path) -> None:
     from lutforge.pipeline.inspection import inspect as look
 
     found = look(file)
-    print_table(Table(str(file), ("", ""), found.rows))
+    print_tables(Table(str(file), ("", ""), found.rows))
     if found.profile is not None:
-        print_table(held_out_table(found.profile))
+        print_tables(held_out_table(found.profile))

@@ -3,28 +3,26 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from lutforge.cli.console import Profile, note, print_table, progress_bar, say
+from lutforge.cli.console import Profile, note, option, print_tables, progress_bar, say
 from lutforge.report.tables import Table
 
 
 def kit(
     profile: Profile,
-    to: Annotated[str, typer.Option("--to", help="The look: STYLE/WB.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder to write.")] = Path("kit"),
+    to: Annotated[str, option("The look: STYLE/WB.", "--to")],
+    output: Annotated[Path, option("The folder to write.", "-o", "--output")] = Path("kit"),
     program: Annotated[
         str | None,
-        typer.Option(
-            "--for",
-            help="darktable, rawtherapee, art, lightroom, resolve, nuke, blender, ffmpeg, obs, gimp or lumix; "
+        option(
+            "darktable, rawtherapee, art, lightroom, resolve, nuke, blender, ffmpeg, obs, gimp or lumix; "
             "unless given, the one that developed the profile's pictures; of camera RAW "
             "rawtherapee.",
+            "--for",
         ),
     ] = None,
     check: Annotated[
         list[Path] | None,
-        typer.Option("--check", help="RAW files or folders that the program then develops with the kit, to compare."),
+        option("RAW files or folders that the program then develops with the kit, to compare.", "--check"),
     ] = None,
 ) -> None:
     """Write a kit: LUT or camera profile, the preset that places it, and a page that says what to do."""
@@ -39,11 +37,10 @@ def kit(
         return
     with progress_bar("developing") as progress:
         checks, notes = check_kit(folder, check, progress)
-    for text in notes:
-        note(text)
+    note(*notes)
     rows = [
         (entry.shot, str(entry.tiles), f"{entry.mean:.2f}", f"{entry.p95:.2f}", f"{entry.maximum:.2f}")
         for entry in checks
     ]
     header = ("shot", "tiles", "mean", "95 %", "max")
-    print_table(Table("What the program shows against the camera's JPEG, ΔE00", header, rows))
+    print_tables(Table("What the program shows against the camera's JPEG, ΔE00", header, rows))

@@ -3,22 +3,17 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from lutforge.cli.console import Profile, progress_bar, say
+from lutforge.cli.console import Profile, argument, option, progress_bar, say
 from lutforge.cli.sample import tell
 
 
 def report(
     profile: Profile,
     sources: Annotated[
-        list[Path] | None,
-        typer.Argument(help="What it was calibrated from: sample tables, RAW files, folders.", show_default=False),
+        list[Path] | None, argument("What it was calibrated from: sample tables, RAW files, folders.")
     ] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The page to write (.html).")] = Path("report.html"),
-    figures: Annotated[
-        Path | None, typer.Option(help="A folder for the figures, each as SVG and PNG.", show_default=False)
-    ] = None,
+    output: Annotated[Path, option("The page to write (.html).", "-o", "--output")] = Path("report.html"),
+    figures: Annotated[Path | None, option("A folder for the figures, each as SVG and PNG.")] = None,
 ) -> None:
     """Write a report that needs no network: curves, maps and tables of a profile.
 

@@ -3,9 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from lutforge.cli.console import ProfileOutput, note, print_table, progress_bar, say
+from lutforge.cli.console import ProfileOutput, argument, note, option, print_tables, progress_bar, say
 from lutforge.errors import CalibrationError
 from lutforge.report.tables import Table, held_out_table, response_table
 
@@ -14,31 +12,23 @@ if TYPE_CHECKING:
 
 
 def response(
-    bracket: Annotated[
-        list[Path],
-        typer.Argument(help="Pictures of one still scene, a folder of them, or a film of it.", show_default=False),
-    ],
+    bracket: Annotated[list[Path], argument("Pictures of one still scene, a folder of them, or a film of it.")],
     output: ProfileOutput = Path("camera.npz"),
-    times: Annotated[
-        str | None, typer.Option(help="Exposure times in the order of the files, such as 1/60,1/30,1/15.")
-    ] = None,
-    camera: Annotated[str, typer.Option(help="The camera's name, where the files do not tell it.")] = "",
+    times: Annotated[str | None, option("Exposure times in the order of the files, such as 1/60,1/30,1/15.")] = None,
+    camera: Annotated[str, option("The camera's name, where the files do not tell it.")] = "",
     all_colours: Annotated[
-        bool, typer.Option("--all-colours", help="Count saturated colours, too: for a scene without neutral ones.")
+        bool, option("Count saturated colours, too: for a scene without neutral ones.", "--all-colours")
     ] = False,
     chart: Annotated[
         str | None,
-        typer.Option(
-            help="The scene shows this chart: classic, classic2014, sg, spyder24, spyder48, or what a file of measured "
+        option(
+            "The scene shows this chart: classic, classic2014, sg, spyder24, spyder48, or what a file of measured "
             "patches (CGATS .txt) or a .json tells. The whole rendering is calibrated on its colours."
         ),
     ] = None,
-    light: Annotated[
-        str | None, typer.Option(help="The light on the chart: 5500K, D55, A, LED-B3 …", show_default="D50")
-    ] = None,
+    light: Annotated[str | None, option("The light on the chart: 5500K, D55, A, LED-B3 …", show_default="D50")] = None,
     corners: Annotated[
-        str | None,
-        typer.Option(help='The chart\'s outer corners in pixels, clockwise from the first patch: "x,y x,y x,y x,y".'),
+        str | None, option('The chart\'s outer corners in pixels, clockwise from the first patch: "x,y x,y x,y x,y".')
     ] = None,
 ) -> None:
     """Find the response of a camera without RAW from one scene at several exposures, and how exact these were."""
@@ -47,9 +37,9 @@ def response(
     if chart is not None:
         _of_chart(bracket, output, chart, light or "D50", corners, times, camera)
         return
-    for option, value in (("--light", light), ("--corners", corners)):
+    for name, value in (("--light", light), ("--corners", corners)):
         if value is not None:
-            raise CalibrationError(f"{option} is of a colour chart: name the chart, too, such as --chart classic")
+            raise CalibrationError(f"{name} is of a colour chart: name the chart, too, such as --chart classic")
     with progress_bar("response") as progress:
         fitted = write_response(
             bracket, output, None if times is None else parse_times(times), camera=camera, all_colours=all_colours,
@@ -63,8 +53,8 @@ def response(
         (name, f"{time / min(exposures.values()):.4g}", f"{fit.exposure_error.get(name, float('nan')):.3f}")
         for name, time in exposures.items()
     ]
-    print_table(response_table(fit))
-    print_table(Table("Exposures", ("shot", "stated, relative", "true / stated"), rows))
+    print_tables(response_table(fit))
+    print_tables(Table("Exposures", ("shot", "stated, relative", "true / stated"), rows))
     say(follows)
     _tell_verdict(fit)
 
@@ -94,11 +84,10 @@ def _of_chart(
         for name, time in exposures.items()
     ]  # fmt: skip
     header = ("shot", "chart", "patches used", "stated, relative", "true / stated", "white beside the chart")
-    print_table(Table("Exposures", header, rows))
+    print_tables(Table("Exposures", header, rows))
     _tell_verdict(fitted.fit)
-    for text in profile.notes:
-        note(text)
-    print_table(held_out_table(profile))
+    note(*profile.notes)
+    print_tables(held_out_table(profile))
     say(f"next: lutforge bake {output} linearize --from {selector} --space aces2065-1 -o input.clf")
 
 

@@ -3,14 +3,12 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from lutforge.cli.console import DevelopedFolder, DevelopedSpace, DeveloperName, Shots, note, progress_bar, say
+from lutforge.cli.console import DevelopedFolder, DevelopedSpace, DeveloperName, Shots, note, option, progress_bar, say
 
 if TYPE_CHECKING:
     from lutforge.pipeline.sampling import SampledShots
 
-Output = Annotated[Path, typer.Option("-o", "--output", help="samples.csv or samples.parquet.")]
+Output = Annotated[Path, option("samples.csv or samples.parquet.", "-o", "--output")]
 
 
 def sample(
@@ -18,9 +16,7 @@ def sample(
     output: Output = Path("samples.csv"),
     reference: Annotated[
         Path | None,
-        typer.Option(
-            help="For JPEGs of a camera without RAW: another camera's RAW files of the same scenes, a folder."
-        ),
+        option("For JPEGs of a camera without RAW: another camera's RAW files of the same scenes, a folder."),
     ] = None,
     developer: DeveloperName = None,
     developed: DevelopedFolder = None,

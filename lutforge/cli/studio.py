@@ -4,27 +4,22 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from lutforge.boundary import require_file
-from lutforge.cli.console import say
+from lutforge.cli.console import argument, option, say
 from lutforge.errors import LutForgeError
 
 
 def studio(
     sources: Annotated[
-        list[Path] | None,
-        typer.Argument(help="A sample table, shots or folders of them, a profile, a workspace.", show_default=False),
+        list[Path] | None, argument("A sample table, shots or folders of them, a profile, a workspace.")
     ] = None,
-    port: Annotated[int, typer.Option(help="The port of the page; 0 for any that is free.", min=0, max=65535)] = 5006,
-    address: Annotated[
-        str, typer.Option(help="Where to listen; other than 127.0.0.1 others may connect.")
-    ] = "127.0.0.1",
+    port: Annotated[int, option("The port of the page; 0 for any that is free.", min=0, max=65535)] = 5006,
+    address: Annotated[str, option("Where to listen; other than 127.0.0.1 others may connect.")] = "127.0.0.1",
     folder: Annotated[
         list[Path] | None,
-        typer.Option(help="A folder that may be read and written; may repeat. By default the inputs' and this one."),
+        option("A folder that may be read and written; may repeat. By default the inputs' and this one."),
     ] = None,
-    show: Annotated[bool, typer.Option("--show/--no-browser", help="Open the page in a browser.")] = True,
+    show: Annotated[bool, option("Open the page in a browser.", "--show/--no-browser")] = True,
 ) -> None:
     """Look at samples, mark outliers, fit models and preview refinishing in the browser; stop it with Ctrl+C."""
     if find_spec("panel") is None:

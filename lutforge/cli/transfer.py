@@ -3,9 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from lutforge.cli.console import note, progress_bar, say
+from lutforge.cli.console import argument, note, option, progress_bar, say
 from lutforge.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -20,14 +18,12 @@ NAMES = {
 
 
 def transfer(
-    source: Annotated[Path, typer.Argument(help="The first camera's samples, RAW file or folder.", show_default=False)],
-    target: Annotated[Path, typer.Argument(help="The other camera's, of the same charts.", show_default=False)],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The transfer to write (.json).")],
-    piecewise: Annotated[
-        bool, typer.Option("--piecewise", help="Piecewise linear in hue: nearer than one matrix.")
-    ] = False,
+    source: Annotated[Path, argument("The first camera's samples, RAW file or folder.")],
+    target: Annotated[Path, argument("The other camera's, of the same charts.")],
+    output: Annotated[Path, option("The transfer to write (.json).", "-o", "--output")],
+    piecewise: Annotated[bool, option("Piecewise linear in hue: nearer than one matrix.", "--piecewise")] = False,
     root_polynomial: Annotated[
-        bool, typer.Option("--root-polynomial", help="Six terms, with √rg, √gb, √rb: mostly nearer still.")
+        bool, option("Six terms, with √rg, √gb, √rb: mostly nearer still.", "--root-polynomial")
     ] = False,
 ) -> None:
     """Fit RAW → RAW between two cameras from charts that both photographed, for apply --as and bake match."""
@@ -46,5 +42,4 @@ def transfer(
 
 
 def _tell(sampled: "SampledShots") -> None:
-    for text in sampled.left_out:
-        note(text)
+    note(*sampled.left_out)
