@@ -8,8 +8,6 @@ from typing import Any
 
 import panel as pn
 import panel_material_ui as pmui
-import param
-from panel.custom import JSComponent
 
 from lutforge.atomic_write import require_writable
 from lutforge.colour.rgb_spaces import SPACES
@@ -29,66 +27,10 @@ from lutforge.studio.export import (
 )
 from lutforge.studio.fits import held_out_error
 from lutforge.studio.session import Session, Written
-from lutforge.studio.steps import states_of
 from lutforge.studio.workspace import WorkspaceError
 from lutforge.studio.workspace_file import SUFFIX, save_workspace
 
 LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".dctl", ".csp", ".spi1d", ".3dl", ".png")
-
-
-class WrittenList(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
-    """What was written, an entry each: what, path, lines, the command with a button that copies it, and its state."""
-
-    entries = param.List(item_type=dict)
-
-    _stylesheets = [  # noqa: RUF012 - Panel's own way to declare it
-        """
-        :host { overflow: auto; color: var(--mui-palette-text-primary); font: 0.875rem/1.4 system-ui, sans-serif; }
-        section { margin: 8px; padding: 8px 12px; border: 1px solid var(--mui-palette-divider); border-radius: 4px; }
-        h2 { font-size: 0.9375rem; margin: 0 0 4px; } p { margin: 2px 0; overflow-wrap: anywhere; }
-        div > p { margin: 8px 12px; }
-        .line { display: flex; gap: 8px; align-items: start; }
-        code { flex: 1; padding: 6px; background: var(--mui-palette-background-default); overflow-wrap: anywhere;
-          font-size: 0.8125rem; }
-        button { font: inherit; color: inherit; background: none; border: 1px solid currentColor; border-radius: 4px;
-          padding: 4px 10px; cursor: pointer; }
-        button:focus-visible { outline: 3px solid currentColor; outline-offset: 2px; }
-        """
-    ]
-    _esm = """
-    export function render({ model }) {
-      const root = document.createElement("div");
-      root.style.width = "100%";
-      const words = (parent, tag, text) => {
-        const node = document.createElement(tag); node.textContent = text; parent.append(node); return node;
-      };
-      const draw = () => {
-        root.replaceChildren();
-        if (!model.entries.length) {
-          words(root, "p", "Nothing is written yet. Each file will stand here with its error, and with its command.");
-        }
-        for (const entry of model.entries) {
-          const box = document.createElement("section"), line = document.createElement("div");
-          line.className = "line";
-          words(box, "h2", `${entry.what}: ${entry.path}${entry.stale ? " (stale)" : ""}`);
-          for (const text of entry.told) words(box, "p", text);
-          if (entry.command) {
-            words(line, "code", entry.command);
-            const copy = words(line, "button", "Copy");
-            copy.setAttribute("aria-label", `Copy the command: ${entry.what}`);
-            copy.addEventListener("click", async () => {
-              await navigator.clipboard.writeText(entry.command);
-              copy.textContent = "Copied"; setTimeout(() => { copy.textContent = "Copy"; }, 1500);
-            });
-            box.append(line);
-          }
-          root.append(box);
-        }
-      };
-      model.on("entries", draw); draw();
-      return root;
-    }
-    """
 
 
 class ExportPage:
@@ -106,8 +48,7 @@ class ExportPage:
         self.written: set[Path] = set()
         self._offered: object = None
         self.asked: list[Path] = []
-        self.list = WrittenList(**FILL)
-        self.main = self.list
+        self.main = pn.Column(**{**FILL, "styles": {"overflow": "auto"}})
 
         def button(label: str, action: Any, **more: Any) -> pmui.Button:
             return session.button(label, action, **{**WIDE, **more})
@@ -136,16 +77,25 @@ class ExportPage:
             self.kind.value = "linearize"
             self.space.value = "aces2065-1" if session.response[0].chart else "raw"
         self._offered = session.response
-        now = (session.profile if session.has_profile else None, session.look)
-        stale = states_of(session)["Model"][0] == "stale"
-        self.list.entries = [
-            {
-                "what": each.what, "path": session.folders.name(each.path), "told": list(each.told),
-                "command": each.command,
-                "stale": stale or each.of[0] is not now[0] or each.of[1] != now[1],
-            }
-            for each in reversed(session.written.values())
-        ]  # fmt: skip
+        nothing = "<p>Nothing is written yet. Each file will stand here with its error, and with its command.</p>"
+        self.main[:] = [self._card(each) for each in reversed(session.written.values())] or [text(nothing)]
+
+    def _card(self, written: Written) -> pmui.Paper:
+        """What was written: lines that tell of it, and its command with a button that copies it."""
+        stale = " (stale)" if self.session.is_old(written) else ""
+        title = f"{written.what}: {self.session.folders.name(written.path)}{stale}"
+        lines = "".join(f"<p>{escape(line)}</p>" for line in written.told)
+        card = pmui.Paper(
+            text(f"<h2>{escape(title)}</h2>{lines}"), variant="outlined", sizing_mode="stretch_width", margin=8
+        )
+        if written.command:
+            words = f"Copy the command: {written.what}"
+            copy = pmui.Button(label="Copy", description=words, size="small", variant="outlined", margin=8)
+            copied = "navigator.clipboard.writeText(command); button.data.label = 'Copied';"
+            copied += " setTimeout(() => { button.data.label = 'Copy'; }, 1500);"
+            copy.js_on_click(args={"command": written.command, "button": copy}, code=copied)
+            card.append(pn.Row(text(f"<code>{escape(written.command)}</code>"), copy, sizing_mode="stretch_width"))
+        return card
 
     def _paths(self, *suffixes: str) -> list[Path]:
         """Return where files go, under one name.
@@ -185,10 +135,9 @@ class ExportPage:
         return paths
 
     def _tell(self, what: str, path: Path, told: tuple[str, ...], command: str) -> None:
-        now = (self.session.profile if self.session.has_profile else None, self.session.look)
         command = command.replace(f"{self.session.folders.roots[0]}/", "")  # as one types it there
         self.session.written.pop(what, None)
-        self.session.written[what] = Written(what, path, told[:20], command, now)
+        self.session.written[what] = Written(what, path, told[:20], command, self.session.made)
         self.session.say(f"{what}: written, {path.name}")
         self.session.on_change()
 

@@ -98,6 +98,20 @@ class Session(SessionBase):
         """The file that `profile` was opened from; None where it was made in this visit."""
         return self.profile_source if self.has_profile and self.profile is self.loaded_profile else None
 
+    @property
+    def is_stale(self) -> bool:
+        """Whether samples or options have changed since the model in use was fitted."""
+        return self.history is not None and bool(self.workspace.model) and self.workspace.is_stale(self.workspace.model)
+
+    @property
+    def made(self) -> tuple[CameraProfile | None, ChosenLook]:
+        """What is written is made from: the profile, None where there is none, and the look."""
+        return self.profile if self.has_profile else None, self.look
+
+    def is_old(self, written: Written) -> bool:
+        """Whether a file is of another profile or look than the present ones, or its model is stale."""
+        return self.is_stale or written.of[0] is not self.made[0] or written.of[1] != self.look
+
     def change(self, workspace: Workspace) -> None:
         """Make this the present state of the workspace."""
         assert self.history is not None

@@ -11,11 +11,10 @@ STEPS = ("Shots", "Samples", "Model", "Look", "Export")
 def states_of(session: Session) -> dict[str, tuple[State, str]]:
     """Each step's state, and in a sentence what to do next there."""
     open_ = session.history is not None
-    stale = open_ and bool(session.workspace.model) and session.workspace.is_stale(session.workspace.model)
+    stale = session.is_stale
     model: State = "stale" if stale else "done" if session.has_profile else "to do"
     chosen: State = "to do" if not session.look_chosen or model == "to do" else "stale" if stale else "done"
-    made = (session.profile if session.has_profile else None, session.look)
-    old = stale or any(each.of[0] is not made[0] or each.of[1] != made[1] for each in session.written.values())
+    old = any(map(session.is_old, session.written.values()))
     export: State = "to do" if not session.written else "stale" if old else "done"
     shots: State = "done" if open_ or session.has_profile else "to do"
     telling = {
