@@ -58,20 +58,7 @@ class GamutSurface(JSComponent):  # type: ignore[misc]  # Panel's classes are se
     library = param.String()
 
     _esm = (Path(__file__).parent / "gamut_surface.js").read_text(encoding="utf-8")
-    _stylesheets = [  # noqa: RUF012 - Panel's own way to declare it
-        """
-        :host { color: var(--mui-palette-text-primary); font: 0.875rem/1.4 system-ui, sans-serif; }
-        .all { display: flex; flex-direction: column; width: 100%; height: 100%;
-          transition: color 1ms; }
-        .drawing { flex: 1; min-height: 200px; position: relative; touch-action: none; cursor: grab; }
-        .drawing:focus-visible { outline: 3px solid currentColor; outline-offset: -3px; }
-        .drawing svg { position: absolute; top: 0; left: 0; pointer-events: none; }
-        .line { display: flex; gap: 8px; align-items: center; margin: 2px 8px; }
-        button { font: inherit; color: inherit; background: none; border: 1px solid currentColor; border-radius: 4px;
-          padding: 2px 10px; cursor: pointer; }
-        button:focus-visible { outline: 3px solid currentColor; outline-offset: 2px; }
-        """
-    ]
+    _stylesheets = [(Path(__file__).parent / "gamut_surface.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's way
 
     def __init__(self, **options: Any) -> None:
         from panel.models.plotly import PlotlyPlot

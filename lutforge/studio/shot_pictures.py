@@ -119,76 +119,8 @@ class ShotGrid(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     out = param.List(item_type=str)
     legend = param.List(item_type=tuple)
 
-    _stylesheets = [  # noqa: RUF012 - Panel's own way to declare it
-        """
-        :host { overflow: auto; color: var(--mui-palette-text-primary); font: 0.875rem/1.35 system-ui, sans-serif; }
-        .legend span { display: inline-block; margin: 2px 14px 6px 8px; }
-        .legend i { display: inline-block; width: 0.8em; height: 0.8em; margin-right: 0.4em;
-          outline: 1px solid var(--mui-palette-divider); }
-        .grid p { grid-column: 1 / -1; }
-        .grid { display: grid; gap: 10px; padding: 4px 8px; width: 100%; box-sizing: border-box;
-          grid-template-columns: repeat(auto-fill, minmax(min(24rem, 100%), 1fr)); }
-        button { all: unset; box-sizing: border-box; padding: 8px; cursor: pointer; display: block; border-radius: 4px;
-          border: 2px solid var(--mui-palette-divider); background: var(--mui-palette-background-default); }
-        button:focus-visible { outline: 3px solid var(--mui-palette-text-primary); outline-offset: 2px; }
-        .pictures { display: flex; gap: 6px; background: #767676; height: 12rem; justify-content: center; }
-        .pictures img { flex: 1 1 0; min-width: 0; height: 100%; object-fit: contain; image-rendering: pixelated; }
-        .out .pictures { opacity: 0.25; }
-        b { overflow-wrap: anywhere; } .state { float: right; }
-        """
-    ]
-    _esm = """
-    export function render({ model }) {
-      const root = document.createElement("div");
-      const legend = document.createElement("div"), grid = document.createElement("div");
-      legend.className = "legend"; grid.className = "grid"; root.append(legend, grid); root.style.width = "100%";
-      const words = (parent, tag, text, name) => {
-        const node = document.createElement(tag);
-        node.textContent = text; if (name) node.className = name;
-        parent.append(node); return node;
-      };
-      const explain = () => {
-        legend.replaceChildren();
-        for (const [text, colour] of model.legend) {
-          const entry = words(legend, "span", text), mark = document.createElement("i");
-          mark.style.background = colour; entry.prepend(mark);
-        }
-      };
-      const mark = () => {
-        for (const card of grid.querySelectorAll("button")) {
-          const out = model.out.includes(card.dataset.shot);
-          card.className = out ? "out" : ""; card.setAttribute("aria-pressed", String(!out));
-          card.querySelector(".state").textContent = out ? "left out" : "in";
-        }
-      };
-      const draw = () => {
-        grid.replaceChildren();
-        if (!model.shots.length) {
-          words(grid, "p", "No shots yet. To calibrate a camera takes five photographs or more, each as RAW with its " +
-            "JPEG, inside the RAW file or beside it; without RAW, JPEGs of one scene at several exposures.");
-        }
-        for (const shot of model.shots) {
-          const card = document.createElement("button"), row = document.createElement("div");
-          card.dataset.shot = shot.name; row.className = "pictures";
-          for (const [title, url] of shot.pictures) {
-            const image = document.createElement("img");
-            image.src = url; image.alt = `${title} of ${shot.name}`; image.title = title; row.append(image);
-          }
-          words(card, "span", "", "state"); words(card, "b", shot.name); card.append(row);
-          for (const fact of shot.facts) words(card, "div", fact);
-          card.addEventListener("click", () => {
-            const name = shot.name, out = model.out.includes(name);
-            model.out = out ? model.out.filter((other) => other !== name) : [...model.out, name];
-          });
-          grid.append(card);
-        }
-        mark();
-      };
-      model.on("shots", draw); model.on("out", mark); model.on("legend", explain);
-      explain(); draw();
-      return root;
-    }
-    """
+    _stylesheets = [(Path(__file__).parent / "shot_grid.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's way
+    _esm = (Path(__file__).parent / "shot_grid.js").read_text(encoding="utf-8")
 
 
 def cards(
