@@ -12,7 +12,7 @@ from lutforge.pipeline.response import FittedResponse
 from lutforge.report.tables import response_table
 from lutforge.samples.chart_kinds import chart_names
 from lutforge.studio.brackets import Bracket, BracketRequest, fit_request
-from lutforge.studio.elements import CHANNELS, FILL, LINE, TOGETHER, WIDE, entry, plot, select, table, text
+from lutforge.studio.elements import CHANNELS, FILL, LINE, TOGETHER, WIDE, entry, plot, select, table, text, written
 from lutforge.studio.session import Session
 from lutforge.studio.shot_pictures import jpeg_url
 from lutforge.studio.workspace import WorkspaceError
@@ -42,18 +42,16 @@ class BracketView:
         self.all_colours.disabled = bool(self.chart.value)
 
     def _fit(self) -> None:
-        bracket = self.session.bracket
+        bracket = self.session.opened.bracket
         assert bracket is not None
         files = tuple(file for file in bracket.files if file.name not in self.session.pictures_out)
-        times, light, corners = (
-            str(each.value_input or each.value or "").strip() for each in (self.times, self.light, self.corners)
-        )
+        times, light, corners = map(written, (self.times, self.light, self.corners))
         request = BracketRequest(files, times, self.all_colours.value, self.chart.value, light, corners)
         if len(request.files) < 2:
             raise WorkspaceError("a response needs two pictures or more: take some in again")
 
         def done(fitted: FittedResponse | FittedChart) -> None:
-            if self.session.bracket is bracket:
+            if self.session.opened.bracket is bracket:
                 self.session.take_response(request, fitted)
 
         self.session.start("response", done, fit_request, request)
@@ -77,13 +75,13 @@ class BracketView:
 
     def refresh(self) -> None:
         """The controls where a bracket is open, and its response where one was fitted."""
-        self.controls.visible = self.session.bracket is not None
+        self.controls.visible = self.session.opened.bracket is not None
         self.layout.visible = self.session.response is not None
         if self.session.response is None:
             return
         fit = self.session.response[1].fit
-        linear, drawing = np.linspace(0.0, 1.0, 257), plot("The response f; thin: sRGB's own curve")
-        drawing.xaxis.axis_label, drawing.yaxis.axis_label = "linear value, 1 = saturation", "JPEG value"
+        labels = {"x_axis_label": "linear value, 1 = saturation", "y_axis_label": "JPEG value"}
+        drawing, linear = plot("The response f; thin: sRGB's own curve", **labels), np.linspace(0.0, 1.0, 257)
         values = fit.response.encode(np.repeat(linear[:, None], 3, axis=1))
         for channel, (_, colour, dash) in enumerate(CHANNELS):
             drawing.line(linear, values[:, channel], color=colour, line_dash=dash, line_width=2)

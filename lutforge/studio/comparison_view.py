@@ -76,11 +76,13 @@ class ComparisonView:
         self.layout = pn.Column(controls, self.result, **FILL)
 
     def _map(self) -> tuple[Any, ColumnDataSource]:
-        drawing, source = plot(""), ColumnDataSource({"x": [], "y": [], "error": []})
+        drawing, source = (
+            plot("", x_axis_label="a*", y_axis_label="b*"),
+            ColumnDataSource({"x": [], "y": [], "error": []}),
+        )
         colour = {"field": "error", "transform": self.mapper}
         drawing.scatter("x", "y", source=source, color=colour, size=4)
         frame(drawing, (-80.0, 80.0), (-80.0, 90.0))
-        drawing.xaxis.axis_label, drawing.yaxis.axis_label = "a*", "b*"
         drawing.xaxis.ticker.desired_num_ticks = 4
         drawing.add_layout(ColorBar(color_mapper=self.mapper, width=6), "right")
         return drawing, source

@@ -1,5 +1,6 @@
 """What pages are made of: controls by their labels, tables, text that is only text, plots that can be saved."""
 
+from collections.abc import Iterable
 from html import escape
 from typing import Any
 
@@ -62,6 +63,19 @@ def select(label: str, options: Any, **more: Any) -> pmui.Select:
 def entry(label: str, **more: Any) -> pmui.TextInput:
     """A line to write into."""
     return pmui.TextInput(label=label, size="small", **{**WIDE, "margin": (8, 8), **more})
+
+
+def written(line: pmui.TextInput) -> str:
+    """What stands in a line, whether or not it was finished with the enter key."""
+    return str(line.value_input or line.value or "").strip()
+
+
+def offer(choice: pmui.Select, names: Iterable[str]) -> None:
+    """Offer these names; what is chosen stays where it is one of them, else the first is chosen."""
+    known = list(names)
+    choice.options = known or NOTHING
+    if choice.value not in known:
+        choice.value = known[0] if known else ""
 
 
 def ticks(label: str, options: Any = None, **more: Any) -> pmui.CheckBoxGroup:

@@ -10,7 +10,7 @@ from bokeh.models import ColumnDataSource, DataRange1d, HoverTool, LinearColorMa
 from lutforge.arrays import Array
 from lutforge.report.error_maps import DIRECTIONS, ErrorMaps, maps_of_file
 from lutforge.samples.sample_set import with_setting_names
-from lutforge.studio.elements import FILL, LINE, NOTHING, plot, select, text
+from lutforge.studio.elements import FILL, LINE, NOTHING, offer, plot, select, text
 from lutforge.studio.maps_view import PALETTE
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import WorkspaceError
@@ -51,10 +51,7 @@ class ErrorMapView:
         """The shots whose files are at hand."""
         session = self.session
         there = [] if session.history is None else [str(name) for name in np.unique(session.workspace.samples.shot)]
-        there = [name for name in there if name in session.files]
-        self.shot.options = there or NOTHING
-        if self.shot.value not in there:
-            self.shot.value = there[0] if there else ""
+        offer(self.shot, [name for name in there if name in session.opened.files])
 
     def _compute(self) -> None:
         workspace, profile, shot = self.session.workspace, self.session.profile, self.shot.value
@@ -63,7 +60,7 @@ class ErrorMapView:
         samples = with_setting_names(workspace.samples.select(workspace.fitted_rows))
         if shot not in samples.shot:
             raise WorkspaceError(f"{shot}: none of its samples takes part in the fit; choose another shot")
-        file = self.session.files[shot]
+        file = self.session.opened.files[shot]
         self.session.start(f"errors of {shot}", self._done, maps_of_file, profile, samples, shot, file)
 
     def _done(self, maps: ErrorMaps) -> None:

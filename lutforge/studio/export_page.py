@@ -201,7 +201,7 @@ class ExportPage:
     def _kit(self) -> None:
         target, program = self._wanted(), self.program.value
         profile, output = self._with_profile(f"_{program}_kit")
-        shots = tuple(self.session.files.values()) if self.check.value else ()
+        shots = tuple(self.session.opened.files.values()) if self.check.value else ()
         self._run(f"kit for {program}", KitExport(profile, output, target, program, shots))
 
     def _config(self) -> None:

@@ -24,8 +24,12 @@ class FitView:
         self.session = session
         self._before: tuple[object, Array] = (None, np.zeros((0, 3)))
         self.curve = ColumnDataSource({name: [] for name in ("x", "r", "g", "b", "mean")})
-        self.response = plot("The response f", y_range=Range1d(0, 1.02))
-        self.response.xaxis.axis_label, self.response.yaxis.axis_label = "linear value, 1 = saturation", "JPEG value"
+        self.response = plot(
+            "The response f",
+            y_range=Range1d(0, 1.02),
+            x_axis_label="linear value, 1 = saturation",
+            y_axis_label="JPEG value",
+        )
         self.response.line("x", "mean", source=self.curve, color=LINE, legend_label="mean of EMoR")
         for key, (name, colour, dash) in zip("rgb", CHANNELS, strict=True):
             self.response.line(
@@ -33,9 +37,8 @@ class FitView:
             )
         self.response.legend.location = "bottom_right"
         self.bars = ColumnDataSource({name: [] for name in ("left", "right", "before", "after")})
-        self.histogram = plot("Residuals")
-        self.histogram.xaxis.axis_label = "RGB distance between the JPEG and what the model renders"
-        self.histogram.yaxis.axis_label = "share of samples"
+        distance = "RGB distance between the JPEG and what the model renders"
+        self.histogram = plot("Residuals", x_axis_label=distance, y_axis_label="share of samples")
         for key, colour, name in (("before", LINE, "before any fit"), ("after", "#4f83e0", "after")):
             self.histogram.quad(
                 left="left", right="right", bottom=0, top=key, source=self.bars, fill_color=colour, fill_alpha=0.6,

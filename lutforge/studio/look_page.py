@@ -12,7 +12,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import NAMED_KELVIN, temperature_range
 from lutforge.progress import silent
 from lutforge.settings import Selector
-from lutforge.studio.elements import NOTHING, TOGETHER, WIDE, entry, select, slider, text
+from lutforge.studio.elements import NOTHING, TOGETHER, WIDE, entry, select, slider, text, written
 from lutforge.studio.look.view import LookView
 from lutforge.studio.photographs import (
     IMAGE_SUFFIXES,
@@ -150,7 +150,7 @@ class LookPage:
             done(function(*arguments, silent))
 
     def _open_named(self) -> None:
-        self._open(self.session.folders.inside(self.path.value_input or self.path.value or self.listed.value))
+        self._open(self.session.folders.inside(written(self.path) or self.listed.value))
 
     def _choose(self, index: int) -> None:
         path = list(self.opened)[index]

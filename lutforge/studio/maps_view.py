@@ -12,7 +12,7 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PictureStyle
 from lutforge.report.gamut_slices import gamut_slice
-from lutforge.studio.elements import CHANNELS, FILL, LINE, NOTHING, extent, frame, plot, select, slider, text
+from lutforge.studio.elements import CHANNELS, FILL, LINE, NOTHING, extent, frame, offer, plot, select, slider, text
 from lutforge.studio.gamut_surface import GamutSurface, surface_of
 from lutforge.studio.session import Session
 
@@ -27,9 +27,8 @@ class _Slice:
 
     def __init__(self) -> None:
         self.mapper = LinearColorMapper(palette=PALETTE, low=0.0, high=0.1)
-        self.figure = plot("")
+        self.figure = plot("", x_axis_label="R − Y", y_axis_label="B − Y")
         frame(self.figure, (-0.8, 0.9), (-0.8, 0.95))
-        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = "R − Y", "B − Y"
         self.arrows = ColumnDataSource({name: [] for name in ("x0", "y0", "x1", "y1", "change")})
         self.controls = ColumnDataSource({"x": [], "y": []})
         colour = {"field": "change", "transform": self.mapper}
@@ -89,9 +88,7 @@ class GamutView:
                 drawing.show("" if shown else MISSING, None)
 
     def _draw_surface(self, maps: dict[str, GamutMap]) -> None:
-        self.style.options = list(maps) or NOTHING
-        if self.style.value not in maps:
-            self.style.value = next(iter(maps), "")
+        offer(self.style, maps)
         name, level = self.style.value, self.luminance.value
         title = f"{name}, Y = {level:.2f}: where the gamut map takes this slice"
         self.surface.surface = surface_of(maps[name], level, title) if maps else {}
@@ -110,15 +107,13 @@ class LatticeView:
         self.plane = plot("")
         self.net = [ColumnDataSource({"xs": [], "ys": []}) for _ in range(2)]
         self.net_lines = [self.plane.multi_line("xs", "ys", source=net, line_width=0.9, alpha=0.8) for net in self.net]
-        self.levels = plot("", y_range=Range1d(-0.25, 1.05))
-        self.levels.xaxis.axis_label = "input value"
+        self.levels = plot("", y_range=Range1d(-0.25, 1.05), x_axis_label="input value")
         self.levels.yaxis.visible = False
         self.error = ColumnDataSource({"x": [], "y": []})
         self.levels.varea("x", 0, "y", source=self.error, fill_color="#4f83e0", fill_alpha=0.5)
         self.ticks = ColumnDataSource({"x": []})
         self.levels.segment("x", -0.2, "x", -0.03, source=self.ticks, color=LINE)
-        self.coverage = plot("")
-        self.coverage.xaxis.axis_label, self.coverage.yaxis.axis_label = "red node, share", "green node, share"
+        self.coverage = plot("", x_axis_label="red node, share", y_axis_label="green node, share")
         self.seen = ColumnDataSource({"image": []})
         self.seen_mapper = LinearColorMapper(palette=PALETTE, low=0.0, high=1.0)
         self.coverage.image(image="image", x=0, y=0, dw=1, dh=1, source=self.seen, color_mapper=self.seen_mapper)
@@ -134,9 +129,7 @@ class LatticeView:
             self.gaps.object = "<p>Compute a model, or open a profile.</p>"
             return
         profile = self.session.profile
-        self.style.options = list(profile.styles)
-        if self.style.value not in profile.styles:
-            self.style.value = next(iter(profile.styles))
+        offer(self.style, profile.styles)
         if self.session.history is not None:
             workspace = self.session.workspace
             gaps = colour_gaps(workspace.samples.srgb[workspace.fitting_rows("lattice")])

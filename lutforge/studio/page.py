@@ -72,7 +72,7 @@ class Page:
 
     def _changed(self) -> None:
         self._stale = set(STEPS)
-        if self.session.bracket is not None:  # what these showed of other samples is gone
+        if self.session.opened.bracket is not None:  # what these showed of other samples is gone
             for step in {"Samples", "Model"} - {self.shown}:
                 self.pages.pop(step, None)
         self._refresh()

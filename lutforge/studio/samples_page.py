@@ -15,7 +15,7 @@ from lutforge.report.figures import chromaticity_outlines
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.brushed_plot import BrushedPlot
 from lutforge.studio.colours_in_space import chromaticities, cube_edges, projected, tristimulus
-from lutforge.studio.elements import FILL, LINE, TOGETHER, WIDE, entry, frame, select, slider, text, ticks
+from lutforge.studio.elements import FILL, LINE, TOGETHER, WIDE, entry, frame, select, slider, text, ticks, written
 from lutforge.studio.plots import COLOURS, PLOTS, Points, hex_colours, points
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Filters, Workspace, WorkspaceError
@@ -239,7 +239,7 @@ class SamplesPage:
     def _save_group(self) -> None:
         workspace = self.session.workspace
         rows = self.session.selected if self.session.selected.any() else workspace.outliers
-        name = self.group.value_input or self.group.value
+        name = written(self.group)
         self.session.change(workspace.with_group(name, rows))
         self.session.say(f"outlier group {name}: {int(rows.sum()):,} samples, in effect")
 
@@ -251,7 +251,7 @@ class SamplesPage:
             self.session.change(workspace.with_active_groups(self.groups.value))
 
     def _delete(self) -> None:
-        name = self.group.value_input or self.group.value
+        name = written(self.group)
         self.session.change(self.session.workspace.without_group(name))
         self.session.say(f"outlier group {name} deleted")
 

@@ -1,6 +1,6 @@
 """What one visitor has open: a workspace with its history, a look, what was written, and the work under way."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -10,8 +10,7 @@ from lutforge.arrays import Mask
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.charts import FittedChart
 from lutforge.pipeline.response import FittedResponse
-from lutforge.samples.extract import ShotSamples
-from lutforge.studio.brackets import Bracket, BracketRequest
+from lutforge.studio.brackets import BracketRequest
 from lutforge.studio.fits import fit_model
 from lutforge.studio.folders import Folders
 from lutforge.studio.session_base import SessionBase
@@ -43,23 +42,17 @@ class Written:
 class Session(SessionBase):
     """Shared by the steps of one page, which are told of each change.
 
-    accounts: of the shots that were sampled; left_out: why others were not; files: by shot its RAW file; look: of the
-    Look step; look_chosen: whether the visitor chose it; written: by kind of export the last file; profile_source: the
-    file that `loaded_profile` was opened from; bracket: pictures without RAW, open instead of samples;
-    pictures_out: the names of those that take no part; response: what was asked for and fitted to them.
+    opened: where the samples, the bracket and a profile that is not of this visit come from; look: of the Look step;
+    look_chosen: whether the visitor chose it; written: by kind of export the last file; pictures_out: the names of the
+    pictures of a bracket that take no part; response: what was asked for and fitted to them.
     """
 
     folders: Folders
     history: History | None = None
     selected: Mask = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
-    loaded_profile: CameraProfile | None = None
-    accounts: tuple[ShotSamples, ...] = ()
-    left_out: tuple[str, ...] = ()
-    files: Mapping[str, Path] = field(default_factory=dict)
+    opened: Opened = field(default_factory=Opened)
     look: ChosenLook = field(default_factory=ChosenLook)
     look_chosen: bool = False
-    profile_source: Path | None = None
-    bracket: Bracket | None = None
     pictures_out: tuple[str, ...] = ()
     response: tuple[BracketRequest, FittedResponse | FittedChart] | None = None
     written: dict[str, Written] = field(default_factory=dict)
@@ -84,19 +77,19 @@ class Session(SessionBase):
         """The profile of the model in use, or the one that was opened. Raises WorkspaceError: none."""
         if self.history is not None and self.history.present.fitted is not None:
             return self.history.present.fitted.profile
-        if self.loaded_profile is None:
+        if self.opened.profile is None:
             raise WorkspaceError("no profile yet: compute a model under Model, or open a profile (.npz)")
-        return self.loaded_profile
+        return self.opened.profile
 
     @property
     def has_profile(self) -> bool:
         """Whether `profile` is there."""
-        return self.loaded_profile is not None or (self.history is not None and bool(self.history.present.model))
+        return self.opened.profile is not None or (self.history is not None and bool(self.history.present.model))
 
     @property
     def profile_file(self) -> Path | None:
         """The file that `profile` was opened from; None where it was made in this visit."""
-        return self.profile_source if self.has_profile and self.profile is self.loaded_profile else None
+        return self.opened.profile_source if self.has_profile and self.profile is self.opened.profile else None
 
     @property
     def is_stale(self) -> bool:
@@ -164,30 +157,27 @@ class Session(SessionBase):
         self.start(f"opening {names[:80]}", lambda opened: self._opened(opened, names), open_paths, paths)
 
     def _opened(self, opened: Opened, names: str) -> None:
-        self.bracket, self.pictures_out, self.response = opened.bracket, (), None
+        self.pictures_out, self.response = (), None
         self.look_chosen &= opened.bracket is None and opened.workspace is None
         if opened.bracket is not None:
-            self.history = self.loaded_profile = None
-            self.accounts, self.left_out, self.files = (), (), {}
+            self.history = None
             self.say(f"{names}: {opened.bracket}")
-        if opened.profile is not None:
-            self.loaded_profile, self.profile_source = opened.profile, opened.profile_source
-        if opened.workspace is not None:
-            if opened.profile is None:
-                self.loaded_profile = None
-            self.history, self.files = History(opened.workspace), opened.files
-            self.accounts, self.left_out = opened.accounts, opened.left_out
+        elif opened.workspace is not None:
+            self.history = History(opened.workspace)
             self.selected = np.zeros(len(opened.workspace.samples), dtype=np.bool_)
             shots = len(np.unique(opened.workspace.samples.shot))
             self.say(f"{names}: {len(opened.workspace.samples):,} samples of {shots} shots")
-        elif opened.profile is not None:
+        elif opened.profile is not None:  # beside the samples that are open
             if self.history is not None and str(self.workspace.samples.camera[0]) == opened.profile.camera:
                 self.history = self.history.do(with_profile(self.workspace, opened.profile))
             self.say(f"{names}: profile of {opened.profile.camera}")
+            opened = replace(self.opened, profile=opened.profile, profile_source=opened.profile_source, bracket=None)
+        self.opened = opened
         self.on_change()
 
     def take_response(self, request: BracketRequest, fitted: FittedResponse | FittedChart) -> None:
         """Take over what was fitted to a bracket."""
-        self.response, self.loaded_profile, self.profile_source = (request, fitted), fitted.profile, None
+        self.response = request, fitted
+        self.opened = replace(self.opened, profile=fitted.profile, profile_source=None)
         self.say(f"response: fitted to {len(fitted.exposure_s)} pictures")
         self.on_change()

@@ -10,7 +10,7 @@ import panel as pn
 import panel_material_ui as pmui
 
 from lutforge.studio.bracket_view import BracketView
-from lutforge.studio.elements import FILL, NOTHING, WIDE, entry, select, text
+from lutforge.studio.elements import FILL, NOTHING, WIDE, entry, select, text, written
 from lutforge.studio.session import Session
 from lutforge.studio.shot_pictures import LEGEND, ShotGrid, cards
 from lutforge.studio.workspace import WorkspaceError
@@ -50,7 +50,7 @@ class ShotsPage:
         self.listed.options = {**NOTHING, **{name: name for name in names}}
 
     def _open(self) -> None:
-        named = self.path.value_input or self.path.value or self.listed.value
+        named = written(self.path) or self.listed.value
         if not named and self._dropped is not None:
             self.session.open((Path(self._dropped.name),))
         else:
@@ -73,7 +73,7 @@ class ShotsPage:
         self.session.open((Path(self._dropped.name),))
 
     def _left_out(self) -> None:
-        if self.session.bracket is not None:
+        if self.session.opened.bracket is not None:
             self.session.pictures_out = tuple(self.grid.out)
         if self.session.history is None:
             return
@@ -85,9 +85,9 @@ class ShotsPage:
     def refresh(self) -> None:
         """The shots of the workspace."""
         self.bracket.refresh()
-        self.shown.visible = self.session.bracket is None
+        self.shown.visible = self.session.opened.bracket is None
         if self.session.history is None:
-            bracket, self._drawn = self.session.bracket, None
+            bracket, self._drawn = self.session.opened.bracket, None
             self.grid.shots = [] if bracket is None else self.bracket.cards(bracket)
             self.grid.out, self.grid.legend = list(self.session.pictures_out), []
             self.notes.object = "" if bracket is None else f"<p>{escape(str(bracket))}.</p>"
@@ -97,11 +97,11 @@ class ShotsPage:
         drawn = (workspace.samples, profile, self.shown.value)
         if drawn != self._drawn:
             self._drawn = drawn
-            accounts = {account.shot: account for account in self.session.accounts}
+            accounts = {account.shot: account for account in self.session.opened.accounts}
             self.grid.shots = cards(workspace.samples, accounts, profile, self.shown.value)
             self.grid.legend = LEGEND if self.shown.value == "tiles" and accounts else []
         if set(self.grid.out) != workspace.out:
             self.grid.out = sorted(workspace.out)
         departures = "" if profile is not None else " Falloff and tone are known once a model is computed."
-        failed = "".join(f"<p>not used: {escape(line)}</p>" for line in self.session.left_out[:20])
+        failed = "".join(f"<p>not used: {escape(line)}</p>" for line in self.session.opened.left_out[:20])
         self.notes.object = f"<p>A click on a shot leaves it out, another takes it in.{departures}</p>{failed}"

@@ -10,7 +10,7 @@ STEPS = ("Shots", "Samples", "Model", "Look", "Export")
 
 def states_of(session: Session) -> dict[str, tuple[State, str]]:
     """Each step's state, and in a sentence what to do next there."""
-    open_ = session.history is not None
+    open_, bracket = session.history is not None, session.opened.bracket
     stale = session.is_stale
     model: State = "stale" if stale else "done" if session.has_profile else "to do"
     chosen: State = "to do" if not session.look_chosen or model == "to do" else "stale" if stale else "done"
@@ -21,17 +21,17 @@ def states_of(session: Session) -> dict[str, tuple[State, str]]:
         "Shots": {
             "to do": (
                 "Drop RAW files with their JPEGs here, or choose a folder; then press Sample."
-                if session.bracket is None else "Name the chart, if the pictures show one, and press Fit response."
+                if bracket is None else "Name the chart, if the pictures show one, and press Fit response."
             ),
             "done": (
-                "Click a shot to leave it out or take it back in; then look at the samples." if session.bracket is None
+                "Click a shot to leave it out or take it back in; then look at the samples." if bracket is None
                 else "Click a picture to leave it out, and fit again; or go on to Export."
             ),
         }[shots],
         "Samples": (
             "Keep saturated and clipped colours from the response by the filters, or mark samples with the lasso."
             if open_ else "A bracket has no samples to choose from: go on to the look, or to Export."
-            if session.bracket else "Open shots or a sample table first."
+            if bracket else "Open shots or a sample table first."
         ),
         "Model": {
             "to do": "Press Compute: the lattice is what most want; or fit stage by stage.",

@@ -142,7 +142,7 @@ class Opened:
     accounts: of shots; bracket: pictures without RAW, where that is all.
     """
 
-    workspace: Workspace | None
+    workspace: Workspace | None = None
     profile: CameraProfile | None = None
     accounts: tuple[ShotSamples, ...] = ()
     left_out: tuple[str, ...] = ()
@@ -166,10 +166,10 @@ def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
     profile = None if source is None else load_profile(source)
     sources = [path for path in paths if path.suffix.lower() != ".npz"]
     if not sources:
-        return Opened(None, profile, profile_source=source)
+        return Opened(profile=profile, profile_source=source)
     bracket = bracket_in(sources, progress)
     if bracket is not None:
-        return Opened(None, bracket=bracket)
+        return Opened(bracket=bracket)
     sampled = gather_samples(sources, progress)
     progress("looking for exposure pairs", 0.95)
     workspace = Workspace(sampled.samples, find_pairs(sampled.samples))

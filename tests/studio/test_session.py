@@ -45,7 +45,7 @@ from lutforge.studio.server import origins
 from lutforge.studio.session import ChosenLook
 from lutforge.studio.steps import STEPS, states_of
 from lutforge.studio.workspace import History, Workspace, WorkspaceError
-from lutforge.studio.workspace_file import find_pairs, open_paths, with_profile
+from lutforge.studio.workspace_file import Opened, find_pairs, open_paths, with_profile
 
 
 def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def profile() -> CameraProfile:
 def opened(folder: Path, profile: CameraProfile | None = None) -> Page:
     """The page of a visit with a folder and a profile, without a browser."""
     page = Page(Folders.of([folder]), ())
-    page.session.loaded_profile = profile
+    page.session.opened = Opened(profile=profile)
     return page
 
 
