@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array, Pixels
-from lutforge.atomic_write import scratch_folder
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
 from lutforge.calibration.physical.exposure_pairs import CLIPPED, pairs_of_samples
 from lutforge.colour.rgb_spaces import matrix_between
@@ -22,14 +21,12 @@ from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
-from lutforge.pipeline.response import bracket_files, check_exposures, stated_exposures
+from lutforge.pipeline.response import open_bracket
 from lutforge.pipeline.sample_origin import CHART
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.chart import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
 from lutforge.samples.chart_kinds import ChartKind
 from lutforge.samples.sample_set import SampleSet
-from lutforge.shots.metadata import UNKNOWN
-from lutforge.shots.picture_settings import read_picture_settings
 
 SPACE = "acescg"
 """The linear space of the chart's colours: no surface lies outside it, and its axes are near those of cameras."""
@@ -77,28 +74,23 @@ def write_input_transform(
     nothing can be written.
     """
     check_output(output, PROFILE_SUFFIXES, bracket)
-    with scratch_folder() as folder:
-        files = bracket_files(bracket, len(exposure_s or ()), folder)
-        times = stated_exposures(files) if exposure_s is None else list(exposure_s)
-        check_exposures(files, times)
-        settings = read_picture_settings(files[0])
-        codes, found = _patches(files, times, chart, part(progress, 0.0, 0.2))
-    names = [file.name for file in files]
+    with open_bracket(bracket, exposure_s, camera) as opened:
+        codes, found = _patches(opened.files, opened.exposure_s, chart, part(progress, 0.0, 0.2))
+    names, times = opened.names, opened.exposure_s
     usable = np.asarray(np.isfinite(codes).all(axis=2))
     shot, patch = np.nonzero(usable)
     count = len(shot)
-    name = camera or settings.camera or "camera"
     samples = SampleSet(
-        camera=np.full(count, name),
-        style=np.full(count, "standard" if settings.style == UNKNOWN else settings.style),
-        white_balance=np.full(count, "auto" if settings.white_balance == UNKNOWN else settings.white_balance),
+        camera=np.full(count, opened.camera),
+        style=np.full(count, opened.style),
+        white_balance=np.full(count, opened.white_balance),
         shot=np.array(names)[shot],
         patch=np.char.mod("chart_%03d", patch + 1),
         exposure_s=np.array(times, dtype=np.float64)[shot],
         raw=np.zeros((count, 3)),
         srgb=codes[usable],
         wb=np.full((count, 3), np.nan),
-        raw_camera=np.full(count, name),
+        raw_camera=np.full(count, opened.camera),
         raw_space=np.full(count, SPACE),
         developer=np.full(count, f"{CHART}{chart.kind.name} under {chart.light}"),
     )

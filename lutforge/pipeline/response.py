@@ -4,6 +4,7 @@ from __future__ import annotations  # so that help() shows the names of types
 
 import subprocess
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -68,20 +69,50 @@ def write_response(
     too. Raises CalibrationError, ImageError, ShotError, and LutForgeError where nothing can be written.
     """
     check_output(output, PROFILE_SUFFIXES, bracket)
-    with scratch_folder() as folder:
-        files = bracket_files(bracket, len(exposure_s or ()), folder)
-        times = stated_exposures(files) if exposure_s is None else exposure_s
-        fit = _fit(files, times, 1.0 if all_colours else BETA, progress)
-        settings = read_picture_settings(files[0])
-    profile = profile_of_response(
-        fit.response,
-        camera or settings.camera or "camera",
-        "standard" if settings.style == UNKNOWN else settings.style,
-        "auto" if settings.white_balance == UNKNOWN else settings.white_balance,
-        tuple(file.name for file in files),
-    )
+    with open_bracket(bracket, exposure_s, camera) as opened:
+        fit = _fit(opened.files, opened.exposure_s, 1.0 if all_colours else BETA, progress)
+    profile = profile_of_response(fit.response, opened.camera, opened.style, opened.white_balance, opened.names)
     profile.save(output)
-    return FittedResponse(profile, fit, dict(zip((file.name for file in files), times, strict=True)))
+    return FittedResponse(profile, fit, dict(zip(opened.names, opened.exposure_s, strict=True)))
+
+
+@dataclass(frozen=True)
+class OpenBracket:
+    """The pictures of a bracket. exposure_s: relative; camera, style, white_balance: as the first tells, or usual."""
+
+    files: tuple[Path, ...]
+    exposure_s: tuple[float, ...]
+    camera: str
+    style: str
+    white_balance: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the files."""
+        return tuple(file.name for file in self.files)
+
+
+@contextmanager
+def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, camera: str) -> Iterator[OpenBracket]:
+    """Give the pictures of a bracket; of a film a frame for each exposure, which is a file while the block runs.
+
+    Raises CalibrationError where exposures are not stated, or are not one for each picture; ImageError, ShotError.
+    """
+    with scratch_folder() as folder:
+        if len(bracket) == 1 and bracket[0].suffix.lower() in VIDEO_SUFFIXES:
+            files = _frames(bracket[0], len(exposure_s or ()), folder)
+        else:
+            files = [file for path in bracket for file in _pictures(path)]
+        times = stated_exposures(files) if exposure_s is None else exposure_s
+        check_exposures(files, times)
+        settings = read_picture_settings(files[0])
+        yield OpenBracket(
+            tuple(files),
+            tuple(times),
+            camera or settings.camera or "camera",
+            "standard" if settings.style == UNKNOWN else settings.style,
+            "auto" if settings.white_balance == UNKNOWN else settings.white_balance,
+        )
 
 
 def _fit(files: Sequence[Path], times: Sequence[float], beta: float, progress: Progress) -> BracketFit:
@@ -97,13 +128,6 @@ def _fit(files: Sequence[Path], times: Sequence[float], beta: float, progress: P
         progress("fitting", 0.8)
 
     return fit_bracket(pairs_of_bracket([file.name for file in files], pixels(), times), beta)
-
-
-def bracket_files(bracket: Sequence[Path], count: int, folder: Path) -> list[Path]:
-    """The pictures of a bracket; of a film one frame for each of `count` exposures, written to a folder."""
-    if len(bracket) == 1 and bracket[0].suffix.lower() in VIDEO_SUFFIXES:
-        return _frames(bracket[0], count, folder)
-    return [file for path in bracket for file in _pictures(path)]
 
 
 def check_exposures(files: Sequence[Path], times: Sequence[float]) -> None:

@@ -15,12 +15,6 @@ from lutforge.report.tables import Table
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.scenes import still_life
 
-PATCHES = (
-    "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green", "orange", "purplish blue",
-    "moderate red", "purple", "yellow green", "orange yellow", "blue", "green", "red", "yellow", "magenta", "cyan",
-    "white", "neutral 8", "neutral 6.5", "neutral 5", "neutral 3.5", "black",
-)  # fmt: skip
-
 
 def build_comparison(first: CameraProfile, one: str, second: CameraProfile, other: str) -> Report:
     """A page about two settings, STYLE/WB, of two profiles: a chart and a picture through both, and their ΔE00.
@@ -32,21 +26,21 @@ def build_comparison(first: CameraProfile, one: str, second: CameraProfile, othe
     ev = _level_exposure(render, second, other)
     beside = through_camera(second, other, "linear-srgb", ev)
     names = tuple(f"{profile.camera} {setting}" for profile, setting in ((first, one), (second, other)))
-    chart = _chart()
+    patches, chart = _chart()
     a, b = render(chart), beside(chart)
     difference, (lab_a, lab_b) = delta_e_2000(a, b), (srgb_to_lab(a), srgb_to_lab(b))
     lightness = lab_b[:, 0] - lab_a[:, 0]
     chroma = np.hypot(*lab_b[:, 1:].T) - np.hypot(*lab_a[:, 1:].T)
     rows = tuple(
         (patch, _codes(a[n]), _codes(b[n]), f"{difference[n]:.1f}", f"{lightness[n]:+.1f}", f"{chroma[n]:+.1f}")
-        for n, patch in enumerate(PATCHES)
+        for n, patch in enumerate(patches)
     )
     scene = _scene()
     pictures = render(scene), beside(scene)
     apart = delta_e_2000(*pictures)
     lead = (
         f"The chart's colours differ by ΔE00 {difference.mean():.1f} in the mean, most by {difference.max():.1f} "
-        f"({PATCHES[int(difference.argmax())]}); the picture's by {apart.mean():.1f}.",
+        f"({patches[int(difference.argmax())]}); the picture's by {apart.mean():.1f}.",
     )
     caption = f"Left halves: {names[0]}; right halves: {names[1]}."
     seen = f"Left: {names[0]}; middle: {names[1]}; right: ΔE00, {apart.max():.0f} at the most."
@@ -57,13 +51,7 @@ def build_comparison(first: CameraProfile, one: str, second: CameraProfile, othe
         f"the same light through both; the second at {ev:+.2f} EV, so that 18 % grey is equally light",
         lead,
         (
-            Section(
-                "A chart",
-                (
-                    Picture("chart", _chart_figure(a, b), caption),
-                    table,
-                ),
-            ),
+            Section("A chart", (Picture("chart", _chart_figure(a, b), caption), table)),
             Section("A picture", (Picture("picture", _picture_figure(*pictures, apart), seen),)),
         ),
     )
@@ -80,15 +68,14 @@ def _level_exposure(render: Transform, camera: CameraProfile, setting: str) -> f
     return float(brentq(apart, -4.0, 4.0, xtol=1e-3)) if apart(-4.0) < 0 < apart(4.0) else 0.0
 
 
-def _chart() -> Array:
-    """Linear sRGB (24, 3) of the ColorChecker Classic, 2005 measurements, by colour-science."""
+def _chart() -> tuple[list[str], Array]:
+    """Names and linear sRGB (24, 3) of the ColorChecker Classic's patches, 2005 measurements, by colour-science."""
     import colour  # imported here: it takes a second
 
     chart = colour.CCS_COLOURCHECKERS["ColorChecker 2005"]
     xyz = colour.xyY_to_XYZ(np.array(list(chart.data.values())))
-    return np.asarray(
-        colour.XYZ_to_RGB(xyz, "sRGB", chart.illuminant, apply_cctf_encoding=False), dtype=np.float64
-    ).clip(0.0, None)
+    linear = np.asarray(colour.XYZ_to_RGB(xyz, "sRGB", chart.illuminant, apply_cctf_encoding=False), dtype=np.float64)
+    return [name.partition(" (")[0] for name in chart.data], linear.clip(0.0, None)
 
 
 def _scene() -> Array:

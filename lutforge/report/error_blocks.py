@@ -26,9 +26,8 @@ from lutforge.report.figures import (
     response_figure,
 )
 from lutforge.report.gamut_slices import gamut_figure
-from lutforge.report.lattice_figures import lattice_figure, levels_on_errors, plane_destinations
+from lutforge.report.lattice_figures import DIRECTIONS, lattice_figure, levels_on_errors, plane_destinations
 from lutforge.report.page import Block, Picture, Text
-from lutforge.report.sheets import DIRECTIONS
 from lutforge.report.tables import TITLES, Table, error_table, more_tables
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
@@ -165,11 +164,7 @@ def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data:
     for direction, lattice in style.lattices.items():
         source, target = DIRECTIONS[direction]
         caption = f"{direction}: nodes lie densely where the function bends; those without samples continue the model."
-        yield Picture(
-            f"lattice_{direction}_{name}",
-            lattice_figure(lattice, style.coverage.get(direction), source, target),
-            caption,
-        )
+        yield Picture(f"lattice_{direction}_{name}", lattice_figure(style, [direction]), caption)
         if data is not None:
             options = options_from_json(profile.options)
             histograms = uniform_lattice_errors(data, options, inverse=direction == "linearize")

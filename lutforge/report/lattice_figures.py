@@ -1,5 +1,7 @@
 """Pictures of a lattice: its node levels, the grey axis through it, where samples support it, where a plane goes."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -7,10 +9,14 @@ from matplotlib.figure import Figure
 
 from lutforge.arrays import Array
 from lutforge.model.lattice import Lattice
+from lutforge.model.profile_data import PictureStyle
 from lutforge.report.figures import CHANNELS, MAP
 
+DIRECTIONS = {"render": ("RAW after white balance", "JPEG"), "linearize": ("JPEG", "RAW after white balance")}
+"""Per lattice of a style: what goes in, what comes out."""
 
-def draw_levels(axis: Axes, lattice: Lattice, source: str) -> None:
+
+def _draw_levels(axis: Axes, lattice: Lattice, source: str) -> None:
     """Node level against cube coordinate, per channel: where the curve is flat, nodes are dense."""
     for levels, (name, colour, line) in zip(lattice.levels, CHANNELS, strict=True):
         position = np.linspace(0, 1, len(levels))
@@ -19,7 +25,7 @@ def draw_levels(axis: Axes, lattice: Lattice, source: str) -> None:
     axis.legend(frameon=False)
 
 
-def draw_grey_axis(axis: Axes, lattice: Lattice, source: str, target: str) -> None:
+def _draw_grey_axis(axis: Axes, lattice: Lattice, source: str, target: str) -> None:
     """What equal channels become."""
     grey = np.linspace(0, 1, 512)
     values = lattice(np.repeat(grey[:, None], 3, axis=1))
@@ -29,7 +35,7 @@ def draw_grey_axis(axis: Axes, lattice: Lattice, source: str, target: str) -> No
     axis.legend(frameon=False)
 
 
-def draw_coverage(axis: Axes, coverage: Array | None) -> None:
+def _draw_coverage(axis: Axes, coverage: Array | None) -> None:
     """Summed weight of the samples at the nodes, seen along the blue axis."""
     if coverage is None:
         axis.set_axis_off()
@@ -59,13 +65,14 @@ def levels_on_errors(lattice: Lattice, histograms: tuple[Array, Array, Array], s
     return figure
 
 
-def lattice_figure(lattice: Lattice, coverage: Array | None, source: str, target: str) -> Figure:
-    """Node levels, grey axis and coverage in a row."""
-    figure = Figure(figsize=(9, 3.0), layout="constrained")
-    left, middle, right = figure.subplots(1, 3)
-    draw_levels(left, lattice, source)
-    draw_grey_axis(middle, lattice, source, target)
-    draw_coverage(right, coverage)
+def lattice_figure(style: PictureStyle, directions: Sequence[str]) -> Figure:
+    """Node levels, grey axis and coverage of a style's lattices, a row for each direction."""
+    figure = Figure(figsize=(9, 3.0 * len(directions)), layout="constrained")
+    for row, direction in zip(figure.subplots(len(directions), 3, squeeze=False), directions, strict=True):
+        lattice, (source, target) = style.lattices[direction], DIRECTIONS[direction]
+        _draw_levels(row[0], lattice, source)
+        _draw_grey_axis(row[1], lattice, source, target)
+        _draw_coverage(row[2], style.coverage.get(direction))
     return figure
 
 

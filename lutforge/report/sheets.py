@@ -9,10 +9,7 @@ from matplotlib.figure import Figure
 from lutforge.arrays import Pixels
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.report.figures import ERROR_SCALE, MAP, save_png
-from lutforge.report.lattice_figures import draw_coverage, draw_grey_axis, draw_levels
-
-DIRECTIONS = {"render": ("RAW after white balance", "JPEG"), "linearize": ("JPEG", "RAW after white balance")}
-"""Per lattice of a style: what goes in, what comes out."""
+from lutforge.report.lattice_figures import lattice_figure
 
 
 def refinish_sheet(
@@ -39,14 +36,9 @@ def refinish_sheet(
 def calibration_sheet(profile: CameraProfile, style: str, path: str | Path) -> None:
     """Node levels of both lattices, the grey axis through them, and where samples support the nodes, as one PNG."""
     chosen = profile.styles[style]
-    figure = Figure(figsize=(12, 7), layout="constrained")
+    figure = lattice_figure(chosen, list(chosen.lattices))
     figure.suptitle(f"{profile.camera}, style {style}: above render, below linearize")
-    for row, (direction, lattice) in zip(figure.subplots(2, 3), chosen.lattices.items(), strict=False):
-        source, target = DIRECTIONS[direction]
-        draw_levels(row[0], lattice, source)
-        draw_grey_axis(row[1], lattice, source, target)
-        draw_coverage(row[2], chosen.coverage.get(direction))
-    save_png(figure, path)
+    save_png(figure, path, dpi=133)
 
 
 def _picture(axis: Axes, title: str) -> Axes:
