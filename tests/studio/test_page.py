@@ -320,7 +320,7 @@ def test_dropped_files_are_sampled(visit: Visit, folder: Path) -> None:
     files = sorted((folder / "shots").glob("LF0001*"))
     visit.page.locator("input[type=file]").set_input_files(files)
     visit.reads("samples of 1 shots")
-    assert visit.page.locator(".grid button").count() == 1
+    expect(visit.page.locator(".grid button")).to_have_count(1, timeout=MOST_MS)  # drawn a moment after the words
 
 
 @pytest.mark.slow
