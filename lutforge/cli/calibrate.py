@@ -85,7 +85,6 @@ def calibrate(
     options = calibration_options(model, preset, size, tolerance, interpolation, not uniform, physical)
     samples = _sampled(sources or [], pairs, from_space, (developer, developed, developed_space)).samples
     profile = _fitted(samples, options, tolerance, inliers)
-    note(*told(profile.diagnoses), *profile.notes)
     print_tables(held_out_table(profile))
     profile.save(output)
     shots = "1 shot" if len(profile.shots) == 1 else f"{len(profile.shots)} shots"
@@ -132,7 +131,9 @@ def _fitted(
         say(f"{options.size} nodes per axis are the fewest that reach a mean error of {tolerance:g} on held-out shots")
     with progress_bar("calibrating") as progress:
         stages = calibrate_stages(inliers, options) if inliers else None
-        return fit(samples, options, progress, stages=stages)
+        profile = fit(samples, options, progress, stages=stages)
+    note(*told(profile.diagnoses), *profile.notes)
+    return profile
 
 
 def _tell_learning_curves(samples: "SampleSet") -> None:
