@@ -74,12 +74,8 @@ class KitExport(Export):
     command = "kit"
 
     def options(self) -> list[str]:
-        """Settings and program."""
-        return ["--to", self.target, "--for", self.program]
-
-    def __str__(self) -> str:
-        check = ["--check", *map(str, self.shots)] if self.shots else []  # last: it takes all the words that follow
-        return " ".join([super().__str__(), *map(shlex.quote, check)])
+        """Settings and program; each shot is an option's one word."""
+        return ["--to", self.target, "--for", self.program, *(w for shot in self.shots for w in ("--check", str(shot)))]
 
     def write(self, progress: Progress) -> Iterator[str]:
         """Tell the kit's files, and how far each checked shot is from the camera's."""

@@ -299,6 +299,8 @@ def test_a_kit_is_written_where_its_program_is_not(
     export = KitExport(tmp_path / "camera.npz", tmp_path / "kit", "vivid/daylight", program, shots)
     lines = run(export, lambda what, share: None)
     assert "read README.md first" in lines[0] and "not checked: " in lines[1] and why in lines[1]
+    both = KitExport(tmp_path / "camera.npz", tmp_path / "kit", "vivid/daylight", program, (*shots, *shots))
+    assert shlex.split(str(both)).count("--check") == 2  # each path is an option's one word
 
 
 def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp_path: Path) -> None:
