@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.apply.baked_grades import BakedGrades
+from lutforge.apply.setting_change import SettingChange
 from lutforge.images.read import read_image
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.ocio.check import check_config, load_config
@@ -113,7 +114,7 @@ def test_the_mask_finds_the_errors_of_the_graded_picture(demo: tuple[Path, str])
     shot = next((folder / "shots").rglob("held-out.JPG"))
     before, truth = (read_image(path).pixels[..., :3] for path in (shot, shot.with_name("wanted.JPG")))
     sure = np.array(before, dtype=np.float32, order="C").reshape(-1, 3)
-    BakedGrades().confidence(profile, given, profile, wanted, 0.7).applyRGB(sure)
+    BakedGrades().confidence(SettingChange(profile, given, profile, wanted, 0.7)).applyRGB(sure)
     graded = np.clip(profile.refinish(given, wanted, 0.7)(before.reshape(-1, 3).astype(float)), 0, 1)
     error = np.linalg.norm(graded - truth.reshape(-1, 3), axis=1)
     seen = sure[:, 1] > 0.5

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.apply.baked_grades import BakedGrades
+from lutforge.apply.setting_change import SettingChange
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.inverse.linearization import InverseOptions
 from lutforge.luts.programs import target_of
@@ -72,7 +73,9 @@ def measured(profile: CameraProfile, folder: Path, count: int, inverse: InverseO
         ev = STOPS[number % len(STOPS)]
         given, wanted = profile.selector("/".join(source)), profile.selector("/".join(target))
         transform = profile.refinish(given, wanted, ev)
-        made = {"apply": _codes(grades.refinish(profile, given, profile, wanted, ev).processor(), colours)}
+        made = {
+            "apply": _codes(grades.refinish(SettingChange(profile, given, profile, wanted, ev)).processor(), colours)
+        }
         made["clf"] = _codes(bake_steps(transform).processor(), colours)
         shaped = lf.bake(transform, form="shaper", size=target_of(Path("x.resolve.cube")).default)
         made["cube"] = _codes(shaped.processor(), colours)
