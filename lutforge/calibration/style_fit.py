@@ -73,6 +73,7 @@ def fit_linearize(
     points = None
     if options.preset != "thesis":
         points = rendered_scenes(render.lattice, data.balanced, min(4 * options.size**3, 20_000))
+        options = replace(options, lattice=replace(options.lattice, grey_weight=0.0))  # these hold the grey axis, too
     return _fit(data, options, inverse=True, points=points, smoothness=smoothness, like=like, tolerance=tolerance)
 
 

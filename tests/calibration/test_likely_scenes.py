@@ -3,7 +3,7 @@
 import numpy as np
 
 from lutforge.calibration.calibrate import calibrate
-from lutforge.calibration.lattice.likely_scenes import likely_scenes, rendered_scenes
+from lutforge.calibration.lattice.likely_scenes import likely_scenes, neutral_scenes, rendered_scenes
 from lutforge.calibration.lattice.problem import LatticeProblem
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import unclipped
@@ -41,6 +41,19 @@ def test_strong_colours_beyond_the_samples_are_linearized_as_the_rendering_has_t
     assert float(np.linalg.norm(again - blue, axis=1).mean()) < 0.0029
     error = np.linalg.norm((seen - raw) * CAMERA.multipliers("tungsten"), axis=1)
     assert float(error.mean()) < 0.0022
+
+
+def test_near_white_both_lattices_are_of_one_mind() -> None:
+    """Samples end at code 197: beyond, both lattices are guesses, which parted by 6.5 codes on these tints of grey."""
+    scenes = neutral_scenes(512)
+    assert scenes.min() >= 0.0 and scenes.max() <= 1.0 and np.ptp(scenes / scenes.max(), axis=1).max() < 0.2
+    samples = photograph_patches(CAMERA, chart_140(), balances=("daylight",), stops=(-3, -2, -1))
+    style = calibrate(samples, CalibrationOptions(size=17)).profile.styles["standard"]
+    assert style.render is not None and style.linearize is not None
+    light = np.arange(128.0, 255.0)[:, None] / 255
+    for tint in ((1.0, 1.0, 1.0), (1.0, 0.98, 0.96), (0.97, 1.0, 0.99)):
+        jpeg = light * np.array(tint)
+        assert 255 * np.abs(style.render(style.linearize(jpeg)) - jpeg).max() < 1.5
 
 
 def test_points_count_at_most_twice_the_samples() -> None:
