@@ -22,7 +22,7 @@ def kit(
     ] = None,
     check: Annotated[
         list[Path] | None,
-        option("RAW files or folders that the program then develops with the kit, to compare.", "--check"),
+        option("RAW files that the profile is not from, to develop with the kit and compare.", "--check"),
     ] = None,
 ) -> None:
     """Write a kit: LUT or camera profile, the preset that places it, and a page that says what to do."""
