@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlparse
 
@@ -129,8 +130,14 @@ class Visit:
         slider.evaluate(_SET, f"{value:g}")
 
     def choose(self, label: str, option: str) -> None:
+        """Choose from a list; a click that falls into its redrawing is lost, and made again, as a user does."""
         self.page.get_by_label(label, exact=True).first.click()
-        self.page.locator(".MuiMenuItem-root").filter(has_text=re.compile(f"^{re.escape(option)}$")).click()
+        item = self.page.locator(".MuiMenuItem-root").filter(has_text=re.compile(f"^{re.escape(option)}$"))
+        for _ in range(3):
+            item.click()
+            with suppress(AssertionError):
+                return expect(item).to_be_hidden(timeout=20_000)
+        raise AssertionError(f"{label}: {option} cannot be chosen")
 
     def reads(self, text: str) -> None:
         expect(self.page.get_by_text(text).first).to_be_visible(timeout=MOST_MS)
