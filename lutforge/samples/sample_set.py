@@ -81,7 +81,8 @@ class SampleSet:
         raw, srgb: (n, 3); wb: (3,) or (n, 3); the others a value or (n,); each as the class describes it.
         Raises SampleError where a column does not fit the number of samples.
         """
-        count = len(np.atleast_1d(np.asarray(raw)))
+        linear, encoded = _as_numbers("raw", raw), _as_numbers("srgb", srgb)  # not repeated: each sample has its own
+        count = len(np.atleast_1d(linear))
 
         def column(name: str, values: ArrayLike, *width: int, dtype: type = float) -> NDArray[Any]:
             try:
@@ -93,9 +94,9 @@ class SampleSet:
         words = {name: column(name, values, dtype=str) for name, values in texts.items()}
         return cls(
             **words,
+            raw=linear,
+            srgb=encoded,
             exposure_s=column("exposure_s", exposure_s),
-            raw=np.asarray(raw, dtype=float),  # not repeated: each sample has its own colours
-            srgb=np.asarray(srgb, dtype=float),
             wb=column("wb", wb, 3),
             raw_camera=words["camera"],
         )
@@ -116,6 +117,14 @@ class SampleSet:
         names, first = np.unique(self.shot, return_index=True)
         for name in names[np.argsort(first)]:
             yield str(name), self.select(self.shot == name)
+
+
+def _as_numbers(name: str, values: ArrayLike) -> Array:
+    """The values of a column as an array of numbers. Raises SampleError where rows differ in length or hold text."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise SampleError(f"samples: column {name} is not an array of numbers: {error}") from error
 
 
 def with_setting_names(samples: SampleSet) -> SampleSet:

@@ -1,4 +1,4 @@
-"""Where colours lie: in the chromaticity diagram, and in XYZ seen from a side, with the edges of sRGB's cube."""
+"""Compute where colours are drawn: in the chromaticity diagram, and in a view of XYZ with the edges of sRGB's cube."""
 
 import numpy as np
 

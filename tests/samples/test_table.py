@@ -340,3 +340,6 @@ def test_samples_of_arrays_take_what_stands_for_every_row_once() -> None:
     for wrong in ([0.1, 0.2, 0.3], [[0.1, 0.2, 0.3]]):  # one colour is no column of two
         with pytest.raises(SampleError, match="column srgb has shape"):
             SampleSet.from_arrays(raw, wrong, camera="Made up", shot="a")
+    for none in ([[0.1, 0.2, 0.3], [0.2]], "a"):
+        with pytest.raises(SampleError, match="column raw is not an array of numbers"):
+            SampleSet.from_arrays(none, raw, camera="Made up", shot="a")

@@ -23,10 +23,13 @@ from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 HATS = 10
+"""Piecewise linear functions of the tone curve of each channel."""
 COMMON = 60 + 3 * HATS
+"""Features that all shots share: 20 terms of a cubic polynomial and the tone curve, for each channel."""
 SATURATION, CONTRAST = COMMON + 3, COMMON + 4
 STYLE = np.array([SATURATION, CONTRAST])
 MATRIX = np.arange(COMMON + 5, COMMON + 14)
+"""Places of a shot's own features behind the common ones; exposure, red and blue come before them."""
 SHOT_SPREAD = np.concatenate([[0.0, 0.015, 0.015, 0.04, 0.1], np.full(9, 0.015)])
 """Standard deviations between good shots: of exposure (estimated), red, blue, saturation, contrast and the matrix.
 
@@ -34,8 +37,8 @@ In 180 good sets of measured sensors and chart cameras they are 0.010, 0.009, 0.
 is freer yet, since bright shots of few colours bend it.
 """
 
-
 Sums = tuple[Array, Array, float, float]
+"""Products (m, k, k), pulls (m, k), square and count, as `_sums` returns them."""
 
 
 @dataclass(frozen=True, eq=False)
