@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import lutforge as lf
+from lutforge.pipeline.kits import KITS
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
 from tests.conftest import CommandLine
@@ -65,6 +66,15 @@ def test_every_link_and_picture_leads_somewhere() -> None:
         for target in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
             if not target.startswith("http"):
                 assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_every_kit_has_a_page_that_is_listed() -> None:
+    guide = ROOT / "examples" / "guide"
+    pages = {page.name: page.read_text(encoding="utf-8") for page in guide.glob("*.md")}
+    for program in KITS:
+        assert f"--for {program}" in pages[f"{program}.md"] or f"--developer {program}" in pages[f"{program}.md"]
+        assert f"]({program}.md)" in pages["developers.md"]
+        assert f" {program}.md\n" in (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
 
 
 def test_the_readme_is_short_and_its_figures_are_those_of_the_guide() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -42,8 +42,8 @@ MAX_SIZE = 129
 class Lut:
     """Operations in the order in which they are applied, and what the file says beside them.
 
-    title, comments: for people; formats keep what they can of them. metadata: of a file that was read, such as its
-    "format" and the "bits" of its integers. Raises LutError where there is no operation.
+    title, comments: for people; formats keep what they can of them. metadata: of a file that was read: the name of its
+    "format", and what its reader adds, such as the "bits" of its integers. Raises LutError where there is no operation.
     """
 
     ops: tuple[Op, ...]
@@ -234,4 +234,5 @@ def read_lut(path: str | Path) -> Lut:
     file_format = format_of(path)
     require_file(path, "a LUT", LutError, 128 << 20)  # a 129³ cube as text takes about 70 MB
     with reading(path, f"a {path.suffix.lower()} LUT", LutError):
-        return file_format.read(path, path.read_bytes())
+        lut = file_format.read(path, path.read_bytes())
+        return replace(lut, metadata={"format": file_format.name, **lut.metadata})

@@ -35,6 +35,12 @@ def test_encodings_are_colour_sciences(name: str) -> None:
     assert np.abs(space.encode(light) - wanted).max() < 1e-4
 
 
+@pytest.mark.parametrize("name", SPACES)
+def test_every_space_has_a_linear_one_of_the_same_primaries(name: str) -> None:
+    linear = rgb_space(name).linear
+    assert linear.is_linear and linear.primaries == rgb_space(name).primaries
+
+
 def test_matrices_take_white_to_white_and_back() -> None:
     for name in SPACES:
         there, back = matrix_between("linear-srgb", name), matrix_between(name, "linear-srgb")

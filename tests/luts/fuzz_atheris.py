@@ -13,13 +13,14 @@ from tempfile import TemporaryDirectory
 
 import atheris
 
-COMPILED = ["lutforge.luts.formats.text", "lutforge.luts.conjugate_gradients"]
-"""Loops that numba compiles, of writers; they cannot be instrumented."""
+COMPILED = ["lutforge.luts.formats.text"]
+"""Modules with loops that numba compiles; they cannot be instrumented."""
 
 with atheris.instrument_imports(include=["lutforge.luts"], exclude=COMPILED):
+    from lutforge.luts.sequence import suffixes
     from tests.luts.fuzz_luts import seeds, try_file
 
-SUFFIXES = (".cube", ".clf", ".ctf", ".csp", ".3dl", ".cub", ".lut", ".spi1d", ".spi3d", ".png", ".tif")
+SUFFIXES = suffixes()
 LONGEST = 30_000
 
 

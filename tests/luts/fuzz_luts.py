@@ -41,11 +41,12 @@ def seeds(folder: Path) -> dict[str, bytes]:
     lut = lut_of_nodes(levels, grid(uniform_levels(3)) ** 0.5, size=9, comments=("a comment",))
     plain = Lut((Cube(grid(uniform_levels(4)) ** 0.5),), title="title")
     found = {}
-    for name in ("a.clf", "a.ctf", "a.resolve.cube", "a.csp", "a.cub", "a.lut", "a.spi3d"):
+    for name in ("a.clf", "a.ctf", "a.resolve.cube", "a.csp", "a.cub", "a.lut", "a.spi3d", "a.dctl"):
         lut.write(folder / name)
     for name in ("b.cube", "b.clf", "b.png", "b.tif"):
         plain.write(folder / name)
-    Lut((Cube(grid(uniform_levels(17))),)).write(folder / "c.3dl")
+    for name in ("c.3dl", "c.vlt"):
+        Lut((Cube(grid(uniform_levels(17))),)).write(folder / name)
     (folder / "d.cube").write_text("LUT_1D_SIZE 3\n0 0 0\n.5 .5 .5\n1 1 1\n")
     for path in folder.iterdir():
         found[path.name] = path.read_bytes()

@@ -13,7 +13,7 @@ from lutforge.luts.check import check_lut, report_lines
 from lutforge.luts.input_and_output import input_and_output_of
 from lutforge.luts.ops import Cube
 from lutforge.luts.processor import file_processor
-from lutforge.luts.sequence import Lut, read_lut
+from lutforge.luts.sequence import Lut, read_lut, suffixes
 from lutforge.model.lattice import grid, uniform_levels
 from tests.luts.fuzz_luts import seeds, spoil, try_file
 from tests.luts.made_luts import lut_of_nodes
@@ -189,7 +189,12 @@ def test_spoilt_files_give_a_report_or_one_line(
     assert try_file(path)
 
 
-@given(suffix=st.sampled_from([".cube", ".clf", ".csp", ".3dl", ".cub", ".lut", ".spi1d", ".spi3d", ".png", ".tif"]))
+def test_every_format_is_among_the_files_that_are_spoilt(originals: dict[str, bytes]) -> None:
+    """A new format needs a line in `seeds`; `.tiff` is `.tif`."""
+    assert {Path(name).suffix for name in originals} == {*suffixes()} - {".tiff"}
+
+
+@given(suffix=st.sampled_from(suffixes()))
 @settings(max_examples=20, deadline=2000)
 def test_no_bytes_at_all_and_random_bytes(tmp_path_factory: pytest.TempPathFactory, suffix: str) -> None:
     path = tmp_path_factory.getbasetemp() / f"random{suffix}"

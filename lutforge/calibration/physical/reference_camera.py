@@ -38,7 +38,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.robust_weights import cauchy, weighted_median
+from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
 
 LEAST_COLOURS = 12
 MOST_RESIDUAL = 0.08
@@ -266,13 +266,13 @@ def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str, preset: P
     odds = untouched_odds(chroma, beta) if robust else plain.astype(np.float64)
     level = np.linalg.norm(y, axis=1)
     level = np.maximum(level, 0.05 * np.quantile(level, 0.95))  # darker ones hold noise
-    weight = odds
+    weight, outliers = odds, RobustWeights(cauchy, multiple=2.0, least=2e-4)
     for _ in range(10 if robust else 1):
         root = np.sqrt(weight) / level if robust else weight
         inverse = np.linalg.lstsq(x * root[:, None], y * root[:, None])[0].T
         error = np.linalg.norm(y - x @ inverse.T, axis=1) / level
-        scale = max(float(np.median(error[plain])), 1e-4)
-        weight = odds * cauchy(error / (2.0 * scale))
+        scale = outliers.scale(error[plain]) / 2.0
+        weight = odds * outliers(error, error[plain])
     if scale > 0.5 or np.linalg.cond(inverse) > 100.0 or np.any(inverse.sum(axis=1) <= 0):
         raise CalibrationError(
             f'white balance "{name}": no matrix takes the reference camera\'s RAW to these JPEGs (they differ by '

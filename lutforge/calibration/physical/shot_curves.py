@@ -10,7 +10,7 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.model.response import Response
 from lutforge.solvers.cross_validation import leave_groups_out
-from lutforge.solvers.robust_weights import cauchy
+from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 
 def share_of_own_curves(pairs: ExposurePairs, response: Response, rows: Mask) -> float:
@@ -26,7 +26,7 @@ def share_of_own_curves(pairs: ExposurePairs, response: Response, rows: Mask) ->
         return 0.0
     common, own, departure = _terms(chosen, response)
     rest = departure - common @ _solution(common, departure)
-    weight = np.sqrt(cauchy(rest / max(3.0 * float(np.median(np.abs(rest))), 1e-6)))
+    weight = np.sqrt(RobustWeights(cauchy, multiple=3.0, least=1e-6)(np.abs(rest)))
     left = np.zeros((2, len(rest)))
     for held in leave_groups_out(np.repeat(surfaces, 3)):
         for residual, terms in zip(left, (common, np.hstack([common, own])), strict=True):

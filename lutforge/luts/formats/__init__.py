@@ -1,8 +1,11 @@
 """LUT file formats, one module each: it says which sequences of operations a file can hold, reads and writes them.
 
-To add one, write a module with `read`, `write` and a registered `FileFormat`, and add its name to both lists below.
+To add one, write a module here with `read`, `write` and a registered `FileFormat`: every module of this folder is
+loaded.
 """
 
-from lutforge.luts.formats import clf, csp, cube, dctl, hald, houdini, spi, threedl, truelight, vlt
+from importlib import import_module
+from pkgutil import iter_modules
 
-__all__ = ["clf", "csp", "cube", "dctl", "hald", "houdini", "spi", "threedl", "truelight", "vlt"]
+for _module in iter_modules(__path__):
+    import_module(f"{__name__}.{_module.name}")

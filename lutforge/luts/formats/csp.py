@@ -77,7 +77,7 @@ def read(path: Path, data: bytes) -> Lut:
             raise lines.wrong(index, "expected three sizes")
         r, g, b = lines.integers(index, words, 2, MOST_NODES, "the size")
         ops.append(Cube(cube_of_rows(lines.table(index + 1, r * g * b, 3, "the cube"), (r, g, b))))
-    return Lut(tuple(ops), "", tuple(notes), {"format": ".csp"})
+    return Lut(tuple(ops), "", tuple(notes))
 
 
 def _prelut(lines: Lines, index: int) -> list[Op]:

@@ -102,7 +102,7 @@ def read(path: Path, data: bytes) -> Lut:
         ops.append(Cube(cube_of_rows(lines.table(index + entries, size**3, 3, "the 3D table"), (size, size, size))))
     if len(lines) > index + entries + size**3:
         raise lines.wrong(index + entries + size**3, f"more rows than the {entries + size**3} that the header says")
-    return Lut(tuple(ops), title, tuple(lines.comments), {"format": ".cube", "keywords": " ".join(keywords)})
+    return Lut(tuple(ops), title, tuple(lines.comments), {"keywords": " ".join(keywords)})
 
 
 def _curve(table: np.ndarray, domain: np.ndarray) -> list[Op]:

@@ -85,7 +85,7 @@ def read(path: Path, data: bytes) -> Lut:
     if not beside.is_file():
         raise LutError(f"{path}: its cube {beside.name} is missing; keep the two files in one folder")
     table = cube.read(beside, beside.read_bytes())
-    return Lut((Curve(outputs, inputs=inputs), *table.ops), table.title, table.comments, {"format": ".dctl"})
+    return Lut((Curve(outputs, inputs=inputs), *table.ops), table.title, table.comments)
 
 
 def knots_of(curve: Curve | None) -> tuple[Array, Array]:

@@ -79,7 +79,7 @@ def read(path: Path, data: bytes) -> Lut:
         if not body:
             raise LutError(f"{path}: no rows of numbers")
         table = lines.table(body[0], min(entries, len(body)), 1, "the curve")
-        return Lut((Curve(np.repeat(table, 3, axis=1), low, high),), metadata={"format": "Houdini .lut"})
+        return Lut((Curve(np.repeat(table, 3, axis=1), low, high),))
     (size,) = lines.integers(at, words[:1], 2, MOST_NODES, "Length")
     entries = lines.integers(at, words[1:2] or ["?"], 2, MOST_ENTRIES, "Length")[0] if kind == "3d+1d" else 0
     if len(body) != entries + size**3:
@@ -89,7 +89,7 @@ def read(path: Path, data: bytes) -> Lut:
     elif domain != (0.0, 1.0):
         ops.append(Curve(np.repeat([[0.0], [1.0]], 3, axis=1), low, high))
     ops.append(Cube(cube_of_rows(lines.table(body[entries], size**3, 3, "3D"), (size, size, size))))
-    return Lut(tuple(ops), metadata={"format": "Houdini .lut"})
+    return Lut(tuple(ops))
 
 
 FORMAT = register(FileFormat("Houdini .lut", (".lut",), ("shared",), read, write, size=33, inputs="unit"))

@@ -43,7 +43,7 @@ def read(path: Path, data: bytes) -> Lut:
         raise LutError(f"{path}: a value of {top:g}; a .3dl holds up to 16 bits")
     cube = Cube(table.reshape(size, size, size, 3) / (2**bits - 1))
     header = " ".join(text.split()[0].upper() for text in lines.texts[:index])
-    return Lut((cube,), "", tuple(lines.comments), {"format": ".3dl", "bits": str(bits), "keywords": header})
+    return Lut((cube,), "", tuple(lines.comments), {"bits": str(bits), "keywords": header})
 
 
 FORMAT = register(FileFormat(".3dl", (".3dl",), ("plain",), read, write, (17, 33, 65), 33, 12))

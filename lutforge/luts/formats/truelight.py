@@ -64,7 +64,7 @@ def read(path: Path, data: bytes) -> Lut:
         nodes = np.array([r - 1, g - 1, b - 1], dtype=np.float64)
         ops.append(Curve(lines.table(0, entries, 3, "InputLUT") / nodes))
     ops.append(Cube(cube_of_rows(lines.table(entries, r * g * b, 3, "Cube"), (r, g, b))))
-    return Lut(tuple(ops), "", tuple(lines.comments), {"format": "Truelight .cub"})
+    return Lut(tuple(ops), "", tuple(lines.comments))
 
 
 FORMAT = register(FileFormat("Truelight .cub", (".cub",), ("shaper",), read, write, size=33, inputs="unit"))

@@ -32,7 +32,7 @@ def read(path: Path, data: bytes) -> Lut:
         raise lines.wrong(0, f"a .vlt begins with LUT_3D_SIZE {SIZE}")
     table = lines.codes(1, SIZE**3, TOP, "the cube")
     cube = Cube(cube_of_rows(table / TOP, (SIZE, SIZE, SIZE)))
-    return Lut((cube,), "", tuple(lines.comments), {"format": ".vlt", "bits": "12"})
+    return Lut((cube,), "", tuple(lines.comments), {"bits": "12"})
 
 
 FORMAT = register(FileFormat(".vlt", (".vlt",), ("plain",), read, write, (SIZE,), SIZE, 12))
