@@ -1,1 +1,1 @@
-"""Is this what a camera makes? Causes that spoil a whole set of samples, told by name (one file each)."""
+"""Checks whether a camera can have made a set of samples; each names a likely cause where it cannot (one file each)."""

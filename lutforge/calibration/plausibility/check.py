@@ -1,4 +1,4 @@
-"""All checks of plausibility in order: what spoils the whole set comes before what concerns some of its shots."""
+"""All checks of plausibility in order: those of the whole set come before those of single shots."""
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from lutforge.samples.sample_set import SampleSet
 
 
 def implausible(samples: SampleSet, multipliers: Array) -> tuple[Diagnosis, ...]:
-    """What no camera makes in samples of one camera, by likely cause; empty for good ones.
+    """Diagnose the samples of one camera; return an empty tuple where a camera can have made them.
 
-    multipliers: (n, 3) of every sample, estimated where the files tell none. One cause is told per style: others may be
-    what it brings about.
+    multipliers: (n, 3), the white balance of every sample, estimated where the files do not state it. At most one cause
+    is named per style, because further ones may be consequences of the first.
     """
     found: dict[str, Diagnosis] = {}
     for style in np.unique(samples.style):
@@ -29,7 +29,7 @@ def implausible(samples: SampleSet, multipliers: Array) -> tuple[Diagnosis, ...]
     if found:
         return tuple(found.values())
     balances = {str(name): multipliers[samples.white_balance == name] for name in np.unique(samples.white_balance)}
-    # Multipliers that vary are automatic, or of two sensors.
+    # Multipliers that vary under one name are automatic, or come from two sensors.
     steady = {
         name: np.median(rows, axis=0) for name, rows in balances.items() if np.ptp(np.log(rows), axis=0).max() < 0.1
     }
@@ -38,6 +38,7 @@ def implausible(samples: SampleSet, multipliers: Array) -> tuple[Diagnosis, ...]
 
 
 def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
+    """Diagnose the samples of one style; None where they are plausible, black and white, or too few."""
     known = bool(np.all(np.isfinite(samples.wb)))
     colours = Colours(samples.raw, samples.srgb, multipliers, samples.white_balance, known)
     rows = colours.usable()
@@ -51,7 +52,7 @@ def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
     return (
         toned(balanced[rows], samples.srgb[rows])
         or shifted_rows(chain, samples.raw, multipliers, samples.srgb, samples.shot)
-        or (whole_set_cause(colours) if np.all(samples.raw_space == "") else None)  # what programs make may be anything
+        or (whole_set_cause(colours) if np.all(samples.raw_space == "") else None)  # programs may render anything
         or mixed_shots(
             chain, balanced[rows], samples.srgb[rows], multipliers[rows], samples.shot[rows],
             samples.white_balance[rows],

@@ -1,8 +1,9 @@
-"""How likely a chain of colours is to be a camera's: against measured sensors, and against known responses.
+"""The likelihood that a fitted colour chain is a camera's, from measured sensors and from known responses.
 
-data/cameras.json holds mean and covariance of the matrices of 52 measured sensors, with its source and licence. What
-responses are is said in stops: at which share of its saturation RAW reaches five JPEG values. White lies at saturation,
-within a quarter of a stop, and 18 % grey 2½ to 3½ stops below it, as ISO 12232 has it; the darker, the freer is taste.
+data/cameras.json holds mean and covariance of the matrices of 52 measured sensors, with its source and licence. A
+response is described by the RAW values at which it reaches five JPEG values, in stops below saturation. White lies at
+saturation within a quarter of a stop, and 18 % grey 2½ to 3½ stops below it, as in ISO 12232. Cameras differ more in
+darker tones.
 """
 
 import json
@@ -17,34 +18,34 @@ from lutforge.calibration.plausibility.colour_chain import CODE, ColourChain
 OFF_DIAGONAL = ([0, 0, 1, 1, 2, 2], [1, 2, 0, 2, 0, 1])
 TONES = np.array([32.0, 64.0, 118.0, 180.0, 230.0]) / 255.0
 STOPS = np.array([-5.6, -4.3, -2.95, -1.7, -0.7])
-"""log2 of the RAW at which these JPEG values are reached: between sRGB's curve and a film-like one."""
+"""log2 of the RAW at which TONES are reached, a response between sRGB's curve and a film-like one."""
 STYLE_SPREAD = 0.25
-"""Standard deviation of the matrix's entries by the maker's taste, such as a lively or a calm style."""
+"""Standard deviation of the matrix's entries between picture styles, such as a lively and a calm one."""
 TAILS = 8.0
-"""Degrees of freedom of Student's t, which good cameras of unusual taste lie within."""
+"""Degrees of freedom of Student's t, whose tails are wide enough for good cameras with an unusual rendering."""
 
 
 @cache
 def known_cameras() -> dict[str, dict[str, list[float]]]:
-    """What data/cameras.json says, by quantity."""
+    """The content of data/cameras.json, by quantity."""
     text = files("lutforge.calibration.plausibility").joinpath("data/cameras.json").read_text(encoding="utf-8")
     parsed: dict[str, dict[str, list[float]]] = json.loads(text)
     return parsed
 
 
 def typical_matrix() -> Array:
-    """Ts (3, 3) of the mean of the measured sensors."""
+    """The mean Ts (3, 3) of the measured sensors."""
     matrix = np.zeros((3, 3))
     matrix[OFF_DIAGONAL] = known_cameras()["matrix"]["mean"]
     return np.asarray(matrix + np.diag(1.0 - matrix.sum(axis=1)))
 
 
 def log_likelihood(chain: ColourChain, *, known_multipliers: bool, rms: float | None = None) -> float:
-    """The logarithm, up to a constant, of how likely a camera has this chain, and of how well it fits.
+    """The log-likelihood of a chain, up to a constant: of its fit, and of its matrix, neutral, tones and offset.
 
-    rms: where other JPEG values than the given ones were fitted, that of the given ones, as codes mean other things.
-
-    known_multipliers: they are the files' own, so neutral RAW should be neutral.
+    known_multipliers: the files state the multipliers, so that RAW times these should be neutral where the JPEG is.
+    rms: the residual to use instead of the chain's own, in codes of the JPEG as given; needed where the chain was
+    fitted to recoded JPEG values, whose codes are of another size.
     """
     total = -chain.independent * np.log((chain.rms if rms is None else rms) + 0.5 * CODE)
     covariance = _matrix_covariance(chain)
@@ -53,13 +54,13 @@ def log_likelihood(chain: ColourChain, *, known_multipliers: bool, rms: float | 
     total += _student(chain.camera_matrix[OFF_DIAGONAL] - np.array(known["mean"]), spread)
     if known_multipliers:
         neutral = np.log(np.maximum(chain.neutral[[0, 2]] / chain.neutral[1], 1e-3))
-        # Gains of a few per cent: warm or cool taste, and lights that the setting does not quite meet.
+        # A few per cent: warm or cool renderings, and lights that the setting does not match exactly.
         total += _student(neutral, np.eye(2) * 0.025**2 + _neutral_covariance(chain))
     seen = (chain.low <= TONES) & (chain.high >= TONES)
     if seen.any():
         total += _student((stops(chain) - STOPS)[seen], _stops_covariance()[np.ix_(seen, seen)])
-    # A part in a thousand of saturation: black levels that drift or are rounded.
-    total += _student(np.array([chain.offset]), np.array([[0.0008**2 + chain.offset_doubt**2]]))
+    # About a thousandth of saturation: black levels that drift or are rounded.
+    total += _student(np.array([chain.offset]), np.array([[0.0008**2 + chain.offset_error**2]]))
     return float(total)
 
 
@@ -69,13 +70,13 @@ def stops(chain: ColourChain) -> Array:
 
 
 def _student(departure: Array, covariance: Array) -> float:
-    """The logarithm of Student's t, relative to its maximum."""
+    """The logarithm of the density of Student's t at a departure (k,), relative to its maximum."""
     distance = float(departure @ np.linalg.solve(covariance, departure))
     return -0.5 * (TAILS + len(departure)) * float(np.log1p(distance / TAILS))
 
 
 def _stops_covariance() -> Array:
-    """Exposure, common to all tones, and contrast, whose departures add up from white down."""
+    """The covariance (5, 5) of STOPS: exposure moves all tones alike, and contrast moves darker ones more."""
     steps = np.array([0.43, 0.33, 0.23, 0.14, 0.08]) ** 2
     return np.asarray(0.2**2 + np.minimum(steps[:, None], steps[None, :]))
 

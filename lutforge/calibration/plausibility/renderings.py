@@ -1,9 +1,9 @@
-"""Do all shots have one rendering? Two of them, or a brightness of its own for each, are tried against it.
+"""Tests whether all shots have one rendering, against two renderings and against a brightness for each shot.
 
-What the chain of all leaves over is regressed on a cubic polynomial of the colours, by shots: sums of products of a
-shot's samples are all that is needed, so any grouping of shots costs one small solve. Every second sample of a shot
-fits, the others judge. Two renderings are found as two means are: shots are dealt to whichever fits them better, until
-nothing changes, starting from each shot alone.
+The residuals of the chain of all shots are regressed on a cubic polynomial of the colours. The regression needs only
+sums of products over each shot's samples, so that any grouping of shots costs one small solve. Every second sample of a
+shot is used to fit, the others to measure the error. Two renderings are found by alternation, as in k-means clustering:
+each shot is assigned to the rendering that fits it better, until nothing changes, starting from each shot alone.
 """
 
 from dataclasses import dataclass
@@ -18,11 +18,12 @@ from lutforge.calibration.plausibility.shot_saturation import odd_group
 from lutforge.calibration.plausibility.whole_set import LEAST_GAIN
 from lutforge.model.diagnosis import Diagnosis
 from lutforge.solvers.blas import one_blas_thread
+from lutforge.solvers.robust_weights import cauchy
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Sums over half of the samples of each of m shots, for a least-squares fit of their residuals on k terms.
+    """Weighted sums over half of the samples of each of m shots, for a least-squares fit of residuals on k terms.
 
     products: of terms with terms (m, k, k); cross: of terms with residuals (m, k, 3); squares: of residuals (m,);
     count: of samples (m,).
@@ -44,9 +45,10 @@ class _Sums:
 def mixed_shots(
     chain: ColourChain, x: Array, encoded: Array, multipliers: Array, shot: NDArray[np.str_], setting: NDArray[np.str_]
 ) -> Diagnosis | None:
-    """Tell of one style's shots whether some are of another style or sensor, or each has a brightness of its own.
+    """Diagnose shots of one style of which some are of another style or sensor, or each has a brightness of its own.
 
-    x: balanced RAW (n, 3), encoded (n, 3), both unclipped; setting: white balances (n,). None where one rendering does.
+    x: balanced RAW (n, 3); encoded: JPEG values (n, 3), both unclipped; setting: names of white balances (n,). Returns
+    None where one rendering explains all shots.
     """
     names, index = np.unique(shot, return_inverse=True)
     enough = np.bincount(index) >= 16
@@ -83,10 +85,11 @@ def mixed_shots(
 
 
 def _explanation(one: Array, two: Array, each: Array, group: Mask, gains: Array) -> str:
-    """Whether "two" renderings or a brightness for "each" shot explain the squared errors (m,) much better than one.
+    """Return "two" or "each" where two renderings, or a brightness for each shot, explain the shots much better; or "".
 
-    They must lower the logarithms of the errors on left-out shots, summed, by more than dealing m shots to two groups
-    can, which there are 2^(m − 1) ways to do, and in both groups; or the smaller group is far off the rest.
+    one, two, each: the squared errors (m,) of left-out shots under each explanation. The sum of the logarithms of the
+    errors must fall by more than chance allows, as there are 2^(m − 1) ways to divide m shots into two groups, and must
+    fall in both groups. Two renderings are also reported where the smaller group is far from the others.
     """
     one, two, each = (np.log(np.sqrt(errors) + 0.4 * CODE) for errors in (one, two, each))
     lowered, brightened = float(np.sum(one - two)), float(np.sum(one - each))
@@ -101,36 +104,38 @@ def _explanation(one: Array, two: Array, each: Array, group: Mask, gains: Array)
     return "two" if lowered > chance and min(parts) > 0.16 else ""
 
 
-def _halves(terms: Array, left: Array, index: NDArray[np.intp], count: int) -> tuple[_Sums, _Sums]:
+def _halves(terms: Array, residual: Array, index: NDArray[np.intp], count: int) -> tuple[_Sums, _Sums]:
     """Sums over every second sample of each shot, and over the others."""
     order = np.argsort(index, kind="stable")
     place = np.empty(len(index), dtype=np.intp)
     place[order] = np.arange(len(index)) - np.searchsorted(index[order], index[order])
-    return _sums(terms, left, index, place % 2 == 0, count), _sums(terms, left, index, place % 2 == 1, count)
+    halves = (_sums(terms, residual, index, place % 2 == parity, count) for parity in (0, 1))
+    return next(halves), next(halves)
 
 
-def _sums(terms: Array, left: Array, index: NDArray[np.intp], half: Mask, count: int) -> _Sums:
-    size = np.linalg.norm(left, axis=1)
-    counts = half / (1.0 + (size / (6.0 * np.median(size) + CODE)) ** 2)  # strays count little
+def _sums(terms: Array, residual: Array, index: NDArray[np.intp], half: Mask, count: int) -> _Sums:
+    """Sums over half of the samples, with robust weights."""
+    size = np.linalg.norm(residual, axis=1)
+    weight = half * cauchy(size / (6.0 * np.median(size) + CODE))
     rows = [index == shot for shot in range(count)]
-    weighted = terms * counts[:, None]
+    weighted = terms * weight[:, None]
     return _Sums(
         np.array([terms[mine].T @ weighted[mine] for mine in rows]),
-        np.array([weighted[mine].T @ left[mine] for mine in rows]),
-        np.array([float((counts * size**2)[mine].sum()) for mine in rows]),
-        np.array([float(counts[mine].sum()) for mine in rows]),
+        np.array([weighted[mine].T @ residual[mine] for mine in rows]),
+        np.array([float((weight * size**2)[mine].sum()) for mine in rows]),
+        np.array([float(weight[mine].sum()) for mine in rows]),
     )
 
 
 def _coefficients(fitting: _Sums, group: Mask) -> Array:
-    """The polynomial (k, 3) of a group of shots, drawn to that of all where the group tells nothing."""
+    """The coefficients (k, 3) of a group of shots, by ridge regression towards those of all shots."""
     everything, ridge = fitting.products.sum(axis=0), 1e-3 * np.eye(fitting.products.shape[1])
     common = np.linalg.solve(everything + ridge, fitting.cross.sum(axis=0))
     if group.all() or not group.any():
         return np.asarray(common)
-    drawn = everything * (4.0 / fitting.count.sum()) + ridge
+    prior = everything * (4.0 / fitting.count.sum()) + ridge
     return np.asarray(
-        np.linalg.solve(fitting.products[group].sum(axis=0) + drawn, fitting.cross[group].sum(axis=0) + drawn @ common)
+        np.linalg.solve(fitting.products[group].sum(axis=0) + prior, fitting.cross[group].sum(axis=0) + prior @ common)
     )
 
 
@@ -144,7 +149,7 @@ def _left_out(fitting: _Sums, judging: _Sums, group: Mask) -> Array:
 
 
 def _two_groups(fitting: _Sums, judging: _Sums, whole: Mask) -> Mask:
-    """(m,): the smaller of the two groups of shots that leave the least error together."""
+    """The smaller (m,) of the two groups of shots whose two polynomials have the least error."""
     best, found = np.inf, ~whole
     for start in range(len(whole)):
         group = np.arange(len(whole)) == start
@@ -164,10 +169,10 @@ def _two_groups(fitting: _Sums, judging: _Sums, whole: Mask) -> Mask:
 def _brightened(
     chain: ColourChain, x: Array, encoded: Array, multipliers: Array, index: NDArray[np.intp]
 ) -> tuple[Array, Array]:
-    """What each shot's JPEG is brighter than the median one's, in EV (m,), and all colours rendered so, (n, 3).
+    """Return by how many EV each shot's JPEG is brighter than the median one (m,), and all colours rendered so (n, 3).
 
-    chain: of all shots as they are. One that is fitted to shots of different brightness takes a part of it for colour,
-    so the chain and the brightness are fitted in turn.
+    chain: of all shots as they are. A chain fitted to shots of different brightness explains a part of the brightness
+    by colour, so that chain and brightness are fitted in turn.
     """
     gains = _gains(chain, x, encoded, multipliers, index)
     for _ in range(2):
@@ -179,7 +184,7 @@ def _brightened(
 
 
 def _gains(chain: ColourChain, x: Array, encoded: Array, multipliers: Array, index: NDArray[np.intp]) -> Array:
-    """What each shot's JPEG is brighter than the chain renders it, in EV (m,)."""
+    """Return by how many EV each shot's JPEG is brighter than the chain renders it, (m,)."""
     light, linear = curve_terms(encoded) @ chain.curve, chain.predicted(x, multipliers)
     plain = (saturation(encoded) < 0.4) & (encoded.max(axis=1) > 0.2) & (linear.min(axis=1) > 1e-4)
     ratio = np.log2(np.maximum(light.sum(axis=1), 1e-6) / np.maximum(linear.sum(axis=1), 1e-6))
@@ -188,6 +193,7 @@ def _gains(chain: ColourChain, x: Array, encoded: Array, multipliers: Array, ind
 
 
 def _of_group(group: Mask, names: NDArray[np.str_], sensor: bool, codes: list[float]) -> Diagnosis:
+    """The diagnosis of a group of shots; codes: its errors under the common rendering and under its own."""
     listed = ", ".join(str(name) for name in names[group][:4]) + (", …" if group.sum() > 4 else "")
     what = "sensor under the same camera name" if sensor else "picture style under the same name"
     return Diagnosis(

@@ -1,4 +1,4 @@
-"""White-balance names that do not go with their multipliers: the warmer the light, the more blue a camera adds."""
+"""Finds white-balance names that do not match their multipliers: the warmer the light, the more blue a camera adds."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -10,28 +10,29 @@ from lutforge.calibration.plausibility.known_cameras import known_cameras
 from lutforge.model.diagnosis import Diagnosis
 
 CAMERA_SPREAD = {"fluorescent": 0.3}
-"""Standard deviation of log(red / blue) by what makers hold for a setting's light: 0.1, but lamps differ."""
+"""Standard deviations of log(red / blue) between makers for one setting, where it is not 0.1: lamps differ."""
 
 
 def exchanged_names(multipliers: Mapping[str, Array]) -> Diagnosis | None:
-    """Tell which two settings have each other's names; multipliers: (r, g, b) by name. None where all are in order."""
+    """Diagnose two settings that have each other's names; multipliers: (r, g, b) by name. None where none have."""
     known = known_cameras()["red_over_blue"]
     names = [name for name in multipliers if name in known and name != "what"]
     ratio = np.array([np.log(multipliers[name][0] / multipliers[name][2]) for name in names])
 
-    def doubt(order: list[int]) -> float:
+    def misfit(order: list[int]) -> float:
+        """The negative log-likelihood of the ratios under names in this order; the mean of all ratios is free."""
         spread = np.array([np.hypot(known[names[place]][1], CAMERA_SPREAD.get(names[place], 0.1)) for place in order])
         departure = ratio - np.array([known[names[place]][0] for place in order])
         centre = np.average(departure, weights=spread**-2.0)
         return float(0.5 * np.sum(((departure - centre) / spread) ** 2))
 
     given = list(range(len(names)))
-    best, found = 4.6, None  # odds of one in a hundred before the numbers are seen
+    best, found = 4.6, None  # log 100: prior odds of one in a hundred
     for first, second in combinations(given, 2):
         order = given.copy()
         order[first], order[second] = second, first
-        if doubt(given) - doubt(order) > best:
-            best, found = doubt(given) - doubt(order), (names[first], names[second])
+        if misfit(given) - misfit(order) > best:
+            best, found = misfit(given) - misfit(order), (names[first], names[second])
     if found is None:
         return None
     warm = min(found, key=lambda name: ratio[names.index(name)])

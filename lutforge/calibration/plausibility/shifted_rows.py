@@ -1,4 +1,4 @@
-"""Rows of a table that slipped: the RAW of one sample beside the JPEG value of another."""
+"""Finds shifted rows of a table: the RAW value of one sample beside the JPEG value of another."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,12 +8,13 @@ from lutforge.calibration.plausibility.colour_chain import CODE, ColourChain
 from lutforge.model.diagnosis import Diagnosis
 
 FARTHEST = 8
+"""The largest shift that is tried, in rows."""
 
 
 def shifted_rows(
     chain: ColourChain, raw: Array, multipliers: Array, encoded: Array, shot: NDArray[np.str_]
 ) -> Diagnosis | None:
-    """Name the shots whose JPEG values (n, 3) fit the RAW (n, 3) of other rows, a few up or down, far better."""
+    """Diagnose shots whose JPEG values (n, 3) fit RAW (n, 3) a few rows up or down far better than their own."""
     rendered = chain.encoded(chain.predicted(raw * multipliers, multipliers))
     slipped = []
     for name in np.unique(shot):
@@ -35,7 +36,7 @@ def shifted_rows(
 
 
 def _error(rendered: Array, encoded: Array, step: int) -> float:
-    """The mean distance, of each at most 32 codes, when JPEG values are taken from `step` rows further down."""
+    """The mean distance, each limited to 32 codes, when JPEG values are taken from `step` rows further down."""
     first, last = max(-step, 0), len(rendered) - max(step, 0)
     distance = np.linalg.norm(rendered[first:last] - encoded[first + step : last + step], axis=1)
     return float(np.minimum(distance, 32 * CODE).mean())

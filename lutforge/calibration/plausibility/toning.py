@@ -1,4 +1,4 @@
-"""Sepia and other toned pictures: their colours tell brightness only, on a tinted axis."""
+"""Finds sepia and other toned pictures, whose colours lie on one tinted axis and depend on brightness alone."""
 
 import numpy as np
 
@@ -7,16 +7,16 @@ from lutforge.model.diagnosis import Diagnosis
 
 
 def toned(balanced: Array, encoded: Array) -> Diagnosis | None:
-    """Tell whether JPEG values (n, 3) follow from one of their channels, though RAW balanced (n, 3) is colourful.
+    """Diagnose JPEG values (n, 3) that one channel determines although balanced RAW (n, 3) is colourful.
 
-    Neutral ones, of a black-and-white style, are no fault.
+    Returns None for others, and for neutral values, as of a black-and-white style.
     """
     if len(encoded) < 24:
         return None
     red, green, blue = 255 * encoded.T
     design = np.vander(encoded[:, 1], 6)
-    left = [channel - design @ np.linalg.lstsq(design, channel, rcond=None)[0] for channel in (red, blue)]
-    if max(np.std(left[0]), np.std(left[1])) > 2.0:
+    residual = [channel - design @ np.linalg.lstsq(design, channel, rcond=None)[0] for channel in (red, blue)]
+    if max(np.std(residual[0]), np.std(residual[1])) > 2.0:
         return None
     light = balanced / np.maximum(balanced.mean(axis=1, keepdims=True), 1e-6)
     tint = np.median(np.ptp(np.stack([red, green, blue]), axis=0))

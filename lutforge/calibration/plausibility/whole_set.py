@@ -1,8 +1,8 @@
-"""Named causes that spoil all samples alike: what the data would be without each, and which explains them best.
+"""Finds causes that spoil all samples alike, such as swapped channels, by a likelihood ratio for each cause.
 
-Every cause is a hypothesis that says how to undo it. The samples are undone, the chain is fitted again, and its
-likelihood among known cameras is compared with that of the samples as they are. A cause is spoken of only where it is
-better by more than its cost, so that a good camera is hardly ever accused.
+Every cause is a hypothesis with a way to undo it. The samples without the cause are computed, the colour chain is
+fitted again, and its likelihood among known cameras is compared with that of the samples as they are. A cause is
+reported only where the ratio exceeds a threshold, so that a good camera is hardly ever accused.
 """
 
 from collections.abc import Iterator
@@ -20,14 +20,15 @@ from lutforge.model.diagnosis import Diagnosis
 from lutforge.samples.clipping import unclipped_colours
 
 LEAST_GAIN = 3.5
-"""Least log-likelihood ratio (natural) at which a cause is named; at this one, one good set in a hundred is accused."""
+"""Natural logarithm of the likelihood ratio above which a cause is named: one good set in a hundred is accused then."""
 
 
 @dataclass(frozen=True, eq=False)
 class Colours:
-    """raw: E (n, 3); encoded: I (n, 3); multipliers (n, 3); setting (n,): the white balances' names.
+    """The samples of one style.
 
-    known: the multipliers are the files' own. inside: (n,) of the samples as given.
+    raw: E (n, 3); encoded: I (n, 3); multipliers: (n, 3); setting: the white balances' names (n,); known: the files
+    state the multipliers; inside: (n,) which samples were usable before a cause was undone, None for samples as given.
     """
 
     raw: Array
@@ -38,7 +39,7 @@ class Colours:
     inside: Mask | None = None
 
     def usable(self) -> Mask:
-        """(n,): neither side clipped or below black, now and as it was given."""
+        """Mask (n,) of samples that are not clipped in RAW or JPEG, now and before a cause was undone."""
         inside = unclipped_colours(self.encoded, self.raw)
         return inside if self.inside is None else np.asarray(inside & self.inside)
 
@@ -54,7 +55,7 @@ class Colours:
 
 @dataclass(frozen=True, eq=False)
 class Cause:
-    """A hypothesis: its name, what speaks for it, what to do, and the samples without it."""
+    """A hypothesis: its name, the evidence, the advice, the samples without it, and its prior log odds."""
 
     cause: str
     evidence: str
@@ -64,9 +65,9 @@ class Cause:
 
 
 def whole_set_cause(colours: Colours) -> Diagnosis | None:
-    """The cause that explains the samples clearly better than that they are as they should be; None for good ones.
+    """Return the likeliest cause that spoils all samples; None where the samples are good or too few.
 
-    A second cause may hide behind the first: only the likeliest is told. None, too, where there are too few samples.
+    Only the likeliest cause is reported, although a second one may hide behind it.
     """
     try:
         given = fitted_chain(colours)
@@ -89,20 +90,20 @@ def whole_set_cause(colours: Colours) -> Diagnosis | None:
 
 
 def fitted_chain(colours: Colours) -> ColourChain:
-    """The chain of the usable samples. Raises CalibrationError where they are too few."""
+    """Fit the chain to the usable samples. Raises CalibrationError where they are too few."""
     rows = colours.usable()
     balanced = colours.raw[rows] * colours.multipliers[rows]
     return fit_chain(balanced, colours.encoded[rows], colours.multipliers[rows])
 
 
 def _score(chain: ColourChain, colours: Colours, given: ColourChain | None = None) -> float:
-    """given: the chain of the samples as they are, where the encoded values are not."""
+    """The log-likelihood of a chain; given: that of the samples as they are, where JPEG values were recoded."""
     rms = None if given is None else given.rms
     return log_likelihood(chain, known_multipliers=colours.known, rms=rms)
 
 
 def _causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
-    """Every cause that could be, with the samples undone."""
+    """Yield every cause that could apply, with the samples without it."""
     yield from _channel_causes(colours)
     yield from _encoding_causes(colours, given)
     yield from _level_causes(colours, given)
@@ -157,10 +158,11 @@ def _encoding_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
 
 
 def _adobe_odds(colours: Colours, linear: Array) -> float:
-    """The logarithm of the odds of Adobe RGB by how saturated colours get. linear: the samples as if they were so.
+    """The log odds of Adobe RGB by the saturation of colours. linear: the samples read as Adobe RGB, in linear sRGB.
 
-    Cyans and greens of the world are beyond sRGB, whose red is then next to nothing. Read as Adobe RGB no sample can be
-    outside sRGB that the camera has rendered for it. At most six samples count.
+    Many cyans and greens of surfaces lie beyond sRGB. Rendered for sRGB they have almost no red, rendered for Adobe RGB
+    they keep some; six such samples count at most. A sample that lies outside sRGB when it is read as Adobe RGB speaks
+    for sRGB.
     """
     rows = colours.usable()
     balanced = colours.raw[rows] * colours.multipliers[rows]
@@ -180,7 +182,7 @@ def _level_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
         if abs(brighter) > 0.75:
             yield _exposure_cause(colours, brighter)
     offset = given.offset
-    if abs(offset) > 0.002 and given.offset_doubt < 0.3 * abs(offset):
+    if abs(offset) > 0.002 and given.offset_error < 0.3 * abs(offset):
         evidence = f"RAW is {abs(offset):.2%} of its range too {'high' if offset > 0 else 'low'} in the dark"
         cause = (
             "the black level is left in the RAW" if offset > 0 else "more than the black level is taken from the RAW"
@@ -199,7 +201,7 @@ def _level_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
 
 
 def _exposure_cause(colours: Colours, brighter: float) -> Cause:
-    """JPEG and RAW that do not go together in exposure. brighter: the JPEG, in stops, beside known cameras."""
+    """RAW and JPEG of different exposure. brighter: by how many stops the JPEG is brighter than usual."""
     evidence = (
         f"the JPEG is {abs(brighter):.1f} EV {'brighter' if brighter > 0 else 'darker'} than cameras render such RAW"
     )
@@ -248,7 +250,7 @@ def _balance_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
 
 
 def _exchanged(colours: Colours, name: str, other: str, pairs: int) -> Cause:
-    """The multipliers of two settings exchanged; pairs: as many could be."""
+    """The cause that two settings have each other's multipliers; pairs: the number of pairs that are tried."""
     a, b = colours.setting == name, colours.setting == other
     by = colours.multipliers.copy()
     by[a], by[b] = np.median(colours.multipliers[b], axis=0), np.median(colours.multipliers[a], axis=0)
@@ -262,10 +264,10 @@ def _exchanged(colours: Colours, name: str, other: str, pairs: int) -> Cause:
 
 
 def _lift(colours: Colours, given: ColourChain) -> tuple[float, float]:
-    """The code of no light, and the logarithm of the odds that it is that rather than 0.
+    """Return the JPEG code at which there is no light, and the log odds of that code against 0.
 
-    It is z of I = z + C s(k y) in the dark, with sRGB's curve s, which runs from a straight line (small k) to a power
-    of 1/2.4 (large k).
+    The code is z in I = z + C s(k y), fitted to dark samples with linear values y. s is sRGB's curve: for small k it is
+    a straight line, for large k a power of 1/2.4.
     """
     rows = colours.usable()
     encoded, balanced = colours.encoded[rows], colours.raw[rows] * colours.multipliers[rows]
@@ -288,4 +290,5 @@ def _lift(colours: Colours, given: ColourChain) -> tuple[float, float]:
 
 
 ADOBE_RGB_TO_SRGB = np.array([[1.39836, -0.39836, 0.0], [0.0, 1.0, 0.0], [0.0, -0.04293, 1.04293]])
-"""Linear, both D65; from the primaries of Adobe RGB (1998) Color Image Encoding, 4.3, and IEC 61966-2-1."""
+"""Linear Adobe RGB → linear sRGB, both with a D65 white; from the primaries of Adobe RGB (1998) Color Image Encoding,
+section 4.3, and of IEC 61966-2-1."""
