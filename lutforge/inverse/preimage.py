@@ -35,10 +35,10 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
         rows = slice(*part)
 
         def linearize(raw: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
-            residual, slope, at = np.empty(raw.shape), np.empty((*raw.shape, 3)), rows.start + which
+            residual, slope = np.empty(raw.shape), np.empty((*raw.shape, 3))
             _residual_and_slope(
-                render.values, levels, render.tetrahedral, raw, lattice_values[at], weights[at], sides[at], margin,
-                residual, slope,
+                render.values, levels, render.tetrahedral, raw, rows.start + which, lattice_values, weights, sides,
+                margin, residual, slope,
             )  # fmt: skip
             return residual, slope
 
@@ -51,58 +51,57 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
 
 
 @compiled()
-def _falling_axes(fraction: Array) -> tuple[int, int, int]:
-    """The axes in falling order of the fractions (3,) along them: the way through a cell from its low corner."""
-    a, b, c = 0, 1, 2
-    if fraction[a] < fraction[b]:
-        a, b = b, a
-    if fraction[b] < fraction[c]:
-        b, c = c, b
-    if fraction[a] < fraction[b]:
-        a, b = b, a
-    return a, b, c
+def _falling_axes(r: float, g: float, b: float) -> tuple[int, int, int]:
+    """The axes in falling order of the fractions along them: the way through a cell from its low corner."""
+    if r >= g:
+        return (0, 1, 2) if g >= b else (0, 2, 1) if r >= b else (2, 0, 1)
+    return (2, 1, 0) if b > g else (1, 2, 0) if b > r else (1, 0, 2)
 
 
 @compiled()
 def _value_and_slope(values: Array, levels: Array, tetrahedral: bool, x: Array, y: Array, slope: Array) -> None:
     """Fill y (3,) and slope (3, 3), d y / d x, of a lattice at x (3,) within its levels."""
-    cell, fraction, width = np.empty(3, dtype=np.int64), np.empty(3), np.empty(3)
-    for c in range(3):
-        cell[c], fraction[c] = locate(levels[c], x[c])
-        width[c] = levels[c, cell[c] + 1] - levels[c, cell[c]]
+    i, r = locate(levels[0], x[0])
+    j, g = locate(levels[1], x[1])
+    k, b = locate(levels[2], x[2])
+    per_r, per_g = 1.0 / (levels[0, i + 1] - levels[0, i]), 1.0 / (levels[1, j + 1] - levels[1, j])
+    per_b = 1.0 / (levels[2, k + 1] - levels[2, k])
     if tetrahedral:
-        i, j, k = cell[0], cell[1], cell[2]
+        fractions, per_width = (r, g, b), (per_r, per_g, per_b)
         for c in range(3):
             y[c] = values[i, j, k, c]
-        for axis in _falling_axes(fraction):
-            p, q, r = i + (axis == 0), j + (axis == 1), k + (axis == 2)
+        for axis in _falling_axes(r, g, b):
+            p, q, s = i + (axis == 0), j + (axis == 1), k + (axis == 2)
             for c in range(3):
-                step = values[p, q, r, c] - values[i, j, k, c]
-                y[c] += step * fraction[axis]
-                slope[c, axis] = step / width[axis]
-            i, j, k = p, q, r
+                step = values[p, q, s, c] - values[i, j, k, c]
+                y[c] += step * fractions[axis]
+                slope[c, axis] = step * per_width[axis]
+            i, j, k = p, q, s
         return
-    y[:] = 0.0
-    slope[:] = 0.0
-    for corner in range(8):
-        p, q, r = corner >> 2, (corner >> 1) & 1, corner & 1
-        wp = fraction[0] if p else 1 - fraction[0]
-        wq = fraction[1] if q else 1 - fraction[1]
-        wr = fraction[2] if r else 1 - fraction[2]
-        for c in range(3):
-            v = values[cell[0] + p, cell[1] + q, cell[2] + r, c]
-            y[c] += wp * wq * wr * v
-            slope[c, 0] += (2 * p - 1) * wq * wr * v / width[0]
-            slope[c, 1] += (2 * q - 1) * wp * wr * v / width[1]
-            slope[c, 2] += (2 * r - 1) * wp * wq * v / width[2]
+    for c in range(3):
+        low, low_g, low_b = _on_face(values, i, j, k, c, g, b)
+        high, high_g, high_b = _on_face(values, i + 1, j, k, c, g, b)
+        y[c] = low + r * (high - low)
+        slope[c, 0] = (high - low) * per_r
+        slope[c, 1] = (low_g + r * (high_g - low_g)) * per_g
+        slope[c, 2] = (low_b + r * (high_b - low_b)) * per_b
+
+
+@compiled()
+def _on_face(values: Array, i: int, j: int, k: int, c: int, g: float, b: float) -> tuple[float, float, float]:
+    """A channel where red is at a node, bilinear in the fractions of green and blue, and its rise along these."""
+    low, low_rise = values[i, j, k, c], values[i, j, k + 1, c] - values[i, j, k, c]
+    high, high_rise = values[i, j + 1, k, c], values[i, j + 1, k + 1, c] - values[i, j + 1, k, c]
+    rise = high + b * high_rise - (low + b * low_rise)
+    return low + b * low_rise + g * rise, rise, low_rise + g * (high_rise - low_rise)
 
 
 @compiled()
 def _residual_and_slope(
-    values: Array, levels: Array, tetrahedral: bool, raw: Array, targets: Array, weights: Array, sides: Index,
-    margin: float, residual: Array, slope: Array,
+    values: Array, levels: Array, tetrahedral: bool, raw: Array, which: Index, targets: Array, weights: Array,
+    sides: Index, margin: float, residual: Array, slope: Array,
 ) -> None:  # fmt: skip
-    """Fill residual (n, 3) and its slope (n, 3, 3) at raw (n, 3), both encoded.
+    """Fill residual (a, 3) and its slope (a, 3, 3) of the colours `which` (a,) at raw (a, 3), both encoded.
 
     A clipped channel is drawn to the end of the curve with full weight, and beyond it by `margin` with a fiftieth.
     """
@@ -110,8 +109,8 @@ def _residual_and_slope(
     for n in range(len(raw)):
         _value_and_slope(values, levels, tetrahedral, raw[n], y, slope[n])
         for c in range(3):
-            side, scale = sides[n, c], weights[n, c]
-            error = y[c] - targets[n, c]
+            side, scale = sides[which[n], c], weights[which[n], c]
+            error = y[c] - targets[which[n], c]
             residual[n, c] = scale * error
             if side != 0 and side * error < 0.0:
                 residual[n, c] -= 0.02 * side * margin

@@ -8,6 +8,7 @@ Numerical Optimization (2006), section 10.3; Marquardt (1963), https://doi.org/1
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,7 +60,7 @@ def gauss_newton(
     A problem whose damping grows until no step helps has converged, too: its minimum is reached to rounding.
     """
     value = np.clip(np.ascontiguousarray(start, dtype=np.float64), lower, upper)
-    low, high = (np.broadcast_to(np.asarray(bound, dtype=np.float64), value.shape) for bound in (lower, upper))
+    low, high = (np.broadcast_to(np.asarray(bound, dtype=np.float64), value.shape).copy() for bound in (lower, upper))
     residual, slope = linearize(value, np.arange(len(value)))
     cost = np.einsum("nm,nm->n", residual, residual)
     mu, converged = np.full(len(value), damping), cost <= small
@@ -67,33 +68,18 @@ def gauss_newton(
     residual, slope = residual[active], slope[active]
     while len(active) and iterations < most:
         iterations += 1
-        trial = _steps(residual, slope, value[active], mu[active], low[active], high[active])
+        trial = np.empty((len(active), value.shape[1]))
+        step_some = partial(_step, active, residual, slope, value, mu, low, high, trial)
+        run(step_some, shares(len(active), 4096))  # fewer take less time than to hand them to a thread
         tried, steep = linearize(trial, active)
-        reached = np.einsum("nm,nm->n", tried, tried)
-        before = cost[active]
-        better = reached < before
-        taken = active[better]
-        value[taken], cost[taken] = trial[better], reached[better]
-        residual[better], slope[better] = tried[better], steep[better]
-        mu[active] = np.where(better, 0.1 * mu[active], 10.0 * np.maximum(mu[active], 1e-12))
-        done = np.where(better, (reached >= (1.0 - tolerance) * before) | (reached <= small), mu[active] > 1e8)
-        converged[active[done]] = True
-        active, residual, slope = active[~done], residual[~done], slope[~done]
+        left = _judge(active, trial, tried, steep, tolerance, small, value, residual, slope, cost, mu, converged)
+        active, residual, slope = active[:left], residual[:left], slope[:left]
     return Minima(value, np.sqrt(cost), converged, iterations)
-
-
-def _steps(residual: Array, slope: Array, value: Array, mu: Array, low: Array, high: Array) -> Array:
-    """Return where one damped step leads each problem, (a, k), within its bounds."""
-    trial = np.empty_like(value)
-    run(
-        lambda first, last: _step(residual, slope, value, mu, low, high, trial, first, last),
-        shares(len(value), 4096),  # fewer take less time than to hand them to a thread
-    )
-    return trial
 
 
 @compiled()
 def _step(
+    active: Index,
     residual: Array,
     slope: Array,
     value: Array,
@@ -104,11 +90,15 @@ def _step(
     first: int,
     last: int,
 ) -> None:
-    """Fill trial (a, k) for the problems first … last − 1, by a Cholesky factorisation of each."""
+    """Fill trial (a, k), where one damped step leads each problem within its bounds, by a factorisation.
+
+    residual, slope: of the problems `active` (a,), of which first … last − 1 are stepped; the others: of all.
+    """
     unknowns = slope.shape[2]
     square, step = np.empty((unknowns, unknowns)), np.empty(unknowns)
-    for n in range(first, last):
-        _normal_equations(residual[n], slope[n], mu[n], square, step)
+    for a in range(first, last):
+        n = active[a]
+        _normal_equations(residual[a], slope[a], mu[n], square, step)
         for p in range(unknowns):
             if (value[n, p] <= low[n, p] and step[p] < 0.0) or (value[n, p] >= high[n, p] and step[p] > 0.0):
                 step[p] = 0.0  # it stays at its bound, whatever the others do
@@ -116,7 +106,50 @@ def _step(
                 square[p + 1 :, p] = 0.0
         _solve(square, step)
         for p in range(unknowns):
-            trial[n, p] = min(max(value[n, p] + step[p], low[n, p]), high[n, p])
+            trial[a, p] = min(max(value[n, p] + step[p], low[n, p]), high[n, p])
+
+
+@compiled()
+def _judge(
+    active: Index,
+    trial: Array,
+    tried: Array,
+    steep: Array,
+    tolerance: float,
+    small: float,
+    value: Array,
+    residual: Array,
+    slope: Array,
+    cost: Array,
+    mu: Array,
+    converged: Mask,
+) -> int:
+    """Take the steps that help, of the problems `active` (a,), and adapt the damping.
+
+    Those that go on are moved to the front of active, residual and slope; returned is how many they are.
+    """
+    left, (rows, unknowns) = 0, slope.shape[1:]
+    for a in range(len(active)):
+        n, reached = active[a], 0.0
+        for r in range(rows):
+            reached += tried[a, r] ** 2
+        better, before = reached < cost[n], cost[n]
+        if better:
+            value[n], cost[n] = trial[a], reached
+            mu[n] *= 0.1
+        else:
+            mu[n] = 10.0 * max(mu[n], 1e-12)
+        done = (reached >= (1.0 - tolerance) * before or reached <= small) if better else mu[n] * tolerance > 10.0
+        converged[n] = done
+        if done:
+            continue
+        active[left] = n
+        for r in range(rows):
+            residual[left, r] = tried[a, r] if better else residual[a, r]
+            for p in range(unknowns):
+                slope[left, r, p] = steep[a, r, p] if better else slope[a, r, p]
+        left += 1
+    return left
 
 
 @compiled()
@@ -134,26 +167,24 @@ def _normal_equations(residual: Array, slope: Array, mu: float, square: Array, r
             for r in range(rows):
                 total += slope[r, p] * slope[r, q]
             square[p, q] = total
-        scale += square[p, p] / unknowns
+        scale += square[p, p]
     for p in range(unknowns):
-        square[p, p] += mu * scale + 1e-300
+        square[p, p] += mu * scale / unknowns + 1e-300
 
 
 @compiled()
 def _solve(square: Array, step: Array) -> None:
-    """Solve square · δ = step in place, by Cholesky factors of the lower triangle."""
+    """Solve square · δ = step in place, by factors L D L': below the diagonal is L D, on it 1 / D."""
     unknowns = len(step)
     for p in range(unknowns):  # factor and substitute forward
         for q in range(p):
-            total = square[p, q]
             for k in range(q):
-                total -= square[p, k] * square[q, k]
-            square[p, q] = total / square[q, q]
-            step[p] -= square[p, q] * step[q]
-            square[p, p] -= square[p, q] ** 2
-        square[p, p] = np.sqrt(max(square[p, p], 1e-300))
-        step[p] /= square[p, p]
+                square[p, q] -= square[p, k] * square[q, k] * square[k, k]
+            share = square[p, q] * square[q, q]
+            step[p] -= share * step[q]
+            square[p, p] -= share * square[p, q]
+        square[p, p] = 1.0 / max(square[p, p], 1e-300)
     for p in range(unknowns - 1, -1, -1):
         for q in range(p + 1, unknowns):
             step[p] -= square[q, p] * step[q]
-        step[p] /= square[p, p]
+        step[p] *= square[p, p]
