@@ -11,6 +11,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.errors import ConfigError
 from lutforge.inverse.linearization import InverseOptions
+from lutforge.luts.formats.text import write_text
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
@@ -18,10 +19,10 @@ from lutforge.ocio.base_config import LUT_FOLDER, add_displays, base_config
 from lutforge.ocio.cameras import Camera, name_cameras
 from lutforge.ocio.file_rules import camera_rules, put_first
 from lutforge.ocio.looks import REFINISH, add_looks
-from lutforge.ocio.lut_files import write_compact
+from lutforge.ocio.lut_files import compact_text
 from lutforge.ocio.merge import BaseConfig, merged, open_base
 from lutforge.ocio.names import UniqueNames, config_names
-from lutforge.ocio.renderings import STEPS, BakedRendering, Rendering, baked, renderings
+from lutforge.ocio.renderings import STEPS, Rendering, baked, renderings
 from lutforge.ocio.spaces import add_contextual, add_jpegs, add_raw, add_views, any_names, default_balances
 from lutforge.ocio.versions import DEFAULT_VERSION, OLDEST
 from lutforge.progress import Progress, silent
@@ -105,17 +106,15 @@ def write_config(
     _require_usable(target, replace)
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)
-        made = _all_baked(parts, inverse, progress)
-        errors = {rendering.stem: each_made.error for rendering, each_made in zip(parts, made, strict=True)}
-        luts = {name: lut for each_made in made for name, lut in each_made.luts.items()}
+        texts, errors = _all_baked(parts, inverse, progress)
         config = _assembled(cameras, parts, base, version, errors)
         if base is not None:
             base.copy_files(target)
     for old in (target / LUT_FOLDER).glob("*.clf") if replace and base is None else ():
-        if old.name not in luts:
+        if old.name not in texts:
             old.unlink()
-    for name, lut in luts.items():
-        write_compact(lut, target / LUT_FOLDER / name)
+    for name, text in texts.items():
+        write_text(target / LUT_FOLDER / name, text, "utf-8")
     path = target / CONFIG_NAME
     with atomic_path(path) as temporary:
         temporary.write_text(config.serialize(), encoding="utf-8", newline="\n")
@@ -126,18 +125,26 @@ def write_config(
 @one_blas_thread
 def _all_baked(
     parts: Sequence[Rendering], inverse: InverseOptions | None, progress: Progress
-) -> tuple[BakedRendering, ...]:
-    """Bake renderings, as many beside each other as there are cores; a single one has all cores for itself."""
-    begun, telling = count(), Lock()
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Bake renderings, as many beside each other as there are cores; a single one has all cores for itself.
 
-    def bake_one(rendering: Rendering) -> BakedRendering:
+    Returned are the texts of their files by name, and what is known of their error by stem.
+    """
+    begun, telling, texts, errors = count(), Lock(), dict[str, str](), dict[str, str]()
+
+    def bake_one(rendering: Rendering) -> tuple[dict[str, str], str]:
         def tell(what: str) -> None:
             with telling:
                 progress(f"{rendering.camera.name} {rendering.style}: {what}", next(begun) / (STEPS * len(parts)))
 
-        return baked(rendering, inverse, tell)
+        made = baked(rendering, inverse, tell)
+        return {name: compact_text(lut) for name, lut in made.luts.items()}, made.error
 
-    return tuple(each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts))
+    made = each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts)
+    for rendering, (files, error) in zip(parts, made, strict=True):
+        texts |= files
+        errors[rendering.stem] = error
+    return texts, errors
 
 
 def _require_usable(target: Path, replace: bool) -> None:

@@ -6,14 +6,13 @@ and five digits, without the spaces that line them up: an error below 1e-5 of th
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.interpolation import interpolate
 from lutforge.luts.formats import clf
-from lutforge.luts.formats.text import short_rows, write_text
+from lutforge.luts.formats.text import short_rows
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels, shaper
@@ -61,16 +60,14 @@ def rounded(values: Array) -> Array:
     return np.asarray(np.rint(values * scale) / scale)
 
 
-def write_compact(lut: Lut, path: Path) -> None:
-    """Write a compact LUT as CLF, atomically; the same bytes for the same LUT. Raises LutError."""
-    write_text(path, _squeezed(clf.text_of(lut)), "utf-8")
+def compact_text(lut: Lut) -> str:
+    """The CLF of a compact LUT: one space between the numbers of a table, and those without idle zeros.
 
-
-def _squeezed(text: str) -> str:
-    """The tables of a CLF with one space between numbers, and those without idle zeros."""
+    The same text for the same LUT. Raises LutError.
+    """
 
     def table(found: re.Match[str]) -> str:
         numbers = np.fromstring(found[3], sep=" ").reshape(-1, int(found[2]))
         return f"{found[1]}\n{short_rows(numbers, DECIMALS)}{found[4]}"
 
-    return re.sub(r'(<Array dim="[\d ]*?(\d+)">)([^<]*)(</Array>)', table, text)
+    return re.sub(r'(<Array dim="[\d ]*?(\d+)">)([^<]*)(</Array>)', table, clf.text_of(lut))
