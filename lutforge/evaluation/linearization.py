@@ -20,7 +20,7 @@ from lutforge.model.profile_data import PhysicalModel
 class LinearizationError:
     """δ per channel (r, g, b) of one style, in linear sRGB, 1 = full scale.
 
-    pairs: points counted; held_out: whether each point was linearised by a fit that had not seen its shot.
+    pairs: points counted; held_out: whether each point was linearized by a fit that had not seen its shot.
     """
 
     style: str
@@ -37,7 +37,7 @@ def delta(first: Array, second: Array, ratio: Array) -> tuple[float, float, floa
 
 
 def linearization_errors(style: str, predictions: Predictions, matrix: Array) -> tuple[LinearizationError, ...]:
-    """δ of all exposure pairs of a style by method, each shot linearised by the fit that has not seen it.
+    """δ of all exposure pairs of a style by method, each shot linearized by the fit that has not seen it.
 
     matrix: Ts (3, 3), the same for all methods, takes what a method says of Tw E to linear sRGB: with the full model
     that is h⁻¹(f⁻¹(I)), without h it is f⁻¹(I). Empty where there are no exposure pairs.

@@ -22,7 +22,7 @@ from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import shaper
 from lutforge.model.lattice import grid, snap_levels
-from lutforge.solvers.lattice_regression import Prior, Regularisation, solve_lattice
+from lutforge.solvers.lattice_regression import Prior, Regularization, solve_lattice
 from lutforge.solvers.normal_equations import InterpolationMatrix
 
 PRIOR_WEIGHT = 1e-5
@@ -88,7 +88,7 @@ def inverse_of(
     knots = _on_axes(render.curve, levels)
     nodes = grid(levels)
     prior = Prior((near or _straight(render))(nodes), np.full(nodes.shape, PRIOR_WEIGHT))
-    smooth = Regularisation(options.smoothness, options.smoothness, 0.0, 0.0)
+    smooth = Regularization(options.smoothness, options.smoothness, 0.0, 0.0)
     known = Linearization(levels, render.curve, prior.values)
     colours = in_every_cell(levels, np.random.default_rng(1))
     jpeg, raw, trust = _pairs(render, known, colours, levels[0][1], options)

@@ -191,7 +191,7 @@ def _cube_problems(cube: Array, falling: float, darkens_grey: bool) -> list[str]
     # Cameras press strong colours into their gamut, where one channel makes room for another.
     if falling > 0.1:
         found.append(
-            f"a channel falls while its own input rises at {falling:.1%} of the steps: banding or solarisation"
+            f"a channel falls while its own input rises at {falling:.1%} of the steps: banding or solarization"
         )
     if np.ptp(cube) < 1e-6:
         found.append("all colours become one")

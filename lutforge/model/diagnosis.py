@@ -1,11 +1,11 @@
-"""What a check of samples found: its likely cause, what speaks for it, and what to do."""
+"""The diagnosis of implausible samples: likely cause, evidence, advice."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What in a set of samples no camera makes. whole_set: it concerns all, so that no shot can be blamed."""
+    """A likely cause of samples that no camera makes. whole_set: it concerns all shots, so that none can be blamed."""
 
     cause: str
     evidence: str
@@ -18,8 +18,8 @@ class Diagnosis:
 
 
 def told(diagnoses: tuple[Diagnosis, ...]) -> tuple[str, ...]:
-    """Diagnoses in words, a line each, and how often such a one is wrong (`tests.benchmarks.plausibility`)."""
+    """Diagnoses in words, a line each, and the rate of false alarms (`tests.benchmarks.plausibility`)."""
     return (
         *map(str, diagnoses),
-        *(["of good sets of samples one in a hundred is told so wrongly"] if diagnoses else []),
+        *(["one good set of samples in a hundred gets such a line by mistake"] if diagnoses else []),
     )

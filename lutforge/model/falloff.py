@@ -1,4 +1,4 @@
-"""What a camera's JPEG adds to the light that its lens loses towards the corners, by lens setting."""
+"""The correction of a lens's falloff that a camera applies to its JPEGs only, by lens setting."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ DEGREE = 3
 def falloff_basis(q: Array) -> Array:
     """Rising polynomials of squared distances q (n,) ≥ 0, (n, DEGREE), that are 0 at 0 and 1 at 1, straight beyond.
 
-    They are integrals of Bernstein's polynomials (Farouki 2012, https://doi.org/10.1016/j.cagd.2012.03.001), so a sum
-    with coefficients that are not negative never falls, and all sums of that degree that rise are nearly spanned.
+    They are integrals of Bernstein's polynomials (Farouki 2012, https://doi.org/10.1016/j.cagd.2012.03.001). A sum with
+    coefficients that are not negative never falls, and nearly every rising polynomial of that degree is such a sum.
     """
     inside, beyond = np.minimum(q, 1.0), np.maximum(q - 1.0, 0.0)
     rest = 1.0 - inside
@@ -66,10 +66,10 @@ class Falloff:
 
     @property
     def note(self) -> str:
-        """What a user should know, in one sentence."""
+        """The falloff in one sentence for a user."""
         return (
             f"{self.setting}: the JPEG's corners are {self.corner_ev:.2f} EV brighter than the RAW's (lens falloff, "
-            "corrected by the camera); the profile renders the middle, and minds the place where it knows it"
+            "corrected by the camera); the profile renders the middle, and corrects other places where it knows them"
         )
 
     def stops(self, places: ArrayLike) -> Array:
@@ -84,9 +84,9 @@ class Falloff:
         return np.asarray(2.0 ** self.stops(np.stack(np.meshgrid(x, y), axis=-1)))
 
     def distance(self, lens: str, focal_mm: float, aperture: float) -> float:
-        """How far another lens setting is: stops of its focal length and of its aperture together; inf: another lens.
+        """The distance of another lens setting: stops of focal length and of aperture, infinite for another lens.
 
-        What is unknown of both is alike.
+        Values that are unknown of both settings count as equal.
         """
         steps = np.abs(np.log2([focal_mm / self.focal_mm, aperture / self.aperture]))
         alike = np.isnan([self.focal_mm, self.aperture]) & np.isnan([focal_mm, aperture])

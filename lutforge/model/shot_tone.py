@@ -1,4 +1,4 @@
-"""What a camera did to the tone of one shot beyond its fixed rendering, as it was seen in the shot's samples."""
+"""The departure of one shot's tone from the camera's fixed rendering, as measured on the shot's samples."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -22,14 +22,14 @@ def tone_basis(tone: Array) -> Array:
 
 
 def place_basis(tone: Array, place: Array) -> Array:
-    """Three by three hats over the picture, of dark and of bright tones (n,), at places (n, 2), (n, 18).
+    """Nine bilinear functions over the picture at places (n, 2), for dark and for bright tones (n,) each: (n, 18).
 
-    They are zeros where a place is NaN.
+    They are 0 where a place is NaN.
     """
     at = np.clip(np.nan_to_num(place / (0.8, 0.55)), -1.0, 1.0)  # pictures are about 3 : 2
-    hats = np.maximum(1.0 - np.abs(at[:, :, None] - (-1.0, 0.0, 1.0)), 0.0)
+    linear = np.maximum(1.0 - np.abs(at[:, :, None] - (-1.0, 0.0, 1.0)), 0.0)
     known = np.all(np.isfinite(place), axis=1, keepdims=True)
-    grid = known * (hats[:, 1, :, None] * hats[:, 0, None, :]).reshape(-1, 9)
+    grid = known * (linear[:, 1, :, None] * linear[:, 0, None, :]).reshape(-1, 9)
     bright = 1.0 / (1.0 + np.exp(-3.0 * tone[:, None]))
     return np.hstack([grid * (1.0 - bright), grid * bright])
 
@@ -41,8 +41,8 @@ class ShotTone:
     coefficients: of `tone_basis`, the part that every place of the picture shares; zeros where it is not significant.
     exposure: its mean over the shot's samples; shadows, highlights: at the twentieth darkest and brightest of them.
     local: what differs from place to place, its root mean square; 0 where it is not significant; maps: by place,
-    three rows of three, of dark and of bright tones. significance: the odds of so large a departure by chance, of the
-    two parts. Raises ProfileError on numbers that no camera makes.
+    three rows of three, of dark and of bright tones. significance: the p-values of the two parts.
+    Raises ProfileError on numbers that no camera makes.
     """
 
     shot: str
@@ -56,7 +56,7 @@ class ShotTone:
     significance: tuple[float, float] = (1.0, 1.0)
 
     def __post_init__(self) -> None:
-        """Raise ProfileError where a number is none that a camera could have."""
+        """Raise ProfileError on a number that no camera can have."""
         sizes = (*self.coefficients, self.exposure, self.shadows, self.highlights, self.local, *sum(self.maps, ()))
         if not all(abs(value) < 100.0 for value in sizes) or any(len(part) != 9 for part in self.maps):
             raise ProfileError("a departure of a shot in the profile has numbers that no camera makes")
@@ -68,7 +68,7 @@ class ShotTone:
 
     @property
     def words(self) -> str:
-        """What happened to the shot, in words."""
+        """The departure in words."""
         parts = []
         if abs(self.shadows - self.highlights) > max(0.05, 0.3 * abs(self.exposure)):
             parts.append(f"tone: shadows {self.shadows:+.2f} EV, highlights {self.highlights:+.2f} EV")

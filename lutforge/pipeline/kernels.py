@@ -43,11 +43,11 @@ def compile_all() -> None:
     from lutforge.simulate.camera import nikon_d5100
     from lutforge.simulate.photograph import CameraSettings, photograph
     from lutforge.simulate.scenes import SCENES
-    from lutforge.solvers.lattice_regression import Regularisation, fit_lattice
+    from lutforge.solvers.lattice_regression import Regularization, fit_lattice
 
     count, rng = 120, np.random.default_rng(0)
     raw = rng.uniform(0.01, 0.9, (count, 3))
-    fit_lattice(raw, raw, (np.linspace(0, 1, 5),) * 3, Regularisation(thin_plate=0.0))
+    fit_lattice(raw, raw, (np.linspace(0, 1, 5),) * 3, Regularization(thin_plate=0.0))
     name, style, balance = (np.full(count, word) for word in ("camera", "standard", "daylight"))
     shots = np.array([f"shot {number % 3}" for number in range(count)])
     jpeg, gains = srgb_encode(raw), np.ones((count, 3))

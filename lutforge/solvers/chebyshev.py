@@ -1,6 +1,6 @@
 """The smoother of the multigrid cycle: Chebyshev polynomials of the fourth kind over l1-Jacobi.
 
-A polynomial in A takes only products with A, which vectorise and run in parallel; that of the fourth kind needs no
+A polynomial in A takes only products with A, which vectorize and run in parallel; that of the fourth kind needs no
 lower bound of the spectrum, and the l1 scaling makes its upper bound 1 for every A. Two steps before and two after the
 coarse correction smooth as well as a symmetric Gauss-Seidel sweep. Lottes, "Optimal polynomial smoothers for multigrid
 V-cycles", Numerical Linear Algebra with Applications 30 (2023), algorithm 3 and its table of β; Baker, Falgout, Kolev &

@@ -13,7 +13,7 @@ from lutforge.solvers.solution import Solution, Status
 
 
 def solve_lsi(design: Array, target: Array, constraints: Array, bounds: Array) -> Array:
-    """x (k,) that minimises ‖design x − target‖ subject to constraints x ≥ bounds.
+    """x (k,) that minimizes ‖design x − target‖ subject to constraints x ≥ bounds.
 
     design: (m, k) of full column rank; constraints: (c, k); bounds: (c,).
     Raises CalibrationError where the design does not determine x, no x satisfies the constraints, or the search for it

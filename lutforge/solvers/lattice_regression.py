@@ -25,7 +25,7 @@ from lutforge.solvers.stencil import from_planar, planar
 
 
 @dataclass(frozen=True)
-class Regularisation:
+class Regularization:
     """The weights of the terms beside the data. The defaults are the thesis's (5.3).
 
     smoothness: λ_S, of second differences; mixed: λ_T, of mixed second differences; anchor: λ_A, of the boundary term;
@@ -64,7 +64,7 @@ def fit_lattice(
     x: Array,
     y: Array,
     levels: Levels,
-    regularisation: Regularisation,
+    regularization: Regularization,
     *,
     method: Interpolation = "trilinear",
     weight: Array | None = None,
@@ -78,13 +78,13 @@ def fit_lattice(
     """
     difference = y if prior is None else y - interpolate(x, levels, prior.values, method)
     equations = normal_equations(x, difference, levels, method, weight)
-    return solve_lattice(equations, levels, regularisation, prior=prior, start=start, tolerance=tolerance)
+    return solve_lattice(equations, levels, regularization, prior=prior, start=start, tolerance=tolerance)
 
 
 def solve_lattice(
     equations: NormalEquations,
     levels: Levels,
-    regularisation: Regularisation,
+    regularization: Regularization,
     *,
     prior: Prior | None = None,
     start: Array | None = None,
@@ -97,15 +97,15 @@ def solve_lattice(
     """
     right = equations.right
     anchor = np.zeros_like(right) if prior is None else prior.weight
-    if regularisation.anchor:
-        held, target = _boundary(right.shape, regularisation.anchor)
+    if regularization.anchor:
+        held, target = _boundary(right.shape, regularization.anchor)
         right = right + held * (target if prior is None else target - prior.values)
         anchor = anchor + held
     offset = np.zeros_like(right) if prior is None else prior.values
-    smoothness, mixed = regularisation.smoothness, regularisation.mixed
+    smoothness, mixed = regularization.smoothness, regularization.mixed
     multigrid = Multigrid(levels, equations.stencil, anchor, smoothness, mixed)
     operator: Operator = multigrid
-    if (weight := regularisation.thin_plate) > 0:
+    if (weight := regularization.thin_plate) > 0:
         # In index space ∂²b/∂u² is twice S b, and K counts ∂²b/∂u∂v twice. With both in the preconditioner the
         # equations are solved where nothing else smooths, too (λ_S = 0).
         like = Multigrid(levels, equations.stencil, anchor, smoothness + 4 * weight, mixed + 2 * weight)

@@ -4,7 +4,7 @@ A couples a node with its 26 neighbours, and with those two steps away along the
 diagonal, which may differ between the outputs, and the 16 couplings with nodes that follow. Lattices are planar, a
 lattice of an output after the other, with FAR planes of zeros before and after it; so a neighbour is a fixed step away,
 wherever a node lies (couplings beyond an edge are 0), and each coupling is one loop over a run of nodes, that the
-compiler vectorises. A run's sums do not depend on how planes are dealt out to threads.
+compiler vectorizes. A run's sums do not depend on how planes are dealt out to threads.
 """
 
 from functools import partial

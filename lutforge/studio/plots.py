@@ -18,7 +18,7 @@ PLOTS = {
     "srgb_raw": "sRGB against RAW",
     "saturation": "Saturation against brightness",
     "transformed": "Transformed RAW against sRGB",
-    "both_linear": "Transformed RAW against linearised sRGB",
+    "both_linear": "Transformed RAW against linearized sRGB",
     "linearization": "Linearization",
 }
 COLOURS = ("exposure pair", "own colour", "shot", "residual")
@@ -86,7 +86,7 @@ def _of_samples(workspace: Workspace, plot: str, channel: int) -> Points:
         )
     line = (np.array([[0.0, 1.0], [0.0, 1.0]]),)
     x, y = fitted.scene[:, channel], fitted.linearized[:, channel]
-    return _finite(Points(x, y, row, row, pair, "transformed RAW", "linearised sRGB", line))
+    return _finite(Points(x, y, row, row, pair, "transformed RAW", "linearized sRGB", line))
 
 
 def _of_pairs(workspace: Workspace, plot: str, channel: int) -> Points:
@@ -108,11 +108,11 @@ def _of_pairs(workspace: Workspace, plot: str, channel: int) -> Points:
         x, y = pairs.raw_first[:, channel], pairs.raw_second[:, channel]
         return _finite(Points(x, y, first, second, number, "RAW, shorter exposure", "RAW, longer exposure"))
     if fitted is None:
-        return _nothing("fit a model first: this plot shows what it linearises")
+        return _nothing("fit a model first: this plot shows what it linearizes")
     ratio = np.exp(pairs.log_ratio)
     x, y = ratio * fitted.linearized[first, channel], fitted.linearized[second, channel]
     line = (np.array([[0.0, 1.0], [0.0, 1.0]]),)
-    labels = ("k · linearised, shorter exposure", "linearised, longer exposure")
+    labels = ("k · linearized, shorter exposure", "linearized, longer exposure")
     return _finite(Points(x, y, first, second, number, *labels, line))
 
 

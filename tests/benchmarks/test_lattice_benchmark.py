@@ -38,7 +38,7 @@ from lutforge.luts.shaper import lattice_ops
 from lutforge.model.lattice import uniform_levels
 from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.solvers.lattice_regression import Regularisation, fit_lattice
+from lutforge.solvers.lattice_regression import Regularization, fit_lattice
 
 Array = NDArray[np.float64]
 Predictor = Callable[[Array], Array]
@@ -241,7 +241,7 @@ def test_small_lattices(benchmark: BenchmarkFixture, tmp_path: Path, count: int,
         lambda: lattice(tmp_path, CalibrationOptions(size=size, output_curve=False))(x, y),
         lambda: fit_matrix_and_response(x, y),
         lambda: continuation(base, x, y, inverse=False, size=size, curve=curve),
-        lambda: fit_lattice(x, y, uniform_levels(size), Regularisation(0.01, 0.01, 0.0, 0.0), tolerance=1e-5),
+        lambda: fit_lattice(x, y, uniform_levels(size), Regularization(0.01, 0.01, 0.0, 0.0), tolerance=1e-5),
     ]
     seconds = np.full((2, REPEATS, len(fits)), np.inf)
 

@@ -78,7 +78,7 @@ def test_each_line_says_cause_evidence_and_advice(sets: dict[str, SampleSet]) ->
         lines = told(diagnosed(CASES[case][1](sets["D40"], np.random.default_rng(1))))
         assert len(lines) == 2
         assert all("\n" not in line and len(line) < 400 for line in lines)
-        assert lines[1] == "of good sets of samples one in a hundred is told so wrongly"
+        assert lines[1] == "one good set of samples in a hundred gets such a line by mistake"
     assert told(()) == ()
 
 

@@ -6,18 +6,18 @@ import pytest
 from lutforge.calibration.lattice.node_levels import BINS, error_histogram
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.thesis.lattice import THESIS, fit_uniform
-from lutforge.solvers.lattice_regression import Regularisation, fit_lattice
+from lutforge.solvers.lattice_regression import Regularization, fit_lattice
 from lutforge.solvers.penalties import thin_plate
 from tests.solvers.dense_lattice import interpolation_weights, random_levels
 
 
-def test_the_thin_plate_alone_is_minimised() -> None:
+def test_the_thin_plate_alone_is_minimized() -> None:
     """(5.3) has no smoothness term: most nodes of a lattice of few samples are only in the thin plate's."""
     rng = np.random.default_rng(0)
     size, count = (7, 6, 5), 210
     levels = random_levels(rng, size)
     x, y = rng.random((60, 3)), rng.random((60, 3))
-    terms = Regularisation(smoothness=0.0, anchor=0.0, thin_plate=1e-4)
+    terms = Regularization(smoothness=0.0, anchor=0.0, thin_plate=1e-4)
     found = fit_lattice(x, y, levels, terms, tolerance=1e-11)
     weights = interpolation_weights(x, levels, "trilinear")
     plate = thin_plate(size)(np.eye(count).reshape(*size, count)).reshape(count, count)

@@ -47,7 +47,7 @@ def test_footage_is_what_linearize_gives(profile: CameraProfile) -> None:
     linear = profile.linearize("standard/daylight", "acescg")(jpeg)
     direct = profile.render("standard/daylight")(profile.linearize("standard/daylight")(jpeg))
     again = through_camera(profile, "standard/daylight", "acescg")(linear)
-    # The published Ts of the fit and the row-normalised Ts of the profile differ a little.
+    # The published Ts of the fit and the row-normalized Ts of the profile differ a little.
     assert np.abs(again - direct).mean() < 0.02
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.model.lattice import grid, uniform_levels
-from lutforge.solvers.lattice_regression import Prior, Regularisation, fit_lattice, predict, solve_lattice
+from lutforge.solvers.lattice_regression import Prior, Regularization, fit_lattice, predict, solve_lattice
 from lutforge.solvers.normal_equations import normal_equations
 from lutforge.solvers.penalties import thin_plate
 from lutforge.solvers.solution import Status
@@ -33,13 +33,13 @@ def boundary(size: tuple[int, int, int]) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize("method", INTERPOLATIONS)
-def test_the_thesis_objective_is_minimised(method: Interpolation) -> None:
+def test_the_thesis_objective_is_minimized(method: Interpolation) -> None:
     """(5.4) with all its terms, the closed form (5.5) per channel."""
     rng = np.random.default_rng(0)
     size = (7, 8, 6)
     levels = random_levels(rng, size)
     x, y = rng.random((400, 3)), rng.random((400, 3))
-    terms = Regularisation(smoothness=0.1, anchor=0.01, thin_plate=1e-3)
+    terms = Regularization(smoothness=0.1, anchor=0.01, thin_plate=1e-3)
     found = fit_lattice(x, y, levels, terms, method=method, tolerance=1e-12)
 
     weights, s = interpolation_weights(x, levels, method), second_differences(levels)
@@ -60,7 +60,7 @@ def test_prior_weights_and_mixed_differences(method: Interpolation) -> None:
     levels = random_levels(rng, size)
     x, y, omega = rng.random((250, 3)), rng.random((250, 3)), rng.random(250)
     prior = Prior(rng.random((*size, 3)), rng.random((*size, 3)) * (rng.random((*size, 3)) > 0.8))
-    terms = Regularisation(smoothness=0.02, mixed=0.03, anchor=0.0, thin_plate=0.0)
+    terms = Regularization(smoothness=0.02, mixed=0.03, anchor=0.0, thin_plate=0.0)
     found = fit_lattice(x, y, levels, terms, method=method, weight=omega, prior=prior, tolerance=1e-12)
 
     weights = interpolation_weights(x, levels, method)
@@ -79,7 +79,7 @@ def test_a_linear_function_is_found_exactly_and_continued() -> None:
     levels = random_levels(rng, (17, 17, 17))
     matrix, offset = rng.normal(size=(3, 3)), rng.normal(size=3)
     x = rng.random((500, 3)) * 0.3
-    terms = Regularisation(smoothness=1e-3, mixed=1e-3, anchor=0.0, thin_plate=0.0)
+    terms = Regularization(smoothness=1e-3, mixed=1e-3, anchor=0.0, thin_plate=0.0)
     fit = fit_lattice(x, x @ matrix.T + offset, levels, terms, tolerance=1e-12)
     np.testing.assert_allclose(predict(fit, x), x @ matrix.T + offset, atol=1e-7)
     np.testing.assert_allclose(fit.values, grid(levels) @ matrix.T + offset, atol=1e-3)
@@ -88,7 +88,7 @@ def test_a_linear_function_is_found_exactly_and_continued() -> None:
 def test_without_samples_the_prior_is_the_result() -> None:
     values = np.random.default_rng(3).random((9, 9, 9, 3))
     prior = Prior(values, np.full_like(values, 1e-3))
-    terms = Regularisation(0.01, 0.01, 0.0, 0.0)
+    terms = Regularization(0.01, 0.01, 0.0, 0.0)
     fit = fit_lattice(np.empty((0, 3)), np.empty((0, 3)), uniform_levels(9), terms, prior=prior)
     np.testing.assert_allclose(fit.values, values, atol=1e-12)
 
@@ -97,7 +97,7 @@ def test_doubling_the_samples_is_doubling_their_weight() -> None:
     rng = np.random.default_rng(4)
     levels = random_levels(rng, (9, 9, 9))
     x, y = rng.random((300, 3)), rng.random((300, 3))
-    terms = Regularisation()
+    terms = Regularization()
     twice = fit_lattice(np.tile(x, (2, 1)), np.tile(y, (2, 1)), levels, terms, tolerance=1e-12)
     heavy = fit_lattice(x, y, levels, terms, weight=np.full(300, 2.0), tolerance=1e-12)
     np.testing.assert_allclose(twice.values, heavy.values, atol=1e-9)
@@ -107,8 +107,8 @@ def test_a_warm_start_changes_the_time_only() -> None:
     rng = np.random.default_rng(5)
     levels = random_levels(rng, (13, 13, 13))
     x = rng.random((2000, 3))
-    cold = fit_lattice(x, x**0.5, levels, Regularisation(), tolerance=1e-10)
-    warm = fit_lattice(x, x**0.5, levels, Regularisation(), tolerance=1e-10, start=cold.values)
+    cold = fit_lattice(x, x**0.5, levels, Regularization(), tolerance=1e-10)
+    warm = fit_lattice(x, x**0.5, levels, Regularization(), tolerance=1e-10, start=cold.values)
     assert warm.iterations <= 1 < cold.iterations
     np.testing.assert_allclose(warm.values, cold.values, atol=1e-8)
 
@@ -119,7 +119,7 @@ def test_every_size_converges_fast(size: int) -> None:
     rng = np.random.default_rng(6)
     axis = np.linspace(0, 1, size) ** 3
     x = rng.random((1500, 3)) ** 4
-    terms = Regularisation(1e-3, 1e-3, 0.0, 0.0)
+    terms = Regularization(1e-3, 1e-3, 0.0, 0.0)
     start = grid((axis, axis, axis))
     fit = fit_lattice(x, x**0.45, (axis, axis, axis), terms, prior=Prior(start, np.zeros_like(start)))
     assert fit.iterations <= 60
@@ -131,6 +131,6 @@ def test_a_lattice_that_does_not_converge_is_said_so() -> None:
     x, levels = rng.random((300, 3)), uniform_levels(9)
     equations = normal_equations(x, x, levels, "trilinear")
     with pytest.raises(CalibrationError, match="1 iterations it reached its limit"):
-        solve_lattice(equations, levels, Regularisation(), tolerance=1e-14, most=1)
-    near = solve_lattice(equations, levels, Regularisation(), tolerance=1e-6, most=6)
+        solve_lattice(equations, levels, Regularization(), tolerance=1e-14, most=1)
+    near = solve_lattice(equations, levels, Regularization(), tolerance=1e-6, most=6)
     assert near.status is Status.LIMIT and near.residual > 1e-6

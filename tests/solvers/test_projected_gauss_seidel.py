@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from lutforge.interpolation import Levels, interpolate
 from lutforge.model.lattice import grid
-from lutforge.solvers.lattice_regression import Prior, Regularisation, solve_lattice
+from lutforge.solvers.lattice_regression import Prior, Regularization, solve_lattice
 from lutforge.solvers.normal_equations import NormalEquations, normal_equations
 from lutforge.solvers.projected_gauss_seidel import solve_bounded
 from lutforge.solvers.solution import Status
@@ -26,8 +26,8 @@ def problem(size: tuple[int, int, int]) -> tuple[NormalEquations, Levels, Prior]
 
 
 def free(equations: NormalEquations, levels: Levels, prior: Prior) -> Array:
-    regularisation = Regularisation(SMOOTHNESS, mixed=SMOOTHNESS, anchor=0.0, thin_plate=0.0)
-    return solve_lattice(equations, levels, regularisation, prior=prior, tolerance=1e-10).values
+    regularization = Regularization(SMOOTHNESS, mixed=SMOOTHNESS, anchor=0.0, thin_plate=0.0)
+    return solve_lattice(equations, levels, regularization, prior=prior, tolerance=1e-10).values
 
 
 @pytest.mark.parametrize("size", [(2, 3, 4), (7, 5, 6)])

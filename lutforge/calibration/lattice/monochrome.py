@@ -1,4 +1,4 @@
-"""Recognise black-and-white picture styles, and linearize them by inverting the grey axis of their rendering.
+"""Recognize black-and-white picture styles, and linearize them by inverting the grey axis of their rendering.
 
 Their JPEGs tell how bright a colour was, not which. What linearizes a neutral code g is therefore the neutral light t
 with render(t, t, t) = g; off the grey axis, where no such JPEG lies, the same curve holds for each channel.

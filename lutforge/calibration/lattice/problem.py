@@ -17,7 +17,7 @@ from lutforge.calibration.options import SEARCH_SIZE, CalibrationOptions, Lattic
 from lutforge.interpolation import Levels, apply_curve, interpolate
 from lutforge.model.gamut_map import from_even
 from lutforge.model.lattice import Lattice, grid
-from lutforge.solvers.lattice_regression import LatticeFit, Prior, Regularisation, solve_lattice
+from lutforge.solvers.lattice_regression import LatticeFit, Prior, Regularization, solve_lattice
 from lutforge.solvers.normal_equations import InterpolationMatrix, NormalEquations
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
@@ -213,8 +213,8 @@ class PlacedProblem:
     ) -> LatticeFit:
         """Solve the equations at these levels. smoothness: λ_S, stated for SEARCH_SIZE nodes."""
         smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
-        regularisation = Regularisation(smoothness, mixed=smoothness, anchor=0.0, thin_plate=0.0)
-        return solve_lattice(equations, self.levels, regularisation, prior=prior, start=start, tolerance=tolerance)
+        regularization = Regularization(smoothness, mixed=smoothness, anchor=0.0, thin_plate=0.0)
+        return solve_lattice(equations, self.levels, regularization, prior=prior, start=start, tolerance=tolerance)
 
     def moved(self, fit: LatticeFit) -> LatticeFit:
         """Interpolate a fit at other levels to these levels."""

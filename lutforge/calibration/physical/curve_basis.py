@@ -151,7 +151,7 @@ def log_spline_basis(knots: int = 24) -> CurveBasis:
 
 
 def solve_rising(normal: Array, right: Array, rising: Array, least: Array) -> Array:
-    """u that minimises u'Nu − 2 r'u under rising u ≥ least. Raises CalibrationError where N does not determine u."""
+    """u that minimizes u'Nu − 2 r'u under rising u ≥ least. Raises CalibrationError where N does not determine u."""
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     try:
         factor = cholesky(normal / np.outer(size, size) + 1e-13 * np.eye(len(right)), lower=True)

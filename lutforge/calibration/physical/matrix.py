@@ -1,6 +1,6 @@
 """White balances Tw and the matrix Ts together, by least squares (thesis 4.2.2, equation 4.5).
 
-minimise Σ_i Σ_j ‖Ts⁻¹ X_ij − Tw_i E_ij‖²,  X = f⁻¹(I), on colours that the gamut map leaves alone. Where the files tell
+minimize Σ_i Σ_j ‖Ts⁻¹ X_ij − Tw_i E_ij‖²,  X = f⁻¹(I), on colours that the gamut map leaves alone. Where the files tell
 the multipliers of a setting its Tw is known; one unknown setting is fixed to I, which leaves the problem linear.
 """
 

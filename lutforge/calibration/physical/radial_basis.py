@@ -1,4 +1,4 @@
-"""Radial basis functions with few centres, fitted to many samples by penalised least squares (not through the centres).
+"""Radial basis functions with few centres, fitted to many samples by penalized least squares (not through the centres).
 
 min Σ w ‖Σ λ_i φ(‖z − z_i‖) + a·[1, z] − t‖² + μ λ'Φλ,  Σ λ_i [1, z_i] = 0.   Φ is positive there, as φ(r) = r³ is
 conditionally positive definite of order 2 (Duchon 1977). The kink of φ(r) = r at every centre, which (4.7) of the
@@ -93,7 +93,7 @@ class RadialBasisProblem:
 
 
 def _reflectors(matrix: Array) -> tuple[Array, Array]:
-    """V (k, m) and T (k, k) of the QR factorisation of a matrix (m, k), Q = I − V'T V (LAPACK's dlarft)."""
+    """V (k, m) and T (k, k) of the QR factorization of a matrix (m, k), Q = I − V'T V (LAPACK's dlarft)."""
     reflectors, tau, _, _ = dgeqrf(matrix)
     count = len(tau)
     v = np.ascontiguousarray((np.tril(reflectors, -1) + np.eye(*reflectors.shape)).T)

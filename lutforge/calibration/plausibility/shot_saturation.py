@@ -262,8 +262,8 @@ def _log_ratio(fit: _Fit, groups: Mask, spreads: Departures) -> Array:
     precision = own - crossed @ fit.covariance @ np.swapaxes(crossed, -1, -2) + np.diag(spread**-2.0)
     right_side = chosen @ fit.cross[:, place] - crossed @ fit.common
     mean = np.linalg.solve(precision, right_side[..., None])[..., 0]
-    determinants = 0.5 * np.linalg.slogdet(precision)[1] + np.log(spread).sum()
-    return np.asarray(0.5 * np.sum(right_side * mean, axis=-1) - determinants)
+    explained, determinant = 0.5 * np.sum(right_side * mean, axis=-1), 0.5 * np.linalg.slogdet(precision)[1]
+    return np.asarray(explained - determinant - np.log(spread).sum())
 
 
 def _likeliest_group(fit: _Fit, spreads: Departures, starts: int) -> tuple[Mask, float]:

@@ -1,4 +1,8 @@
-"""Shots of a fixed camera as a Gaussian process over JPEG colours, and each shot beside what the others predict."""
+"""A Gaussian process over JPEG colours for a camera with a fixed rendering; each shot is predicted by the others.
+
+y is the logarithm of the light of a scene colour, less that which an sRGB JPEG of the same codes stands for. Where the
+rendering is fixed, y is a smooth function λ of the JPEG colour, the same for all shots.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,15 +17,16 @@ from lutforge.model.shot_tone import tone_of
 from lutforge.samples.sample_set import SampleSet
 
 NOISE = 0.02
-"""Scatter of the light that cells of one JPEG colour show, in stops."""
+"""Standard deviation of the light of cells with one JPEG colour, in stops."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Means over samples of like colour, of one part of one shot's picture.
+    """Means over samples of similar colour in one part of one shot's picture.
 
-    encoded, balanced: I and Tw E, (n, 3); y: (n,), log₂ of the light less that of an sRGB JPEG; tone: (n,);
-    place: (n, 2), NaN where unknown; shot: (n,) places in names; rounding: (n,) variance of y by rounding of codes.
+    encoded, balanced: I and Tw E, (n, 3); y: (n,), as the head of this module defines it; tone: (n,), of `tone_of`;
+    place: (n, 2), NaN where unknown; shot: (n,), indices into names; rounding: (n,), the variance of y by rounding of
+    codes.
     """
 
     encoded: Array
@@ -35,7 +40,7 @@ class Cells:
 
     @property
     def scatter(self) -> Array:
-        """The variance (n,) of y by noise, 0.02 EV, and rounding."""
+        """The variance (n,) of y by noise, NOISE, and by rounding."""
         return np.asarray(NOISE**2 + self.rounding)
 
     def select(self, rows: NDArray[np.intp]) -> "Cells":
@@ -46,9 +51,10 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class Departure:
-    """How one shot departs from what the other shots predict.
+    """The departure of one shot from the prediction by the other shots.
 
-    error: (m,) stops by which its cells' JPEGs are brighter; covariance: (m, m); member: (n,) its cells.
+    error: (m,), by how many stops the JPEG is brighter than predicted, in each of the shot's cells; covariance: of
+    error, (m, m); member: mask (n,) of the shot's cells.
     """
 
     error: Array
@@ -57,7 +63,7 @@ class Departure:
 
 
 def cells_of(samples: SampleSet, multipliers: Array) -> Cells:
-    """Average the samples over cells of shot, place and colour: the finest division with at most 1,500 cells."""
+    """Average the samples over cells of shot, place and colour, divided as finely as 1,500 cells allow."""
     most = 1500
     y = np.log2((samples.raw * multipliers).sum(axis=1)) - np.log2(1e-4 + light_of(samples.srgb))
     names, shot = np.unique(samples.shot, return_inverse=True)
@@ -85,7 +91,7 @@ def cells_of(samples: SampleSet, multipliers: Array) -> Cells:
 
 
 def light_of(encoded: Array) -> Array:
-    """Linear light (n,) of an sRGB JPEG, the shape that λ departs from."""
+    """The linear light (n,) that an sRGB JPEG stands for, which y is relative to."""
     return np.asarray(0.54 * np.exp2(2.5 * tone_of(encoded)))
 
 
@@ -98,8 +104,8 @@ def _matern(distance: Array) -> Array:
 def covariance_of(cells: Cells, sizes: Sequence[float] = (1.0,) * 5) -> Array:
     """Return the covariance (n, n) of y between cells under a fixed rendering.
 
-    sizes: standard deviations of λ, of a shot's colours, of a shot as a whole, of noise and of rounding, as multiples
-    of the ones that are broad enough for any camera. λ departs from a plane by half a stop over 90 codes.
+    sizes: five factors on standard deviations: of λ, of a shot's colours, of a shot as a whole, of noise and of
+    rounding. At 1 they are broad enough for any camera: λ, for one, departs from a plane by half a stop over 90 codes.
     """
     plane = np.column_stack([np.ones(len(cells.y)), cells.encoded, cells.tone])
     curved, colours, whole, noise, rounding = np.square(sizes)
@@ -110,9 +116,9 @@ def covariance_of(cells: Cells, sizes: Sequence[float] = (1.0,) * 5) -> Array:
 
 
 def own_covariance(cells: Cells) -> Array:
-    """Return the covariance of what a shot departs by though the camera is fixed.
+    """Return the covariance (n, n) of a shot's departures under a fixed rendering.
 
-    It is 3 % (0.04 EV) over 40 codes, as tiles are not quite flat, and 2 % in all of it, as lenses flare.
+    They are 3 % (0.04 EV) over 40 codes, because tiles are not quite flat, and 2 % over the whole shot, by lens flare.
     """
     return _own(cells, _distance(cells), 1.0, 1.0)
 
@@ -123,9 +129,10 @@ def _own(cells: Cells, distance: Array, colours: float, whole: float) -> Array:
 
 
 def likeliest_sizes(cells: Cells, agreeing: Mask) -> tuple[float, ...]:
-    """Return the sizes for `covariance_of` under which the cells of shots that agree (n,) are likeliest, at most 300.
+    """Return the sizes for `covariance_of` with the highest posterior, given the cells of shots that agree, (n,).
 
-    It is empirical Bayes (Rasmussen & Williams 2006, equation 5.8); the log of each size has a normal prior around 0.
+    This is empirical Bayes (Rasmussen & Williams 2006, equation 5.8) on at most 300 cells, with a standard normal prior
+    for the logarithm of each size.
     """
     rows = np.flatnonzero(agreeing)
     rows = np.sort(np.random.default_rng(0).permutation(rows)[:300])
@@ -133,15 +140,14 @@ def likeliest_sizes(cells: Cells, agreeing: Mask) -> tuple[float, ...]:
     units = np.stack([covariance_of(few, unit) for unit in np.vstack([np.zeros(5), np.eye(5)])])
     units[1:] -= units[0]
 
-    def unlikeliness(logarithms: Array) -> float:
+    def negative_log_posterior(logarithms: Array) -> float:
         factor = cho_factor(np.tensordot(np.exp(2.0 * np.append(0.0, logarithms)), units, 1), lower=True)
         likelihood = -0.5 * few.y @ cho_solve(factor, few.y) - np.log(np.diag(factor[0])).sum()
         return float(0.5 * logarithms @ logarithms - likelihood)
 
     start = np.vstack([np.zeros(5), -0.7 * np.eye(5)])
-    found = minimize(
-        unlikeliness, start[0], method="Nelder-Mead", options={"initial_simplex": start, "xatol": 0.05, "fatol": 0.1}
-    )
+    options = {"initial_simplex": start, "xatol": 0.05, "fatol": 0.1}
+    found = minimize(negative_log_posterior, start[0], method="Nelder-Mead", options=options)
     return tuple(np.exp(found.x).tolist())
 
 
@@ -152,9 +158,10 @@ def _distance(cells: Cells) -> Array:
 
 
 def departures_of(cells: Cells, covariance: Array, freed: Mapping[int, Array]) -> list[Departure]:
-    """Return how each shot departs from what the others predict.
+    """Return the departure of each shot from the prediction by the others.
 
-    freed: for some shots, columns (m, k) along which they may depart by stops without weighing on the others.
+    freed: for some shots, columns (m, k) of a regression with a wide prior, in stops, so that what these explain does
+    not affect the prediction of the other shots.
     """
     total = covariance.copy()
     for place, columns in freed.items():

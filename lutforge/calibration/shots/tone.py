@@ -1,16 +1,18 @@
-"""What the camera did to the tone of each shot: exposure, a global curve, and a part that differs from place to place.
+"""Finds shots whose tone the camera changed: their exposure, a global curve, and a part that varies over the picture.
 
-The scene's light y = log₂ Σ Tw E is a smooth function λ of the JPEG's colour where the rendering is fixed, a Gaussian
-process. Each shot is predicted by the others: leaving groups out has a closed form (Rasmussen & Williams 2006, section
-5.4.2, https://doi.org/10.7551/mitpress/3206.001.0001), which gives the errors of the prediction with their covariance:
-colours that no other shot shows are uncertain, errors of like colours are correlated, and any shot of a fixed camera
-may depart by some per cent at some colours. The shot's departure is fitted by generalized least squares, first by
-columns of tone, then by columns of place and tone, each tested by χ², at a false-alarm rate for all shots of a style
-together (Bonferroni). Covariances are scaled by the median misfit of the shots.
+Where the rendering is fixed, the light of the scene is a smooth function of the JPEG's colour, a Gaussian process (see
+`departures`). Each shot is predicted by the others. The prediction without a group has a closed form, which also gives
+the covariance of its errors (Rasmussen & Williams 2006, section 5.4.2, https://doi.org/10.7551/mitpress/3206.001.0001).
+Colours that no other shot shows are uncertain, and errors of similar colours are correlated. Every shot of a fixed
+camera may depart by a few per cent at some colours.
 
-One shot that departs spoils the prediction of the others. So the most significant departure is freed first, and all
-shots are tested anew, until none is significant (forward search; Hadi & Simonoff 1993,
-https://doi.org/10.1080/01621459.1993.10476407): those that agree carry the fit.
+The departure of a shot is fitted by generalized least squares, first with columns of tone, then with columns of place
+and tone. Each fit is tested by χ², with one false-alarm rate for all shots of a style together (Bonferroni).
+Covariances are scaled by the median misfit of the shots.
+
+A shot that departs spoils the prediction of the others. So the most significant departure is modelled first, and all
+shots are tested again, until no further one is significant (forward search; Hadi & Simonoff 1993,
+https://doi.org/10.1080/01621459.1993.10476407).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -41,7 +43,7 @@ MANUAL_MODE = "shoot in manual mode with one picture style, scene-dependent feat
 
 
 def shot_tones(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[ShotTone, ...]:
-    """The departures of shots that are significant, of all styles; nothing of the others.
+    """Return the significant departures of shots, of all styles.
 
     multipliers: (n, 3), what makes RAW white-balanced; usable: (n,) unclipped samples.
     Raises CalibrationError where a style has two shots only and they contradict each other.
@@ -67,10 +69,10 @@ def shot_tones(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[Sh
 def tones_beside(
     linearize: Mapping[str, Callable[[Array], Array]], samples: SampleSet, multipliers: Array, usable: Mask
 ) -> tuple[ShotTone, ...]:
-    """The departures of shots from a calibrated rendering that has not seen them; nothing of those that follow it.
+    """Return the significant departures of shots from a calibrated rendering that was not fitted to them.
 
-    linearize: by style, I → Tw E. What a calibration does not know of a shot's colours counts like twice the variance
-    that any shot departs by.
+    linearize: by style, the function I → Tw E. The uncertainty of the calibration is taken for twice the variance by
+    which any shot departs.
     """
     found: list[ShotTone] = []
     for name in np.unique(samples.style[usable & np.isin(samples.style, list(linearize))]):
@@ -88,7 +90,7 @@ def tones_beside(
 
 
 def tone_notes(tones: Sequence[ShotTone]) -> tuple[str, ...]:
-    """What a user should know of shots that depart: a sentence a style for those that stay, and for those left out."""
+    """Notes on shots that depart: a sentence per style for those that are corrected, and one for those left out."""
     notes = []
     for style in dict.fromkeys(tone.style for tone in tones):
         for fate, local in (("taken out of them", False), ("left out", True)):
@@ -106,8 +108,9 @@ def tone_notes(tones: Sequence[ShotTone]) -> tuple[str, ...]:
 class _Fit:
     """The departure of one shot, split into a tone curve and a map over the picture.
 
-    tone: (3,); stops: what that makes of its cells, (m,); maps: (18,); local: what these make of its cells, (m,).
-    gains: by how much each lowers the misfit, χ² of 3 and 18 degrees of freedom; misfit: what is left per cell.
+    tone: (3,), coefficients of the tone curve, and stops: (m,), its values in the shot's cells; maps: (18,),
+    coefficients of the map, and local: (m,), its values; gains: by how much each lowers the misfit, χ² with 3 and 18
+    degrees of freedom; misfit: the remaining misfit per cell.
     """
 
     tone: Array
@@ -117,14 +120,14 @@ class _Fit:
     gains: tuple[float, float]
     misfit: float
 
-    def odds(self, scale: float) -> tuple[float, float]:
-        """Return the p-values of the two gains in fit, in units of the usual misfit `scale`."""
+    def p_values(self, scale: float) -> tuple[float, float]:
+        """Return the p-values of the two gains, divided by the usual misfit `scale`."""
         tone, local = (max(gain, 0.0) / scale for gain in self.gains)
         return float(chdtrc(3, tone)), float(chdtrc(18, local))
 
 
 def _fit(cells: Cells, departure: Departure) -> _Fit:
-    """Generalized least squares; coefficients have a prior of a stop."""
+    """Fit a departure by generalized least squares; each coefficient has a normal prior of one stop."""
     root = np.linalg.cholesky(departure.covariance)
 
     def whitened(values: Array) -> Array:
@@ -150,7 +153,7 @@ def _fit(cells: Cells, departure: Departure) -> _Fit:
 
 @one_blas_thread
 def _search(cells: Cells, style: str) -> list[ShotTone]:
-    """The significant departures of one style's shots, the most significant freed first."""
+    """The significant departures of one style's shots, by forward search."""
     covariance, freed = covariance_of(cells), dict[int, Array]()
     while True:
         departures = departures_of(cells, covariance, freed)
@@ -169,29 +172,29 @@ def _search(cells: Cells, style: str) -> list[ShotTone]:
 
 def _significant(cells: Cells, style: str, fits: Sequence[_Fit]) -> dict[int, ShotTone]:
     """The departures that are significant, by the place of their shot."""
-    limit = 0.01 / (2 * len(fits))  # odds that any shot of a fixed camera is accused, over two tests a shot
+    limit = 0.01 / (2 * len(fits))  # a false alarm in one set of a hundred, over two tests a shot
     scale = max(1.0, float(np.median([fit.misfit for fit in fits])))
-    tones = {k: _tone(cells, style, k, fit, fit.odds(scale), limit) for k, fit in enumerate(fits)}
+    tones = {k: _tone(cells, style, k, fit, fit.p_values(scale), limit) for k, fit in enumerate(fits)}
     return {k: tone for k, tone in tones.items() if tone is not None}
 
 
-def _tone(cells: Cells, style: str, shot: int, fit: _Fit, odds: tuple[float, float], limit: float) -> ShotTone | None:
-    """What is significant of a shot's departure; None where nothing is."""
+def _tone(cells: Cells, style: str, shot: int, fit: _Fit, p: tuple[float, float], limit: float) -> ShotTone | None:
+    """The significant parts of a shot's departure; None where there are none."""
     dark, middle, bright = (float(value) for value in _at_tones(cells.tone[cells.shot == shot], fit.stops))
     size = float(np.sqrt(np.mean(fit.local**2)))
-    common = odds[0] < limit and max(abs(dark), abs(middle), abs(bright)) > LEAST_EV
-    differs = odds[1] < limit and size > LEAST_EV
+    common = p[0] < limit and max(abs(dark), abs(middle), abs(bright)) > LEAST_EV
+    differs = p[1] < limit and size > LEAST_EV
     if not (common or differs):
         return None
     a, b, c = (float(value) for value in fit.tone * common)
     tone = ShotTone(cells.names[shot], style, (a, b, c), middle * common, dark * common, bright * common)
     first, second = (tuple(float(value) for value in part) for part in (fit.maps[:9], fit.maps[9:]))
-    tone = replace(tone, significance=odds)
+    tone = replace(tone, significance=p)
     return replace(tone, local=size, maps=(first, second)) if differs else tone
 
 
 def _at_tones(tone: Array, stops: Array) -> tuple[float, float, float]:
-    """Stops at the twentieth darkest cell, in the mean, and at the twentieth brightest."""
+    """Stops at the 5th percentile of tone, in the mean, and at the 95th percentile."""
     order = np.argsort(tone)
     dark, bright = (order[round(share * (len(order) - 1))] for share in (0.05, 0.95))
     return float(stops[dark]), float(stops.mean()), float(stops[bright])

@@ -1,15 +1,15 @@
-"""Take out of single shots what a camera did to their tone: as light before the rendering, or as codes after it.
+"""Removes from single shots the tone curve that the camera applied to them.
 
-Some cameras change the light of a scene before they render it, by its tone (active D-lighting, auto lighting); a curve
-may as well lie behind the rendering, on each channel's codes. Either is a curve of stops that is smooth, of the tone
-of the scene or of each channel of the JPEG. It is fitted to the shot's departure from what the other shots predict by
-generalized least squares, and where both are possible, that form is taken out of a style's shots under which their
-departures are likelier (Rasmussen & Williams 2006, equation 2.30, https://doi.org/10.7551/mitpress/3206.001.0001).
+Some cameras change the light of a scene by its tone before they render it (Active D-Lighting, Auto Lighting Optimizer).
+Others apply a curve to each channel of the rendered JPEG. Either is modelled as a smooth curve in stops: of the tone of
+the scene, or of each channel. The curve is fitted to the shot's departure from the prediction by the other shots, by
+generalized least squares. Of the two forms the one with the higher marginal likelihood is removed from all shots of a
+style (Rasmussen & Williams 2006, equation 2.30, https://doi.org/10.7551/mitpress/3206.001.0001).
 
-The form is chosen under variances that are broad enough for any camera. The curve is then fitted under those that make
-the agreeing shots likeliest: it is wanted to a hundredth of a stop, and shots often agree better than that. What a
-camera takes for the tone of a scene (a mean of its channels, a luminance, before or after white balance) is not known:
-it is the mixture of channels under which the shot's departure is likeliest.
+The form is chosen with variances that are broad enough for any camera. The curve is then fitted with the variances that
+maximize the likelihood of the agreeing shots. These often agree better than broad variances assume, and the curve
+should be right to a hundredth of a stop. How a camera computes the tone of a scene from its channels is not known, so
+the weights of the channels are fitted as well.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,15 +35,15 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.blas import one_blas_thread
 
 KNOTS = np.linspace(-2.5, 1.0, 15)
-"""Tones between which curves are straight, in units of 2.5 stops from 18 % grey."""
+"""Knots of the piecewise linear curves, in units of 2.5 stops from 18 % grey."""
 
 
 def without_departures(
     samples: SampleSet, multipliers: Array, usable: Mask, tones: Sequence[ShotTone]
 ) -> tuple[SampleSet, Array]:
-    """The samples and multipliers (n, 3) without the shots that depart locally, and the global part out of the others.
+    """Return samples and multipliers (n, 3) with global departures removed, and without shots that depart locally.
 
-    usable: (n,) unclipped samples. A style of which nothing would be left keeps its shots.
+    usable: (n,) unclipped samples. A style keeps its shots where none would remain.
     """
     kept = ~np.isin(samples.shot, [tone.shot for tone in tones if tone.local])
     for name in np.unique(samples.style):
@@ -60,7 +60,7 @@ def without_departures(
 
 @one_blas_thread
 def _corrected(samples: SampleSet, multipliers: Array, usable: Mask, agreeing: Mask, shots: Sequence[str]) -> SampleSet:
-    """Take the departures of a style's shots out of them; agreeing: (n,) the usable samples of its other shots."""
+    """Remove the departures of a style's shots; agreeing: (n,) the usable samples of its other shots."""
     response = fit_matrix_and_response(samples.raw[agreeing] * multipliers[agreeing], samples.srgb[agreeing]).response
     cells = cells_of(samples.select(usable), multipliers[usable])
     by_code = _curves_of_channels(cells.encoded, response)
@@ -78,10 +78,10 @@ def _corrected(samples: SampleSet, multipliers: Array, usable: Mask, agreeing: M
 
 
 def _fits(cells: Cells, by_code: Array, members: Mapping[int, Mask]) -> dict[int, tuple[Array | None, Array]]:
-    """Return, by shot, the mixture of channels (3,) whose tone its curve of light is of, None beside a curve of codes.
+    """Return, by shot, the channel weights (3,) of a curve of light, None for a curve of codes, and coefficients (k,).
 
-    With it come the curve's coefficients (k,). by_code: (n, k), the curves of codes at the cells; members: (n,), by
-    shot that departs, its cells.
+    by_code: (n, k), the columns of curves of codes at the cells; members: by shot that departs, the mask (n,) of its
+    cells.
     """
     light = {place: cells.balanced[mask] for place, mask in members.items()}
     columns = {place: _curves(_tones(each.mean(axis=1))) for place, each in light.items()}
@@ -98,7 +98,7 @@ def _fits(cells: Cells, by_code: Array, members: Mapping[int, Mask]) -> dict[int
         departures = departures_of(cells, covariance, freed)
         return {place: (None, _fitted(freed[place], departures[place])[0]) for place in members}
     departures = departures_of(cells, covariance, freed)
-    for _ in range(2):  # a shot's mixture also changes a little what it says of the others
+    for _ in range(2):  # each shot's weights slightly change the prediction of the others
         mixtures = {place: _mixture(light[place], departures[place]) for place in members}
         freed = {place: _curves(_tones(light[place] @ mixtures[place])) for place in members}
         departures = departures_of(cells, covariance, freed)
@@ -106,22 +106,22 @@ def _fits(cells: Cells, by_code: Array, members: Mapping[int, Mask]) -> dict[int
 
 
 def _mixture(light: Array, departure: Departure) -> Array:
-    """Return the mixture (3,) of channels of light (m, 3) under whose tone a departure is likeliest; it sums to 1.
+    """Return the weights (3,), which sum to 1, of the channels of light (m, 3) whose tone best explains a departure.
 
-    The logs of red and blue beside green have a prior of 1 around 0, which has room for a luminance.
+    The logarithms of red and blue relative to green have a standard normal prior, wide enough for a luminance.
     """
 
     def shares(logarithms: Array) -> Array:
         parts = np.exp([logarithms[0], 0.0, logarithms[1]])
         return np.asarray(parts / parts.sum())
 
-    def unlikeliness(logarithms: Array) -> float:
+    def negative_log_posterior(logarithms: Array) -> float:
         likelihood = _fitted(_curves(_tones(light @ shares(logarithms))), departure)[1]
         return float(0.5 * logarithms @ logarithms - likelihood)
 
     start = np.array([[0.0, 0.0], [0.4, 0.0], [0.0, 0.4]])
     options = {"initial_simplex": start, "xatol": 0.02, "fatol": 0.02}
-    return shares(minimize(unlikeliness, start[0], method="Nelder-Mead", options=options).x)
+    return shares(minimize(negative_log_posterior, start[0], method="Nelder-Mead", options=options).x)
 
 
 def _tones(linear: Array) -> Array:
@@ -130,23 +130,25 @@ def _tones(linear: Array) -> Array:
 
 
 def _curves(tone: Array) -> Array:
-    """Smooth curves at tones (…,), (…, 18): a parabola of about a stop, and what is left, of about 0.3 stops."""
+    """The columns (…, 18) of a curve at tones (…,): a parabola of about a stop and a smooth rest of about 0.3 stops."""
     inside = np.clip(tone, KNOTS[0], KNOTS[-1])
-    hats = np.maximum(1.0 - np.abs(inside[..., None] - KNOTS) / (KNOTS[1] - KNOTS[0]), 0.0)
+    linear = np.maximum(1.0 - np.abs(inside[..., None] - KNOTS) / (KNOTS[1] - KNOTS[0]), 0.0)
     scaled = np.sqrt(5.0) * np.abs(KNOTS[:, None] - KNOTS) / 0.5  # Matérn's covariance over 1.25 stops
     smooth = 0.3**2 * (1.0 + scaled + scaled**2 / 3.0) * np.exp(-scaled)
-    return np.concatenate([tone_basis(inside), hats @ np.linalg.cholesky(smooth + 1e-8 * np.eye(len(KNOTS)))], axis=-1)
+    return np.concatenate(
+        [tone_basis(inside), linear @ np.linalg.cholesky(smooth + 1e-8 * np.eye(len(KNOTS)))], axis=-1
+    )
 
 
 def _curves_of_channels(encoded: Array, response: Response) -> Array:
-    """Curves of each channel by itself, as they change the light of JPEG colours (n, 3), (n, 18)."""
+    """The columns (n, 18) of one curve applied to each channel, as they change the light of JPEG colours (n, 3)."""
     linear = np.maximum(response.linearize(encoded), 2e-4)
     share = linear / linear.sum(axis=1, keepdims=True)
     return np.asarray(np.einsum("nc,nck->nk", share, _curves(_tones(linear))))
 
 
 def _fitted(columns: Array, departure: Departure) -> tuple[Array, float]:
-    """Coefficients (k,) of columns (m, k) with a prior of 1, and the log of the departure's likelihood, unscaled."""
+    """Coefficients (k,), standard normal a priori, of columns (m, k), and a departure's log marginal likelihood."""
     weighted = cho_solve(cho_factor(departure.covariance), columns)
     normal = columns.T @ weighted + np.eye(columns.shape[1])
     coefficients = np.linalg.solve(normal, weighted.T @ departure.error)

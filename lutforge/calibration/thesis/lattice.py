@@ -11,19 +11,19 @@ from lutforge.calibration.lattice.result import LatticeResult, result, snapped
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels
 from lutforge.model.lattice import Lattice, equidistribute, uniform_levels
-from lutforge.solvers.lattice_regression import LatticeFit, Regularisation, fit_lattice, predict
+from lutforge.solvers.lattice_regression import LatticeFit, Regularization, fit_lattice, predict
 
-THESIS = Regularisation(smoothness=0.1, anchor=0.01, thin_plate=1e-6)
+THESIS = Regularization(smoothness=0.1, anchor=0.01, thin_plate=1e-6)
 """λ_S, λ_A and λ_K of section 5.3."""
-LR_BASELINE = Regularisation(smoothness=0.0, anchor=0.0, thin_plate=1e-6)
+LR_BASELINE = Regularization(smoothness=0.0, anchor=0.0, thin_plate=1e-6)
 """Equation 5.3, the uniform lattice regression that the thesis compares itself with: λ_K alone."""
 
 
 def fit_uniform(
-    x: Array, y: Array, options: CalibrationOptions, regularisation: Regularisation = LR_BASELINE
+    x: Array, y: Array, options: CalibrationOptions, regularization: Regularization = LR_BASELINE
 ) -> LatticeResult:
     """Fit a lattice with evenly spaced nodes to samples x → y (n, 3): by equation 5.3, unless weights are given."""
-    return _result(_uniform(x, y, options, regularisation), x, options, regularisation)
+    return _result(_uniform(x, y, options, regularization), x, options, regularization)
 
 
 def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) -> LatticeResult:
@@ -31,18 +31,18 @@ def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) 
 
     clips: the boundary term applies, as to render. With options.nonuniform off the nodes are evenly spaced.
     """
-    regularisation = THESIS if clips else replace(THESIS, anchor=0.0)
+    regularization = THESIS if clips else replace(THESIS, anchor=0.0)
     method = options.interpolation
-    first = _uniform(x, y, options, regularisation)
+    first = _uniform(x, y, options, regularization)
     if not options.nonuniform:
-        return _result(first, x, options, regularisation)
+        return _result(first, x, options, regularization)
     histograms = error_histogram(x, np.sum((predict(first, x, method) - y) ** 2, axis=1))
     fits: dict[float, tuple[float, Levels, Array]] = {}
 
     def fitting_error(alpha: float) -> float:
         levels = snapped(blended_levels(histograms, alpha, options.size), options)
         start = fits[min(fits, key=lambda other: abs(other - alpha))][2] if fits else first.values
-        fit = fit_lattice(x, y, levels, regularisation, method=method, start=start, tolerance=1e-4)
+        fit = fit_lattice(x, y, levels, regularization, method=method, start=start, tolerance=1e-4)
         error = float(np.sum((predict(fit, x, method) - y) ** 2))
         fits[alpha] = (error, levels, fit.values)
         return error
@@ -53,8 +53,8 @@ def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) 
     # Every fit on the way is kept, so that the least of them is taken however the search ends.
     minimize_scalar(fitting_error, bounds=bounds, method="bounded", options={"xatol": 0.02})
     _, levels, start = min(fits.values(), key=lambda entry: entry[0])
-    last = fit_lattice(x, y, levels, regularisation, method=method, start=start)
-    return _result(last, x, options, regularisation)
+    last = fit_lattice(x, y, levels, regularization, method=method, start=start)
+    return _result(last, x, options, regularization)
 
 
 def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: int) -> Levels:
@@ -63,10 +63,10 @@ def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: i
     return (r, g, b)
 
 
-def _uniform(x: Array, y: Array, options: CalibrationOptions, regularisation: Regularisation) -> LatticeFit:
+def _uniform(x: Array, y: Array, options: CalibrationOptions, regularization: Regularization) -> LatticeFit:
     levels = snapped(uniform_levels(options.size), options)
-    return fit_lattice(x, y, levels, regularisation, method=options.interpolation)
+    return fit_lattice(x, y, levels, regularization, method=options.interpolation)
 
 
-def _result(fit: LatticeFit, x: Array, options: CalibrationOptions, regularisation: Regularisation) -> LatticeResult:
-    return result(Lattice(fit.levels, fit.values, options.interpolation), x, regularisation.smoothness)
+def _result(fit: LatticeFit, x: Array, options: CalibrationOptions, regularization: Regularization) -> LatticeResult:
+    return result(Lattice(fit.levels, fit.values, options.interpolation), x, regularization.smoothness)
