@@ -27,6 +27,9 @@ class Kelvin:
     kelvin: float
     tint: float = 0.0
 
+    def __str__(self) -> str:
+        return f"{self.kelvin:g}K{f'{self.tint:+g}' if self.tint else ''}"
+
 
 @dataclass(frozen=True)
 class Multipliers:
@@ -48,6 +51,9 @@ class Multipliers:
         if not abs(green - 1) < 1e-6:
             raise SettingsError(f"multipliers {red:g},{green:g},{blue:g}: divide them by green, which is 1")
 
+    def __str__(self) -> str:
+        return ",".join(f"{value:g}" for value in self.rgb)
+
 
 @dataclass(frozen=True)
 class Selector:
@@ -61,13 +67,7 @@ class Selector:
     white_balance: str | Kelvin | Multipliers
 
     def __str__(self) -> str:
-        match self.white_balance:
-            case Kelvin(kelvin, tint):
-                return f"{self.style}/{kelvin:g}K{f'{tint:+g}' if tint else ''}"
-            case Multipliers(rgb):
-                return f"{self.style}/" + ",".join(f"{value:g}" for value in rgb)
-            case name:
-                return f"{self.style}/{name}"
+        return f"{self.style}/{self.white_balance}"
 
 
 def setting_name(text: str) -> str:

@@ -157,7 +157,7 @@ def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bo
     negatives = 0
     if excluded & {folder.resolve(), *folder.resolve().parents}:
         raise ImageError(f"{folder}: the graded images go into this folder; choose another output folder")
-    for place, subfolders, names in os.walk(folder):
+    for place, subfolders, names in os.walk(folder, onerror=_refuse):
         at = Path(place)
         kept = sorted(name for name in names if not name.startswith(".") and Path(name).suffix.lower() in suffixes)
         pictures = {Path(name).stem.lower() for name in kept if not _is_raw(name)}
@@ -180,7 +180,11 @@ def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bo
 
 
 def _is_output(folder: Path, excluded: Container[Path]) -> bool:
-    return folder.resolve() in excluded or (folder / journal.NAME).exists()
+    return folder.resolve() in excluded or os.path.exists(folder / journal.NAME)  # also where nothing may be read
+
+
+def _refuse(failure: OSError) -> None:
+    raise ImageError(f"{failure.filename}: the folder cannot be read ({failure.strerror}); name the folders to grade")
 
 
 def _is_raw(name: str) -> bool:

@@ -18,7 +18,7 @@ from lutforge.images.jpeg_header import metadata_end
 from lutforge.images.output_spec import create_output, describe_output, format_of, keeps_orientation, with_shape
 from lutforge.images.read import Image, ImageReader, Region
 
-_TELL_OF_FAILURES = frozenset({"tiff", "openexr", "dpx", "hdr", "pnm", "jpegxl"})
+_TELL_OF_FAILURES = frozenset({"openexr", "dpx", "hdr", "pnm", "jpegxl"})
 _NOT_SAFE_ON_DISK = frozenset({"jpeg", "webp"})
 
 
@@ -70,7 +70,11 @@ class ImageWriter:
         else:
             written = self.target.write_scanlines(top, bottom, spec.z, pixels)
         if not written:
-            raise ImageError(f"{self.path}: {self.target.geterror() or 'cannot be written'}")
+            raise _cut_short(self.path)
+
+
+def _cut_short(path: Path) -> ImageError:
+    return ImageError(f"{path}: it was not written as a whole; is the disk full?")
 
 
 @contextmanager
@@ -90,16 +94,16 @@ def image_writer(path: Path, described: oiio.ImageSpec, start: bytes | None = No
             target.close()
             raise
         if not target.close():
-            raise ImageError(f"{path}: {target.geterror() or 'cannot be written'}")
+            raise _cut_short(path)
 
 
 @contextmanager
 def _safe_place(path: Path, temporary: Path, spec: oiio.ImageSpec, start: bytes | None) -> Iterator[Path]:
     """Where OpenImageIO may write a file that becomes `temporary`, so that a full disk is noticed, and ends nothing.
 
-    Of OpenImageIO 3.2's writers, those of TIFF, OpenEXR, DPX, Radiance, PNM and JPEG XL tell of a failed write; libjpeg
-    ends the program, libwebp tries for ever: those encode into memory; the others lose data in silence, so that their
-    files are checked.
+    Of OpenImageIO 3.2's writers, those of OpenEXR, DPX, Radiance, PNM and JPEG XL tell of a failed write, that of TIFF
+    tells of pixels and not of the directory behind them; libjpeg ends the program, libwebp tries for ever: those encode
+    into memory; the others lose data in silence, so that their files are checked.
     """
     name = format_of(path)
     if name not in _NOT_SAFE_ON_DISK or not hasattr(os, "memfd_create"):
@@ -108,7 +112,7 @@ def _safe_place(path: Path, temporary: Path, spec: oiio.ImageSpec, start: bytes 
             data = temporary.read_bytes()
             temporary.write_bytes(start + data[metadata_end(data) :])
         if name not in _TELL_OF_FAILURES and not _is_whole(temporary, name):
-            raise ImageError(f"{path}: it was not written as a whole; is the disk full?")
+            raise _cut_short(path)
         return
     import resource  # where there are memory files (Linux), there are limits too; Windows has neither
 
@@ -138,7 +142,7 @@ def _is_whole(path: Path, name: str) -> bool:
             return file.read(4) == b"IEND"
     try:
         with ImageReader(path) as reader:
-            for region in reader.regions(1 << 20, rows_only=True):
+            for region in () if name == "tiff" else reader.regions(1 << 20, rows_only=True):
                 reader.read(region)
     except ImageError:
         return False

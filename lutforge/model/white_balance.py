@@ -85,7 +85,8 @@ def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, White
             if name not in known:
                 hint = f" (a temperature is written {name}K)" if name.isdigit() else ""
                 raise SettingsError(
-                    f'unknown white balance "{name}"{hint}; this profile knows {", ".join(sorted(known))}'
+                    f'unknown white balance "{name}"{hint}; this profile knows {", ".join(sorted(known))}, and any '
+                    "multipliers of red, green and blue, such as 2.1,1,1.4"
                 )
             return known[name].factors
 

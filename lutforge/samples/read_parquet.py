@@ -43,9 +43,12 @@ def read_parquet(path: Path) -> pl.DataFrame:
 
 
 def write_parquet(frame: pl.DataFrame, path: Path) -> None:
-    """Write a table whose footer holds the digest of the pages before it."""
-    frame.write_parquet(path, compression="zstd")
-    frame.write_parquet(path, compression="zstd", metadata={_DIGEST: _digest(path)})
+    """Write a table whose footer holds the digest of the pages before it. Raises OSError."""
+    try:
+        frame.write_parquet(path, compression="zstd")
+        frame.write_parquet(path, compression="zstd", metadata={_DIGEST: _digest(path)})
+    except pl.exceptions.ComputeError:  # an OSError, which polars 2.1 hands on for .csv only
+        raise OSError(None, "it was not written as a whole; is the disk full?") from None
 
 
 def _is_as_written(path: Path) -> bool:

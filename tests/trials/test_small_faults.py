@@ -11,12 +11,16 @@ import PIL.Image
 import polars as pl
 import pytest
 
+from lutforge.apply.inputs import find_inputs
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
+from lutforge.errors import ImageError, LutForgeError
 from lutforge.images.icc import to_srgb
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.samples.read_parquet import _is_as_written, write_parquet
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import write_samples
 from tests.apply.graded_images import write_picture
 from tests.conftest import CommandLine
 from tests.model.profiles_synthetic import small_profile
@@ -197,3 +201,58 @@ def test_a_picture_of_scene_linear_light_is_told_where_encoded_ones_are_graded(
     done = lutforge("apply", profile, tmp_path / "a.exr", picture(tmp_path / "a.jpg"), *words)
     assert done.returncode == 0
     assert done.stderr.count("holds scene-linear light, as a rule") == 1
+
+
+def test_kits_are_named_by_the_setting_as_it_was_asked_for(
+    lutforge: CommandLine, profile: Path, tmp_path: Path
+) -> None:
+    for setting, name in (("vivid/2.1,1,1.4", "vivid 2.1_1_1.4"), ("vivid/5000K+10", "vivid 5000K+10")):
+        out = tmp_path / name
+        assert lutforge("kit", profile, "--to", setting, "--for", "lightroom", "-o", out).returncode == 0
+        assert [file.stem.rpartition("vivid ")[2] for file in out.glob("*.dcp")] == [name.removeprefix("vivid ")]
+
+
+def test_a_white_balance_that_no_shot_has_can_be_named_by_its_multipliers(
+    lutforge: CommandLine, profile: Path, tmp_path: Path
+) -> None:
+    words = ("--from", "standard/daylight", "--to", "standard/candle", "-o", tmp_path / "out.cube")
+    assert "multipliers of red, green and blue, such as 2.1,1,1.4" in failed(lutforge("bake", profile, "refinish", *words))
+
+
+def test_a_config_is_a_folder(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
+    told = failed(lutforge("config", profile, "-o", tmp_path / "ocio" / "config.ocio"))
+    assert "a config is a folder" in told and not (tmp_path / "ocio").exists()
+
+
+def test_tables_and_luts_on_a_full_disk(tmp_path: Path) -> None:
+    """A limit of the size of a file stands for it, one within the directory that a TIFF ends with."""
+    resource = pytest.importorskip("resource")
+    colours = np.random.default_rng(0).uniform(0.1, 0.9, (500, 3))
+    samples = SampleSet.from_arrays(colours, colours, camera="A", shot="a", white_balance="auto")
+    cube = Lut((Cube(np.random.default_rng(0).uniform(size=(9, 9, 9, 3)), "trilinear"),))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4500, before[1]))
+    try:
+        for name in ("samples.parquet", "samples.csv", "look.tif", "look.png"):
+            with pytest.raises(LutForgeError, match=name) as told:
+                write_samples(tmp_path / name, samples) if "samples" in name else cube.write(tmp_path / name)
+            assert "disk full" in str(told.value) or "too large" in str(told.value)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_read_stops_a_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rights of the user who runs the tests may open every folder, so the system's answer is made up."""
+    picture(tmp_path / "a.jpg")
+    (tmp_path / "locked").mkdir()
+    listed = os.scandir
+
+    def scandir(folder: str) -> object:
+        if Path(folder).name == "locked":
+            raise PermissionError(13, "Permission denied", folder)
+        return listed(folder)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    with pytest.raises(ImageError, match="locked: the folder cannot be read"):
+        find_inputs([tmp_path], recursive=True)

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.atomic_write import atomic_path
 from lutforge.errors import LutError
+from lutforge.images.read import Region
+from lutforge.images.write import image_writer
 from lutforge.luts.formats.text import cube_of_rows, plain, rows_of_cube
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import FileFormat, Lut, register
@@ -22,25 +23,14 @@ SIZES = tuple(level * level for level in range(2, 12))
 
 
 def write(lut: Lut, path: Path) -> None:
-    """Write a cube in 16 bits, outputs clamped to [0, 1]. Raises LutError."""
-    with atomic_path(path) as temporary:
-        _write(lut, temporary)
-
-
-def _write(lut: Lut, path: Path) -> None:
+    """Write a cube in 16 bits, outputs clamped to [0, 1]. Raises LutError, and ImageError where the disk is full."""
     _, cube = lut.shaper_and_cube()
     side = isqrt(lut.size) ** 3
     codes = np.rint(np.clip(rows_of_cube(cube.values), 0.0, 1.0) * 65535).astype(np.uint16).reshape(side, side, 3)
     spec = oiio.ImageSpec(side, side, 3, oiio.UINT16)
     spec["ImageDescription"] = "; ".join(plain(text) for text in (lut.title, *lut.comments) if plain(text))
-    output = oiio.ImageOutput.create(str(path))
-    if output is None:
-        raise LutError(f"{path}: OpenImageIO cannot write this kind of image: {oiio.geterror()}")
-    try:
-        if not output.open(str(path), spec) or not output.write_image(codes):
-            raise LutError(f"{path}: cannot be written: {output.geterror()}")
-    finally:
-        output.close()
+    with image_writer(path, spec) as output:
+        output.write(Region(0, 0, side, side), codes)
 
 
 def read(path: Path, data: bytes) -> Lut:
