@@ -5,6 +5,7 @@ Rust extensions a panic that is no Exception and prints forty lines. So every re
 """
 
 import os
+import re
 import sys
 import threading
 from collections.abc import Iterator
@@ -49,7 +50,7 @@ def reason_of(failure: BaseException) -> str:
             return "it holds bytes that are not text"
         case OSError(strerror=str(words)):
             return words
-    words = one_line(str(failure).removeprefix("b'").removesuffix("'"), 160)  # rawpy hands on the repr of bytes
+    words = one_line(re.sub(r"^b'(.*)'$", r"\1", str(failure)), 160)  # rawpy hands on the repr of bytes
     name = type(failure).__name__
     return f"{name}: {words}" if words and isinstance(failure, LookupError | AttributeError) else words or name
 

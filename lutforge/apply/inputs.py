@@ -180,7 +180,8 @@ def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bo
 
 
 def _is_output(folder: Path, excluded: Container[Path]) -> bool:
-    return folder.resolve() in excluded or os.path.exists(folder / journal.NAME)  # also where nothing may be read
+    written = os.path.exists(folder / journal.NAME)  # noqa: PTH110 - Path.exists raises where nothing may be read
+    return written or folder.resolve() in excluded
 
 
 def _refuse(failure: OSError) -> None:

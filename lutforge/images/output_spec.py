@@ -83,7 +83,8 @@ def create_output(path: Path) -> oiio.ImageOutput:
     probe = oiio.ImageOutput.create(path.name)
     if probe is None or path.suffix.lower() == ".pfm":
         oiio.geterror()
-        raise ImageError(f'{path}: cannot write "{path.suffix}" images; use .tif, .exr, .png, .jpg or .dpx')
+        asked = f'cannot write "{path.suffix}" images' if path.suffix else "its name needs a suffix"
+        raise ImageError(f"{path}: {asked}; use .tif, .exr, .png, .jpg or .dpx")
     return probe
 
 

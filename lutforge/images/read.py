@@ -10,7 +10,7 @@ import PIL.Image
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import MAX_SAMPLES, require_file
-from lutforge.errors import ImageError
+from lutforge.errors import ImageError, one_line
 from lutforge.images.heif import Heif, is_heif, read_heif
 
 _OF_THE_SHOT = frozenset({"Make", "Model", "DateTime", "ExposureTime", "FNumber", "Software", "Artist", "Copyright"})
@@ -68,7 +68,8 @@ class ImageReader:
         config.attribute("oiio:UnassociatedAlpha", 1)
         source = oiio.ImageInput.open(str(path), config)
         if source is None:
-            raise ImageError(f"{path}: {_reason(oiio.geterror())}")
+            reason = _reason(oiio.geterror())
+            raise ImageError(f"{path}: cannot be read as an image ({reason}); copy it again, or convert it to TIFF")
         self._path, self._source = path, source
         self.spec: oiio.ImageSpec = source.spec()
         if self.spec.alpha_channel >= self.spec.nchannels:  # of a GIF, in OpenImageIO 3.2
@@ -211,7 +212,6 @@ def _check_spec(path: Path, spec: oiio.ImageSpec) -> None:
 
 def _reason(text: str) -> str:
     """An OpenImageIO message as part of one line."""
-    line = " ".join(text.split()).rstrip(".")
-    if "could not find a format reader" in line:
-        return "not an image that OpenImageIO knows"
-    return line or "unreadable"
+    if "could not find a format reader" in text:
+        return "OpenImageIO knows no such format"
+    return one_line(text, 160).rstrip(".") or "unreadable"

@@ -216,7 +216,8 @@ def test_a_white_balance_that_no_shot_has_can_be_named_by_its_multipliers(
     lutforge: CommandLine, profile: Path, tmp_path: Path
 ) -> None:
     words = ("--from", "standard/daylight", "--to", "standard/candle", "-o", tmp_path / "out.cube")
-    assert "multipliers of red, green and blue, such as 2.1,1,1.4" in failed(lutforge("bake", profile, "refinish", *words))
+    told = failed(lutforge("bake", profile, "refinish", *words))
+    assert "multipliers of red, green and blue, such as 2.1,1,1.4" in told
 
 
 def test_a_config_is_a_folder(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
