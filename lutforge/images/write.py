@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import atomic_path
@@ -58,8 +58,8 @@ class ImageWriter:
         """True where the file is made of the source's tiles and takes regions of whole tiles, not only whole rows."""
         return bool(self.spec.tile_width > 0)
 
-    def write(self, region: Region, pixels: Pixels) -> None:
-        """Write the pixels (h, w, c) of a region. Raises ImageError."""
+    def write(self, region: Region, pixels: Pixels | NDArray[np.uint16]) -> None:
+        """Write the pixels (h, w, c) of a region, floats or codes of 16 bits. Raises ImageError."""
         spec = self.spec
         top, bottom = spec.y + region.top, spec.y + region.bottom
         if region == Region(0, 0, spec.width, spec.height):
