@@ -3,8 +3,13 @@
 from typing import Any
 
 import numba
+import numpy as np
 
+from lutforge.calibration.calibrate import calibrate
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.colour.srgb import srgb_encode
 from lutforge.progress import part, telling_of_compilation
+from lutforge.samples.sample_set import SampleSet
 
 
 def test_a_part_takes_its_share_of_the_whole() -> None:
@@ -26,3 +31,11 @@ def test_compiling_a_kernel_is_told_once() -> None:
     assert [what for what, _ in told] == ["fitting", told[1][0], "fitting"]
     assert "compiling" in told[1][0]
     assert {share for _, share in told} == {0.25}
+
+
+def test_a_calibration_tells_of_each_step_before_it_begins() -> None:
+    told: list[str] = []
+    raw = np.random.default_rng(0).uniform(0.01, 0.9, (120, 3))
+    samples = SampleSet.from_arrays(raw, srgb_encode(raw), camera="camera", shot=np.arange(120) % 3)
+    calibrate(samples, CalibrationOptions(size=5), lambda what, share: told.append(what))
+    assert told[0] == "checking white balances and shots" and told[1].startswith("fitting ")

@@ -62,6 +62,7 @@ def calibrate(
     CalibrationError, in one line with what to do, where the samples do not determine the models.
     """
     options = options or CalibrationOptions()
+    progress("checking white balances and shots", 0.0)
     prepared = prepare(samples, options, stages)
     samples, multipliers = prepared.samples, prepared.multipliers
     physical, maps = None, dict[str, GamutMaps]()
@@ -98,8 +99,9 @@ def calibrate_stages(
     Raises CalibrationError where the samples do not determine them.
     """
     options = replace(options or CalibrationOptions(), model="rbf")
-    progress("response, matrix and white balances", 0.0)
+    progress("checking white balances and shots", 0.0)
     prepared = prepare(samples, options)
+    progress("response, matrix and white balances", 0.0)
     stages = fit_camera_stages(prepared.samples, prepared.multipliers, options)
     balances = named_white_balances(prepared.samples, stages.multipliers, stages.matrix)
     progress("done", 1.0)

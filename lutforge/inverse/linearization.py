@@ -97,7 +97,7 @@ def inverse_of(
     matrix = InterpolationMatrix(lattice_values, knots, "tetrahedral")
     continued, slope = matrix @ prior.values, render.slope(render.cube_values(raw))
     emphasis, values, best, least = np.ones(len(jpeg)), None, None, np.inf
-    for _ in range(options.rounds):
+    for left in reversed(range(options.rounds)):
         weight = trust * emphasis * np.einsum("nc,nc->n", slope, slope)
         equations = matrix.normal_equations(raw - continued, weight / weight.mean())
         values = solve_lattice(equations, knots, smooth, prior=prior, start=values, tolerance=1e-4).values
@@ -105,6 +105,8 @@ def inverse_of(
         error = trust * np.linalg.norm(render(reached) - jpeg, axis=1)
         if error.max() < least:
             best, least = values, float(error.max())
+        if left == 0:
+            break
         emphasis = emphasis * (error + 2e-3)  # half a code: smaller errors are no matter
         emphasis = np.minimum(emphasis / emphasis.mean(), 1e3)
         again = clipped | ((error > 5e-3) & np.all(side == 0, axis=1))
