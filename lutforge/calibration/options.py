@@ -39,22 +39,22 @@ class LatticeFitOptions:
     outlier_scale, least_outlier: a sample whose error is this many times the median, and at least this large, counts
     half. Twelve codes are beyond any noise of a mean over a patch. Clean data lose nothing (0.0027 without, too).
 
-    eye_share: share of the node levels of a render that stays evenly spaced to the eye. Without it, bright samples
-    leave a first cell so wide that it holds codes which every picture has. It costs clean data 1 % of the mean
-    (0: 0.0027; 0.3: 0.0028).
+    eye_share: share of the node levels of a render that stays at perceptually even steps. Without it, a set of bright
+    samples makes the first cell so wide that it holds all the dark codes of usual pictures. It costs clean data 1 % of
+    the mean (0: 0.0027; 0.3: 0.0028).
 
     search_tolerance, tolerance: relative residual of fits that are searched with, and of the last one. A hundredth and
     a thousandth of them change no figure in its fourth digit.
 
-    point_weight: what a point of the lattice with a curve counts beside a sample in the fit of its plain form. With
-    0.01 the largest error is 0.044 instead of 0.039; 1 has the same figures. As much counts a scene that the rendering
-    has taken to codes in the fit of the lattice that linearizes.
+    point_weight: the weight, where a sample has 1, of a point of the lattice with a curve in the fit of its plain form,
+    and of a likely scene in the fit of the lattice that linearizes. With 0.01 the largest error is 0.044 instead of
+    0.039; 1 has the same figures.
 
     bound_cost: nodes of the plain form are bounded to [0, 1] where that raises the mean error by no more than this, a
     quarter of a code, which no eye sees. If they always are bounded, the mean is 0.0056 and the largest error 0.051.
 
-    follow_power: errors of the plain form count with this power of themselves, an Lp norm of p = 2 + power between the
-    mean error and the largest. With 0 the figures are 0.0042 and 0.044, with 2 0.0041 and 0.052.
+    follow_power: the plain form minimizes an Lp norm of its errors with p = 2 + this power. With 0 the figures are
+    0.0042 and 0.044, with 2 they are 0.0041 and 0.052.
     """
 
     smoothness: float = 3e-3
@@ -74,10 +74,11 @@ class LatticeFitOptions:
 class PhysicalOptions:
     """How response, matrix and gamut map are fitted (thesis, chapter 4).
 
-    beta: HSV saturation β below which a colour tells f and Ts. curves: of EMoR, of which f⁻¹ is made. weighting: tones
-    count by the number of their samples to the power of −weighting: 0 counts samples alike, 1 tones. centres: of the
-    gamut map, at most. rho: ρ of (4.8), its smoothness; None chooses it on held-out shots. without_pairs: names of
-    two shots each, whose exposure pairs do not tell f (preset "thesis").
+    beta: HSV saturation β below which a colour is used to fit f and Ts. curves: number of EMoR curves of f⁻¹.
+    weighting: a sample has the number of samples of its tone to the power of −weighting as its weight, so that with 0
+    all samples count alike, and with 1 all tones. centres: the most of a gamut map. rho: ρ of (4.8), its smoothness;
+    None chooses it on held-out shots. without_pairs: pairs of names of shots whose exposure pairs are not used to fit f
+    (preset "thesis").
     Raises CalibrationError on values outside these.
     """
 

@@ -1,4 +1,4 @@
-"""From samples to what the fits take: a camera's own RAW, white balances, no shot that departs from the others."""
+"""Prepares samples for the fits: the camera's own RAW, complete white balances, no shots that depart from others."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ from lutforge.samples.sample_set import SampleSet
 
 @dataclass(frozen=True, eq=False)
 class PreparedSamples:
-    """Samples of one camera that one rendering serves, and what was taken out of them.
+    """Samples of one camera that follow one rendering, and the corrections that were applied to them.
 
     multipliers: Tw (n, 3), with the gains of settings. raw_camera, raw_transfer: the reference camera whose RAW stood
     in, and Tc (3, 3); "" and None for own RAW. notes: what a user should know.
@@ -76,10 +76,10 @@ class PreparedSamples:
 def prepare(samples: SampleSet, options: CalibrationOptions, stages: CameraProfile | None = None) -> PreparedSamples:
     """Prepare the samples of styles with enough of them.
 
-    A reference camera's RAW is carried to the camera's own (4.9). Then white balances are completed, and what lens,
-    setting and scene add to the brightness of JPEGs is taken out; the thesis knows settings' gains only. Where the
-    whole set is implausible, no shot is blamed. stages: a profile whose white balances, and matrix from a reference's
-    RAW, are taken as they are. Raises CalibrationError where the samples cannot be calibrated from.
+    A reference camera's RAW is transformed to the camera's own (4.9). Then white balances are completed, and the
+    brightness that lens, setting and scene add to JPEGs is removed; the thesis preset removes that of settings only.
+    Where the whole set is implausible, no shot is blamed. stages: a profile whose white balances, and matrix from a
+    reference's RAW, are taken as they are. Raises CalibrationError where the samples cannot be calibrated from.
     """
     _check_one_camera(samples)
     raw_camera, transfer, notes = "", None, list[str]()
@@ -110,7 +110,7 @@ def prepare(samples: SampleSet, options: CalibrationOptions, stages: CameraProfi
     blameless = thesis or any(diagnosis.whole_set for diagnosis in diagnoses)
     tones = () if blameless else shot_tones(samples, multipliers, unclipped(samples, multipliers))
     samples, multipliers = without_departures(samples, multipliers, unclipped(samples, multipliers), tones)
-    if tones:  # of what they explain nothing is left to diagnose
+    if tones:  # what they explained may no longer be implausible
         diagnoses = implausible(samples, multipliers)
     given = "response and matrix were given: the held-out errors take them as they are"
     notes += [*of_balances, *left_out, *([] if stages is None else [given])]

@@ -1,16 +1,16 @@
-"""Scenes that a camera is likely to see, and what its fitted rendering makes of them: what samples tell of the inverse.
+"""Scenes that a camera is likely to see, rendered by the fitted lattice, as further samples for the linearization.
 
 Near the edge of its gamut a camera takes wide ranges of scenes to few codes. There the rendering is a gentle function,
-which runs on safely beyond the samples, and its inverse a steep one, which does not. So the lattice that linearizes is
-fitted to the samples and, between and beyond them, to scenes that the lattice that renders has taken to codes. Where
-several scenes make one code, the fit has their mean, weighted by how likely they are.
+which extrapolates well beyond the samples; its inverse is steep and does not. So the lattice that linearizes is fitted
+to the samples and to pairs of a likely scene and the code that the lattice that renders gives it. Where several scenes
+have one code, the fit takes their mean, weighted by their probability.
 
-Neutral light is always likely, up to where the camera clips, and samples rarely reach there: without it both lattices
-follow guesses of their own near white, which part by up to 2 codes (D40) or 7 (S40) at code 254.
+Neutral light is always likely, up to where the camera clips, and samples rarely reach there. Without it the two
+lattices have different prior means near white, which differ by up to 2 codes (D40) or 7 (S40) at code 254.
 
-The logarithms of natural scenes' responses are nearly normally distributed (Ruderman, Cronin & Chiao 1998,
-https://doi.org/10.1364/JOSAA.15.002036). Likely are the calibration's own scenes, and around them what a kernel of the
-shape of their covariance makes of them.
+The logarithms of the cone responses to natural scenes are nearly normally distributed (Ruderman, Cronin & Chiao 1998,
+https://doi.org/10.1364/JOSAA.15.002036). So the density of likely scenes is a kernel density estimate in log RAW: the
+scenes of the calibration, each with a kernel whose shape is their covariance.
 """
 
 import numpy as np
@@ -24,10 +24,10 @@ from lutforge.sobol import sobol
 
 
 def likely_scenes(balanced: Array, count: int) -> Array:
-    """Draw at most `count` scenes around those of the samples, Tw E (n, 3), the same ones every time, (m, 3) below 1.
+    """Draw at most `count` scenes (m, 3) below 1 around those of the samples, Tw E (n, 3), the same ones every time.
 
-    Student's t with three degrees of freedom has the tails of a prior that is broad, and half the samples' standard
-    deviation is about Silverman's width of a kernel for 150 samples, as many as a chart has.
+    The kernel is Student's t with three degrees of freedom, because a broad prior has wide tails. Its width, half the
+    samples' standard deviation, is about that of Silverman's rule for 150 samples, as many as a chart has.
     """
     rng, width, freedom, darkest = np.random.default_rng(0), 0.5, 3.0, 1e-4
     seen = np.log(np.maximum(balanced, darkest))
@@ -39,9 +39,9 @@ def likely_scenes(balanced: Array, count: int) -> Array:
 
 
 def neutral_scenes(count: int) -> Array:
-    """Return neutral light (count, 3) from black to saturation, even to the eye.
+    """Return near-neutral light (count, 3) from black to saturation, at perceptually even steps.
 
-    Red and blue are tinted by up to a tenth.
+    Red and blue differ from green by up to a tenth.
     """
     level, red, blue = sobol(count, seed=0).T
     light = 1.0 + 0.1 * np.stack([2.0 * red - 1.0, np.zeros(count), 2.0 * blue - 1.0], axis=1)
@@ -49,9 +49,9 @@ def neutral_scenes(count: int) -> Array:
 
 
 def rendered_scenes(render: Lattice, balanced: Array, count: int) -> tuple[Array, Array]:
-    """Return codes (m, 3) that a rendering makes of likely and of neutral scenes, and these scenes (m, 3).
+    """Return the codes (m, 3) of likely and of neutral scenes under a rendering, and these scenes (m, 3).
 
-    None of them clips. balanced: the samples' scenes (n, 3).
+    Scenes that clip are left out. balanced: the samples' scenes (n, 3).
     """
     scenes = np.concatenate([likely_scenes(balanced, count), neutral_scenes(count // 4)])
     encoded = render(scenes)

@@ -1,8 +1,9 @@
-"""The curve behind a cube: what lets a small cube hold a rendering that clips.
+"""The output curve behind a cube, with which a small cube can hold a rendering that clips.
 
-Encoded values have a kink where a camera clips, on oblique planes that no lattice along the axes can follow, and bend
-most in the darks. So the cube holds values v that run on smoothly across the clipping, and the curve I(v) after it
-bends and clamps: dI/dv ∝ 1 + f', half way between encoded values (dI/dv = 1) and linear light (dI/dv = f').
+Encoded values have a kink where a camera clips. It lies on oblique planes, which a lattice along the axes cannot
+follow. Encoded values also have their largest curvature in dark colours. So the cube holds values v that continue
+smoothly across the clipping, and the curve I(v) behind it has the curvature and clamps. Its slope is dI/dv ∝ 1 + f',
+half way between encoded values (dI/dv = 1) and linear light (dI/dv = f').
 """
 
 from dataclasses import dataclass
@@ -19,9 +20,10 @@ from lutforge.model.response import Response
 
 @dataclass(frozen=True, eq=False)
 class OutputCurve:
-    """table: (4096, 3), I at even steps of v in [0, 1], rising from 0 to 1.
+    """An output curve for each channel.
 
-    linear, values: (n, 3), f⁻¹ and v at n even steps of I; ends: (2, 3), dv/d(linear) below and above them.
+    table: (4096, 3), I at even steps of v in [0, 1], rising from 0 to 1; linear, values: (n, 3), f⁻¹ and v at n even
+    steps of I; ends: (2, 3), dv/d(linear) below and above them.
     """
 
     table: Array
@@ -44,7 +46,7 @@ class OutputCurve:
         return np.asarray((high - low) / (self.to_values(high) - self.to_values(low)))
 
     def continued(self, linear: Array) -> Array:
-        """Take linear light (…, 3) to v, which runs on as a straight line where the camera clips."""
+        """Take linear light (…, 3) to v, which continues as a straight line where the camera clips."""
         points = np.ascontiguousarray(linear, dtype=np.float64)
         found = _continued(*self._by_linear, self.values, self.ends, points.reshape(-1, 3))
         return np.asarray(found).reshape(points.shape)

@@ -1,8 +1,8 @@
 """The plain form of a lattice that renders: the same function without a curve behind it, for files that hold none.
 
-Codes rise steeply behind a clip on oblique planes, which a lattice along the axes cannot follow between its nodes; and
-samples are sparser than its cells. But the lattice with a curve is known everywhere. So the plain one is fitted to the
-samples and, around and between them, to that lattice, with node levels that share the error there out evenly.
+A lattice along the axes cannot follow the kink where a camera clips, which lies on oblique planes, and there are fewer
+samples than cells. But the lattice with a curve is known everywhere. So the plain form is fitted to the samples and to
+points of that lattice around and between them, with node levels that distribute the error evenly.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ def fit_plain(x: Array, y: Array, curved: Lattice, options: CalibrationOptions, 
     rounds = 1 if options.size <= SEARCH_SIZE else 2
     for rest in reversed(range(rounds if options.nonuniform else 0)):
         squares = search.weight * search.first_robust * placed.error(fit) ** 2
-        levels = equidistributed_levels(search.x, squares, levels, order=2)  # of cells that a clip crosses
+        levels = equidistributed_levels(search.x, squares, levels, order=2)  # the order in cells that a clip crosses
         if rest:
             placed = BoundedProblem.at(search, levels, placed.bounds)
             fit = placed.search_fit(fit)
@@ -67,7 +67,7 @@ class BoundedProblem(PlacedProblem):
     def solve(
         self, equations: NormalEquations, prior: Prior, smoothness: float, start: Array | None, tolerance: float
     ) -> LatticeFit:
-        """Solve with bounded node values, by a fixed number of sweeps. smoothness: λ_S, given for SEARCH_SIZE nodes."""
+        """Solve with bounded node values by a fixed number of sweeps. smoothness: λ_S, stated for SEARCH_SIZE nodes."""
         smoothness = smoothness * len(self.levels[0]) / SEARCH_SIZE
         values = prior.values if start is None else start
         # The last sweep still moves a node by up to a code. Sweeping until none moves by a quarter changes the mean by

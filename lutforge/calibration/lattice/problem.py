@@ -59,11 +59,11 @@ GREY = np.linspace(0.0, 1.0, 257)[:, None].repeat(3, axis=1)
 
 @dataclass(frozen=True, eq=False)
 class LatticeProblem:
-    """What stays the same while node levels and weights are searched, for n samples.
+    """The data of a lattice fit to n samples, which stay the same while node levels and weights are searched.
 
-    x, y: (n, 3); target: what the cube should give, (n, 3); weight: how much its error counts behind the curve, (n,);
-    prior_mean: what the lattice follows elsewhere; clips: the camera clips in this direction, as in a render;
-    smoothness: λ_S, stated for SEARCH_SIZE nodes; curve: the output curve behind the cube, or none.
+    x, y: (n, 3); target: the values of the cube at the samples, in front of the output curve, (n, 3); weight: of their
+    errors, so that these count as behind the curve, (n,); prior_mean: of the lattice; clips: the camera clips in this
+    direction, as in a render; smoothness: λ_S, stated for SEARCH_SIZE nodes; curve: the output curve, or none.
     """
 
     x: Array
@@ -98,8 +98,8 @@ class LatticeProblem:
     def with_points(self, points: Array, values: Array) -> "LatticeProblem":
         """The problem of the samples and of points (m, 3) with the values (m, 3) that the lattice should have there.
 
-        All points together count at most twice as much as the samples, and λ_S as much beside both as beside these.
-        Raises ValueError behind an output curve, whose weights the points lack.
+        All points together have at most twice the weight of the samples. λ_S grows with the sum of the weights. Raises
+        ValueError behind an output curve, whose weights the points lack.
         """
         if self.curve is not None:
             raise ValueError("points are encoded values, and the problem has an output curve behind them")
@@ -117,7 +117,7 @@ class LatticeProblem:
 
     @cached_property
     def first_robust(self) -> Array:
-        """(n,): robust weights before any lattice is fitted, from the prior mean, which no stray sample bends."""
+        """Robust weights (n,) before any lattice is fitted, from the prior mean, which no single outlier changes."""
         return outlier_weights(squares(np.clip(self.prior_at_samples, 0.0, 1.0) - self.y), self.options.lattice)
 
     @cached_property
@@ -127,13 +127,13 @@ class LatticeProblem:
 
     @cached_property
     def grey(self) -> Array:
-        """What the cube should give on GREY: neutral, as bright as the prior mean has it on average."""
+        """The values (257, 3) of the cube on GREY: neutral, with the mean brightness of the prior mean."""
         values = np.clip(self.prior_mean(GREY), 0.0, 1.0).mean(axis=1, keepdims=True).repeat(3, axis=1)
         return values if self.curve is None else self.curve.to_values(values)
 
     @property
     def grey_weight(self) -> Array:
-        """What each point of GREY counts beside a sample, (257,)."""
+        """The weight (257,) of each point of GREY, where a sample has 1."""
         return np.full(len(GREY), self.options.lattice.grey_weight)
 
     def at(self, levels: Levels) -> "PlacedProblem":
@@ -141,9 +141,9 @@ class LatticeProblem:
         return PlacedProblem(self, levels, InterpolationMatrix(self.x, levels, self.options.interpolation))
 
     def levels(self, size: int) -> Levels:
-        """Choose node levels by rounds that spread the prior mean's interpolation error evenly, and keep the best.
+        """Choose node levels in rounds that distribute the interpolation error of the prior mean evenly; keep the best.
 
-        The prior mean has no noise, and no lattice has to be fitted to tell where it bends. The first levels are evenly
+        The prior mean has no noise, and its curvature is known without fitting a lattice. The first levels are evenly
         spaced, on the even scale where there is an output curve.
         """
         even = np.linspace(0.0, 1.0, size)
@@ -229,7 +229,7 @@ class PlacedProblem:
         return self.solve(equations, self.prior, self.problem.smoothness, start, tolerance)
 
     def rising_fit(self, weight: Array, start: Array, tolerance: float) -> LatticeFit:
-        """Fit; while the grey axis falls, draw it to its isotonic regression and fit again, at most four times."""
+        """Fit; while the grey axis falls, fit again with its isotonic regression as data there, at most four times."""
         problem, least_fall = self.problem, 1e-6
         values, grey_weight = problem.grey.copy(), problem.grey_weight
         samples = self.equations(weight)

@@ -1,7 +1,8 @@
-"""The grey axis of a lattice made to rise: the least change of the nodes around it under which no channel falls.
+"""Makes the grey axis of a lattice rise, by the smallest change of the nodes around it.
 
-Along the axis a lattice is W b. The least ‖δ‖ with differences of W (b + δ) of 0 or more is a least-distance problem
-of the differences near those that fall. Where a channel has clipped at white it need not rise, but stay clipped.
+Along the axis the values of a lattice are W b. The change δ with the least norm for which no difference of W (b + δ) is
+negative is a least-distance problem, which needs only the differences near those that fall. Where a channel has clipped
+at white, it need not rise, but must stay clipped.
 """
 
 import numpy as np

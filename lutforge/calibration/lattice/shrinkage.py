@@ -1,19 +1,22 @@
 """Shrinkage of a lattice towards matrix and response, where it is far from its samples.
 
-Few shots tell little of colours that they do not show; there matrix and response alone are often nearer to the truth
-than what a lattice continues from its samples. A node at the distance d from the nearest sample keeps the share
-1 / (1 + d / r) of its difference from matrix and response. Which reach r is right a few left-out shots hardly tell: one
-that is picked by them is often the luckiest. So the shares are averaged over reaches, weighted by how likely each makes
-the left-out shots (Hoeting et al. 1999, Bayesian model averaging, https://doi.org/10.1214/ss/1009212519).
+With few shots, matrix and response alone are often nearer to the truth than a lattice in colours that no shot shows. So
+a node at the distance d from the nearest sample keeps the share 1 / (1 + d / r) of its difference from matrix and
+response. The reach r is the distance at which half is kept. A few left-out shots do not determine it: the reach with
+the least error on them is often a matter of luck. So the shares are averaged over several reaches, weighted by the
+likelihood of the left-out shots under each (Hoeting et al. 1999, Bayesian model averaging,
+https://doi.org/10.1214/ss/1009212519).
 
-Colours left out of a single shot do not tell it: they are of the same light and exposure as those that are left. There
-all reaches weigh alike. Of twice 200 draws of 1 to 4 shots of a dozen cameras, at 17 nodes, the mean error on other
-shots is at most 1.02 times that of the best plain method in 92.5 % (render) and 98 % (linearize), and at most 1.22
-times; where quarters of a single shot are left out to weigh them, in 91.8 and 94.3 %, and at most 1.35 times.
+With a single shot all reaches have equal weight. Colours left out of it tell nothing of other shots, since they have
+the same light and exposure as the colours that remain. Of twice 200 draws of 1 to 4 shots of a dozen cameras, at 17
+nodes, the mean error on other shots is at most 1.02 times that of the best plain method in 92.5 % (render) and 98 %
+(linearize), and at most 1.22 times; where quarters of a single shot are left out to weigh them, in 91.8 and 94.3 %, and
+at most 1.35 times.
 
-More than four shots leave a lattice as it is: what they show reaches so far that the shots which are left out say
-nothing of the rest, and there the lattice continues them better (the demo's 8 shots: mean error of linearizing left-out
-shots 0.0025 unshrunk, 0.0019 shrunk, but the RMSE of saturated colours beyond them 0.0017 and 0.0021).
+With more than four shots a lattice is not shrunk. Their colours then cover so much that left-out shots tell nothing of
+the colours beyond, where the lattice extrapolates better than matrix and response. (The demo's 8 shots: the mean error
+of linearizing left-out shots is 0.0025 unshrunk and 0.0019 shrunk, but the RMSE of saturated colours beyond them is
+0.0017 unshrunk and 0.0021 shrunk.)
 """
 
 from dataclasses import dataclass, replace
@@ -31,21 +34,21 @@ from lutforge.model.lattice import Lattice, grid
 from lutforge.model.response import Response
 
 MOST_SHOTS = 4
-"""More shots leave a lattice as it is."""
+"""The largest number of shots with which a lattice is shrunk."""
 REACHES = np.array([0.0, 0.02, 0.08, 0.32, np.inf])
 """Reaches, in encoded RGB: at the first only matrix and response are left, at the last nothing is shrunk."""
 UNSHRUNK = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
 """Weights of REACHES that leave a lattice as it is."""
 ALIKE = np.full(len(REACHES), 1 / len(REACHES))
-"""Weights of REACHES where nothing tells which is right: one shot."""
+"""Equal weights of REACHES, for a single shot."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shrinkable:
-    """A lattice, and what it can be shrunk to.
+    """A lattice and the target that it can be shrunk towards.
 
-    target: what matrix and response make of its nodes, in the lattice's own values, (N_r, N_g, N_b, 3); distance: of
-    each node from the nearest sample, in encoded RGB, (N_r, N_g, N_b).
+    target: the values of matrix and response at its nodes, as the lattice would hold them, (N_r, N_g, N_b, 3);
+    distance: of each node from the nearest sample, in encoded RGB, (N_r, N_g, N_b).
     """
 
     lattice: Lattice
@@ -71,7 +74,7 @@ class Shrinkable:
 def shrinkable(
     lattice: Lattice, base: MatrixAndResponse, balanced: Array, encoded: Array, *, inverse: bool
 ) -> Shrinkable:
-    """Return what a lattice can be shrunk to.
+    """Return a lattice with the target that it can be shrunk towards.
 
     base: the matrix and response of its samples; balanced, encoded: these samples, Tw E and I (n, 3); inverse: it
     linearizes.
@@ -93,29 +96,30 @@ def shrinkable(
 
 
 def between_nodes(response: Response, levels: Levels) -> Array:
-    """f⁻¹ at the nodes of a lattice of encoded colours, (N_r, N_g, N_b, 3), so that it is nearest between them.
+    """Node values (N_r, N_g, N_b, 3) whose linear interpolation is nearest to f⁻¹, for a lattice of encoded colours.
 
-    f⁻¹ is convex, and what is linear between its own values lies above it everywhere. The values here are those of the
-    piecewise linear curve of least squares on each axis, exact at both ends; a matrix behind it keeps it so.
+    f⁻¹ is convex, so that linear interpolation of its own values is too high everywhere. These are the node values of
+    the piecewise linear curve with the least squared error on each axis, exact at both ends. A matrix behind it does
+    not change that.
     """
     codes = np.linspace(0.0, 1.0, 1025)
     curve = response.linearize(np.repeat(codes[:, None], 3, axis=1))
     axes = []
     for channel, level in enumerate(levels):
-        hats = np.stack([np.interp(codes, level, unit) for unit in np.eye(len(level))], axis=1)
+        linear = np.stack([np.interp(codes, level, unit) for unit in np.eye(len(level))], axis=1)
         ends = curve[[0, -1], channel]
-        inner, *_ = np.linalg.lstsq(hats[:, 1:-1], curve[:, channel] - hats[:, [0, -1]] @ ends)
+        inner, *_ = np.linalg.lstsq(linear[:, 1:-1], curve[:, channel] - linear[:, [0, -1]] @ ends)
         axes.append(np.concatenate([ends[:1], inner, ends[1:]]))
     return grid((axes[0], axes[1], axes[2]))
 
 
 def reach_weights(errors: Array) -> Array:
-    """Return the weights (k,) of REACHES, from their mean errors on each of the parts left out, (k, m).
+    """Return the weights (k,) of REACHES, from their mean errors on each of the left-out parts, (k, m).
 
-    A part, a shot or some, counts as ten colours: its errors are alike. The likelihood of n colours whose three
-    channels have normal errors, of a size that is not known, is (mean error)⁻³ⁿ. Were a part one colour, fewer draws
-    would be worse than the best plain method (5 for 7 %), but the worst pair of settings of a camera with two shots of
-    many colours would have an error of 0.0137 instead of at most 0.0125.
+    The likelihood of n colours, whose three channels have normal errors with an unknown standard deviation, is (mean
+    error)⁻³ⁿ. A part, which is one shot or several, counts as n = 10 colours, because its errors are correlated. With n
+    = 1 fewer draws would be worse than the best plain method (5 % instead of 7 %), but the worst pair of settings of a
+    camera with two shots of many colours would have an error of 0.0137 instead of at most 0.0125.
     """
     logarithm = -30.0 * np.log(errors + 1e-6).sum(axis=1)
     likelihood = np.exp(logarithm - logarithm.max())
