@@ -28,9 +28,9 @@ _SUBSAMPLING: Mapping[tuple[tuple[int, int], ...], int] = {
 
 
 def decode(path: Path, data: bytes, canvas: Codes) -> None:
-    """Decode a JPEG into `canvas` (h, w, 4). Raises ImageError where it is damaged."""
+    """Decode a JPEG into `canvas` (h, w, 3 or 4). Raises ImageError where it is damaged."""
     try:
-        simplejpeg.decode_jpeg(data, "RGBX", buffer=canvas)
+        simplejpeg.decode_jpeg(data, "RGB" if canvas.shape[2] == 3 else "RGBX", buffer=canvas)
     except ValueError as error:
         raise ImageError(f"{path}: damaged or cut short ({error}); copy the file again") from error
 

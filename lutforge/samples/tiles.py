@@ -11,13 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Codes, Mask
-from lutforge.compiled import compiled
 from lutforge.samples.clipping import Extremes
-from lutforge.shots.cells import REACH, CellStatistics, greatest, without_outliers
+from lutforge.shots.cells import REACH, CellStatistics, greatest, statistics_under
 from lutforge.shots.shot import Registration
 
 
@@ -75,64 +73,10 @@ def jpeg_cells(jpeg: Codes | NDArray[np.uint16], cell: int, hot: bool = False) -
     16-bit values 0 … 65535 stand for codes 0 … 255. A rest at the right and bottom is left out.
     """
     h, w = jpeg.shape[0] // cell, jpeg.shape[1] // cell
-    found = np.empty((4, h, w, 3))
-    wide = np.int32 if jpeg.dtype == np.uint8 else np.int64  # holds the squares of a column of a cell
-    _block_moments(jpeg, cell, found, np.empty((2, 3 * cell * w), wide), np.empty((2, 3 * cell * w), jpeg.dtype))
-    blocks = jpeg[: h * cell, : w * cell].reshape(h, cell, w, cell, 3).swapaxes(1, 2)
-    for channel in range(3):
-        mean, std, low, high = found[..., channel]
-        doubtful = (np.maximum(high - mean, mean - low) > 4 * std) | hot
-        cleaned, _ = without_outliers(
-            blocks[doubtful][..., channel].reshape(-1, cell * cell).astype(np.float64),
-            lambda values: values.mean(axis=-1),
-            lambda cells: cells[:, None],
-            (lambda values: np.median(values, axis=-1)) if hot else None,
-        )
-        found[:, doubtful, channel] = _moments(cleaned)
+    found = statistics_under(jpeg, cell * np.arange(h + 1.0), cell * np.arange(w + 1.0), hot)[:4]
     mean, std, low, high = found if jpeg.dtype == np.uint8 else found / 257.0
     extremes = Extremes(np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std))
     return JpegCells(mean, std, extremes, cell * cell)
-
-
-@compiled()
-def _block_moments(
-    jpeg: Codes | NDArray[np.uint16],
-    cell: int,
-    found: Array,
-    sums: NDArray[np.signedinteger],
-    ends: NDArray[np.unsignedinteger],
-) -> None:
-    """Fill mean, standard deviation, minimum and maximum, (4, h, w, 3), of each block of cell × cell codes.
-
-    sums, ends: (2, 3 cell w) room for sums of values and squares, and for the extremes, of columns.
-    """
-    height, width = found.shape[1:3]
-    length, count = 3 * cell * width, cell * cell
-    total, square, low, high = sums[0], sums[1], ends[0], ends[1]
-    for i in range(height):
-        total[:], square[:] = 0, 0
-        low[:] = high[:] = jpeg[i * cell].ravel()[:length]
-        for y in range(i * cell, (i + 1) * cell):
-            row = jpeg[y].ravel()
-            for x in range(length):
-                value = np.int64(row[x])
-                total[x] += value
-                square[x] += value * value
-                low[x], high[x] = min(low[x], row[x]), max(high[x], row[x])
-        for j in range(width):
-            for channel in range(3):
-                own = slice(3 * cell * j + channel, 3 * cell * (j + 1), 3)
-                mean = total[own].sum() / count
-                found[0, i, j, channel] = mean
-                found[1, i, j, channel] = np.sqrt(max(0.0, square[own].sum() / count - mean * mean))
-                found[2, i, j, channel], found[3, i, j, channel] = low[own].min(), high[own].max()
-
-
-def _moments(values: Array) -> tuple[Array, Array, Array, Array]:
-    """Mean, standard deviation, minimum and maximum over the last axis."""
-    mean: Array = values.mean(axis=-1)
-    std = np.sqrt(np.maximum(0.0, np.square(values).mean(axis=-1) - mean * mean))
-    return mean, std, values.min(axis=-1), values.max(axis=-1)
 
 
 def flatness(jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, usable: Mask) -> Flatness:
@@ -161,7 +105,7 @@ def flatness(jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, us
     # are twice what they were if pixels were independent.
     unsure = 4 * math.sqrt(2) * 2 * np.sqrt(_SPREAD * greatest(jpeg_noise) / jpeg.count)
     step = np.sqrt(np.maximum(0, np.maximum(_step(jpeg.mean), _step(encoded)) ** 2 - unsure**2))
-    around = scipy.ndimage.maximum_filter(jpeg_structure, 3)
+    around = _over_neighbours(np.maximum, jpeg_structure)
     for index in reversed(range(len(LEVELS))):
         limits = LEVELS[index]
         flat = (jpeg_structure <= limits.jpeg) & (raw_structure <= limits.raw) & (step <= limits.step)
@@ -179,14 +123,20 @@ def agreement(jpeg: JpegCells, raw: CellStatistics) -> Mask:
     where they do not correlate by 0.3, the JPEG shows something else there than the RAW: corrected
     distortion, a retouched or printed-in mark.
     """
-    shape = jpeg.mean.shape[:2]
-    windows = np.stack([_around(jpeg.mean), _around(np.nan_to_num(raw.mean))])  # (2, 9, hc, wc, 3)
-    windows = windows - windows.mean(axis=1, keepdims=True)
-    norms = np.sqrt((windows**2).sum(axis=1))
-    correlation = (windows[0] * windows[1]).sum(axis=0) / np.maximum(norms[0] * norms[1], 1e-12)
-    strongest = norms[0].argmax(axis=-1)[..., None]
-    varies = np.take_along_axis(norms[0], strongest, axis=-1).reshape(shape) > 3 * 3
-    agree = np.take_along_axis(correlation, strongest, axis=-1).reshape(shape) > 0.3
+    ours, theirs = jpeg.mean, np.nan_to_num(raw.mean)
+    our_mean, their_mean = (_over_neighbours(np.add, values) / 9 for values in (ours, theirs))
+    norm, their_norm, product = (
+        _over_neighbours(np.add, one * other) - 9 * mean * other_mean
+        for one, other, mean, other_mean in (
+            (ours, ours, our_mean, our_mean),
+            (theirs, theirs, their_mean, their_mean),
+            (ours, theirs, our_mean, their_mean),
+        )
+    )
+    correlation = product / np.sqrt(np.maximum(norm * their_norm, 1e-24))
+    strongest = norm.argmax(axis=-1)[..., None]
+    varies = np.take_along_axis(norm, strongest, axis=-1)[..., 0] > (3 * 3) ** 2
+    agree = np.take_along_axis(correlation, strongest, axis=-1)[..., 0] > 0.3
     return ~varies | agree
 
 
@@ -208,8 +158,8 @@ def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
     result = np.empty_like(std)
     for channel in range(3):
         x, variance = mean[usable, channel], std[usable, channel] ** 2
-        order = np.argsort(x, kind="stable")
-        groups = np.array_split(order, max(1, min(12, len(order) // 50)))
+        ends = np.linspace(0, len(x), max(1, min(12, len(x) // 50)) + 1).astype(np.intp)[1:-1]
+        groups = np.split(np.argpartition(x, ends), ends)
         centres = np.array([np.median(x[group]) for group in groups])
         envelope = np.array([np.quantile(variance[group], 0.1) for group in groups])
         if photons:
@@ -221,13 +171,15 @@ def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
 
 def _step(mean: Array) -> Array:
     """(hc, wc): the largest difference of a cell's mean to the eight around, over the channels."""
-    high = scipy.ndimage.maximum_filter(mean, (3, 3, 1)) - mean
-    low = mean - scipy.ndimage.minimum_filter(mean, (3, 3, 1))
+    high = _over_neighbours(np.maximum, mean) - mean
+    low = mean - _over_neighbours(np.minimum, mean)
     return greatest(np.maximum(high, low))
 
 
-def _around(mean: Array) -> Array:
-    """(9, hc, wc, 3): each cell and the eight around it; the border repeats."""
-    h, w = mean.shape[:2]
-    padded = np.pad(mean, ((1, 1), (1, 1), (0, 0)), mode="edge")
-    return np.stack([padded[y : y + h, x : x + w] for y in range(3) for x in range(3)])
+def _over_neighbours(combine: np.ufunc, values: Array) -> Array:
+    """Combine each cell (h, w, …) with the eight around it, first down, then across; the border repeats."""
+    for axis in (0, 1):
+        size = values.shape[axis]
+        before, after = (np.take(values, np.clip(np.arange(size) + step, 0, size - 1), axis) for step in (-1, 1))
+        values = combine(combine(before, values), after)
+    return values

@@ -10,16 +10,27 @@ from lutforge.shots.cells import cell_edges
 from lutforge.shots.shot import Registration
 
 
+def cells_of_jpeg(
+    place: Registration, shape: tuple[int, ...], raw: tuple[int, ...], pixel_size: float
+) -> tuple[tuple[Array, Array], Single]:
+    """The borders of a JPEG's rows (h + 1,) and columns (w + 1,) in RAW pixels, and which pixels RAW covers, 0 or 1.
+
+    shape, raw: of the two pictures, (h, w, …).
+    """
+    rows = cell_edges(place.scale, place.offset_y, shape[0], 1, pixel_size)
+    columns = cell_edges(place.scale, place.offset_x, shape[1], 1, pixel_size)
+    covers = [(edges[:-1] >= 0) & (edges[1:] <= size) for edges, size in zip((rows, columns), raw[:2], strict=True)]
+    return (rows, columns), np.outer(*covers).astype(np.float32)
+
+
 def on_jpeg_pixels(
     plane: Single, pixel_size: float, place: Registration, shape: tuple[int, int]
 ) -> tuple[Single, Single]:
     """RAW values averaged over each JPEG pixel (h, w), and whether RAW covers it, 0 or 1."""
-    rows = cell_edges(place.scale, place.offset_y, shape[0], 1, pixel_size)
-    columns = cell_edges(place.scale, place.offset_x, shape[1], 1, pixel_size)
+    borders, covers = cells_of_jpeg(place, shape, plane.shape, pixel_size)
     sampled = np.empty(shape, np.float32)
-    _area_means(plane, rows, columns, sampled)
-    covers = [(edges[:-1] >= 0) & (edges[1:] <= size) for edges, size in zip((rows, columns), plane.shape, strict=True)]
-    return sampled, np.outer(*covers).astype(np.float32)
+    _area_means(plane, *borders, sampled)
+    return sampled, covers
 
 
 def block_mean(image: Single | Codes, factor: int) -> Pixels:

@@ -1,19 +1,16 @@
 """RAW statistics over the area of JPEG pixels: each RAW pixel counts by as much of it as a cell covers."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Index, Mask, Single
+from lutforge.arrays import Array, Codes, Pixels, Single
 from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.images.raw import RawImage
 from lutforge.shots.shot import Registration, Shot
 
-Mark = NDArray[np.uint8]
 Number = TypeVar("Number", Array, Single)
 REACH = 2.4
 """How far, in standard deviations, noise is taken to reach: 64 pixels of it do on average. Where no more than these
@@ -24,7 +21,7 @@ REACH = 2.4
 class CellStatistics:
     """RAW statistics over the areas of cell×cell JPEG pixels: each (hc, wc, 3) float64; NaN where RAW has no pixels.
 
-    Outliers do not count, see `without_outliers`. minimum and maximum are over every RAW pixel that the cell touches,
+    Outliers do not count, see `statistics_under`. minimum and maximum are over every RAW pixel that the cell touches,
     but no further from the mean than REACH standard deviations. outliers: the share of each cell that does not count.
     """
 
@@ -37,7 +34,8 @@ class CellStatistics:
     @property
     def hot(self) -> bool:
         """True where most cells hold outliers: the picture is strewn with hot pixels."""
-        return bool(np.nanmedian(self.outliers.max(axis=-1)) > 0) if np.isfinite(self.mean).any() else False
+        inside = np.isfinite(self.mean[..., 0])
+        return bool(inside.any()) and bool(np.median(greatest(self.outliers)[inside]) > 0)
 
 
 def raw_on_jpeg_cells(shot: Shot, cell: int, hot: bool = False) -> CellStatistics:
@@ -62,115 +60,26 @@ def raw_on_grid(
         (edges[:-1] >= -1e-9) & (edges[1:] <= size + 1e-9)
         for edges, size in ((rows, raw.pixels.shape[0]), (columns, raw.pixels.shape[1]))
     ]
-    result = np.full((5, height, width, 3), np.nan)
-    plane = _Plane(np.empty(raw.pixels.shape[:2]), rows, columns)
-    for channel in range(3):
-        plane.pixels[:] = raw.pixels[..., channel]
-        (mean, std, low, high), result[4, ..., channel] = plane.statistics(hot)
-        result[0, ..., channel], result[1, ..., channel] = mean, std
-        result[2, ..., channel] = np.maximum(low, mean - REACH * std)
-        result[3, ..., channel] = np.minimum(high, mean + REACH * std)
+    result = statistics_under(raw.pixels, rows, columns, hot)
+    mean, std, low, high, _ = result
+    low[:], high[:] = np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std)
     result[:, ~np.outer(*covered)] = np.nan
     return CellStatistics(*result)
 
 
-@dataclass(frozen=True, eq=False)
-class _Plane:
-    """One channel (h, w) under a grid of cells with borders at rows (H + 1,) and columns (W + 1,)."""
+def statistics_under(image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, hot: bool) -> Array:
+    """Mean and standard deviation by area, least and greatest value, and the share of outliers, (5, H, W, 3).
 
-    pixels: Array
-    rows: Array
-    columns: Array
-
-    def statistics(self, hot: bool) -> tuple[Array, Array]:
-        """Mean and standard deviation by area, least and greatest value that each cell touches, (4, H, W).
-
-        Outliers are replaced in place, as `without_outliers` says; hot: by medians. Returns each cell's share of them,
-        too, (H, W).
-        """
-        owners = [
-            np.clip(np.searchsorted(edges, np.arange(size) + 0.5) - 1, 0, len(edges) - 2)
-            for edges, size in zip((self.rows, self.columns), self.pixels.shape, strict=True)
-        ]
-        row_begins, column_begins = (
-            np.searchsorted(owner, np.arange(len(edges)))
-            for owner, edges in zip(owners, (self.rows, self.columns), strict=True)
-        )
-        share = np.zeros((len(self.rows) - 1, len(self.columns) - 1))
-        found, replaced = np.empty((4, *share.shape)), np.zeros(self.pixels.shape, dtype=np.uint8)
-        changed, ever = np.ones(share.shape, dtype=np.bool_), np.zeros(share.shape, dtype=np.bool_)
-        for round_ in range(4):
-            _statistics(self.pixels, self.rows, self.columns, changed, found)
-            mean, std, low, high = found
-            centre, limit = self._medians(owners) if hot and round_ < 3 else (mean, 4 * std + 1e-9)
-            doubtful = changed & (np.maximum(high - centre, centre - low) > limit)
-            changed[:] = False
-            if round_ == 3 or not _replace(
-                self.pixels, replaced, self.rows, self.columns, row_begins, column_begins,
-                centre, limit, doubtful, 1 / 4 if hot else 1 / 16, share, changed,
-            ):  # fmt: skip
-                break
-            changed = scipy.ndimage.binary_dilation(changed, np.ones((3, 3)))  # cells share the pixels at borders
-            ever |= changed
-        share[:] = 0
-        _add_up(replaced, self.rows, self.columns, ever, share)
-        return found, share
-
-    def _medians(self, owners: list[NDArray[np.intp]]) -> tuple[Array, Array]:
-        """Medians of the cells, and four standard deviations by the median deviation, (H, W) each."""
-        shape = (len(self.rows) - 1, len(self.columns) - 1)
-        label = owners[0][:, None] * shape[1] + owners[1][None, :]
-        median = medians(self.pixels, label, shape[0] * shape[1])
-        deviation = medians(np.abs(self.pixels - median[label]), label, shape[0] * shape[1])
-        return median.reshape(shape), 4 * 1.4826 * deviation.reshape(shape) + 1e-9
-
-
-def medians(values: Array, label: NDArray[np.intp], count: int) -> Array:
-    """Return the medians (count,) of the values of each label 0 … count − 1; 0 where a label has no value.
-
-    One sort finds them all: each value is scaled to [0, 1) and its label added.
+    They are of the pixels of an image (h, w, 3) under the cells of a grid with borders at rows (H + 1,) and columns
+    (W + 1,), in pixels. What lies over four standard deviations from its cell's mean (hot pixels, dust) is replaced by
+    that mean, up to three times. A cell of which that would be more than a sixteenth stays as it is: it shows
+    something. hot: medians and median deviations take the place of means and standard deviations, and a quarter of a
+    cell may be outliers.
     """
-    sizes = np.bincount(label.ravel(), minlength=count)
-    low = float(values.min())
-    span = (float(values.max()) - low) * 1.001 or 1.0
-    ranked = np.sort((label + (values - low) / span).ravel())
-    first, filled = np.cumsum(sizes) - sizes, np.flatnonzero(sizes)
-    middle = ranked[(first + (sizes - 1) // 2)[filled]] + ranked[(first + sizes // 2)[filled]]
-    found = np.zeros(count)
-    found[filled] = (0.5 * middle - filled) * span + low
+    found = np.zeros((5, len(rows) - 1, len(columns) - 1, 3))
+    if found.size:
+        _statistics_under(image, rows, columns, hot, found)
     return found
-
-
-def without_outliers(
-    values: Array,
-    average: Callable[[Array], Array],
-    spread: Callable[[Array], Array],
-    median: Callable[[Array], Array] | None = None,
-) -> tuple[Array, Array]:
-    """Replace what lies over four standard deviations from its cell's mean (hot pixels, dust) by that mean, repeatedly.
-
-    average: the means over the cells of such an array. spread: brings numbers of the cells back to its shape. A cell
-    of which that would be more than a sixteenth stays as it is: it shows something. median: the medians over the
-    cells; where given, they and the median deviation take the place of mean and standard deviation, and a quarter of
-    a cell may be outliers. Returns the array, and the share of each cell that was replaced.
-    """
-    replaced = np.zeros(values.shape, dtype=np.bool_)
-    for _ in range(3):
-        if median is None:
-            mean = average(values)
-            std = np.sqrt(np.maximum(0, average(values * values) - mean * mean))
-        else:
-            mean = median(values)
-            std = 1.4826 * median(np.abs(values - spread(mean)))
-        centre = spread(mean)
-        outlier = np.abs(values - centre) > spread(4 * std + 1e-9)
-        share = average((outlier | replaced).astype(np.float64))
-        outlier &= spread(share) <= (1 / 16 if median is None else 1 / 4)
-        if not outlier.any():
-            break
-        values = np.where(outlier, centre, values)
-        replaced |= outlier
-    return values, average(replaced.astype(np.float64))
 
 
 def greatest(values: Number) -> Number:
@@ -192,106 +101,102 @@ def _touched(edges: Array, cell: int, size: int) -> tuple[int, int]:
 
 
 @compiled(fastmath=REASSOCIATED)
-def _statistics(plane: Array, rows: Array, columns: Array, wanted: Mask, found: Array) -> None:
-    """Fill mean, standard deviation, least and greatest value, (4, H, W), of the pixels under each wanted cell."""
-    width = plane.shape[1]
-    total, square, low, high = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
+def _statistics_under(
+    image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, hot: bool, found: Array
+) -> None:
+    """Fill `found` as `statistics_under` returns it."""
+    height, width = image.shape[:2]
+    begin, end = _touched(columns, 0, width)[0], _touched(columns, len(columns) - 2, width)[1]
+    size = max(0, 3 * (end - begin))
+    total, square, low, high = np.empty(size), np.empty(size), np.empty(size, np.float32), np.empty(size, np.float32)
     for i in range(len(rows) - 1):
-        first, last = _touched(rows, i, plane.shape[0])
-        begin = end = 0
+        first, last = _touched(rows, i, height)
+        tall = _add_rows(image[first:last, begin:end], rows[i] - first, rows[i + 1] - first, total, square, low, high)
         for j in range(len(columns) - 1):
-            if not wanted[i, j]:
-                continue
-            if j >= end:  # the columns of pixels under a run of wanted cells are added up first
-                begin = end = j
-                while end < len(columns) - 1 and wanted[i, end]:
-                    end += 1
-                left, right = _touched(columns, begin, width)[0], _touched(columns, end - 1, width)[1]
-                height = _add_rows(
-                    plane[first:last, left:right], rows[i] - first, rows[i + 1] - first,
-                    total[left:right], square[left:right], low[left:right], high[left:right],
-                )  # fmt: skip
             left, right = _touched(columns, j, width)
-            area, mean, squares, least, greatest = 0.0, 0.0, 0.0, np.inf, -np.inf
-            for x in range(left, right):
-                wide = min(columns[j + 1], x + 1.0) - max(columns[j], float(x))
-                area += height * wide
-                mean += wide * total[x]
-                squares += wide * square[x]
-                least, greatest = min(least, low[x]), max(greatest, high[x])
-            mean = mean / area if area > 0.0 else np.nan
-            found[0, i, j] = mean
-            found[1, i, j] = np.sqrt(max(0.0, squares / area - mean * mean)) if area > 0.0 else 0.0
-            found[2, i, j], found[3, i, j] = least, greatest
+            for channel in range(3):
+                wide, mean, squares, least, greatest = 0.0, 0.0, 0.0, np.float32(np.inf), np.float32(-np.inf)
+                for x in range(left, right):
+                    share = min(columns[j + 1], x + 1.0) - max(columns[j], float(x))
+                    at = 3 * (x - begin) + channel
+                    wide, mean, squares = wide + share, mean + share * total[at], squares + share * square[at]
+                    least, greatest = min(least, low[at]), max(greatest, high[at])
+                area = tall * wide
+                if area <= 0.0:
+                    continue
+                mean /= area
+                std = np.sqrt(max(0.0, squares / area - mean * mean))
+                own = found[:, i, j, channel]
+                own[0], own[1], own[2], own[3] = mean, std, least, greatest
+                if hot or max(greatest - mean, mean - least) > 4 * std + 1e-9:
+                    _without_outliers(
+                        image[first:last, left:right, channel], rows[i] - first, rows[i + 1] - first,
+                        columns[j] - left, columns[j + 1] - left, hot, own,
+                    )  # fmt: skip
 
 
 @compiled(fastmath=REASSOCIATED)
-def _add_rows(plane: Array, top: float, bottom: float, total: Array, square: Array, low: Array, high: Array) -> float:
+def _add_rows(
+    image: Pixels | Codes | NDArray[np.uint16],
+    top: float,
+    bottom: float,
+    total: Array,
+    square: Array,
+    low: Single,
+    high: Single,
+) -> float:
     """Fill sums, sums of squares, least and greatest values of columns between two heights; return what they span."""
     total[:], square[:], low[:], high[:], height = 0.0, 0.0, np.inf, -np.inf, 0.0
-    for y in range(len(plane)):
-        line, tall = plane[y], min(bottom, y + 1.0) - max(top, float(y))
+    for y in range(len(image)):
+        line, tall = image[y].ravel(), min(bottom, y + 1.0) - max(top, float(y))
         height += tall
-        for x in range(len(line)):
-            total[x] += tall * line[x]
-            square[x] += tall * line[x] * line[x]
-            low[x], high[x] = min(low[x], line[x]), max(high[x], line[x])
+        for x in range(len(total)):
+            value = float(line[x])
+            total[x] += tall * value
+            square[x] += tall * value * value
+        for x in range(len(total)):
+            low[x], high[x] = min(low[x], np.float32(line[x])), max(high[x], np.float32(line[x]))
     return height
 
 
 @compiled(fastmath=REASSOCIATED)
-def _add_up(marked: Mark, rows: Array, columns: Array, wanted: Mask, share: Array) -> None:
-    """Fill the share of the area of each wanted cell, (H, W), whose pixels are marked."""
-    for i in range(len(rows) - 1):
-        first, last = _touched(rows, i, marked.shape[0])
-        for j in range(len(columns) - 1):
-            if wanted[i, j]:
-                left, right = _touched(columns, j, marked.shape[1])
-                area, total = 0.0, 0.0
-                for y in range(first, last):
-                    tall = min(rows[i + 1], y + 1.0) - max(rows[i], float(y))
-                    for x in range(left, right):
-                        covered = tall * (min(columns[j + 1], x + 1.0) - max(columns[j], float(x)))
-                        area += covered
-                        if marked[y, x]:
-                            total += covered
-                share[i, j] = total / area if area > 0.0 else 0.0
-
-
-@compiled()
-def _replace(
-    plane: Array,
-    replaced: Mark,
-    rows: Array,
-    columns: Array,
-    row_begins: Index,
-    column_begins: Index,
-    centre: Array,
-    limit: Array,
-    doubtful: Mask,
-    most: float,
-    share: Array,
-    changed: Mask,
-) -> bool:
-    """Replace the outliers of doubtful cells by their centres, unless they are more than a share of the cell.
-
-    replaced: (h, w) 1 where that was done; row_begins, column_begins: of the pixels whose middles lie in each cell;
-    changed: is set where a cell holds a replaced one. Returns whether any was replaced.
-    """
-    outlier = np.uint8(2)
-    for act in range(2):
-        for i in range(len(rows) - 1):
-            for j in range(len(columns) - 1):
-                if not doubtful[i, j]:
-                    continue
-                for y in range(row_begins[i], row_begins[i + 1]):
-                    for x in range(column_begins[j], column_begins[j + 1]):
-                        if act == 0 and abs(plane[y, x] - centre[i, j]) > limit[i, j]:
-                            replaced[y, x] |= outlier
-                        elif act == 1 and replaced[y, x] & outlier:
-                            replaced[y, x] &= np.uint8(1)
-                            if share[i, j] <= most:
-                                plane[y, x], replaced[y, x], changed[i, j] = centre[i, j], np.uint8(1), True
-        if act == 0:
-            _add_up(replaced, rows, columns, doubtful, share)
-    return bool(changed.any())
+def _without_outliers(
+    cell: Pixels | Codes | NDArray[np.uint16],
+    top: float,
+    bottom: float,
+    left: float,
+    right: float,
+    hot: bool,
+    found: Array,
+) -> None:
+    """Fill the statistics (5,) of one channel of a cell, (h, w), between these borders, without its outliers."""
+    values, areas, marks = np.empty(cell.size), np.empty(cell.size), np.zeros(cell.size, np.uint8)
+    replaced, outlier, at, whole = np.uint8(1), np.uint8(2), 0, 0.0
+    for y in range(cell.shape[0]):
+        tall = min(bottom, y + 1.0) - max(top, float(y))
+        for x in range(cell.shape[1]):
+            values[at], areas[at] = cell[y, x], tall * (min(right, x + 1.0) - max(left, float(x)))
+            whole += areas[at]
+            at += 1
+    for _ in range(3):
+        centre, limit = found[0], 4 * found[1] + 1e-9
+        if hot:
+            centre = np.median(values)
+            limit = 4 * 1.4826 * np.median(np.abs(values - centre)) + 1e-9
+        doubtful, far = 0.0, False
+        for at in range(len(values)):
+            if abs(values[at] - centre) > limit:
+                marks[at] |= outlier
+                far = True
+            doubtful += areas[at] if marks[at] else 0.0
+        if not far or doubtful > whole * (1 / 4 if hot else 1 / 16):
+            break
+        mean = squares = 0.0
+        for at in range(len(values)):
+            if marks[at] & outlier:
+                values[at], marks[at] = centre, replaced
+            mean += areas[at] * values[at]
+            squares += areas[at] * values[at] * values[at]
+        mean /= whole
+        found[0], found[1] = mean, np.sqrt(max(0.0, squares / whole - mean * mean))
+        found[2], found[3], found[4] = values.min(), values.max(), doubtful / whole

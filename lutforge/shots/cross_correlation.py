@@ -31,7 +31,7 @@ def search(raw: RawPyramid, jpeg: ReducedJpeg, scale: float | None = None) -> li
     mask = (block_mean(jpeg.weight, factor) > 0.5).astype(np.float32)
     template = structure(block_mean(jpeg.luma, factor), mask, share(mask))
     whole = factor * jpeg.factor
-    size = [side * raw.finest.pixel_size for side in raw.finest.channels.shape[1:]]
+    size = [side * raw.finest.pixel_size for side in raw.finest.pixels.shape[:2]]
     scales = _plausible_scales(size, mask) if scale is None else np.array([scale * whole])
     if not scales.size:
         return []

@@ -7,10 +7,10 @@ colours.
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Real, Single
-from lutforge.shots.area_means import on_jpeg_pixels
+from lutforge.arrays import Array, Index, Single
+from lutforge.shots.area_means import cells_of_jpeg
+from lutforge.shots.compressed_raw import means_of_roots, quadratic
 from lutforge.shots.pyramid import RawLevel, ReducedJpeg
 from lutforge.shots.shot import Registration
 
@@ -32,24 +32,16 @@ def explained(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> float:
 def predicted_luma(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> Single:
     """RAW (h, w) as the luma that the camera would make of it."""
     terms, use = _terms_at(raw, jpeg, place)
-    weights = _least_squares(terms, jpeg.luma.ravel()[use].astype(np.float64)).astype(np.float32)
-    constant, in_r, in_g, in_b, rr, gg, bb, rg, gb, br = weights
-    luma = np.empty(raw.channels.shape[1:], dtype=np.float32)
-    for rows in range(0, len(luma), 32):  # so many stay in the cache
-        r, g, b = raw.channels[:, rows : rows + 32]
-        luma[rows : rows + 32] = (
-            r * (in_r + rr * r + rg * g + br * b) + g * (in_g + gg * g + gb * b) + b * (in_b + bb * b) + constant
-        )
-    return luma
+    weights = _least_squares(terms, jpeg.luma.ravel()[use].astype(np.float64))
+    return quadratic(raw.pixels, raw.gains, weights.astype(np.float32))
 
 
-def _terms_at(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[Array, NDArray[np.intp]]:
+def _terms_at(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[Array, Index]:
     """The quadratic terms (n, 10) of the RAW under some 20,000 of the JPEG's pixels, and which these are (n,)."""
-    shape = (jpeg.luma.shape[0], jpeg.luma.shape[1])
-    sampled = [on_jpeg_pixels(channel, raw.pixel_size, place, shape) for channel in raw.channels]
-    use = np.flatnonzero((jpeg.weight * sampled[0][1]).ravel() > 0.5)
+    borders, covers = cells_of_jpeg(place, jpeg.weight.shape, raw.pixels.shape, raw.pixel_size)
+    use = np.flatnonzero((jpeg.weight * covers).ravel() > 0.5)
     use = use[:: max(1, len(use) // 20_000)]
-    return np.stack([*_quadratic(*(plane.ravel()[use].astype(np.float64) for plane, _ in sampled))], axis=1), use
+    return np.stack([*_quadratic(*means_of_roots(raw.pixels, raw.gains, *borders, use).T)], axis=1), use
 
 
 def _least_squares(terms: Array, values: Array) -> Array:
@@ -58,5 +50,5 @@ def _least_squares(terms: Array, values: Array) -> Array:
     return np.asarray(np.linalg.solve(normal, terms.T @ values))
 
 
-def _quadratic(r: Real, g: Real, b: Real) -> Iterator[Real]:
+def _quadratic(r: Array, g: Array, b: Array) -> Iterator[Array]:
     yield from (np.ones_like(r), r, g, b, r * r, g * g, b * b, r * g, g * b, b * r)

@@ -6,11 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from lutforge.arrays import Codes, Single
+from lutforge.arrays import Codes, Pixels, Single
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots.area_means import block_mean
 from lutforge.shots.cells import greatest
+from lutforge.shots.compressed_raw import quadratic
 
 MIN_SIDE = 200
 """A JPEG whose longer side is shorter than this is a thumbnail: its pixels average too much of the scene."""
@@ -21,15 +22,19 @@ _LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)  # ITU-R BT.601, as in
 
 @dataclass(frozen=True, eq=False)
 class RawLevel:
-    """RAW of one size. channels: (3, h, w), compressed; pixel_size: a pixel's side in full-resolution pixels."""
+    """RAW of one size. pixels: (h, w, 3), linear; pixel_size: a pixel's side in full-resolution pixels.
 
-    channels: Single
+    gains: (3,) bring the channels to equal brightness (a grey-world white balance).
+    """
+
+    pixels: Pixels
+    gains: Single
     pixel_size: float
 
     @cached_property
     def luma(self) -> Single:
-        """The luma (h, w) of the channels as they are."""
-        return np.asarray(np.tensordot(_LUMA, self.channels, axes=1))
+        """The luma (h, w) of the compressed channels as they are."""
+        return quadratic(self.pixels, self.gains, np.concatenate([[0], _LUMA, np.zeros(6)]).astype(np.float32))
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,33 +46,18 @@ class RawPyramid:
 
     @classmethod
     def of(cls, raw: RawImage, jpeg: Codes) -> "RawPyramid":
-        """Make the pyramid of a RAW, not finer than a registration of this JPEG (h, w, 3) needs.
-
-        The channels are brought to equal brightness (a grey-world white balance), then compressed by 1 / 2.2.
-        """
+        """Make the pyramid of a RAW, not finer than a registration of this JPEG (h, w, 3) needs."""
         scale = max(raw.pixels.shape[:2]) * raw.pixel_size / max(jpeg.shape[:2]) * reduction(raw, jpeg)
-        halvings = _halvings(scale / raw.pixel_size)
-        pixels = np.moveaxis(raw.pixels, 2, 0)
-        for _ in range(halvings):
-            pixels = _halved(pixels)
-        means = pixels[:, ::4, ::4].mean(axis=(1, 2), dtype=np.float64)
-        factors = (0.25 / np.maximum(means, 1e-6)).astype(np.float32)
-        channels = np.empty_like(pixels, order="C")
-        for rows in range(0, pixels.shape[1], 32):  # so many stay in the cache
-            some = channels[:, rows : rows + 32]
-            np.multiply(pixels[:, rows : rows + 32], factors[:, None, None], out=some)
-            np.power(np.maximum(some, 0.0, out=some), np.float32(1 / 2.2), out=some)
-        return cls(RawLevel(channels, raw.pixel_size * 2**halvings))
+        means = raw.pixels[::16, ::16].mean(axis=(0, 1), dtype=np.float64)
+        gains = (0.25 / np.maximum(means, 1e-6)).astype(np.float32)
+        return cls(_reduced(RawLevel(raw.pixels, gains, raw.pixel_size), _halvings(scale / raw.pixel_size)))
 
     def for_scale(self, scale: float) -> RawLevel:
         """The coarsest copy for a JPEG whose pixels are `scale` full-resolution pixels wide."""
-        wanted = _halvings(scale / self.finest.pixel_size)
-        level = self.finest
-        for number in range(1, wanted + 1):
-            if number not in self._levels:
-                self._levels[number] = RawLevel(_halved(level.channels), 2 * level.pixel_size)
-            level = self._levels[number]
-        return level
+        halvings = _halvings(scale / self.finest.pixel_size)
+        if halvings not in self._levels:
+            self._levels[halvings] = _reduced(self.finest, halvings)
+        return self._levels[halvings]
 
 
 def _halvings(pixels: float) -> int:
@@ -79,9 +69,11 @@ def _halvings(pixels: float) -> int:
     return max(0, math.floor(math.log2(pixels / 2)))
 
 
-def _halved(planes: Single) -> Single:
-    """Means over 2 × 2 pixels of planes (3, h, w); an odd row or column is left out."""
-    return np.stack([block_mean(plane, 2) for plane in planes])
+def _reduced(level: RawLevel, halvings: int) -> RawLevel:
+    """Means over squares of 2^halvings pixels a side; a rest at the right and bottom is left out."""
+    if halvings == 0:
+        return level
+    return RawLevel(block_mean(level.pixels, 2**halvings), level.gains, level.pixel_size * 2**halvings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -126,16 +126,16 @@ def _decode(data: bytes, source: str) -> NDArray[np.uint8]:
         raise ImageError(f"{source}: not a JPEG file")
     header = read_header(data)
     if header is not None and header.plain and header.width * header.height * 3 <= MAX_SAMPLES:
-        canvas = np.empty((header.height, header.width, 4), np.uint8)
-        decode(Path(source), data, canvas)
-        return np.ascontiguousarray(canvas[..., :3])
+        pixels = np.empty((header.height, header.width, 3), np.uint8)
+        decode(Path(source), data, pixels)
+        return pixels
     with scratch_folder() as folder:
         file = folder / "preview.jpg"
         file.write_bytes(data)
         try:
-            pixels = read_image(file).pixels
+            picture = read_image(file).pixels
         except ImageError as error:
             raise ImageError(str(error).replace(str(file), source)) from None
-    if pixels.ndim != 3 or pixels.shape[2] != 3:
-        raise ImageError(f"{source}: decodes to {pixels.shape} pixels, not to a colour image")
-    return np.rint(pixels * 255).astype(np.uint8)
+    if picture.ndim != 3 or picture.shape[2] != 3:
+        raise ImageError(f"{source}: decodes to {picture.shape} pixels, not to a colour image")
+    return np.rint(picture * 255).astype(np.uint8)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lutforge.shots.cells import medians, raw_on_grid
+from lutforge.shots.cells import raw_on_grid
 from lutforge.shots.shot import Registration
 from tests.shots.test_align import raw_image
 
@@ -52,10 +52,12 @@ def test_hot_pixels_are_no_part_of_a_cell() -> None:
         assert cells.maximum.max() < 0.25
 
 
-def test_medians_of_labels() -> None:
-    rng = np.random.default_rng(3)
-    values, label = rng.normal(0.2, 0.1, (60, 70)), rng.integers(0, 40, (60, 70))
-    label[label == 7] = 8  # nothing has this label
-    wanted = [np.median(values[label == one]) if one != 7 else 0.0 for one in range(40)]
-    np.testing.assert_allclose(medians(values, label, 40), wanted, atol=1e-12)
-    np.testing.assert_allclose(medians(np.full((4, 5), 0.3), np.zeros((4, 5), dtype=np.intp), 1), 0.3)
+@pytest.mark.parametrize("offset", [0.0, 0.5])
+def test_single_outliers_are_no_part_of_a_cell_but_many_are(offset: float) -> None:
+    pixels = 0.2 + 0.001 * np.random.default_rng(2).standard_normal((33, 33, 3))
+    pixels[4, 4, 1], pixels[20:23, 20:23, 1] = 1.0, 1.0
+    cells = raw_on_grid(raw_image(pixels), Registration(1.0, offset, offset, 1.0), 4, 4, 8)
+    assert cells.maximum[0, 0, 1] < 0.21
+    assert cells.outliers[0, 0, 1] == pytest.approx(1 / 64)
+    assert cells.maximum[2, 2, 1] > 0.5
+    assert np.count_nonzero(cells.outliers) == 1
