@@ -17,16 +17,11 @@ from lutforge.images.output_spec import IN_SRGB
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, same_light
 from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
-from lutforge.model.white_balance import tinted
+from lutforge.model.white_balance import LIGHT_SOURCES, tinted
 from lutforge.settings import Multipliers, Selector, checked_tint, parse_selector
 from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.maker_settings import ADOBE_RGB
 from lutforge.shots.picture_settings import PictureSettings, read_picture_settings, software_tag
-
-LIGHT_SOURCES: Mapping[str, int] = {
-    "daylight": 1, "fluorescent": 2, "tungsten": 3, "incandescent": 3, "flash": 4, "cloudy": 10, "shade": 11,
-}  # fmt: skip
-"""Codes of the Exif tag LightSource (Exif 2.32, 4.6.5)."""
 
 STALE = (
     "Exif:MakerNote", "Exif:Saturation", "Exif:Contrast", "Exif:CustomRendered",

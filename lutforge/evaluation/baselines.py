@@ -10,16 +10,14 @@ from lutforge.arrays import Array
 
 Predictor = Callable[[Array], Array]
 
-CHANNEL_ORDER = 6
-"""Degree of the polynomials of one channel (thesis, Fig. 4.5)."""
 RIDGE = 1e-9
 """Weight of the squared coefficients beside a sample: what colours cannot tell stays small."""
 
 
-def channel_polynomials(x: Array, y: Array) -> Predictor:
-    """Fit one 6th-order polynomial per channel, x (n, 3) → y (n, 3); clamped to the range of x."""
+def channel_polynomials(x: Array, y: Array, order: int = 6) -> Predictor:
+    """Fit one polynomial per channel, x (n, 3) → y (n, 3); clamped to the range of x. order: as in the thesis."""
     # Few tones leave coefficients open, of which `full` takes the smallest; without it NumPy warns.
-    fits = [Polynomial.fit(x[:, c], y[:, c], CHANNEL_ORDER, full=True)[0] for c in range(3)]
+    fits = [Polynomial.fit(x[:, c], y[:, c], order, full=True)[0] for c in range(3)]
     low, high = x.min(axis=0), x.max(axis=0)
 
     def predict(values: Array) -> Array:
@@ -29,26 +27,26 @@ def channel_polynomials(x: Array, y: Array) -> Predictor:
     return predict
 
 
-def mixed_channel_polynomials(encoded: Array, raw: Array) -> Predictor:
-    """Fit JPEG → RAW, E = M p(I): one 6th-order polynomial per channel, then a 3 × 3 matrix (Chakrabarti et al. 2009).
+def mixed_channel_polynomials(encoded: Array, raw: Array, order: int = 6) -> Predictor:
+    """Fit JPEG → RAW, E = M p(I): one polynomial per channel, then a 3 × 3 matrix (Chakrabarti et al. 2009).
 
-    Alternating least squares from the best sum of one-channel terms, each term's 3 × 6 coefficients cut to rank one.
-    All systems are sums over the products of the terms, so that the samples are gone through once.
+    Alternating least squares from the best sum of one-channel terms, the coefficients (3, order) of each term cut to
+    rank one. All systems are sums over the products of the terms, so that the samples are gone through once.
     """
-    powers = np.arange(1, CHANNEL_ORDER + 1)
-    terms = encoded[:, :, None] ** powers  # (n, 3, 6)
+    powers = np.arange(1, order + 1)
+    terms = encoded[:, :, None] ** powers  # (n, 3, order)
     design = terms.reshape(len(encoded), -1)
-    products, right_sides = design.T @ design, (design.T @ raw).reshape(3, CHANNEL_ORDER, 3)
+    products, right_sides = design.T @ design, (design.T @ raw).reshape(3, order, 3)
     ridge = RIDGE * len(encoded) * np.eye(len(products))
-    additive = np.linalg.solve(products + ridge, right_sides.reshape(-1, 3)).reshape(3, CHANNEL_ORDER, 3)
-    blocks = products.reshape(3, CHANNEL_ORDER, 3, CHANNEL_ORDER)
+    additive = np.linalg.solve(products + ridge, right_sides.reshape(-1, 3)).reshape(3, order, 3)
+    blocks = products.reshape(3, order, 3, order)
     left, strength, right = np.linalg.svd(additive)
-    curves = left[:, :, 0] * strength[:, :1]  # (3, 6)
+    curves = left[:, :, 0] * strength[:, :1]  # (3, order)
     matrix = right[:, 0, :].T  # (3, 3): column k takes channel k's curve
     for _ in range(30):
         joint = np.einsum("kplq,kl->kplq", blocks, matrix.T @ matrix).reshape(products.shape)
         right_side = np.einsum("kpc,ck->kp", right_sides, matrix).reshape(-1)
-        curves = np.linalg.solve(joint + ridge, right_side).reshape(3, CHANNEL_ORDER)
+        curves = np.linalg.solve(joint + ridge, right_side).reshape(3, order)
         normal = np.einsum("kp,kplq,lq->kl", curves, blocks, curves)
         matrix = np.linalg.lstsq(normal, np.einsum("kp,kpc->kc", curves, right_sides), rcond=None)[0].T
     low, high = encoded.min(axis=0), encoded.max(axis=0)

@@ -20,8 +20,6 @@ from lutforge.evaluation.methods import MATRIX_AND_RESPONSE
 from lutforge.model.lattice import Lattice, grid
 from lutforge.model.profile_data import PictureStyle
 
-LEAST_SAMPLES = 24
-
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
@@ -46,7 +44,7 @@ def held_out_errors(found: Predictions, own: str, base: MatrixAndResponse) -> di
     for method in (own, MATRIX_AND_RESPONSE):
         for values in (found.rendered, found.linearized):
             rows &= np.isfinite(values[method]).all(axis=1) if method in values else False
-    if rows.sum() < LEAST_SAMPLES or data.monochrome:
+    if rows.sum() < 24 or data.monochrome:
         return {}
     distance = np.zeros(len(rows))
     for fold in np.unique(found.fold[rows]):

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, Mask
 from lutforge.colour.colour_difference import srgb_to_lab
 
-GREY_CHROMA = 12.0
 TONES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))
 """Names by upper bound of L*."""
 HUES = (
@@ -88,14 +87,19 @@ def _real_colours() -> tuple[Array, Array]:
     space = colour.RGB_COLOURSPACES["sRGB"]
     xyz = colour.models.eotf_sRGB(cells) @ space.matrix_RGB_to_XYZ.T
     inside = np.asarray(colour.is_within_pointer_gamut(xyz), dtype=np.bool_)
-    inside |= np.hypot(lab[:, 1], lab[:, 2]) < GREY_CHROMA
+    inside |= _is_grey(lab)
     return cells[inside], lab[inside]
+
+
+def _is_grey(lab: Array) -> Mask:
+    """Whether colours (…, 3) pass for greys."""
+    return np.asarray(np.hypot(lab[..., 1], lab[..., 2]) < 12.0)
 
 
 def _name(lab: Array) -> tuple[str, str]:
     """The region of a colour and what has such colours."""
     tone = next(name for bound, name in TONES if lab[0] < bound)
-    if np.hypot(lab[1], lab[2]) < GREY_CHROMA:
+    if _is_grey(lab):
         return f"{tone} greys", GREYS
     angle = float(np.degrees(np.arctan2(lab[2], lab[1]))) % 360.0
     hue, subjects = next((name, subjects) for bound, name, subjects in HUES if angle < bound)

@@ -15,9 +15,6 @@ from lutforge.identification.scene_colours import palette, scene_log_density
 from lutforge.images.jpeg_header import read_header
 from lutforge.images.read import read_image
 
-LEAST_COLOURS = 24
-"""Fewer flat colours tell nothing."""
-
 
 @dataclass(frozen=True, eq=False)
 class PictureEvidence:
@@ -46,7 +43,7 @@ def read_evidence(path: str | Path) -> PictureEvidence:
     if not np.isfinite(pixels).all():
         raise ImageError(f"{path}: it holds values that are no numbers")
     colours, counts = palette(np.clip(pixels[..., :3], 0.0, 1.0))
-    if len(colours) < LEAST_COLOURS:
+    if len(colours) < 24:
         raise ImageError(f"{path}: {len(colours)} flat colours are too few to tell a camera by")
     noise, encoder = tuple[NoiseTally, ...](), ""
     if image.format == "jpeg":

@@ -20,24 +20,22 @@ import scipy
 from lutforge.arrays import Array, Mask
 from lutforge.identification.noise_tally import LEVELS, NoiseTally
 
-ROUNDING = 0.12
-"""Variance in codes² of what any 8-bit JPEG rounds before its DCT: RGB codes, then those of YCbCr (1/12)."""
-
-_STARTS = (0.3, 1.5, 6.0, 25.0)
-"""Mean variances, in codes², that the search begins from."""
-
 
 @dataclass(frozen=True)
 class NoiseOptions:
     """How much a colour may count.
 
     slope_error: relative error of variances that a calibrated rendering predicts. above, below: the most that a
-    colour's noise beyond, and below, what is predicted takes off the log-likelihood of one coefficient.
+    colour's noise beyond, and below, what is predicted takes off the log-likelihood of one coefficient. rounding:
+    variance in codes² of what any 8-bit JPEG rounds before its DCT: RGB codes, then those of YCbCr (1/12). starts: mean
+    variances, in codes², that the search begins from.
     """
 
     slope_error: float = 0.2
     above: float = 2.0
     below: float = 6.0
+    rounding: float = 0.12
+    starts: tuple[float, ...] = (0.3, 1.5, 6.0, 25.0)
 
 
 def noise_parts(scene: Array, slopes: Array, weights: Array, multipliers: Array) -> Array:
@@ -72,16 +70,16 @@ def _fitted(parts: Array, counts: Array, step: float, options: NoiseOptions) -> 
     colours = _Colours.of(counts, options)
 
     def judged(factors: Array) -> State:
-        ratio = 0.5 * np.log(np.einsum("wnp,wp->wn", parts, factors) + ROUNDING) - np.log(step)
+        ratio = 0.5 * np.log(np.einsum("wnp,wp->wn", parts, factors) + options.rounding) - np.log(step)
         place = _place(ratio)
         most = np.where(ratio < colours.own, options.above, options.below)
         kept = np.exp(-colours.share * (colours.best - _look(colours.told, place)) / most)
         return place, -(most * (1.0 - kept)).sum(axis=1), kept * colours.share
 
     terms = parts.shape[2]
-    factors = np.full((len(parts), terms), _STARTS[0] / terms)
+    factors = np.full((len(parts), terms), options.starts[0] / terms)
     state = judged(factors)
-    for start in _STARTS[1:]:
+    for start in options.starts[1:]:
         factors, state, _ = _better(judged, factors, state, np.full_like(factors, start / terms))
     damping = np.full(len(parts), 0.1)
     for _ in range(6):

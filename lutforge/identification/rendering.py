@@ -15,12 +15,6 @@ from lutforge.settings import Selector
 Colours = Callable[[Array], Array]
 """A function of colours (…, 3) → (…, 3)."""
 
-SLOPE_STEP = 2e-3
-"""In linear light, of the differences that slopes are taken from; a tone curve bends within larger ones."""
-
-NEARBY = 0.02
-"""In encoded values: slopes are means over colours so far apart, as a lattice's jump at its nodes."""
-
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
@@ -49,15 +43,20 @@ class Rendering:
         return np.asarray(self.linearize(encoded) @ self.matrix.T)
 
     def slopes(self, encoded: Array) -> tuple[Array, Array]:
-        """Balanced RAW (n, 3) of encoded colours, and the rendering's slopes there (n, 3, 3), in codes of 255."""
-        around = np.concatenate([np.zeros((1, 3)), NEARBY * np.eye(3), -NEARBY * np.eye(3)])
+        """Balanced RAW (n, 3) of encoded colours, and the rendering's slopes there (n, 3, 3), in codes of 255.
+
+        Slopes are means over colours that lie apart by `nearby`, encoded, as a lattice's jump at its nodes; they are
+        taken from differences of `linear`, within which a tone curve hardly bends.
+        """
+        nearby, linear = 0.02, 2e-3
+        around = np.concatenate([np.zeros((1, 3)), nearby * np.eye(3), -nearby * np.eye(3)])
         spread = np.clip(encoded[None] + around[:, None], 0.0, 1.0)
         scene = np.clip(self.linearize(spread), 0.0, 1.0)
         slopes = [
             (self.render(np.clip(scene + step, 0.0, 1.0)) - self.render(np.clip(scene - step, 0.0, 1.0))).mean(axis=0)
-            for step in SLOPE_STEP * np.eye(3)
+            for step in linear * np.eye(3)
         ]
-        return scene[0], np.stack(slopes, axis=-1) * (255.0 / (2 * SLOPE_STEP))
+        return scene[0], np.stack(slopes, axis=-1) * (255.0 / (2 * linear))
 
 
 def renderings(profile: CameraProfile) -> tuple[Rendering, ...]:

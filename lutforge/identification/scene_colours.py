@@ -14,12 +14,6 @@ from lutforge.arrays import Array, Pixels
 from lutforge.identification.rendering import Colours
 from lutforge.interpolation import Levels, interpolate
 
-STEP = 0.04
-"""In encoded values, of the differences that slopes are taken from: over a cell of a calibrated lattice.
-
-Shorter ones measure its unevenness, which makes the logarithm of their determinant too small.
-"""
-
 
 def palette(picture: Pixels) -> tuple[Array, Array]:
     """The colours (n, 3) of the flat parts of a picture (h, w, 3), encoded, and how many pixels have each (n,).
@@ -67,7 +61,9 @@ def scene_log_density(colours: Array, counts: Array, to_linear: Colours) -> floa
         return scene_coordinates(to_linear(np.clip(encoded, 0.0, 1.0)))
 
     at = seen(colours)
-    ends = [(np.minimum(colours + step, 1.0), np.maximum(colours - step, 0.0)) for step in STEP * np.eye(3)]
+    # Differences over a cell of a calibrated lattice: shorter ones measure its unevenness, which makes the logarithm of
+    # their determinant too small.
+    ends = [(np.minimum(colours + step, 1.0), np.maximum(colours - step, 0.0)) for step in 0.04 * np.eye(3)]
     slopes = np.stack([(seen(up) - seen(low)) / (up - low).sum(axis=1, keepdims=True) for up, low in ends], axis=-1)
     stretched = np.log(np.abs(np.linalg.det(slopes)) + 1e-3)
     weights = np.sqrt(counts) / np.sqrt(counts).sum()

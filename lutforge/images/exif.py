@@ -3,12 +3,21 @@
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import IntEnum
 
 PREFIX = b"Exif\0\0"
 """Beginning of an APP1 segment that holds EXIF; the TIFF structure follows."""
 
-EXIF_DIRECTORY, INTEROPERABILITY_DIRECTORY, COLOUR_SPACE = 0x8769, 0xA005, 0xA001
-"""Tags of Exif 2.32, 4.6.3 and 4.6.5."""
+
+class _Tag(IntEnum):
+    """Tags of Exif 2.32: 4.5.4, 4.6.3, 4.6.5 and 4.6.7; the last is of the interoperability directory."""
+
+    EXIF_DIRECTORY = 0x8769
+    INTEROPERABILITY_DIRECTORY = 0xA005
+    COLOUR_SPACE = 0xA001
+    THUMBNAIL = 0x0201
+    THUMBNAIL_LENGTH = 0x0202
+    INTEROPERABILITY = 0x0001
 
 
 @dataclass(frozen=True)
@@ -34,20 +43,20 @@ def exif_places(block: bytes) -> ExifPlaces | None:
         first, second = _directory(block, order, _number(block, order, 4))
         photo: dict[int, int] = {}
         colours: dict[int, int] = {}
-        if EXIF_DIRECTORY in first:
-            photo, _ = _directory(block, order, _number(block, order, first[EXIF_DIRECTORY]))
-        if INTEROPERABILITY_DIRECTORY in photo:
-            colours, _ = _directory(block, order, _number(block, order, photo[INTEROPERABILITY_DIRECTORY]))
+        if _Tag.EXIF_DIRECTORY in first:
+            photo, _ = _directory(block, order, _number(block, order, first[_Tag.EXIF_DIRECTORY]))
+        if _Tag.INTEROPERABILITY_DIRECTORY in photo:
+            colours, _ = _directory(block, order, _number(block, order, photo[_Tag.INTEROPERABILITY_DIRECTORY]))
         pictures, _ = _directory(block, order, second) if second else ({}, 0)
         thumbnail = None
-        if 0x0201 in pictures and 0x0202 in pictures:
-            start = _number(block, order, pictures[0x0201])
-            thumbnail = slice(start, start + _number(block, order, pictures[0x0202]))
+        if _Tag.THUMBNAIL in pictures and _Tag.THUMBNAIL_LENGTH in pictures:
+            start = _number(block, order, pictures[_Tag.THUMBNAIL])
+            thumbnail = slice(start, start + _number(block, order, pictures[_Tag.THUMBNAIL_LENGTH]))
             if not 0 < start < thumbnail.stop <= len(block):
                 thumbnail = None
     except struct.error:  # an offset beyond the end
         return None
-    return ExifPlaces(order, thumbnail, _field(photo, COLOUR_SPACE, 2), _field(colours, 1, 3))
+    return ExifPlaces(order, thumbnail, _field(photo, _Tag.COLOUR_SPACE, 2), _field(colours, _Tag.INTEROPERABILITY, 3))
 
 
 def _field(directory: dict[int, int], tag: int, size: int) -> slice | None:

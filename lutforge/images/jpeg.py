@@ -17,7 +17,7 @@ from PIL import Image as Pillow
 from lutforge.arrays import Codes
 from lutforge.errors import ImageError
 from lutforge.images.exif import PREFIX, ExifPlaces, exif_places
-from lutforge.images.jpeg_header import APP0, APP2, COMMENT, EOI, EXIF, ICC, SOI, JpegHeader, Segment, read_header
+from lutforge.images.jpeg_header import EOI, ICC, SOI, JpegHeader, Marker, Segment, read_header
 
 _SUBSAMPLING: Mapping[tuple[tuple[int, int], ...], int] = {
     ((1, 1), (1, 1), (1, 1)): 0,
@@ -66,15 +66,17 @@ def stored_metadata(segments: Sequence[Segment], plain: bool, comment: str) -> b
     (not `plain`) what told of the old coding.
     """
     kept = [segment.stored for segment in segments if not segment.tells_previews and (plain or not segment.is_adobe)]
-    return b"".join([SOI, *kept, Segment(COMMENT, comment.encode()[:65_000].ljust(16)).stored])
+    return b"".join([SOI, *kept, Segment(Marker.COMMENT, comment.encode()[:65_000].ljust(16)).stored])
 
 
 def with_colours(segments: Sequence[Segment], profile: bytes | None, adobe_rgb: bool) -> tuple[Segment, ...]:
     """The segments with another ICC profile, or none, and EXIF that says Adobe RGB or sRGB where it says either."""
     changed = [segment for segment in segments if not segment.is_icc]
     pieces = [] if profile is None else [profile[at : at + 65_000] for at in range(0, len(profile), 65_000)]
-    icc = [Segment(APP2, ICC + bytes([at, len(pieces)]) + piece) for at, piece in enumerate(pieces, 1)]
-    after = max((at + 1 for at, segment in enumerate(changed) if segment.marker in (APP0, EXIF)), default=0)
+    icc = [Segment(Marker.APP2, ICC + bytes([at, len(pieces)]) + piece) for at, piece in enumerate(pieces, 1)]
+    after = max(
+        (at + 1 for at, segment in enumerate(changed) if segment.marker in (Marker.APP0, Marker.EXIF)), default=0
+    )
     changed[after:after] = icc
 
     def colours(block: bytes, places: ExifPlaces) -> bytes:
@@ -116,7 +118,7 @@ def _with_exif(segments: Sequence[Segment], change: Callable[[bytes, ExifPlaces]
     for segment in segments:
         block = segment.body[len(PREFIX) :]
         places = exif_places(block) if segment.is_exif else None
-        changed.append(segment if places is None else Segment(EXIF, PREFIX + change(block, places)))
+        changed.append(segment if places is None else Segment(Marker.EXIF, PREFIX + change(block, places)))
     return tuple(changed)
 
 

@@ -2,6 +2,7 @@
 
 import struct
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cache
 from hashlib import blake2b
 from io import BytesIO
@@ -12,11 +13,20 @@ from PIL import Image as Pillow
 from lutforge.images.exif import PREFIX, exif_places
 
 SOI, EOI = b"\xff\xd8", b"\xff\xd9"
-COMMENT, APP0, EXIF, APP2 = 0xFE, 0xE0, 0xE1, 0xE2
 ICC = b"ICC_PROFILE\0"
 
 _ZIGZAG = sorted(range(64), key=lambda at: (at // 8 + at % 8, at // 8 if (at // 8 + at % 8) % 2 else at % 8))
 """Place in the 8 × 8 table of each entry as a file stores it (ITU-T T.81, figure A.6)."""
+
+
+class Marker(IntEnum):
+    """Second bytes of the markers of metadata segments (ITU-T T.81, table B.1). EXIF stands in APP1."""
+
+    COMMENT = 0xFE
+    APP0 = 0xE0
+    EXIF = 0xE1
+    APP2 = 0xE2
+    APP15 = 0xEF
 
 
 @dataclass(frozen=True)
@@ -34,12 +44,12 @@ class Segment:
     @property
     def is_exif(self) -> bool:
         """Whether it holds EXIF."""
-        return self.marker == EXIF and self.body.startswith(PREFIX)
+        return self.marker == Marker.EXIF and self.body.startswith(PREFIX)
 
     @property
     def is_icc(self) -> bool:
         """Whether it holds a piece of an ICC profile (ICC.1:2022, B.4)."""
-        return self.marker == APP2 and self.body.startswith(ICC)
+        return self.marker == Marker.APP2 and self.body.startswith(ICC)
 
     @property
     def is_adobe(self) -> bool:
@@ -49,7 +59,7 @@ class Segment:
     @property
     def tells_previews(self) -> bool:
         """Whether it says where further pictures begin (Multi-Picture Format, CIPA DC-007)."""
-        return self.marker == APP2 and self.body.startswith(b"MPF\0")
+        return self.marker == Marker.APP2 and self.body.startswith(b"MPF\0")
 
 
 @dataclass(frozen=True)
@@ -96,7 +106,7 @@ class JpegHeader:
     @property
     def comments(self) -> tuple[str, ...]:
         """The text of the comment segments."""
-        bodies = [segment.body for segment in self.segments if segment.marker == COMMENT]
+        bodies = [segment.body for segment in self.segments if segment.marker == Marker.COMMENT]
         return tuple(body.rstrip(b"\0").decode("utf-8", "replace") for body in bodies)
 
     @property
@@ -115,7 +125,8 @@ class JpegHeader:
         """True where a gain map for HDR displays follows: Ultra HDR 1.1 says so in XMP, ISO 21496-1 in a segment."""
         told = (b"ns.adobe.com/hdr-gain-map", b"urn:iso:std:iso:ts:21496:-1")
         return any(
-            segment.marker in (EXIF, APP2) and any(word in segment.body for word in told) for segment in self.segments
+            segment.marker in (Marker.EXIF, Marker.APP2) and any(word in segment.body for word in told)
+            for segment in self.segments
         )
 
 
@@ -130,7 +141,7 @@ def read_header(data: bytes | mmap) -> JpegHeader | None:
             at += 1
             continue
         body = data[at + 4 : at + 2 + int.from_bytes(data[at + 2 : at + 4], "big")]
-        if APP0 <= marker <= 0xEF or marker == COMMENT:
+        if Marker.APP0 <= marker <= Marker.APP15 or marker == Marker.COMMENT:
             segments.append(Segment(marker, body))
         elif marker == 0xDB:
             tables |= _tables(body)
@@ -159,7 +170,9 @@ def _libjpeg_tables() -> frozenset[tuple[int, ...]]:
 def metadata_end(data: bytes) -> int:
     """Return the offset of the first byte after SOI and the metadata segments that follow it."""
     at = 2
-    while data[at : at + 1] == b"\xff" and (APP0 <= data[at + 1] <= 0xEF or data[at + 1] == COMMENT):
+    while data[at : at + 1] == b"\xff" and (
+        Marker.APP0 <= data[at + 1] <= Marker.APP15 or data[at + 1] == Marker.COMMENT
+    ):
         at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
     return at
 

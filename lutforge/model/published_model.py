@@ -19,19 +19,10 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.model.response import Response
-from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
+from lutforge.model.white_balance import LIGHT_SOURCES, NAMED_KELVIN, WhiteBalance
 
-LIGHT_SOURCES = {
-    1: "daylight",
-    2: "fluorescent",
-    3: "tungsten",
-    4: "flash",
-    9: "daylight",
-    10: "cloudy",
-    11: "shade",
-    14: "fluorescent",
-}
-"""EXIF LightSource codes (EXIF 2.3, tag 37384) that name a camera's white balance."""
+WHITE_BALANCES = {code: name for name, code in LIGHT_SOURCES.items()} | {9: "daylight", 14: "fluorescent"}
+"""White balances by code: fine weather and cool white fluorescent, too, which are what is written."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +142,7 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
 
 
 def _transform_text(matrix: Array, balances: Mapping[str, WhiteBalance]) -> str:
-    codes = {name: code for code, name in LIGHT_SOURCES.items()}
+    codes = {name: code for code, name in WHITE_BALANCES.items()}
     numbered = {name: re.fullmatch(r"light source (\d{1,5})", name) for name in balances}
     found = {name: codes.get(name, int(number[1]) if number else 255) for name, number in numbered.items()}
     others = [name for name, code in found.items() if list(found.values()).count(code) > 1]
@@ -187,7 +178,7 @@ def _read_transform(path: Path) -> tuple[Array, dict[str, WhiteBalance]]:
         r, g, b = values[start + 4]
         if min(r, g, b) <= 0:
             raise ProfileError(f"{path}, line {lines[start + 4][0]}: white-balance multipliers must be positive")
-        name = LIGHT_SOURCES.get(code, f"light source {code}")
+        name = WHITE_BALANCES.get(code, f"light source {code}")
         balances[name] = WhiteBalance((r / g, 1.0, b / g), NAMED_KELVIN.get(name), gain=g)
     return np.array(values[1:4]), balances
 

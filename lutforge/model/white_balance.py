@@ -30,6 +30,17 @@ NAMED_KELVIN = {
 }
 """Correlated colour temperatures that cameras mean by their settings, in kelvin."""
 
+LIGHT_SOURCES = {
+    "daylight": 1,
+    "fluorescent": 2,
+    "incandescent": 3,
+    "tungsten": 3,
+    "flash": 4,
+    "cloudy": 10,
+    "shade": 11,
+}
+"""Codes of the tag LightSource (Exif 2.32, 4.6.5) that name a camera's white balance; 0 is unknown, 255 another."""
+
 
 @dataclass(frozen=True)
 class WhiteBalance:

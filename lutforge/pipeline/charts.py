@@ -13,7 +13,7 @@ import numpy as np
 
 from lutforge.arrays import Array, Pixels
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
-from lutforge.calibration.physical.exposure_pairs import CLIPPED, pairs_of_samples
+from lutforge.calibration.physical.exposure_pairs import PairingOptions, pairs_of_samples
 from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
@@ -166,7 +166,7 @@ def _codes(file: Path) -> Pixels:
 def _below_white(values: Array) -> Array:
     """The values (shots, n, 3) without those at the camera's own white, which need not be 1: NaN there."""
     ceiling = np.nanmax(values, axis=(0, 1))
-    near = values > ceiling - CLIPPED
+    near = values > ceiling - PairingOptions.clipped
     # One patch may be the brightest by chance; several that are equally bright follow the exposure no more.
     piled = near & (np.count_nonzero(near, axis=(0, 1)) >= 4)
     return np.where(piled.any(axis=2, keepdims=True), np.nan, values)

@@ -4,7 +4,6 @@ IFD 0 holds the embedded JPEG preview and the camera's metadata, its SubIFD the 
 exposure, as the specification recommends. Without a preview the mosaic is in IFD 0.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -17,17 +16,6 @@ from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import ImageError
 from lutforge.images.jpeg_header import read_header
 from lutforge.images.tiff import Field, TiffWriter, byte_field, long_field, rational_field, short_field, text_field
-
-LIGHT_SOURCES: Final[Mapping[str, int]] = {
-    "auto": 0,
-    "daylight": 1,
-    "fluorescent": 2,
-    "tungsten": 3,
-    "flash": 4,
-    "cloudy": 10,
-    "shade": 11,
-}
-"""White-balance names and their codes in the Exif tag LightSource (Exif 2.32, 4.6.5)."""
 
 CFA_COLORS: Final = "RGB"
 """A colour's place here is its code in CFAPattern (TIFF/EP)."""

@@ -19,8 +19,9 @@ from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.model.falloff import Falloff
+from lutforge.model.white_balance import LIGHT_SOURCES
 from lutforge.simulate.camera import SimulatedCamera
-from lutforge.simulate.dng import LIGHT_SOURCES, write_dng
+from lutforge.simulate.dng import write_dng
 from lutforge.simulate.scene import Scene
 from lutforge.simulate.sensor import capture, demosaic, normalized
 
@@ -229,7 +230,7 @@ def _tags(camera: SimulatedCamera, settings: CameraSettings) -> ExposureTags:
         settings.exposure_s,
         settings.iso,
         settings.f_number,
-        LIGHT_SOURCES[settings.white_balance],
+        LIGHT_SOURCES.get(settings.white_balance, 0),
         0 if settings.style == "standard" else 2,  # the style boosts colours (Exif 2.32, 4.6.5)
         settings.orientation,
     )

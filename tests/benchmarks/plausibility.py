@@ -25,9 +25,10 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.plausibility.check import implausible
 from lutforge.calibration.plausibility.colour_chain import curve_terms
-from lutforge.calibration.plausibility.whole_set import ADOBE_RGB_TO_SRGB, Colours, fitted_chain
+from lutforge.calibration.plausibility.whole_set import Colours, fitted_chain
 from lutforge.calibration.preparation import data_by_style
 from lutforge.calibration.style_fit import fit_style
+from lutforge.colour.rgb_spaces import matrix_between
 from lutforge.colour.spectra import WAVELENGTHS, chart_reflectances
 from lutforge.colour.srgb import srgb_decode
 from lutforge.model.diagnosis import Diagnosis
@@ -180,7 +181,7 @@ CASES: dict[str, tuple[str, Case]] = {
     "names of two white balances exchanged": ("each other's names", _renamed),
     "Adobe RGB without a label": (
         "Adobe RGB",
-        _srgb(lambda srgb: np.clip(srgb_decode(srgb) @ np.linalg.inv(ADOBE_RGB_TO_SRGB).T, 0, 1) ** (256 / 563)),
+        _srgb(lambda srgb: np.clip(srgb_decode(srgb) @ matrix_between("srgb", "adobe-rgb").T, 0, 1) ** (256 / 563)),
     ),
     "sepia": ("toned", _srgb(lambda srgb: (srgb @ [0.3, 0.59, 0.11])[:, None] * [1.07, 0.95, 0.75])),
     "rows shifted within a shot": ("rows", _slipped),

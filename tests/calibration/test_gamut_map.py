@@ -73,7 +73,7 @@ def test_noise_is_smoothed_by_the_choice_on_held_out_shots() -> None:
 def test_coincident_points_take_the_median() -> None:
     source = np.repeat([[0.2, 0.3, 0.4], [0.7, 0.6, 0.5]], [5, 1], axis=0)
     target = np.array([[0.1] * 3, [0.2] * 3, [0.3] * 3, [0.3] * 3, [9.0] * 3, [0.5] * 3])
-    merged, values, slope, names = merge_coincident(source, target, np.ones(6), np.array(list("abcdef")))
+    merged, values, slope, names = merge_coincident(source, target, np.ones(6), np.array(list("abcdef")), 0.5 / 255)
     assert len(merged) == len(slope) == len(names) == 2
     np.testing.assert_allclose(values[np.argmin(merged[:, 0])], 0.3)
     np.testing.assert_allclose(values[np.argmax(merged[:, 0])], 0.5)

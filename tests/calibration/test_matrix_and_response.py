@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 
 from lutforge.calibration.lattice.continuation import continuation
 from lutforge.calibration.physical.matrix_and_response import (
-    ALL_COLOURS,
     encoded_residual,
     fit_matrix_and_response,
 )
 from lutforge.errors import CalibrationError
+from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,9 @@ def test_strays_are_told_from_the_others() -> None:
     y[:50] = 1 - y[:50]
     found = fit_matrix_and_response(x, y)
     moved = np.linalg.norm(y[:50] - encode(x[:50] @ MATRIX.T), axis=1) > 0.2
-    inlier = ALL_COLOURS(encoded_residual(found.response, found.matrix, x, y))
+    inlier = RobustWeights(cauchy, multiple=4.0, least=2.0 / 255.0)(
+        encoded_residual(found.response, found.matrix, x, y)
+    )
     assert inlier[:50][moved].max() < 0.2 < 0.5 < np.median(inlier[50:])
 
 

@@ -31,9 +31,6 @@ OFFSET = 0.005
 """ε of the even scale."""
 TRIAL_CENTRES = 54
 """The number of functions that tell which matrix is continued: those of the guess for a lattice of 9 nodes per axis."""
-OUTLIERS = RobustWeights(cauchy, multiple=4.0, least=4.0 / 255.0)
-GREYS = np.linspace(0.0, 0.3, 11)[:, None].repeat(3, axis=1)
-"""Dark greys, black the first, which the gamut map leaves alone: each counts as one sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +98,15 @@ class Continuation:
         return _Pairs(even[chosen], *self._with_greys(*self._wanted(linear[kept], y[rows[kept]])))
 
     def _with_greys(self, source: Array, target: Array, weight: Array) -> tuple[Array, Array, Array]:
-        """Samples as `_wanted` makes them, and behind them greys, which nothing moves."""
+        """Samples as `_wanted` makes them, and behind them dark greys, which nothing moves.
+
+        The gamut map leaves them alone, black the first; each counts as one sample.
+        """
+        greys = np.linspace(0.0, 0.3, 11)[:, None].repeat(3, axis=1)
         return (
-            np.concatenate([source, GREYS]),
-            np.concatenate([target, np.zeros_like(GREYS)]),
-            np.concatenate([weight, np.ones(len(GREYS))]),
+            np.concatenate([source, greys]),
+            np.concatenate([target, np.zeros_like(greys)]),
+            np.concatenate([weight, np.ones(len(greys))]),
         )
 
     def leave_out(self, x: Array, y: Array, held: Sequence[Mask]) -> "list[Continuation]":
@@ -120,7 +121,7 @@ class Continuation:
         source, target, weight = self._with_greys(*self._wanted(self._linear(x), y))
         system = RadialBasisProblem(source, self.bend.centres)
         weight = weight * cauchy(_error(self.bend(source) - target, weight) / self.half)
-        masks = [np.concatenate([mask[rows], np.zeros(len(GREYS), dtype=np.bool_)]) for mask in held]
+        masks = [np.concatenate([mask[rows], np.zeros(len(source) - len(x), dtype=np.bool_)]) for mask in held]
         parts = [system.equations(target, weight, mask) for mask in (*masks, ~np.any(masks, axis=0))]
         total = np.sum(parts, axis=0)
         guesses = []
@@ -206,7 +207,7 @@ class _Pairs:
         few = self.problem if len(self.centres) <= most else RadialBasisProblem(self.source, self.centres[:most])
         for _ in range(2):
             error = _error(few.fit(self.target, self.weight * robust)[1], self.weight)
-            half = OUTLIERS.scale(error)
+            half = RobustWeights(cauchy, multiple=4.0, least=4.0 / 255.0).scale(error)
             robust = cauchy(error / half)
         return _Trial(self, robust, half, float(np.sqrt(robust @ error**2 / robust.sum())))
 

@@ -12,9 +12,6 @@ from lutforge.arrays import Array
 from lutforge.errors import CalibrationError
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
-KNOTS = 17
-ROBUST = RobustWeights(cauchy, multiple=4.0, least=2.0 / 255.0)
-
 
 def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
     """Multipliers (3,) with green = 1 from RAW (n, 3) and JPEG values (n, 3) of any colours under one white balance.
@@ -25,14 +22,14 @@ def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
     if count < 24 or np.linalg.matrix_rank(raw - raw.mean(axis=0), tol=1e-3 * np.sqrt(count)) < 3:
         raise CalibrationError(f"{count} colours, too few or too alike to tell a white balance from")
     weight = np.ones((count, 3))
-    matrix = np.eye(3)
+    matrix, codes = np.eye(3), np.linspace(0.0, 1.0, 17)
+    robust = RobustWeights(cauchy, multiple=4.0, least=2.0 / 255.0)
     for _ in range(4):
-        table, matrix = _fit(raw, encoded, weight)
-        codes = np.linspace(0.0, 1.0, KNOTS)
+        table, matrix = _fit(raw, encoded, weight, len(codes) - 1)
         rendered = np.interp(raw @ matrix.T, table, codes)
         residual = np.linalg.norm(rendered - encoded, axis=1)
         slope = np.interp(encoded, codes, np.gradient(table, codes))
-        weight = np.sqrt(ROBUST(residual))[:, None] / np.maximum(slope, 0.05)
+        weight = np.sqrt(robust(residual))[:, None] / np.maximum(slope, 0.05)
     neutral = np.linalg.solve(matrix, np.ones(3))
     if not np.all(neutral > 0) or not np.all((neutral[1] / neutral > 0.1) & (neutral[1] / neutral < 10)):
         raise CalibrationError("the colours contradict any white balance: is the JPEG the camera's own?")
@@ -40,9 +37,9 @@ def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
     return multipliers
 
 
-def _fit(raw: Array, encoded: Array, weight: Array) -> tuple[Array, Array]:
-    """f⁻¹ (KNOTS,) and A (3, 3): minimise Σ w² (f⁻¹(I_c) − a_c·E)² with f⁻¹ rising from 0 to 1."""
-    count, steps = len(raw), KNOTS - 1
+def _fit(raw: Array, encoded: Array, weight: Array, steps: int) -> tuple[Array, Array]:
+    """f⁻¹ (steps + 1,) and A (3, 3): minimise Σ w² (f⁻¹(I_c) − a_c·E)² with f⁻¹ rising from 0 to 1."""
+    count = len(raw)
     design = np.zeros((3 * count, steps + 9))
     position = np.clip(encoded, 0.0, 1.0) * steps
     for channel in range(3):

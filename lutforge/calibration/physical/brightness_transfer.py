@@ -18,10 +18,20 @@ from lutforge.calibration.physical.shot_curves import share_of_own_curves
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.model.response import Response
 
-OUTLIER = 3.0 / 255.0
-"""A JPEG value this far from the camera's transfer function is an outlier; so is its whole colour (3.2)."""
-MERGED = 0.1
-"""Ratios within so many stops are one."""
+
+@dataclass(frozen=True)
+class TransferOptions:
+    """outlier: a JPEG value this far from the camera's transfer function, and so its whole colour (3.2).
+
+    merged: ratios within so many stops are one. shift, own_curves: a response is a fixed property of the camera below
+    this shift of whole shots, as a shutter 5 % off moves middle grey so far, and this share that curves of shots
+    explain: it is 1 % at most of 48 fixed simulated cameras, and 3 and 6 % of two real brackets.
+    """
+
+    outlier: float = 3.0 / 255.0
+    merged: float = 0.1
+    shift: float = 3.0 / 255.0
+    own_curves: float = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,31 +84,35 @@ class ResponseVerdict:
         )
 
 
-def transfer_functions(pairs: ExposurePairs) -> tuple[TransferFunction, ...]:
+def transfer_functions(pairs: ExposurePairs, options: TransferOptions | None = None) -> tuple[TransferFunction, ...]:
     """The pairs by exposure ratio, each with the function that the camera's one response implies.
 
     Raises CalibrationError where the pairs do not determine a response.
     """
+    options = options or TransferOptions()
     response, of_all = fit_response_to_exposures(pairs).response, fit_response_to_all_colours(pairs).response
     stops = pairs.log_ratio / np.log(2.0)
     result = []
-    for centre in _centres(stops):
-        mine = pairs.select(np.abs(stops - centre) <= MERGED)
-        outlier = np.any(np.abs(mine.departure(response)) > OUTLIER, axis=1)
+    for centre in _centres(stops, options.merged):
+        mine = pairs.select(np.abs(stops - centre) <= options.merged)
+        outlier = np.any(np.abs(mine.departure(response)) > options.outlier, axis=1)
         values = mine.first, mine.second, mine.raw_first, mine.raw_second
         curves = _curve(response, centre), _curve(of_all, centre)
         result.append(TransferFunction(float(centre), *values, outlier, *curves))
     return tuple(result)
 
 
-def judge(pairs: ExposurePairs, response: Response | None = None) -> ResponseVerdict:
+def judge(
+    pairs: ExposurePairs, response: Response | None = None, options: TransferOptions | None = None
+) -> ResponseVerdict:
     """Outliers and shifts over all pairs, from the function that a response implies; none: the one of the pairs.
 
     Raises CalibrationError where the pairs do not determine a response.
     """
+    options = options or TransferOptions()
     response = response or fit_response_to_exposures(pairs).response
     departure = pairs.departure(response)
-    by_channel = np.abs(departure) > OUTLIER
+    by_channel = np.abs(departure) > options.outlier
     outlier = by_channel.any(axis=1)
     chroma = np.maximum(saturation(pairs.first), saturation(pairs.second))
     shifts: dict[int, list[float]] = {}
@@ -127,18 +141,16 @@ def judge(pairs: ExposurePairs, response: Response | None = None) -> ResponseVer
         shift=worst,
         raw_spread=max(spreads),
         own_curves=own,
-        # Shifts of whole shots below this leave the response a fixed property: a shutter 5 % off moves middle grey so
-        # far. The share is 1 % at most of 48 fixed simulated cameras, and 3 and 6 % of two real brackets.
-        fixed=worst < 3.0 / 255.0 and own < 0.1,
+        fixed=worst < options.shift and own < options.own_curves,
     )
 
 
-def _centres(stops: Array) -> list[float]:
+def _centres(stops: Array, merged: float) -> list[float]:
     """The distinct exposure ratios, in stops."""
     centres: list[float] = []
     for value in np.unique(np.round(stops, 3)):
-        if not centres or value - centres[-1] > 2 * MERGED:
-            centres.append(float(np.median(stops[np.abs(stops - value) <= MERGED])))
+        if not centres or value - centres[-1] > 2 * merged:
+            centres.append(float(np.median(stops[np.abs(stops - value) <= merged])))
     return centres
 
 

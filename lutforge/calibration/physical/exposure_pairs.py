@@ -12,15 +12,28 @@ from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 
-CLIPPED = 1.5 / 255.0
-"""JPEG values this near 0 or 1 in any channel are clipped."""
-MOST_STOPS = 3.5
-"""Shots further apart share too few unclipped surfaces, and their shifts are larger (thesis 3.2)."""
-LEAST_STOPS = 0.15
-LEAST_PAIRS = 6
-END_GUARD = 4.0 / 255.0
-"""Cells of a bracket this near its black or white are clipped, too: compression and noise move them."""
-TIME_SPREAD = 0.03
+
+@dataclass(frozen=True)
+class PairingOptions:
+    """Which colours of two shots are exposure pairs.
+
+    clipped: JPEG values this near 0 or 1 in any channel are clipped; end_guard: so are cells of a bracket this near its
+    black or white, which compression and noise move. least_stops, most_stops: between two shots; those further apart
+    share too few unclipped surfaces, and their shifts are larger (thesis 3.2). least_pairs: of two shots. time_spread:
+    expected error of the logarithm of an exposure time; RAW values tell ratios to raw_spread.
+    """
+
+    clipped: float = 1.5 / 255.0
+    end_guard: float = 4.0 / 255.0
+    least_stops: float = 0.15
+    most_stops: float = 3.5
+    least_pairs: int = 6
+    time_spread: float = 0.03
+    raw_spread: float = 0.003
+
+    def spaced(self, log_ratio: float) -> bool:
+        """Whether two shots of this log ratio of exposures tell the response."""
+        return bool(self.least_stops <= log_ratio / np.log(2) <= self.most_stops)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,20 +111,21 @@ class _Exposure:
     row: NDArray[np.intp]
 
 
-def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
+def pairs_of_samples(samples: SampleSet, options: PairingOptions | None = None) -> ExposurePairs:
     """All exposure pairs of a sample table: same style and white balance, same patch, other shot.
 
     With RAW the ratio is that of the RAW values, which are linear, and pairs of shots whose surfaces have no common
     ratio are other scenes and left out; without, it is that of the exposure times.
     Raises CalibrationError where no two shots are a pair.
     """
+    options = options or PairingOptions()
     parts: list[tuple[_Exposure, _Exposure, Mask, float]] = []
     from_raw = bool(np.all(samples.raw_camera == samples.camera)) and bool(np.any(samples.raw > 0))
-    for group in _groups(samples):
+    for group in _groups(samples, options.clipped):
         for one, other in combinations(sorted(group, key=lambda shot: shot.log_time), 2):
             both = one.usable & other.usable
-            ratio = _log_ratio(one, other, both, from_raw)
-            if ratio is not None and LEAST_STOPS <= abs(ratio) / np.log(2) <= MOST_STOPS:
+            ratio = _log_ratio(one, other, both, from_raw, options.least_pairs)
+            if ratio is not None and options.spaced(abs(ratio)):
                 parts.append((one, other, both, ratio) if ratio > 0 else (other, one, both, -ratio))
     if not parts:
         raise CalibrationError(
@@ -119,17 +133,22 @@ def pairs_of_samples(samples: SampleSet) -> ExposurePairs:
             "shoot the same chart at several shutter speeds, with all other settings the same, or take the preset "
             "lutforge, which needs no such shots"
         )
-    # RAW values tell ratios to 0.3 %
-    return _join(parts, 0.003 if from_raw else TIME_SPREAD)
+    return _join(parts, options.raw_spread if from_raw else options.time_spread)
 
 
-def pairs_of_bracket(names: Sequence[str], encoded: Iterable[Array], exposure_s: Sequence[float]) -> ExposurePairs:
+def pairs_of_bracket(
+    names: Sequence[str],
+    encoded: Iterable[Array],
+    exposure_s: Sequence[float],
+    options: PairingOptions | None = None,
+) -> ExposurePairs:
     """Exposure pairs of registered JPEGs of one scene: flat cells of 8 × 8 pixels.
 
     encoded: images (h, w, 3) in [0, 1], all of one size, taken one at a time; exposure_s: relative times, with all
     other settings the same. Black and white are found from the outermost shots.
     Raises CalibrationError below two exposures, on sizes that differ, or where nothing is flat and unclipped.
     """
+    options = options or PairingOptions()
     if len(set(exposure_s)) < 2:
         raise CalibrationError(
             "one exposure only: the response needs a bracket; shoot the same scene at several shutter speeds"
@@ -143,13 +162,13 @@ def pairs_of_bracket(names: Sequence[str], encoded: Iterable[Array], exposure_s:
     order = np.argsort(exposure_s)
     cells = [measured[place] for place in order]
     stops = np.log2(np.asarray(exposure_s)[order])
-    within = np.flatnonzero(stops - stops[0] <= MOST_STOPS)[-1]  # nearer, dark tones would pass for black, too
-    black, low = _insensitive(cells[0][0], cells[within][0], dark=True)
-    white, high = _insensitive(cells[-1][0], cells[-2][0], dark=False)
+    within = np.flatnonzero(stops - stops[0] <= options.most_stops)[-1]  # nearer, dark tones would pass for black, too
+    black, low = _insensitive(cells[0][0], cells[within][0], options.clipped, dark=True)
+    white, high = _insensitive(cells[-1][0], cells[-2][0], options.clipped, dark=False)
     shots = []
     for place, (mean, spread) in zip(order, cells, strict=True):
         flat = spread.max(axis=1) < 0.01 + 0.03 * mean.max(axis=1)
-        usable = flat & np.all((mean > low + END_GUARD) & (mean < high - END_GUARD), axis=1)
+        usable = flat & np.all((mean > low + options.end_guard) & (mean < high - options.end_guard), axis=1)
         log_time = float(np.log(exposure_s[place]))
         inside = (mean - black) / (white - black)
         nothing = np.full_like(mean, np.nan)
@@ -158,25 +177,25 @@ def pairs_of_bracket(names: Sequence[str], encoded: Iterable[Array], exposure_s:
     for one, other in combinations(shots, 2):
         both = one.usable & other.usable
         ratio = other.log_time - one.log_time
-        if both.sum() >= LEAST_PAIRS and LEAST_STOPS <= ratio / np.log(2) <= MOST_STOPS:
+        if both.sum() >= options.least_pairs and options.spaced(ratio):
             parts.append((one, other, _over_tones(one.encoded, both), ratio))
     if not parts:
         raise CalibrationError("no two shots of the bracket share flat, unclipped surfaces: shoot smaller steps")
-    return replace(_join(parts, TIME_SPREAD), black=black, white=white)
+    return replace(_join(parts, options.time_spread), black=black, white=white)
 
 
-def _insensitive(outer: Array, inner: Array, *, dark: bool) -> tuple[Array, Array]:
+def _insensitive(outer: Array, inner: Array, noise_of_code: float, *, dark: bool) -> tuple[Array, Array]:
     """Find the JPEG values (3,) where a channel no longer follows the exposure, and where the noise there ends.
 
     They are of the cells (n, 3) of two shots: the black of two dark shots of a bracket, or the white of its brightest
-    two.
+    two. noise_of_code: cells that differ by no more do not follow the exposure.
     """
     ends = np.zeros(3) if dark else np.ones(3)
     noise = ends.copy()
     for channel in range(3):
         one, other = outer[:, channel], inner[:, channel]
         side = other < 0.25 if dark else other > 0.75
-        same = one[side & (np.abs(one - other) <= CLIPPED)]
+        same = one[side & (np.abs(one - other) <= noise_of_code)]
         # Share of the cells that must not follow the exposure for their value to be the black or white
         if len(same) >= 1e-3 * one.size:
             ends[channel] = np.median(same)
@@ -204,7 +223,7 @@ def _cells(image: Array, cell: int) -> tuple[Array, Array]:
     return cells.mean(axis=(1, 3)).reshape(-1, 3), cells.std(axis=(1, 3)).reshape(-1, 3)
 
 
-def _groups(samples: SampleSet) -> Iterator[list[_Exposure]]:
+def _groups(samples: SampleSet, clipped: float) -> Iterator[list[_Exposure]]:
     """Per style and white balance, the shots over the patches of the group (rows that a shot lacks are unusable)."""
     for style in np.unique(samples.style):
         for balance in np.unique(samples.white_balance[samples.style == style]):
@@ -220,7 +239,7 @@ def _groups(samples: SampleSet) -> Iterator[list[_Exposure]]:
                 row = np.full(len(patches), -1)
                 row[place] = rows
                 with np.errstate(invalid="ignore"):
-                    usable = np.all((encoded > CLIPPED) & (encoded < 1 - CLIPPED), axis=1)
+                    usable = np.all((encoded > clipped) & (encoded < 1 - clipped), axis=1)
                     usable &= ~np.any(raw >= 0.999, axis=1)
                 time = shot.exposure_s[np.isfinite(shot.exposure_s)]
                 log_time = float(np.log(np.median(time))) if len(time) else np.nan
@@ -228,15 +247,15 @@ def _groups(samples: SampleSet) -> Iterator[list[_Exposure]]:
             yield group
 
 
-def _log_ratio(one: _Exposure, other: _Exposure, both: Mask, from_raw: bool) -> float | None:
+def _log_ratio(one: _Exposure, other: _Exposure, both: Mask, from_raw: bool, least: int) -> float | None:
     """log k' of other over one; None where they are no pair."""
-    if both.sum() < LEAST_PAIRS:
+    if both.sum() < least:
         return None
     if not from_raw:
         ratio = other.log_time - one.log_time
         return float(ratio) if np.isfinite(ratio) else None
     bright = both & np.all((one.raw > 0.004) & (other.raw > 0.004), axis=1)
-    if bright.sum() < LEAST_PAIRS:
+    if bright.sum() < least:
         return None
     logs = np.log(other.raw[bright] / one.raw[bright])
     middle = float(np.median(logs))

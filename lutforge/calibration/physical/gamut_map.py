@@ -14,19 +14,15 @@ from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap, from_even, to_even
 
-COINCIDENT = 0.5 / 255.0
-"""Pairs whose encoded colours lie in one cell of this size are one pair, their median."""
-NUGGETS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
-"""Candidates of 8Nπρ."""
-FOLDS = 5
-
 
 @dataclass(frozen=True)
 class GamutMapOptions:
     """Options of a fit. tolerance: residual, in the units of the values, below which a pair is met; most: of centres.
 
     nugget: 8Nπρ of (4.8), the weight of smoothness against fidelity; None chooses it on held-out shots.
-    offset: of the even scale that the map works on, where its residuals count, too; 0 for linear values (thesis).
+    nuggets: its candidates; folds: parts in which shots are left out for it. offset: of the even scale that the map
+    works on, where its residuals count, too; 0 for linear values (thesis). coincident: pairs whose encoded colours lie
+    in one cell of this size are one pair, their median.
     Raises CalibrationError on values that are not positive.
     """
 
@@ -34,7 +30,10 @@ class GamutMapOptions:
     # The thesis uses 3000 to 5000
     most: int = 4000
     nugget: float | None = None
+    nuggets: tuple[float, ...] = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+    folds: int = 5
     offset: float = 0.0
+    coincident: float = 0.5 / 255.0
 
     def __post_init__(self) -> None:
         if not self.tolerance > 0 or self.most < 8 or (self.nugget is not None and not self.nugget >= 0):
@@ -71,13 +70,15 @@ def fit_gamut_map(
     slope = np.ones(len(source)) if importance is None else np.asarray(importance, dtype=np.float64)
     names = np.arange(len(source)).astype(str) if groups is None else groups
     source, target = to_even(source, options.offset), to_even(target, options.offset)
-    source, target, slope, names = merge_coincident(source, target, slope, names)
+    source, target, slope, names = merge_coincident(source, target, slope, names, options.coincident)
     if len(source) < 8 or np.linalg.matrix_rank(source - source.mean(axis=0), tol=1e-4 * np.sqrt(len(source))) < 3:
         raise CalibrationError(
             f"{len(source)} distinct colours cannot tell a gamut map: shoot a chart or a scene of many colours"
         )
     slope = slope / np.median(slope)
-    nugget = _choose_nugget(source, target, slope, names) if options.nugget is None else options.nugget
+    nugget = options.nugget
+    if nugget is None:
+        nugget = _choose_nugget(source, target, slope, names, options)
     chosen = _first_centres(source, min(64, options.most, len(source)))
     while True:
         gamut_map = solve(source[chosen], target[chosen], nugget / slope[chosen] ** 2)
@@ -123,13 +124,13 @@ def solve(centres: Array, values: Array, nugget: Array) -> GamutMap:
 
 
 def merge_coincident(
-    source: Array, target: Array, slope: Array, names: NDArray[np.str_]
+    source: Array, target: Array, slope: Array, names: NDArray[np.str_], size: float
 ) -> tuple[Array, Array, Array, NDArray[np.str_]]:
     """One pair a cell: the medians of what coincides in the source (about 0.2 % of the thesis's points).
 
-    Cells are COINCIDENT wide where the slope is 1, smaller where it is steeper. The name is that of the first.
+    Cells are `size` wide where the slope is 1, smaller where it is steeper. The name is that of the first.
     """
-    step = COINCIDENT / np.maximum(slope, 0.5)
+    step = size / np.maximum(slope, 0.5)
     exponent = np.floor(np.log2(step)).astype(np.int64)  # cells of sizes that are powers of 2
     keys = np.column_stack([np.floor(source / np.exp2(exponent)[:, None]).astype(np.int64), exponent])
     _, first, place, counts = np.unique(keys, axis=0, return_index=True, return_inverse=True, return_counts=True)
@@ -167,24 +168,26 @@ def _worst_apart(source: Array, residual: Array, candidates: Mask, wanted: int) 
     return best
 
 
-def _choose_nugget(source: Array, target: Array, slope: Array, names: NDArray[np.str_]) -> float:
-    """The smoothest candidate of least error on shots left out, a fifth at a time, on a subset of the pairs."""
-    rng = np.random.default_rng(0)
+def _choose_nugget(
+    source: Array, target: Array, slope: Array, names: NDArray[np.str_], options: GamutMapOptions
+) -> float:
+    """The smoothest candidate of least error on shots left out, a fold at a time, on a subset of the pairs."""
+    rng, folds = np.random.default_rng(0), options.folds
     # a subset is enough, and quick
     rows = rng.permutation(len(source))[:800]
     source, target, slope = source[rows], target[rows], slope[rows]
     shots, shot = np.unique(names[rows], return_inverse=True)
     # Of fewer shots one may be the only one of its exposure: then single pairs are left out, not whole shots.
-    fold = rng.permutation(len(shots))[shot] % FOLDS if len(shots) >= FOLDS else np.arange(len(rows)) % FOLDS
+    fold = rng.permutation(len(shots))[shot] % folds if len(shots) >= folds else np.arange(len(rows)) % folds
     scores = []
-    for nugget in NUGGETS:
+    for nugget in options.nuggets:
         score = 0.0
-        for held in range(FOLDS):
+        for held in range(folds):
             train, test = fold != held, fold == held
             if train.sum() < 8:
                 continue
             gamut_map = solve(source[train], target[train], nugget / slope[train] ** 2)
             score += float(np.sum(np.linalg.norm(gamut_map(source[test]) - target[test], axis=1) * slope[test]))
         scores.append(score)
-    good = [nugget for nugget, score in zip(NUGGETS, scores, strict=True) if score <= 1.005 * min(scores)]
+    good = [nugget for nugget, score in zip(options.nuggets, scores, strict=True) if score <= 1.005 * min(scores)]
     return max(good)

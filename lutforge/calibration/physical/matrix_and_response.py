@@ -29,9 +29,6 @@ from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
 from lutforge.solvers.solution import Status
 
-ALL_COLOURS = RobustWeights(cauchy, multiple=4.0, least=2.0 / 255.0)
-"""How all samples count, saturated ones too."""
-
 
 @dataclass(frozen=True)
 class RobustFitOptions:
@@ -121,9 +118,9 @@ def fit_matrix_and_response(
 def with_matrix_of_all(fit: MatrixAndResponse, x: Array, encoded: Array) -> MatrixAndResponse:
     """Fit the matrix anew to all samples x, encoded (n, 3), saturated ones too, and keep the response."""
     linear, slope = fit.response.linearize(encoded), encoding_slope(fit.response, encoded)
-    matrix = fit.matrix
+    matrix, robust = fit.matrix, RobustWeights(cauchy, multiple=4.0, least=2.0 / 255.0)
     for _ in range(6):
-        weight = ALL_COLOURS(encoded_residual(fit.response, matrix, x, encoded))
+        weight = robust(encoded_residual(fit.response, matrix, x, encoded))
         matrix = fit_neutral_matrix(x, linear, weight, slope)
     return MatrixAndResponse(matrix, fit.response)
 

@@ -21,10 +21,6 @@ from lutforge.model.profile_data import PhysicalModel
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 
-MOST_TURNS, SETTLED = 15, 5e-4
-"""Unknown multipliers and f are fitted in turns, until the multipliers change by less than this."""
-OFFSET = 0.01
-"""Of the even scale that h works on: about the linear value where JPEG responses become straight."""
 AUTO_OF_SHOT = "auto\x00"
 """Under auto every shot has a white balance of its own: settings "auto\\0shot"."""
 
@@ -59,8 +55,8 @@ def fit_stages(
     setting = np.where(automatic, np.char.add(AUTO_OF_SHOT, samples.shot), samples.white_balance)
     responses: dict[str, Response] = {}
     matrix = np.eye(3)
-    settled = bool(known.all())
-    for turn in range(MOST_TURNS):
+    settled, most_turns = bool(known.all()), 15
+    for turn in range(most_turns):
         linear = np.zeros_like(samples.raw)
         trusted = np.zeros(len(samples))
         for name in names:
@@ -85,13 +81,13 @@ def fit_stages(
             preset=preset,
         )
         matrix = fit.matrix
-        if settled or turn == MOST_TURNS - 1:
+        if settled or turn == most_turns - 1:
             break
         before, multipliers = multipliers, multipliers.copy()
         for key in np.unique(setting[~known]):
             rows = (setting == key) & ~known
             multipliers[rows] = fit.multipliers[str(key)] * multipliers[rows, 1:2]
-        settled = bool(np.max(np.abs(multipliers / before - 1.0)) < SETTLED)
+        settled = bool(np.max(np.abs(multipliers / before - 1.0)) < 5e-4)
     return CameraStages(matrix, multipliers, responses)
 
 
@@ -193,7 +189,8 @@ def fit_gamut_maps(
     The residual of h counts in JPEG values; that of h⁻¹ between RAW and JPEG values, so that dark colours count. With
     the preset "thesis" all residuals count alike, in linear values, as (4.8) has it.
     """
-    linear, mapped, offset = balanced @ matrix.T, response.linearize(encoded), 0.0 if preset == "thesis" else OFFSET
+    linear, mapped = balanced @ matrix.T, response.linearize(encoded)
+    offset = 0.0 if preset == "thesis" else 0.01  # about the linear value where JPEG responses become straight
     slope = np.ones_like(encoded) if preset == "thesis" else encoding_slope(response, encoded)
     forward = fit_gamut_map(
         linear,

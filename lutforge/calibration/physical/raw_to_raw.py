@@ -14,10 +14,6 @@ from lutforge.solvers.cross_validation import leave_samples_out, predict_held_ou
 Form = Literal["matrix", "piecewise", "root-polynomial"]
 
 LEAST_PAIRS = 12
-HUES = 12
-"""Number of edges between wedges; more would follow finer changes with hue than smooth sensitivities make."""
-STIFFNESS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
-"""Candidates for the weight that holds the other forms to one matrix; held-out pairs choose."""
 
 
 def pair_samples(source: SampleSet, target: SampleSet) -> tuple[Array, Array, Array]:
@@ -82,7 +78,8 @@ def fit_raw_transfer(
     if neutral is None:
         raise CalibrationError(f"a {form} transfer needs the source camera's RAW of a white")
     if form == "piecewise":
-        hues: Array = np.arange(HUES, dtype=np.float64) * (2 * np.pi / HUES)
+        # Twelve edges between wedges: more would follow finer changes with hue than smooth sensitivities make.
+        hues: Array = np.arange(12, dtype=np.float64) * (2 * np.pi / 12)
         images, error = _fit_wedges(x, y, weight, neutral, matrix, hues)
         return RawTransfer(source, target, matrix, neutral, HueWedges(neutral, hues, images), error)
     # Without the roots it is the matrix.
@@ -97,11 +94,11 @@ def _fit_wedges(x: Array, y: Array, weight: Array, neutral: Array, matrix: Array
     # A unit step along an edge, in RAW: where one matrix would take it is where the fit starts from.
     edges = np.stack([np.cos(hues), np.sin(hues)], axis=1) @ np.linalg.pinv(OPPONENT).T
     start = np.vstack([neutral, edges * neutral]) @ matrix.T
-    ring = np.eye(HUES)
+    ring = np.eye(len(hues))
     # 0 where all wedges share one matrix: the images are then a cosine of the hue.
-    bend = np.roll(ring, 1, axis=1) - 2 * np.cos(2 * np.pi / HUES) * ring + np.roll(ring, -1, axis=1)
+    bend = np.roll(ring, 1, axis=1) - 2 * np.cos(2 * np.pi / len(hues)) * ring + np.roll(ring, -1, axis=1)
     terms = HueWedges(neutral, hues, start).coordinates(x)
-    return _fit_bent(terms, y, weight, start, np.hstack([np.zeros((HUES, 1)), bend]))
+    return _fit_bent(terms, y, weight, start, np.hstack([np.zeros((len(hues), 1)), bend]))
 
 
 def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) -> tuple[Array, float]:
@@ -124,9 +121,9 @@ def _fit_bent(terms: Array, y: Array, weight: Array, start: Array, bend: Array) 
         held = predict_held_out(masks, lambda train, test: terms[test] @ fit(stiffness, train))
         return _relative(held - y, weight)
 
-    errors = [held_out_error(stiffness) for stiffness in STIFFNESS]
-    best = int(np.argmin(errors))
-    return fit(STIFFNESS[best], np.ones(len(y), dtype=np.bool_)), errors[best]
+    errors = {stiffness: held_out_error(stiffness) for stiffness in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)}
+    best = min(errors, key=lambda stiffness: errors[stiffness])
+    return fit(best, np.ones(len(y), dtype=np.bool_)), errors[best]
 
 
 def _least_squares(x: Array, y: Array, weight: Array) -> Array:

@@ -17,9 +17,6 @@ from lutforge.model.emor import log_inverse_emor
 from lutforge.model.response import Response
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
 
-PAIR_WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
-"""How pairs count by their residual, in units of the noise of their codes."""
-
 
 @dataclass(frozen=True, eq=False)
 class ExposureResponseFit:
@@ -53,7 +50,7 @@ def fit_response_to_all_colours(pairs: ExposurePairs) -> ExposureResponseFit:
 
 def _fit(pairs: ExposurePairs, low: Mask, preset: Preset, basis: CurveBasis) -> ExposureResponseFit:
     """f in one basis; low: (n,) the pairs to start from."""
-    robust = preset == "lutforge"
+    robust, pair_weights = preset == "lutforge", RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
     weight, noise = low.astype(np.float64), np.full(pairs.first.shape, 0.02)
     for turn in range(1, 13 if robust else 4):
         logs, errors = _solve(pairs, basis, weight, noise, alike=robust)
@@ -61,7 +58,7 @@ def _fit(pairs: ExposurePairs, low: Mask, preset: Preset, basis: CurveBasis) -> 
         residual = np.max(np.abs(_pair_residual(pairs, logs, errors)) / expected, axis=1)
         noise = expected if robust else noise  # all pairs count alike in (4.4)
         if robust and turn > 2:
-            before, weight = weight, PAIR_WEIGHTS(residual, residual[low])
+            before, weight = weight, pair_weights(residual, residual[low])
             if float(np.mean(np.abs(weight - before))) < 2e-3:
                 break
     logs = _held_at_white(logs, pairs, weight)

@@ -3,14 +3,11 @@
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.options import Preset
+from lutforge.calibration.options import PhysicalOptions, Preset
 from lutforge.errors import CalibrationError
 
-BETA = 0.3
+BETA = PhysicalOptions.beta
 """HSV saturation below which a colour is taken to be untouched by the gamut map."""
-LARGEST_BETA, LEAST_SHARE = 0.5, 0.35
-"""Where few colours lie below β, as under a light that the white balance does not meet, the robust fit starts from this
-share of the least saturated, if they lie below this saturation."""
 LEAST_UNSATURATED = 8
 
 
@@ -37,10 +34,14 @@ def untouched_odds(chroma: Array, beta: float) -> Array:
 
 
 def starting_beta(chroma: Array, preset: Preset, beta: float = BETA) -> float:
-    """β itself, or for the robust fit what takes in enough of the least saturated colours."""
+    """β itself, or for the robust fit what takes in enough of the least saturated colours.
+
+    Few colours lie below β under a light that the white balance does not meet; then the fit starts from those among the
+    35 % least saturated, if they lie below a saturation of one half.
+    """
     if preset == "thesis" or (chroma < beta).sum() >= max(2 * LEAST_UNSATURATED, 0.15 * len(chroma)):
         return beta
-    return float(np.clip(np.quantile(chroma, LEAST_SHARE), beta, LARGEST_BETA))
+    return float(np.clip(np.quantile(chroma, 0.35), beta, 0.5))
 
 
 def check_tones(encoded: Array, unsaturated: Mask) -> None:

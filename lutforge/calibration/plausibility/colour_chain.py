@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.physical.unsaturated import BETA, LEAST_SHARE, saturation, untouched_odds
+from lutforge.calibration.physical.unsaturated import BETA, saturation, untouched_odds
 from lutforge.errors import CalibrationError
 from lutforge.model.emor import inverse_emor
 from lutforge.solvers.blas import one_blas_thread
@@ -26,7 +26,6 @@ CODE = 1.0 / 255.0
 CURVES = 6
 """EMoR curves beside its mean, a line and a constant. With this many, real responses are matched to half a code."""
 TERMS = CURVES + 3
-LEAST_SAMPLES = 24
 PRIOR = np.concatenate([[0.1, 0.1, 0.1], np.arange(1, CURVES + 1) ** 4.0, np.full(9, 1e-2), [4e4]])
 """Prior precisions of the coefficients of g, of A and of d. Only those of the later curves and of d are strong: the
 standard deviation of d is 0.005."""
@@ -99,10 +98,10 @@ def fit_chain(x: Array, encoded: Array, multipliers: Array) -> ColourChain:
 
     At most 600 of the less saturated colours are used. Raises CalibrationError where there are too few.
     """
-    if len(x) < LEAST_SAMPLES:
+    if len(x) < 24:
         raise CalibrationError(f"{len(x)} samples are too few to judge")
     chroma = saturation(encoded)
-    beta = max(BETA, float(np.quantile(chroma, LEAST_SHARE)))
+    beta = max(BETA, float(np.quantile(chroma, 0.35)))
     rows = np.flatnonzero(chroma < 2.5 * beta)
     if len(rows) > 600:
         rows = np.random.default_rng(0).choice(rows, 600, replace=False, shuffle=False)

@@ -7,22 +7,26 @@ darker tones.
 """
 
 import json
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
 import numpy as np
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.plausibility.colour_chain import CODE, ColourChain
 
-OFF_DIAGONAL = ([0, 0, 1, 1, 2, 2], [1, 2, 0, 2, 0, 1])
-TONES = np.array([32.0, 64.0, 118.0, 180.0, 230.0]) / 255.0
-STOPS = np.array([-5.6, -4.3, -2.95, -1.7, -0.7])
-"""log2 of the RAW at which TONES are reached, a response between sRGB's curve and a film-like one."""
-STYLE_SPREAD = 0.25
-"""Standard deviation of the matrix's entries between picture styles, such as a lively and a calm one."""
-TAILS = 8.0
-"""Degrees of freedom of Student's t, whose tails are wide enough for good cameras with an unusual rendering."""
+
+@dataclass(frozen=True, eq=False)
+class TypicalResponse:
+    """A response between sRGB's curve and a film-like one, and how cameras vary about it.
+
+    tones: encoded (5,); stops: log2 of the RAW at which they are reached; covariance: of stops (5, 5).
+    """
+
+    tones: Array
+    stops: Array
+    covariance: Array
 
 
 @cache
@@ -33,10 +37,19 @@ def known_cameras() -> dict[str, dict[str, list[float]]]:
     return parsed
 
 
+@cache
+def typical_response() -> TypicalResponse:
+    """The response of data/cameras.json. Exposure moves all tones alike, and contrast moves darker ones more."""
+    known = known_cameras()["response"]
+    steps = np.array(known["spread"]) ** 2
+    covariance = 0.2**2 + np.minimum(steps[:, None], steps[None, :])
+    return TypicalResponse(np.array(known["values"]) / 255.0, np.array(known["stops"]), covariance)
+
+
 def typical_matrix() -> Array:
     """The mean Ts (3, 3) of the measured sensors."""
     matrix = np.zeros((3, 3))
-    matrix[OFF_DIAGONAL] = known_cameras()["matrix"]["mean"]
+    matrix[~np.eye(3, dtype=np.bool_)] = known_cameras()["matrix"]["mean"]
     return np.asarray(matrix + np.diag(1.0 - matrix.sum(axis=1)))
 
 
@@ -50,35 +63,39 @@ def log_likelihood(chain: ColourChain, *, known_multipliers: bool, rms: float | 
     total = -chain.independent * np.log((chain.rms if rms is None else rms) + 0.5 * CODE)
     covariance = _matrix_covariance(chain)
     known = known_cameras()["matrix"]
-    spread = np.array(known["covariance"]) + STYLE_SPREAD**2 * np.eye(6) + covariance
-    total += _student(chain.camera_matrix[OFF_DIAGONAL] - np.array(known["mean"]), spread)
+    # A quarter is the standard deviation of entries between picture styles, such as a lively and a calm one.
+    spread = np.array(known["covariance"]) + 0.25**2 * np.eye(6) + covariance
+    total += _student(chain.camera_matrix[~np.eye(3, dtype=np.bool_)] - np.array(known["mean"]), spread)
     if known_multipliers:
         neutral = np.log(np.maximum(chain.neutral[[0, 2]] / chain.neutral[1], 1e-3))
         # A few per cent: warm or cool renderings, and lights that the setting does not match exactly.
         total += _student(neutral, np.eye(2) * 0.025**2 + _neutral_covariance(chain))
-    seen = (chain.low <= TONES) & (chain.high >= TONES)
+    usual, seen = typical_response(), seen_tones(chain)
     if seen.any():
-        total += _student((stops(chain) - STOPS)[seen], _stops_covariance()[np.ix_(seen, seen)])
+        total += _student((stops(chain) - usual.stops)[seen], usual.covariance[np.ix_(seen, seen)])
     # About a thousandth of saturation: black levels that drift or are rounded.
     total += _student(np.array([chain.offset]), np.array([[0.0008**2 + chain.offset_error**2]]))
     return float(total)
 
 
+def seen_tones(chain: ColourChain) -> Mask:
+    """(5,): which tones of the typical response lie among the samples."""
+    tones = typical_response().tones
+    return np.asarray((chain.low <= tones) & (chain.high >= tones))
+
+
 def stops(chain: ColourChain) -> Array:
-    """log2 of the RAW (5,) at which the chain reaches TONES."""
-    return np.asarray(np.log2(np.maximum(chain.light(TONES), 1e-4)))
+    """log2 of the RAW (5,) at which the chain reaches the tones of the typical response."""
+    return np.asarray(np.log2(np.maximum(chain.light(typical_response().tones), 1e-4)))
 
 
-def _student(departure: Array, covariance: Array) -> float:
-    """The logarithm of the density of Student's t at a departure (k,), relative to its maximum."""
+def _student(departure: Array, covariance: Array, freedom: float = 8.0) -> float:
+    """The logarithm of the density of Student's t at a departure (k,), relative to its maximum.
+
+    freedom: degrees of it, so few that the tails are wide enough for good cameras with an unusual rendering.
+    """
     distance = float(departure @ np.linalg.solve(covariance, departure))
-    return -0.5 * (TAILS + len(departure)) * float(np.log1p(distance / TAILS))
-
-
-def _stops_covariance() -> Array:
-    """The covariance (5, 5) of STOPS: exposure moves all tones alike, and contrast moves darker ones more."""
-    steps = np.array([0.43, 0.33, 0.23, 0.14, 0.08]) ** 2
-    return np.asarray(0.2**2 + np.minimum(steps[:, None], steps[None, :]))
+    return -0.5 * (freedom + len(departure)) * float(np.log1p(distance / freedom))
 
 
 def _neutral_covariance(chain: ColourChain) -> Array:
@@ -96,6 +113,6 @@ def _matrix_covariance(chain: ColourChain) -> Array:
     for place in range(9):
         step = np.zeros((3, 3))
         step.flat[place] = 1.0
-        rows.append((step * neutral - chain.matrix * (inverse @ (step @ neutral)))[OFF_DIAGONAL])
+        rows.append((step * neutral - chain.matrix * (inverse @ (step @ neutral)))[~np.eye(3, dtype=np.bool_)])
     slopes = np.array(rows)
     return np.asarray(slopes.T @ chain.covariance @ slopes)

@@ -9,19 +9,17 @@ from lutforge.arrays import Array
 from lutforge.calibration.plausibility.known_cameras import known_cameras
 from lutforge.model.diagnosis import Diagnosis
 
-CAMERA_SPREAD = {"fluorescent": 0.3}
-"""Standard deviations of log(red / blue) between makers for one setting, where it is not 0.1: lamps differ."""
-
 
 def exchanged_names(multipliers: Mapping[str, Array]) -> Diagnosis | None:
     """Diagnose two settings that have each other's names; multipliers: (r, g, b) by name. None where none have."""
     known = known_cameras()["red_over_blue"]
     names = [name for name in multipliers if name in known and name != "what"]
+    makers = {"fluorescent": 0.3}  # log(red / blue) differs between makers by 0.1 for one setting, but lamps differ
     ratio = np.array([np.log(multipliers[name][0] / multipliers[name][2]) for name in names])
 
     def misfit(order: list[int]) -> float:
         """The negative log-likelihood of the ratios under names in this order; the mean of all ratios is free."""
-        spread = np.array([np.hypot(known[names[place]][1], CAMERA_SPREAD.get(names[place], 0.1)) for place in order])
+        spread = np.array([np.hypot(known[names[place]][1], makers.get(names[place], 0.1)) for place in order])
         departure = ratio - np.array([known[names[place]][0] for place in order])
         centre = np.average(departure, weights=spread**-2.0)
         return float(0.5 * np.sum(((departure - centre) / spread) ** 2))

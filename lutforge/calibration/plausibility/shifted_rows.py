@@ -7,21 +7,18 @@ from lutforge.arrays import Array
 from lutforge.calibration.plausibility.colour_chain import CODE, ColourChain
 from lutforge.model.diagnosis import Diagnosis
 
-FARTHEST = 8
-"""The largest shift that is tried, in rows."""
-
 
 def shifted_rows(
     chain: ColourChain, raw: Array, multipliers: Array, encoded: Array, shot: NDArray[np.str_]
 ) -> Diagnosis | None:
     """Diagnose shots whose JPEG values (n, 3) fit RAW (n, 3) a few rows up or down far better than their own."""
     rendered = chain.encoded(chain.predicted(raw * multipliers, multipliers))
-    slipped = []
+    slipped, farthest = [], 8  # the largest shift that is tried
     for name in np.unique(shot):
         rows = np.flatnonzero(shot == name)
-        if len(rows) < 2 * FARTHEST:
+        if len(rows) < 2 * farthest:
             continue
-        errors = {step: _error(rendered[rows], encoded[rows], step) for step in range(-FARTHEST, FARTHEST + 1)}
+        errors = {step: _error(rendered[rows], encoded[rows], step) for step in range(-farthest, farthest + 1)}
         best = min(errors, key=lambda step: errors[step])
         if best and errors[0] > 2 * CODE and errors[best] < 0.85 * errors[0]:
             slipped.append((str(name), best))

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.plausibility.colour_chain import CODE, ColourChain, fit_chain
-from lutforge.calibration.plausibility.known_cameras import STOPS, TONES, log_likelihood, stops, typical_matrix
+from lutforge.calibration.plausibility.known_cameras import (
+    log_likelihood,
+    seen_tones,
+    stops,
+    typical_matrix,
+    typical_response,
+)
+from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.model.diagnosis import Diagnosis
@@ -137,7 +144,8 @@ def _channel_causes(colours: Colours) -> Iterator[Cause]:
 
 
 def _encoding_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
-    tones, power = TONES[1:][TONES[1:] >= given.low], 9.0
+    tones, power = typical_response().tones[1:], 9.0
+    tones = tones[tones >= given.low]
     if len(tones) > 1:
         power = float(np.ptp(stops(given)[-len(tones) :]) / np.ptp(np.log2(tones)))
     if 0.7 < power < 1.55:  # of cameras it is 1.75 to 2.2
@@ -147,7 +155,7 @@ def _encoding_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
             "use the camera's JPEG as it is, encoded",
             colours.changed(encoded=srgb_encode(colours.encoded)),
         )
-    linear = colours.encoded ** (563.0 / 256.0) @ ADOBE_RGB_TO_SRGB.T
+    linear = rgb_space("adobe-rgb").decode(colours.encoded) @ matrix_between("adobe-rgb", "srgb").T
     yield Cause(
         "the JPEGs are in Adobe RGB, and nothing says so",
         "reds are as dull as in that space read as sRGB, and no colour is one that only sRGB can show",
@@ -176,9 +184,9 @@ def _adobe_odds(colours: Colours, linear: Array) -> float:
 
 
 def _level_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
-    seen = (given.low <= TONES) & (given.high >= TONES)
+    seen = seen_tones(given)
     if seen.any():
-        brighter = float(np.mean((STOPS - stops(given))[seen][-2:]))
+        brighter = float(np.mean((typical_response().stops - stops(given))[seen][-2:]))
         if abs(brighter) > 0.75:
             yield _exposure_cause(colours, brighter)
     offset = given.offset
@@ -287,8 +295,3 @@ def _lift(colours: Colours, given: ColourChain) -> tuple[float, float]:
         return 0.0, 0.0
     usual = errors[np.abs(lifts) <= 3.0].min()
     return float(lifts[best]), 0.1 * min(dark.sum(), 200) * float(np.log((usual + 0.4) / (errors[best] + 0.4)))
-
-
-ADOBE_RGB_TO_SRGB = np.array([[1.39836, -0.39836, 0.0], [0.0, 1.0, 0.0], [0.0, -0.04293, 1.04293]])
-"""Linear Adobe RGB → linear sRGB, both with a D65 white; from the primaries of Adobe RGB (1998) Color Image Encoding,
-section 4.3, and of IEC 61966-2-1."""

@@ -24,12 +24,20 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.gauss_newton import gauss_newton
 
-SIGNIFICANCE = 0.005
-"""Largest p-value, one-sided, of a falloff that is taken out. Its corners must differ by LEAST_EV as well."""
-LEAST_EV = 0.03
-"""Least difference between corners and centre, in stops, that is taken out. It moves a bright colour by a code."""
-FARTHEST_CENTRE, CENTRE_SPREAD = 0.15, 0.04
-"""Bounds of the centre in each direction, and the standard deviation of its prior around the middle of the picture."""
+
+@dataclass(frozen=True)
+class FalloffOptions:
+    """Which falloffs are taken out, and where their centres lie.
+
+    significance: largest p-value, one-sided, of one that is taken out. least_ev: least difference between corners and
+    centre, in stops; it moves a bright colour by a code. farthest_centre: bounds of the centre in each direction;
+    centre_spread: standard deviation of its prior around the middle of the picture.
+    """
+
+    significance: float = 0.005
+    least_ev: float = 0.03
+    farthest_centre: float = 0.15
+    centre_spread: float = 0.04
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +51,15 @@ class _Setting:
 
 
 @one_blas_thread
-def fit_falloffs(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[Falloff, ...]:
+def fit_falloffs(
+    samples: SampleSet, multipliers: Array, usable: Mask, options: FalloffOptions | None = None
+) -> tuple[Falloff, ...]:
     """The falloffs of the lens settings where they are significant.
 
     multipliers: (n, 3), what makes RAW white-balanced; usable: (n,) unclipped samples. Samples without a place say
     nothing.
     """
+    options = options or FalloffOptions()
     usable = usable & np.all(np.isfinite(samples.position), axis=1)
     model = partial_model(samples, multipliers, usable) if usable.any() else None
     if model is None:
@@ -56,14 +67,16 @@ def fit_falloffs(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[
     settings = list(_settings(samples.select(model.rows)))
     places, shot = samples.position[model.rows], samples.shot[model.rows]
     while settings:
-        falloffs = _fit(model, places, settings)
+        falloffs = _fit(model, places, settings, options)
         stops = np.zeros(len(places))
         for setting, falloff in zip(settings, falloffs, strict=True):
             stops[setting.member] = falloff.stops(places[setting.member])
         kept = []
         for setting, falloff in zip(settings, falloffs, strict=True):
             without = model.y + np.where(setting.member, 0.0, stops)
-            if falloff.corner_ev > LEAST_EV and _is_significant(model, without, places, shot, setting.member):
+            if falloff.corner_ev <= options.least_ev:
+                continue
+            if _p_value(model, without, places, shot, setting.member) < options.significance:
                 kept.append(setting)
         if len(kept) == len(settings):
             return tuple(falloffs)
@@ -108,12 +121,13 @@ class _Problem:
     model: PartialModel
     places: Array
     settings: Sequence[_Setting]
+    centre_spread: float
     weight: Array
 
     @property
     def prior(self) -> Array:
         """(unknowns,): the weight of each in the residual."""
-        return NOISE / np.tile([1.0] * DEGREE + [CENTRE_SPREAD] * 2, len(self.settings))
+        return NOISE / np.tile([1.0] * DEGREE + [self.centre_spread] * 2, len(self.settings))
 
     def terms(self, unknowns: Array) -> tuple[Array, Array]:
         """The falloff at each sample (n,), and its slopes (n, unknowns)."""
@@ -145,12 +159,12 @@ class _Problem:
         return replace(self, weight=self.model.reweighted(left[:, 0]))
 
 
-def _fit(model: PartialModel, places: Array, settings: Sequence[_Setting]) -> list[Falloff]:
+def _fit(model: PartialModel, places: Array, settings: Sequence[_Setting], options: FalloffOptions) -> list[Falloff]:
     """The falloffs of all settings."""
-    lower = np.tile([0.0] * DEGREE + [-FARTHEST_CENTRE] * 2, len(settings))
-    upper = np.tile([4.0] * DEGREE + [FARTHEST_CENTRE] * 2, len(settings))
+    lower = np.tile([0.0] * DEGREE + [-options.farthest_centre] * 2, len(settings))
+    upper = np.tile([4.0] * DEGREE + [options.farthest_centre] * 2, len(settings))
     value = np.tile([0.1] * DEGREE + [0.0] * 2, len(settings))
-    problem = _Problem(model, places, settings, model.precision)
+    problem = _Problem(model, places, settings, options.centre_spread, model.precision)
     for _ in range(6):
         value = gauss_newton(problem.linearize, value[None], lower=lower, upper=upper, most=20).value[0]
         problem = problem.reweighted(value)
@@ -160,8 +174,8 @@ def _fit(model: PartialModel, places: Array, settings: Sequence[_Setting]) -> li
     return falloffs
 
 
-def _is_significant(model: PartialModel, y: Array, places: Array, shot: NDArray[np.str_], member: Mask) -> bool:
-    """Whether the strength of a falloff r², estimated in each quarter of each shot, is above 0 in the mean.
+def _p_value(model: PartialModel, y: Array, places: Array, shot: NDArray[np.str_], member: Mask) -> float:
+    """One-sided, that the strength of a falloff r², estimated in each quarter of each shot, is 0 in the mean.
 
     y: (n,), without the falloffs of the other settings; member: (n,) the samples of this one. Weights are those of a
     fit without its falloff, which do not favour samples that agree with it.
@@ -179,7 +193,7 @@ def _is_significant(model: PartialModel, y: Array, places: Array, shot: NDArray[
             strengths.append(float(weight[block] @ (left[block, 0] * left[block, 1])) / max(told[-1], 1e-300))
     enough = np.array(told) > 0.05 * np.median(told)  # quarters that hardly tell
     if np.count_nonzero(enough) < 3:
-        return False
+        return 1.0
     told_of = np.array(strengths)[enough]
     error_of_mean = max(float(told_of.std(ddof=1)), 1e-300) / np.sqrt(len(told_of))
-    return bool(stdtr(len(told_of) - 1, -told_of.mean() / error_of_mean) < SIGNIFICANCE)  # one-sided
+    return float(stdtr(len(told_of) - 1, -told_of.mean() / error_of_mean))

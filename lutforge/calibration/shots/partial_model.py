@@ -20,7 +20,6 @@ from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 NOISE = 0.03
 """Scatter of y, in stops, of bright samples; darker ones scatter more, as codes are rounded."""
-OUTLIERS = RobustWeights(cauchy, multiple=2.5, least=0.02)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +49,7 @@ class PartialModel:
 
     def reweighted(self, residual: Array) -> Array:
         """Weights (n,) of the next round of a robust fit, from the residuals (n,) of this one."""
-        return np.asarray(self.precision * OUTLIERS(np.abs(residual)))
+        return np.asarray(self.precision * RobustWeights(cauchy, multiple=2.5, least=0.02)(np.abs(residual)))
 
 
 def partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> PartialModel | None:

@@ -89,4 +89,4 @@ def _identifier(lut: Lut) -> str:
     return f"urn:uuid:{h[:8]}-{h[8:12]}-8{h[13:16]}-8{h[17:20]}-{h[20:32]}"
 
 
-FORMAT = register(FileFormat("CLF", tuple(KINDS), ("full",), read, write, size=33))
+register(FileFormat("CLF", tuple(KINDS), ("full",), read, write, size=33))

@@ -108,4 +108,4 @@ def _padded(knots: Array, count: int) -> Array:
     return np.sort(np.concatenate([knots, added]))
 
 
-FORMAT = register(FileFormat(".csp", (".csp",), ("shaper",), read, write, size=33, inputs="knots"))
+register(FileFormat(".csp", (".csp",), ("shaper",), read, write, size=33, inputs="knots"))

@@ -119,4 +119,4 @@ def _to_unit(domain: np.ndarray) -> list[Op]:
     return [] if matrix.is_identity else [matrix]
 
 
-FORMAT = register(FileFormat(".cube", (".cube",), ("plain", "shaper"), read, write))
+register(FileFormat(".cube", (".cube",), ("plain", "shaper"), read, write))

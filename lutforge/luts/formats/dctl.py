@@ -126,4 +126,4 @@ def _numbers(table: Array) -> str:
     return ",\n".join(lines)
 
 
-FORMAT = register(FileFormat(".dctl", (".dctl",), ("shaper",), read, write, size=33, inputs="knots"))
+register(FileFormat(".dctl", (".dctl",), ("shaper",), read, write, size=33, inputs="knots"))

@@ -84,4 +84,4 @@ def _check_png(path: Path, data: bytes) -> None:
     raise LutError(f"{path}, byte {min(at, len(data))}: damaged or cut PNG file")
 
 
-FORMAT = register(FileFormat("a Hald image", (".png", ".tif", ".tiff"), ("plain",), read, write, SIZES, 64, 16))
+register(FileFormat("a Hald image", (".png", ".tif", ".tiff"), ("plain",), read, write, SIZES, 64, 16))

@@ -92,4 +92,4 @@ def read(path: Path, data: bytes) -> Lut:
     return Lut(tuple(ops))
 
 
-FORMAT = register(FileFormat("Houdini .lut", (".lut",), ("shared",), read, write, size=33, inputs="unit"))
+register(FileFormat("Houdini .lut", (".lut",), ("shared",), read, write, size=33, inputs="unit"))

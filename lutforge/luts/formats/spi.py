@@ -80,7 +80,5 @@ def read_spi3d(path: Path, data: bytes) -> Lut:
 
 
 NAME = ".spi1d (shaper) and .spi3d (cube), to be used one after the other"
-FORMATS = tuple(
-    register(FileFormat(NAME, (suffix,), ("shaper",), read, write, size=33))
-    for suffix, read in zip(PAIR, (read_spi1d, read_spi3d), strict=True)
-)
+for _suffix, _read in zip(PAIR, (read_spi1d, read_spi3d), strict=True):
+    register(FileFormat(NAME, (_suffix,), ("shaper",), _read, write, size=33))

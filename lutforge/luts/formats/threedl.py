@@ -46,4 +46,4 @@ def read(path: Path, data: bytes) -> Lut:
     return Lut((cube,), "", tuple(lines.comments), {"bits": str(bits), "keywords": header})
 
 
-FORMAT = register(FileFormat(".3dl", (".3dl",), ("plain",), read, write, (17, 33, 65), 33, 12))
+register(FileFormat(".3dl", (".3dl",), ("plain",), read, write, (17, 33, 65), 33, 12))

@@ -67,4 +67,4 @@ def read(path: Path, data: bytes) -> Lut:
     return Lut(tuple(ops), "", tuple(lines.comments))
 
 
-FORMAT = register(FileFormat("Truelight .cub", (".cub",), ("shaper",), read, write, size=33, inputs="unit"))
+register(FileFormat("Truelight .cub", (".cub",), ("shaper",), read, write, size=33, inputs="unit"))

@@ -35,4 +35,4 @@ def read(path: Path, data: bytes) -> Lut:
     return Lut((cube,), "", tuple(lines.comments), {"bits": "12"})
 
 
-FORMAT = register(FileFormat(".vlt", (".vlt",), ("plain",), read, write, (SIZE,), SIZE, 12))
+register(FileFormat(".vlt", (".vlt",), ("plain",), read, write, (SIZE,), SIZE, 12))
