@@ -2,7 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -60,10 +60,6 @@ def sample_shots(paths: Paths, progress: Progress = silent, substitute: RawSubst
     from lutforge.shots.read import read_shot
 
     files = discover(several(paths))
-    stems = [file.stem for file in files]
-    # The whole path where two files share a stem.
-    names = [stem if stems.count(stem) == 1 else str(file) for file, stem in zip(files, stems, strict=True)]
-
     # The other shots are looked for first where the JPEG of the first one lies: which that is does not depend on time.
     first: Future[Placement | None] = Future()
 
@@ -81,7 +77,7 @@ def sample_shots(paths: Paths, progress: Progress = silent, substitute: RawSubst
 
     # Decoding and registration run outside Python's lock; programs that develop use all cores by themselves.
     threads = cores() if substitute is None else 1
-    return sample_each(dict(zip(names, files, strict=True)), read, progress, threads)
+    return sample_each(dict(zip(_names(files), files, strict=True)), read, progress, threads)
 
 
 def sample_each(
@@ -129,7 +125,6 @@ def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progre
     those of one place in the order of names. The two may stand in different places. RAW values are scaled by what the
     files state of both exposures. Raises ShotError where no shot is usable, or it is not clear what belongs together.
     """
-    from lutforge.samples.extract import extract
     from lutforge.shots.discover import discover, jpegs_of
     from lutforge.shots.other_view import read_other_view
 
@@ -144,29 +139,24 @@ def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progre
         raise ShotError(
             f"{len(files)} JPEGs and {len(raws)} RAW files: give both of a scene one name, or as many of each in order"
         )
-    accounts: list[ShotSamples] = []
-    left_out: list[str] = []
-    ratios: list[float] = []
-    for index, (file, raw) in enumerate(pairs):
-        progress(file.name, index / len(pairs))
-        try:
-            shot, ratio = read_other_view(file, raw)
-            account = extract(shot)
-        except LutForgeError as error:
-            left_out.append(str(error))
-            continue
-        accounts.append(account)
-        ratios.append(ratio)
-    progress("done", 1.0)
-    if not any(account.kept for account in accounts):
-        raise ShotError("no usable shot: " + "; ".join([*left_out, *(account.summary for account in accounts)]))
-    known = np.array(ratios) if np.all(np.isfinite(ratios)) else np.ones(len(ratios))
-    parts = [
-        replace(account.samples, raw=account.samples.raw * ratio)
-        for account, ratio in zip(accounts, known / known.max(), strict=True)
-        if account.kept
-    ]
-    return SampledShots(concatenate(parts), tuple(accounts), tuple(left_out))
+    ratios: dict[str, float] = {}
+
+    def read(name: str, file: Path) -> Shot:
+        shot, ratios[name] = read_other_view(file, raw_of[file])
+        return replace(shot, name=name)
+
+    raw_of, names = dict(pairs), _names([file for file, _ in pairs])
+    found = sample_each(dict(zip(names, raw_of, strict=True)), read, progress, cores())
+    kept = {account.shot: ratios[account.shot] for account in found.shots}
+    known = kept if all(np.isfinite(ratio) for ratio in kept.values()) else dict.fromkeys(kept, 1.0)
+    scale = np.array([known[shot] for shot in found.samples.shot]) / max(known.values())
+    return replace(found, samples=replace(found.samples, raw=found.samples.raw * scale[:, None]), files={})
+
+
+def _names(files: Sequence[Path]) -> list[str]:
+    """The names of shots: the stems of their files, or the whole paths of two that share one."""
+    stems = [file.stem for file in files]
+    return [stem if stems.count(stem) == 1 else str(file) for file, stem in zip(files, stems, strict=True)]
 
 
 def gather_samples(
