@@ -135,7 +135,7 @@ def _fit_styles(
             render=render_with_plain(style, fit, options),
             linearize=fit.linearize.lattice,
             physical=() if physical is None else (physical.model,),
-            coverage={"render": fit.render.coverage, "linearize": fit.linearize.coverage},
+            coverage={direction: found.coverage for direction, found in fit.items()},
         )
         return CalibratedStyle(style, fit, physical, picture)
 

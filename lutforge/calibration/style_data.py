@@ -11,6 +11,7 @@ from lutforge.calibration.lattice.continuation import Continuation, continuation
 from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
 from lutforge.errors import CalibrationError
+from lutforge.model.directions import Both
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_groups_out
@@ -41,6 +42,11 @@ class StyleData:
     def pairs(self, *, inverse: bool) -> tuple[Array, Array]:
         """What a lattice takes and gives at the samples, each (n, 3). inverse: it linearizes."""
         return (self.encoded, self.balanced) if inverse else (self.balanced, self.encoded)
+
+    @property
+    def both(self) -> Both[tuple[Array, Array]]:
+        """What each direction takes and gives at the samples, each (n, 3)."""
+        return Both(self.pairs(inverse=False), self.pairs(inverse=True))
 
     def prior_mean(self, size: int, *, inverse: bool) -> Continuation:
         """What a lattice of `size` nodes per axis follows where it has no samples; made when it is first asked for.

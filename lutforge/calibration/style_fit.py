@@ -15,20 +15,16 @@ from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.style_data import StyleData
+from lutforge.model.directions import Both
 from lutforge.model.lattice import Lattice
 from lutforge.solvers.blas import one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
-class StyleFit:
-    """The fitted lattices of one style: render, Tw E → I, and linearize, I → Tw E.
-
-    base: the matrix and response that `render` follows where there are no samples.
-    """
+class StyleFit(Both[LatticeResult]):
+    """The fitted lattices of one style. base: the matrix and response that they follow where there are no samples."""
 
     base: MatrixAndResponse
-    render: LatticeResult
-    linearize: LatticeResult
 
 
 @one_blas_thread
@@ -36,7 +32,7 @@ def fit_style(data: StyleData, options: CalibrationOptions) -> StyleFit:
     """Fit both lattices of a style."""
     render = fit_render(data, options)
     linearize = fit_linearize(data, options, render)
-    return StyleFit(data.prior_mean(options.size, inverse=False).base, render, linearize)
+    return StyleFit(render, linearize, data.prior_mean(options.size, inverse=False).base)
 
 
 def fit_render(

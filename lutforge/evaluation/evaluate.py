@@ -164,9 +164,8 @@ def _timed(rows: Iterable[EvaluationRow], predictions: dict[str, Predictions]) -
         if row.shot != "all" or not fits:
             yield row
             continue
-        seconds = [getattr(fit, f"{row.direction}_seconds") for fit in fits]
-        known = [value for value in seconds if value is not None]
-        evaluate_pixels = getattr(fits[-1], row.direction)
+        known = [seconds for fit in fits if (seconds := fit.seconds[row.direction]) is not None]
+        evaluate_pixels = fits[-1][row.direction]
         took = []
         for some in (pixels[:1], pixels, pixels, pixels):  # the first compiles
             start = time.perf_counter()

@@ -33,6 +33,7 @@ from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.linearization import LinearizationError
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import RefinishError
+from lutforge.model.directions import Direction
 from lutforge.model.shot_tone import ShotTone
 
 
@@ -45,7 +46,7 @@ class EvaluationRow:
     were not measured.
     """
 
-    direction: str
+    direction: Direction
     style: str
     shot: str
     method: str
@@ -113,11 +114,10 @@ def _plain(row: Any) -> dict[str, object]:
 def error_rows(style: str, predictions: Predictions) -> Iterator[EvaluationRow]:
     """Per direction and method: all shots together, then (for the profile's own models) each shot."""
     data = predictions.data
-    for direction in ("render", "linearize"):
-        display = direction == "render"
-        measured = data.encoded if display else data.balanced
+    for direction, predicted in predictions.predicted.items():
+        display, measured = direction == "render", data.both[direction][1]
         for method in predictions.methods:
-            values = np.clip((predictions.rendered if display else predictions.linearized)[method], 0.0, 1.0)
+            values = np.clip(predicted[method], 0.0, 1.0)
             said = np.all(np.isfinite(values), axis=1)
             parts = {"all": said}
             if method in (LATTICE, RBF):
@@ -133,7 +133,7 @@ def raw_errors(style: str, predictions: Predictions) -> Iterator[RawError]:
     data = predictions.data
     gain = data.balanced / data.samples.raw
     for method in predictions.methods:
-        error = np.clip(predictions.linearized[method], 0.0, 1.0) / gain - data.samples.raw
+        error = np.clip(predictions.predicted.linearize[method], 0.0, 1.0) / gain - data.samples.raw
         said = np.all(np.isfinite(error), axis=1)
         r, g, b = (float(value) for value in np.sqrt(np.mean(error[said] ** 2, axis=0)))
         held_out = bool(np.all(predictions.held_out[said]))

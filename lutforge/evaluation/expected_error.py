@@ -16,8 +16,9 @@ from scipy.spatial import cKDTree
 from lutforge.arrays import Array
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.evaluation.held_out import Predictions
-from lutforge.evaluation.methods import MATRIX_AND_RESPONSE
-from lutforge.model.lattice import Lattice, grid
+from lutforge.evaluation.methods import MATRIX_AND_RESPONSE, Predictor
+from lutforge.model.directions import Both
+from lutforge.model.lattice import grid
 from lutforge.model.profile_data import PictureStyle
 
 
@@ -42,7 +43,7 @@ def held_out_errors(found: Predictions, own: str, base: MatrixAndResponse) -> di
     """What held-out samples tell, by direction; none where there are too few. own: the method that the profile has."""
     data, rows = found.data, found.held_out.copy()
     for method in (own, MATRIX_AND_RESPONSE):
-        for values in (found.rendered, found.linearized):
+        for values in found.predicted:
             rows &= np.isfinite(values[method]).all(axis=1) if method in values else False
     if rows.sum() < 24 or data.monochrome:
         return {}
@@ -50,15 +51,15 @@ def held_out_errors(found: Predictions, own: str, base: MatrixAndResponse) -> di
     for fold in np.unique(found.fold[rows]):
         inside = rows & (found.fold == fold)
         distance[inside] = cKDTree(data.encoded[~(found.fold == fold)]).query(data.encoded[inside])[0]
-    rendered = [np.clip(found.rendered[method][rows], 0.0, 1.0) for method in (own, MATRIX_AND_RESPONSE)]
-    linearized = [base.render(found.linearized[method][rows]) for method in (own, MATRIX_AND_RESPONSE)]
-    wanted = {"render": data.encoded[rows], "linearize": base.render(data.balanced[rows])}
-    return {
-        direction: HeldOut(
-            distance[rows], np.linalg.norm(model - plain, axis=1), np.linalg.norm(model - wanted[direction], axis=1)
+    encoders = Both[Predictor](lambda rendered: np.clip(rendered, 0.0, 1.0), base.render)
+    told = {}
+    for direction, values in found.predicted.items():
+        measured = (values[own], values[MATRIX_AND_RESPONSE], data.both[direction][1])
+        model, plain, wanted = (encoders[direction](each[rows]) for each in measured)
+        told[str(direction)] = HeldOut(
+            distance[rows], np.linalg.norm(model - plain, axis=1), np.linalg.norm(model - wanted, axis=1)
         )
-        for direction, (model, plain) in {"render": rendered, "linearize": linearized}.items()
-    }
+    return told
 
 
 def expected_errors(
@@ -71,7 +72,7 @@ def expected_errors(
     plain, known = with_matrix_of_all(base, balanced, encoded), cKDTree(encoded)
     result = {}
     for direction, told in held_out.items():
-        lattice: Lattice | None = style.render if direction == "render" else style.linearize
+        lattice = style.lattices.get(direction)
         if lattice is None:
             continue
         nodes = grid(lattice.levels)

@@ -18,7 +18,8 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.calibration.style_fit import StyleFit
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.methods import Fit, Fits, Fitter, Predictor, fit_baselines, fits_of_profile
+from lutforge.evaluation.methods import Fit, Fits, Fitter, fit_baselines, fits_of_profile
+from lutforge.model.directions import Both, Direction
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.solvers.blas import one_blas_thread
 from lutforge.threads import each
@@ -29,8 +30,8 @@ class Predictions:
     """Predictions of the samples of one style.
 
     fold: (n,) which of `fits` (by method) predicts a sample; held_out: (n,) whether that fit has not seen its shot.
-    rendered, linearized: by method (n, 3), NaN where the method says nothing. notes: what could not be done, and why.
-    weights: of REACHES, how far the lattices of the refits reach from their samples, (render, linearize).
+    predicted: by method (n, 3), NaN where the method says nothing. notes: what could not be done, and why.
+    weights: of REACHES, how far the lattices of the refits reach from their samples.
     """
 
     data: StyleData
@@ -38,14 +39,13 @@ class Predictions:
     fits: tuple[Mapping[str, Fit], ...]
     held_out: Mask
     notes: tuple[str, ...]
-    rendered: Mapping[str, Array]
-    linearized: Mapping[str, Array]
-    weights: tuple[Array, Array]
+    predicted: Both[Mapping[str, Array]]
+    weights: Both[Array]
 
     @property
     def methods(self) -> tuple[str, ...]:
         """The methods in order of first appearance."""
-        return tuple(self.rendered)
+        return tuple(self.predicted.render)
 
     def render(self, method: str, balanced: Array, rows: NDArray[np.intp]) -> Array:
         """Return Tw E (m, 3) → I by the fits that predict the samples `rows` (m,); NaN where there is none."""
@@ -57,14 +57,13 @@ class Predictions:
 
 
 def _by_fold(
-    fits: Sequence[Mapping[str, Fit]], fold: NDArray[np.intp], method: str, direction: str, values: Array
+    fits: Sequence[Mapping[str, Fit]], fold: NDArray[np.intp], method: str, direction: Direction, values: Array
 ) -> Array:
     result = np.full(values.shape, np.nan)
     for index, fitted in enumerate(fits):
         rows = fold == index
         if method in fitted and rows.any():
-            predict: Predictor = getattr(fitted[method], direction)
-            result[rows] = predict(values[rows])
+            result[rows] = fitted[method][direction](values[rows])
     return result
 
 
@@ -94,7 +93,7 @@ def predict(
     as_is = ~seen if left_out else np.ones_like(seen)
     if seen.any() and not left_out:
         notes.append(f"{name}: one shot only; its error is on the samples that it was fitted to")
-    inside, weights = data if seen.all() else data.select(seen), (UNSHRUNK, UNSHRUNK)
+    inside, weights = data if seen.all() else data.select(seen), Both(UNSHRUNK, UNSHRUNK)
     fitter = Fitter(name, style, inside, options, notes, sizes=sizes, own=own_only, fitted=fitted)
     if as_is.any():
         others: dict[str, Fit] = {}
@@ -118,8 +117,10 @@ def predict(
         tuple(fits),
         held_out,
         tuple(dict.fromkeys(notes)),
-        {method: _by_fold(fits, fold, method, "render", data.balanced) for method in methods},
-        {method: _by_fold(fits, fold, method, "linearize", data.encoded) for method in methods},
+        Both(
+            {method: _by_fold(fits, fold, method, "render", data.balanced) for method in methods},
+            {method: _by_fold(fits, fold, method, "linearize", data.encoded) for method in methods},
+        ),
         weights,
     )
 
@@ -159,13 +160,14 @@ def _without_each(trains: Sequence[StyleData], fitter: Fitter, progress: Callabl
     return refits
 
 
-def _weights(data: StyleData, masks: Sequence[Mask], refits: Sequence[Fits]) -> tuple[Array, Array]:
-    """Weigh the reaches (render, linearize) by the errors of the refits on the samples that they have not seen."""
+def _weights(data: StyleData, masks: Sequence[Mask], refits: Sequence[Fits]) -> Both[Array]:
+    """Weigh the reaches by the errors of the refits on the samples that they have not seen."""
     pairs = [refit.own for refit in refits if refit.own is not None]
     if not pairs or len(pairs) < len(refits) or len(np.unique(data.shot)) > MOST_SHOTS:
-        return UNSHRUNK, UNSHRUNK
-    weights = []
-    for direction, (x, y) in enumerate(((data.balanced, data.encoded), (data.encoded, data.balanced))):
+        return Both(UNSHRUNK, UNSHRUNK)
+
+    def weight(direction: Direction) -> Array:
+        x, y = data.both[direction]
         errors = [
             [
                 np.linalg.norm(np.clip(pair[direction].averaged(only)(x[mask]), 0.0, 1.0) - y[mask], axis=1).mean()
@@ -173,8 +175,9 @@ def _weights(data: StyleData, masks: Sequence[Mask], refits: Sequence[Fits]) -> 
             ]
             for only in np.eye(len(REACHES))
         ]
-        weights.append(reach_weights(np.array(errors)))
-    return weights[0], weights[1]
+        return reach_weights(np.array(errors))
+
+    return Both(weight("render"), weight("linearize"))
 
 
 def _by_model(

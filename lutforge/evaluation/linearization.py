@@ -48,7 +48,7 @@ def linearization_errors(style: str, predictions: Predictions, matrix: Array) ->
         return ()
     ratio, result = np.exp(pairs.log_ratio), []
     for method in predictions.methods:
-        linear = predictions.linearized[method] @ matrix.T
+        linear = predictions.predicted.linearize[method] @ matrix.T
         first, second = linear[pairs.first_row], linear[pairs.second_row]
         said = np.all(np.isfinite(first) & np.isfinite(second), axis=1)
         if said.any():

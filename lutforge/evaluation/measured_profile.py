@@ -16,6 +16,7 @@ from lutforge.evaluation.expected_error import expected_errors, held_out_errors
 from lutforge.evaluation.held_out import Predictions, predict
 from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, shrinks
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.directions import Both
 from lutforge.model.profile_data import PictureStyle
 from lutforge.progress import Progress, part
 
@@ -48,7 +49,7 @@ def _measured(
     if len(shots) < 2:
         weak.append("one shot only: no shot is left to measure the error on; add another of other colours")
         weights = ALIKE if shrinks(data, options) else UNSHRUNK
-        return _shrunk(model, style, options, (weights, weights)), weak
+        return _shrunk(model, style, options, Both(weights, weights)), weak
     try:
         found = predict(model, name, data, shots, options, own_only=True, fitted=style.fit, progress=refitted)
     except CalibrationError:
@@ -72,28 +73,28 @@ def _why(found: Predictions) -> str:
 
 
 def _shrunk(
-    model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions, weights: tuple[Array, Array]
+    model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions, weights: Both[Array]
 ) -> PictureStyle:
-    """A style with its lattices shrunk; weights: of the reaches, for render and linearize."""
-    if weights[0] is UNSHRUNK:
+    """A style with its lattices shrunk; weights: of the reaches."""
+    if weights.render is UNSHRUNK:
         return model
     fit, samples = style.fit, (style.data.balanced, style.data.encoded)
-    render = shrinkable(fit.render.lattice, fit.base, *samples, inverse=False).averaged(weights[0])
-    linearize = shrinkable(fit.linearize.lattice, fit.base, *samples, inverse=True).averaged(weights[1])
+    render = shrinkable(fit.render.lattice, fit.base, *samples, inverse=False).averaged(weights.render)
+    linearize = shrinkable(fit.linearize.lattice, fit.base, *samples, inverse=True).averaged(weights.linearize)
     fit = replace(fit, render=replace(fit.render, lattice=render))
     return replace(model, render=render_with_plain(style.data, fit, options), linearize=linearize)
 
 
 def _errors(found: Predictions, own: str) -> dict[str, float]:
     """The figures that a profile keeps, by name; none where a sample was not predicted."""
-    data = found.data
-    pairs = {"render": (found.rendered.get(own), data.encoded)}
-    if not data.monochrome:  # else the colour that its JPEGs do not hold would count
-        pairs["linearize"] = (found.linearized.get(own), data.balanced)
     errors = {}
-    for direction, (predicted, measured) in pairs.items():
+    for direction, values_by_method in found.predicted.items():
+        if found.data.monochrome and direction == "linearize":
+            continue  # the colour that its JPEGs do not hold would count
+        predicted = values_by_method.get(own)
         if predicted is None or not np.all(np.isfinite(predicted)):
             return {}
+        measured = found.data.both[direction][1]
         values = error_figures(np.clip(predicted, 0.0, 1.0), measured, display=direction == "render")
         errors[f"{direction}_mean"] = values.mean
         errors[f"{direction}_max"] = values.maximum
@@ -105,10 +106,8 @@ def _errors(found: Predictions, own: str) -> dict[str, float]:
 def _worse_than_baselines(found: Predictions, errors: dict[str, float]) -> list[str]:
     """A note for each direction in which a plain method predicts the left-out shots better than the model does."""
     notes = []
-    for direction, values, wanted in (
-        ("render", found.rendered, found.data.encoded),
-        ("linearize", found.linearized, found.data.balanced),
-    ):
+    for direction, values in found.predicted.items():
+        wanted = found.data.both[direction][1]
         own = errors.get(f"{direction}_mean", np.inf)
         plain = {
             method: float(np.linalg.norm(np.clip(values[method], 0.0, 1.0) - wanted, axis=1).mean())

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from lutforge.calibration.style_fit import StyleFit, fit_linearize, fit_render, 
 from lutforge.calibration.thesis.lattice import fit_uniform
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
+from lutforge.model.directions import Both
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 
 Predictor = Callable[[Array], Array]
@@ -31,27 +32,24 @@ def lattice_name(size: int, *, nonuniform: bool) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Both[Predictor]):
     """One method, fitted once. render: Tw E (n, 3) → I; linearize: I → Tw E, not clipped.
 
-    render_seconds, linearize_seconds: what the fits took, with all that is searched; None where that was not made here.
+    seconds: what the fits took, with all that is searched; None where that was not made here.
     """
 
-    render: Predictor
-    linearize: Predictor
-    render_seconds: float | None = None
-    linearize_seconds: float | None = None
+    seconds: Both[float | None] = field(default_factory=lambda: Both(None, None))
 
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """All methods, fitted to the same shots. own: the lattices (render, linearize) of LATTICE, if they may shrink."""
+    """All methods, fitted to the same shots. own: the lattices of LATTICE, if they may shrink."""
 
     by_method: dict[str, Fit]
-    own: tuple[Shrinkable, Shrinkable] | None = None
+    own: Both[Shrinkable] | None = None
 
-    def shrunk(self, weights: tuple[Array, Array]) -> "Fits":
-        """Return the fits with shrunk lattices; weights: of REACHES, for render and linearize."""
+    def shrunk(self, weights: Both[Array]) -> "Fits":
+        """Return the fits with shrunk lattices; weights: of REACHES."""
         if self.own is None:
             return self
         render, linearize = (one.averaged(each) for one, each in zip(self.own, weights, strict=True))
@@ -80,7 +78,7 @@ def fit_baselines(train: StyleData) -> dict[str, Fit]:
 def _physical_fits(model: PhysicalModel, seconds: float | None = None) -> dict[str, Fit]:
     plain = MatrixAndResponse(model.matrix, model.response)
     return {
-        RBF: Fit(model.render, model.linearize, seconds, seconds),
+        RBF: Fit(model.render, model.linearize, Both(seconds, seconds)),
         NO_GAMUT_MAP: Fit(plain.render, plain.linearize),
     }
 
@@ -172,10 +170,10 @@ class Fitter:
 
 @dataclass(frozen=True, eq=False)
 class _TimedFit:
-    """Both lattices of a style, fitted to all its shots. seconds: of render and linearize; None where not known."""
+    """Both lattices of a style, fitted to all its shots. seconds: what each took; None where not known."""
 
     fit: StyleFit
-    seconds: tuple[float | None, float | None] = (None, None)
+    seconds: Both[float | None] = field(default_factory=lambda: Both(None, None))
 
 
 def _timed_fit(data: StyleData, options: CalibrationOptions) -> _TimedFit:
@@ -184,21 +182,21 @@ def _timed_fit(data: StyleData, options: CalibrationOptions) -> _TimedFit:
     render = fit_render(data, options)
     middle = time.perf_counter()
     linearize = fit_linearize(data, options, render)
-    return _TimedFit(StyleFit(data.base, render, linearize), (middle - start, time.perf_counter() - middle))
+    return _TimedFit(StyleFit(render, linearize, data.base), Both(middle - start, time.perf_counter() - middle))
 
 
 def _lattices(
     train: StyleData, options: CalibrationOptions, like: _TimedFit, shots: int
-) -> tuple[Fit, tuple[Shrinkable, Shrinkable] | None]:
+) -> tuple[Fit, Both[Shrinkable] | None]:
     """Lattices of both directions, and what they can be shrunk to, where options and the number of all shots shrink."""
     forth = fit_render(train, options, like=like.fit.render, tolerance=MEASURING_TOLERANCE)
     back = fit_linearize(train, options, forth, like=like.fit.linearize, tolerance=MEASURING_TOLERANCE)
     render, linearize = forth.lattice, back.lattice
-    fit = Fit(render, linearize, *like.seconds)
+    fit = Fit(render, linearize, like.seconds)
     if not shrinks(train, options) or shots > MOST_SHOTS:
         return fit, None
     samples = (train.balanced, train.encoded)
-    return fit, (
+    return fit, Both(
         shrinkable(render, train.base, *samples, inverse=False),
         shrinkable(linearize, train.base, *samples, inverse=True),
     )
@@ -212,7 +210,7 @@ def _plain_regression(train: StyleData, options: CalibrationOptions, size: int) 
     render = fit_uniform(x, y, options).lattice
     middle = time.perf_counter()
     linearize = fit_uniform(y, x, options).lattice
-    return Fit(render, linearize, middle - start, time.perf_counter() - middle)
+    return Fit(render, linearize, Both(middle - start, time.perf_counter() - middle))
 
 
 def shrinks(data: StyleData, options: CalibrationOptions) -> bool:

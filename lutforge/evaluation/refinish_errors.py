@@ -103,5 +103,5 @@ def _refinish(before: Predictions, after: Predictions, pair: SettingPair, method
     """(6.1) on the pair's JPEG values (m, 3); the camera clips RAW after white balance."""
     gain_before = before.data.balanced[pair.source_row] / before.data.samples.raw[pair.source_row]
     gain_after = after.data.balanced[pair.target_row] / after.data.samples.raw[pair.target_row]
-    balanced = before.linearized[method][pair.source_row] / gain_before * pair.ratio * gain_after
+    balanced = before.predicted.linearize[method][pair.source_row] / gain_before * pair.ratio * gain_after
     return np.clip(after.render(method, np.clip(balanced, 0.0, 1.0), pair.target_row), 0.0, 1.0)

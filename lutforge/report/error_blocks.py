@@ -88,7 +88,7 @@ def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Block]:
                 "the mean. Logarithmic.",
             )
     for style, predictions in evaluation.predictions.items():
-        error = np.linalg.norm(np.clip(predictions.rendered[own], 0, 1) - predictions.data.encoded, axis=1)
+        error = np.linalg.norm(np.clip(predictions.predicted.render[own], 0, 1) - predictions.data.encoded, axis=1)
         said = np.isfinite(error)
         held = "held out by shot" if predictions.held_out[said].all() else "NOT all held out"
         yield Picture(

@@ -16,6 +16,7 @@ from lutforge.evaluation.evaluation import Evaluation
 from lutforge.evaluation.held_out import Predictions, with_compared
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, lattice_name
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.directions import Both
 from lutforge.model.falloff import Falloff, falloff_of
 from lutforge.progress import Progress
 from lutforge.report.figures import ERROR_SCALE, MAP
@@ -32,21 +33,41 @@ DIRECTIONS = (("RAW → JPEG", ERROR_SCALE), ("JPEG → RAW", 0.3 * ERROR_SCALE)
 
 
 @dataclass(frozen=True, eq=False)
+class ErrorRow:
+    """The errors of one direction as they are drawn, up to a scale, beside a picture of what predicts them."""
+
+    title: str
+    scale: float
+    name: str
+    picture: Array
+    errors: Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
 class ErrorMaps:
     """The errors of one shot, pixel by pixel.
 
     picture: the camera's JPEG, upright (h, w, 3), encoded; raw: the white-balanced RAW, stretched and encoded, grey
-    where there is none; rendered, linearized: by method the RGB error (h, w) of RAW → JPEG, and of JPEG → RAW with
-    white balance, NaN where clipped or outside the RAW; held_out: whether the fits had not seen the shot.
+    where there is none; errors: by method the RGB error (h, w), of RAW with white balance, NaN where clipped or outside
+    the RAW; held_out: whether the fits had not seen the shot.
     """
 
     shot: str
     setting: str
     picture: Array
     raw: Array
-    rendered: Mapping[str, Array]
-    linearized: Mapping[str, Array]
+    errors: Both[Mapping[str, Array]]
     held_out: bool
+
+    @property
+    def rows(self) -> tuple[ErrorRow, ...]:
+        """What is drawn of them: a row for each direction."""
+        pictures = (("the camera's JPEG", self.picture), ("the RAW,\nbalanced, stretched", self.raw))
+        render, linearize = (
+            ErrorRow(*drawn, *picture, errors)
+            for drawn, picture, errors in zip(DIRECTIONS, pictures, self.errors, strict=True)
+        )
+        return render, linearize
 
 
 def error_maps(
@@ -83,7 +104,7 @@ def error_maps(
     setting = f"{samples.style[own[0]]}/{samples.white_balance[own[0]]}"
     held_out = bool(predictions.held_out[own].all())
     pictures = (np.rot90(jpeg.mean / 255.0, turns), np.rot90(scene, turns))
-    return ErrorMaps(shot.name, setting, *pictures, rendered, linearized, held_out)
+    return ErrorMaps(shot.name, setting, *pictures, Both(rendered, linearized), held_out)
 
 
 def own_method(profile: CameraProfile, evaluation: Evaluation) -> str:
@@ -132,19 +153,16 @@ def maps_of_file(
 def error_maps_figure(maps: ErrorMaps) -> Figure:
     """The photograph, and beside it the errors of each method, a row and a scale for each direction."""
     height, width = maps.picture.shape[:2]
-    columns = 1 + len(maps.rendered)
+    columns = 1 + len(maps.errors.render)
     figure = Figure(figsize=(11, 22 / columns * height / width + 1.2), layout="compressed")
     axes = figure.subplots(2, columns, squeeze=False)
-    shown = ("the camera's JPEG", maps.picture), ("the RAW, balanced, stretched", maps.raw)
-    for row, (title, scale), (name, picture), errors in zip(
-        axes, DIRECTIONS, shown, (maps.rendered, maps.linearized), strict=True
-    ):
-        row[0].imshow(np.clip(picture, 0, 1))
-        row[0].set_title(name, fontsize=8)
-        for axis, (method, error) in zip(row[1:], errors.items(), strict=True):
-            drawn = axis.imshow(error, cmap=MAP, vmin=0, vmax=scale, interpolation="nearest")
+    for row, shown in zip(axes, maps.rows, strict=True):
+        row[0].imshow(np.clip(shown.picture, 0, 1))
+        row[0].set_title(shown.name.replace("\n", " "), fontsize=8)
+        for axis, (method, error) in zip(row[1:], shown.errors.items(), strict=True):
+            drawn = axis.imshow(error, cmap=MAP, vmin=0, vmax=shown.scale, interpolation="nearest")
             axis.set_facecolor("0.85")
-            axis.set_title(f"{title}\n{method}: mean {np.nanmean(error):.4f}", fontsize=8)
+            axis.set_title(f"{shown.title}\n{method}: mean {np.nanmean(error):.4f}", fontsize=8)
         figure.colorbar(drawn, ax=row, shrink=0.8, extend="max", aspect=20, pad=0.01)
     for axis in axes.flat:
         axis.set(xticks=[], yticks=[])

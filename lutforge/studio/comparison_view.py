@@ -42,11 +42,9 @@ def compare_methods(
     for predictions in found.predictions.values():
         data = predictions.data
         ab = srgb_to_lab(data.encoded)[:, 1:]
-        for direction, values, wanted in (
-            ("render", predictions.rendered, data.encoded), ("linearize", predictions.linearized, data.balanced)
-        ):  # fmt: skip
+        for direction, values in predictions.predicted.items():
             for method, predicted in values.items():
-                error = np.linalg.norm(np.clip(predicted, 0.0, 1.0) - wanted, axis=1)
+                error = np.linalg.norm(np.clip(predicted, 0.0, 1.0) - data.both[direction][1], axis=1)
                 known = np.isfinite(error)
                 errors.setdefault((direction, method), []).append((ab[known], error[known]))
     return tuple(

@@ -15,8 +15,6 @@ from lutforge.studio.maps_view import PALETTE
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import WorkspaceError
 
-METHODS = 4
-
 
 class ErrorMapView:
     """Two rows of pictures: the JPEG and what predicts it, the RAW and what predicts that; they zoom together."""
@@ -27,9 +25,7 @@ class ErrorMapView:
         draw = session.button("Draw its errors", self._compute)
         self.told = text("<p>Every model is fitted without the shot, and predicts it.</p>")
         ranges = {"x_range": DataRange1d(range_padding=0), "y_range": DataRange1d(range_padding=0)}
-        self.drawings = [
-            [self._drawing(ranges, scale * bool(place)) for place in range(1 + METHODS)] for _, scale in DIRECTIONS
-        ]
+        self.drawings = [[self._drawing(ranges, scale * bool(place)) for place in range(5)] for _, scale in DIRECTIONS]
         rows = [pn.Row(*(drawing for drawing, _ in row), **FILL) for row in self.drawings]
         self.layout = pn.Column(pn.Row(self.shot, draw, self.told, sizing_mode="stretch_width"), *rows, **FILL)
 
@@ -64,16 +60,13 @@ class ErrorMapView:
         self.session.start(f"errors of {shot}", self._done, maps_of_file, profile, samples, shot, file)
 
     def _done(self, maps: ErrorMaps) -> None:
-        pictures = (("the camera's JPEG\n ", maps.picture), ("the RAW,\nbalanced, stretched", maps.raw))
-        for row, (direction, _), (name, picture), errors in zip(
-            self.drawings, DIRECTIONS, pictures, (maps.rendered, maps.linearized), strict=True
-        ):
-            _show(*row[0], f"{name}\n ", _packed(picture))
+        for row, shown in zip(self.drawings, maps.rows, strict=True):
+            _show(*row[0], shown.name + (2 - shown.name.count("\n")) * "\n ", _packed(shown.picture))
             for place, (drawing, source) in enumerate(row[1:]):
-                drawing.visible = place < len(errors)
+                drawing.visible = place < len(shown.errors)
                 if drawing.visible:
-                    method, error = list(errors.items())[place]
-                    _show(drawing, source, f"{direction}\n{method}\nmean {np.nanmean(error):.4f}", error)
+                    method, error = list(shown.errors.items())[place]
+                    _show(drawing, source, f"{shown.title}\n{method}\nmean {np.nanmean(error):.4f}", error)
         seen = "no model has seen it" if maps.held_out else "the models have seen it"
         scales = ", ".join(f"{direction} {scale:g}" for direction, scale in DIRECTIONS)
         self.told.object = (
