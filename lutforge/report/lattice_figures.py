@@ -16,6 +16,29 @@ DIRECTIONS = {"render": ("RAW after white balance", "JPEG"), "linearize": ("JPEG
 """Per lattice of a style: what goes in, what comes out."""
 
 
+def plane_net(lattice: Lattice, channel: int, level: float) -> tuple[float, tuple[tuple[int, Array], ...]]:
+    """The plane of nodes of an input channel that is nearest to a level: its level, and where its nodes go.
+
+    They go to colours of the other two output channels: a net of lines (k, m, 2) along which the other one rises, and
+    of lines along which the one rises, each with the channel that rises.
+    """
+    held = int(np.argmin(np.abs(lattice.levels[channel] - level)))
+    first, second = (index for index in range(3) if index != channel)
+    plane = np.take(lattice.values, held, axis=channel)[..., [first, second]]
+    return float(lattice.levels[channel][held]), ((second, plane), (first, plane.transpose(1, 0, 2)))
+
+
+def error_density(histogram: Array) -> tuple[Array, Array]:
+    """The middles of 200 bins over [0, 1], and the squared error in each, 1 at most; histogram: (200 k,)."""
+    density = histogram.reshape(200, -1).sum(axis=1)
+    return (np.arange(200) + 0.5) / 200, density / max(float(density.max()), 1e-12)
+
+
+def nodes_with_samples(coverage: Array) -> Array:
+    """log10 of 1 + the summed weight of the samples at the nodes, seen along the blue axis, (N_g, N_r)."""
+    return np.asarray(np.log10(1 + coverage.sum(axis=2)).T)
+
+
 def _draw_levels(axis: Axes, lattice: Lattice, source: str) -> None:
     """Node level against cube coordinate, per channel: where the curve is flat, nodes are dense."""
     for levels, (name, colour, line) in zip(lattice.levels, CHANNELS, strict=True):
@@ -40,8 +63,7 @@ def _draw_coverage(axis: Axes, coverage: Array | None) -> None:
     if coverage is None:
         axis.set_axis_off()
         return
-    seen = np.log10(1 + coverage.sum(axis=2))
-    axis.imshow(seen.T, origin="lower", cmap=MAP, extent=(0, 1, 0, 1))
+    axis.imshow(nodes_with_samples(coverage), origin="lower", cmap=MAP, extent=(0, 1, 0, 1))
     axis.set(title="nodes with samples", xlabel="red node, share", ylabel="green node, share")
 
 
@@ -54,11 +76,8 @@ def levels_on_errors(lattice: Lattice, histograms: tuple[Array, Array, Array], s
     for axis, levels, histogram, (name, colour, _) in zip(
         figure.subplots(1, 3), lattice.levels, histograms, CHANNELS, strict=True
     ):
-        density = histogram.reshape(200, -1).sum(axis=1)
-        middle = (np.arange(len(density)) + 0.5) / len(density)
-        axis.fill_between(middle, density, color=colour, alpha=0.35, linewidth=0)
-        top = max(float(density.max()), 1e-9)
-        axis.vlines(levels, -0.14 * top, -0.02 * top, color="black", linewidth=0.8)
+        axis.fill_between(*error_density(histogram), color=colour, alpha=0.35, linewidth=0)
+        axis.vlines(levels, -0.14, -0.02, color="black", linewidth=0.8)
         axis.axhline(0, color="0.6", linewidth=0.6)
         axis.set(title=f"{name}", xlabel=source, yticks=[])
     figure.supylabel("squared error of a uniform lattice", fontsize=9)
@@ -76,22 +95,18 @@ def lattice_figure(style: PictureStyle, directions: Sequence[str]) -> Figure:
     return figure
 
 
-def plane_destinations(lattice: Lattice, target: str, level: float = 0.4) -> Figure:
-    """Where the nodes of a plane of each input axis go, as a net in the other two output channels (thesis, Fig. A.13).
-
-    level: each plane lies at the node level nearest to this.
-    """
+def plane_destinations(lattice: Lattice, target: str) -> Figure:
+    """Where the nodes of a plane of each input axis go, as a net in the other two output channels (Fig. A.13)."""
     figure = Figure(figsize=(9, 3.2), layout="constrained")
     for channel, axis in enumerate(figure.subplots(1, 3)):
-        held = int(np.argmin(np.abs(lattice.levels[channel] - level)))
-        first, second = (index for index in range(3) if index != channel)
-        plane = np.take(lattice.values, held, axis=channel)[..., [first, second]]
-        for lines, other in ((plane, second), (plane.transpose(1, 0, 2), first)):
-            axis.add_collection(LineCollection(list(lines), colors=CHANNELS[other][1], linewidths=0.6, alpha=0.8))
+        level, net = plane_net(lattice, channel, 0.4)
+        for along, lines in net:
+            axis.add_collection(LineCollection(list(lines), colors=CHANNELS[along][1], linewidths=0.6, alpha=0.8))
+        second, first = (CHANNELS[along][0] for along, _ in net)
         axis.set(
-            title=f"nodes at {CHANNELS[channel][0]} = {lattice.levels[channel][held]:.2f}",
-            xlabel=f"{target}, {CHANNELS[first][0]}",
-            ylabel=f"{target}, {CHANNELS[second][0]}",
+            title=f"nodes at {CHANNELS[channel][0]} = {level:.2f}",
+            xlabel=f"{target}, {first}",
+            ylabel=f"{target}, {second}",
             aspect="equal",
         )
         axis.autoscale()

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import numpy as np
 import panel as pn
 from bokeh.models import ColorBar, ColumnDataSource, LinearColorMapper, Range1d
 
@@ -12,6 +11,7 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PictureStyle
 from lutforge.report.gamut_slices import gamut_slice
+from lutforge.report.lattice_figures import error_density, nodes_with_samples, plane_net
 from lutforge.studio.elements import CHANNELS, FILL, LINE, NOTHING, extent, frame, offer, plot, select, slider, text
 from lutforge.studio.gamut_surface import GamutSurface, surface_of
 from lutforge.studio.session import Session
@@ -165,31 +165,26 @@ class LatticeView:
             self.error.data = {"x": [], "y": []}
         else:
             self.levels.title.text = f"Node levels, {name}, over the error"
-            density = histogram[channel].reshape(200, -1).sum(axis=1)
-            self.error.data = {"x": (np.arange(200) + 0.5) / 200, "y": density / max(float(density.max()), 1e-12)}
+            self.error.data = dict(zip("xy", error_density(histogram[channel]), strict=True))
         covered = style.coverage.get(self.direction.value)
         if covered is None:
             self.coverage.title.text, self.seen.data = "no coverage in this profile", {"image": []}
             return
-        seen = np.log10(1 + covered.sum(axis=2)).T
+        seen = nodes_with_samples(covered)
         self.coverage.title.text = f"Nodes with samples, {float((covered > 0).mean()):.0%} of all"
         self.seen_mapper.high = max(float(seen.max()), 1e-6)
         self.seen.data = {"image": [seen]}
 
     def _draw_plane(self, lattice: Lattice, channel: int) -> None:
-        held = int(np.argmin(np.abs(lattice.levels[channel] - self.level.value)))
-        first, second = (index for index in range(3) if index != channel)
-        plane = np.take(lattice.values, held, axis=channel)[..., [first, second]]
-        for net, line, lines, other in zip(
-            self.net, self.net_lines, (plane, plane.transpose(1, 0, 2)), (second, first), strict=True
-        ):
-            net.data = {"xs": [one[:, 0] for one in lines], "ys": [one[:, 1] for one in lines]}
-            line.glyph.line_color = CHANNELS[other][1]
+        level, net = plane_net(lattice, channel, self.level.value)
+        axes = (self.plane.yaxis, self.plane.xaxis)
+        for source, drawn, axis, (along, lines) in zip(self.net, self.net_lines, axes, net, strict=True):
+            source.data = {"xs": [one[:, 0] for one in lines], "ys": [one[:, 1] for one in lines]}
+            drawn.glyph.line_color = CHANNELS[along][1]
+            axis.axis_label = f"{CHANNELS[along][0]} of the output"
+        plane = net[0][1]
         frame(self.plane, extent(plane[..., 0].ravel()), extent(plane[..., 1].ravel()))
-        name = CHANNELS[channel][0]
-        self.plane.title.text = f"Where the nodes at {name} = {lattice.levels[channel][held]:.3f} go"
-        self.plane.xaxis.axis_label = f"{CHANNELS[first][0]} of the output"
-        self.plane.yaxis.axis_label = f"{CHANNELS[second][0]} of the output"
+        self.plane.title.text = f"Where the nodes at {CHANNELS[channel][0]} = {level:.3f} go"
 
 
 def _mapped_profile(session: Session) -> CameraProfile | None:
