@@ -47,7 +47,11 @@ def fit_render(
 
     smoothness: λ_S; like: a fit of the style, whose λ_S and node levels are taken; without either they are searched.
     """
-    return _fit(data, options, inverse=False, smoothness=smoothness, like=like, tolerance=tolerance)
+    prior_mean = data.prior_mean(options.size, inverse=False)
+    return fit_samples(
+        data.balanced, data.encoded, data.shot, prior_mean, options, clips=True, curve=prior_mean.curve,
+        smoothness=smoothness, like=like, tolerance=tolerance,
+    )  # fmt: skip
 
 
 def fit_linearize(
@@ -55,7 +59,6 @@ def fit_linearize(
     options: CalibrationOptions,
     render: LatticeResult,
     *,
-    smoothness: float | None = None,
     like: LatticeResult | None = None,
     tolerance: float | None = None,
 ) -> LatticeResult:
@@ -70,25 +73,9 @@ def fit_linearize(
     if options.preset != "thesis":
         points = rendered_scenes(render.lattice, data.balanced, min(4 * options.size**3, 20_000))
         options = replace(options, lattice=replace(options.lattice, grey_weight=0.0))  # these hold the grey axis, too
-    return _fit(data, options, inverse=True, points=points, smoothness=smoothness, like=like, tolerance=tolerance)
-
-
-def _fit(
-    data: StyleData,
-    options: CalibrationOptions,
-    *,
-    inverse: bool,
-    points: tuple[Array, Array] | None = None,
-    smoothness: float | None,
-    tolerance: float | None,
-    like: LatticeResult | None,
-) -> LatticeResult:
-    """Fit the lattice of one direction."""
-    x, y = data.pairs(inverse=inverse)
-    prior_mean = data.prior_mean(options.size, inverse=inverse)
     return fit_samples(
-        x, y, data.shot, prior_mean, options, clips=not inverse, curve=prior_mean.curve,
-        points=points, smoothness=smoothness, like=like, tolerance=tolerance,
+        data.encoded, data.balanced, data.shot, data.prior_mean(options.size, inverse=True), options, clips=False,
+        points=points, like=like, tolerance=tolerance,
     )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from lutforge.calibration.lattice.node_levels import BINS, error_histogram
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.thesis.lattice import THESIS, fit_uniform
+from lutforge.calibration.thesis.lattice import fit_thesis, fit_uniform
 from lutforge.solvers.lattice_regression import Regularization, fit_lattice
 from lutforge.solvers.penalties import thin_plate
 from tests.solvers.dense_lattice import interpolation_weights, random_levels
@@ -28,9 +28,9 @@ def test_the_thin_plate_alone_is_minimized() -> None:
 def test_the_uniform_baseline_fits_and_smoothness_helps_it_where_samples_are_few() -> None:
     rng = np.random.default_rng(1)
     x, unseen = rng.random((2000, 3)) ** 2, rng.random((2000, 3)) ** 2
-    options = CalibrationOptions(size=9, preset="thesis", output_curve=False)
+    options = CalibrationOptions(size=9, preset="thesis", output_curve=False, nonuniform=False)
     errors = []
-    for fitted in (fit_uniform(x, np.sqrt(x), options), fit_uniform(x, np.sqrt(x), options, THESIS)):
+    for fitted in (fit_uniform(x, np.sqrt(x), options), fit_thesis(x, np.sqrt(x), options, clips=True)):
         assert np.all(np.isfinite(fitted.lattice.values))
         errors.append(float(np.linalg.norm(fitted.lattice(unseen) - np.sqrt(unseen), axis=1).mean()))
     assert errors[1] < errors[0] < 0.1

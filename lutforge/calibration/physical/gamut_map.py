@@ -42,13 +42,11 @@ class GamutMapOptions:
 
 @dataclass(frozen=True, eq=False)
 class GamutMapFit:
-    """A fitted gamut map. worst, mean: weighted residual of all pairs, not of centres only; rho, nugget: ρ and 8Nπρ."""
+    """A fitted gamut map. nugget: 8Nπρ; worst: weighted residual of all pairs, not of centres only."""
 
     gamut_map: GamutMap
     nugget: float
-    rho: float
     worst: float
-    mean: float
 
 
 def fit_gamut_map(
@@ -91,10 +89,9 @@ def fit_gamut_map(
         # Centres are multiplied by this from round to round
         wanted = min(room, max(int(len(chosen) * (1.6 - 1.0)), 8))
         chosen = np.concatenate([chosen, _worst_apart(source, residual, open_pairs, wanted)])
-    rho = nugget / (8.0 * np.pi * len(chosen))
     if options.offset:
         gamut_map = replace(gamut_map, centres=from_even(gamut_map.centres, options.offset), offset=options.offset)
-    return GamutMapFit(gamut_map, nugget, rho, float(residual.max()), float(residual.mean()))
+    return GamutMapFit(gamut_map, nugget, float(residual.max()))
 
 
 def solve(centres: Array, values: Array, nugget: Array) -> GamutMap:

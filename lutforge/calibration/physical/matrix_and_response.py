@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from lutforge.arrays import Array, Mask
+from lutforge.calibration.options import PhysicalOptions
 from lutforge.calibration.physical.curve_basis import SAMPLE, CurveBasis, emor_basis, solve_rising, spline_basis
 from lutforge.calibration.physical.unsaturated import saturation, untouched_odds
 from lutforge.errors import CalibrationError
@@ -34,12 +35,11 @@ from lutforge.solvers.solution import Status
 class RobustFitOptions:
     """How colours count in a fit of f.
 
-    beta: HSV saturation at which the odds that the gamut map leaves a colour alone are even (thesis: 0.3), or more:
-    what lets colours count as much as `enough` that are grey. selection: power of these odds by which a colour counts.
-    reach: colours beyond so many times β do not count. curves: of EMoR in the first rounds. multiple: of the median
-    residual of like tones, at which a colour counts half; least: but not below this (1 = full scale). balance: tones
-    count by their number to the power of −balance.
-    settled: mean change of the weights that ends the rounds. most_samples: as many are fitted at most.
+    physical: β, at which the odds that the gamut map leaves a colour alone are even, or at a larger one that lets
+    colours count as much as `enough` that are grey; the curves of the first rounds; and how tones count. selection:
+    power of these odds by which a colour counts. reach: colours beyond so many times β do not count. multiple: of the
+    median residual of like tones, at which a colour counts half; least: but not below this (1 = full scale). settled:
+    mean change of the weights that ends the rounds. most_samples: as many are fitted at most.
 
     Chosen among some hundred settings on the sets that they are measured on, so the figures flatter them. Mean error of
     f and Ts on unsaturated colours of all tones, fitted to sets of which 70 % are dark: simulated cameras 0.0004, D40
@@ -49,14 +49,12 @@ class RobustFitOptions:
     off near grey on five of six simulated styles (now 0.4 to 1.8); with 2 it runs away on one of ten chart cameras.
     """
 
-    beta: float = 0.3
+    physical: PhysicalOptions = field(default_factory=PhysicalOptions)
     enough: float = 20.0
     selection: float = 1.5
     reach: float = 3.0
-    curves: int = 15
     multiple: float = 2.0
     least: float = 0.5 / 255.0
-    balance: float = 0.5
     settled: float = 2e-3
     most_rounds: int = 20
     most_samples: int = 3000
@@ -91,14 +89,11 @@ class MatrixAndResponseFit(MatrixAndResponse):
 
 
 @one_blas_thread
-def fit_matrix_and_response(
-    x: Array, encoded: Array, basis: CurveBasis | None = None, options: RobustFitOptions | None = None
-) -> MatrixAndResponseFit:
+def fit_matrix_and_response(x: Array, encoded: Array, options: RobustFitOptions | None = None) -> MatrixAndResponseFit:
     """Fit Ts and f to white-balanced RAW x (n, 3) and JPEG values encoded (n, 3) in [0, 1], neither clipped.
 
-    basis: the curves that f⁻¹ is one of. Without one it is EMoR's 15, whose shape beyond the samples is that of real
-    cameras, then twice a spline around the mean of the channels, which follows what EMoR cannot. Raises
-    CalibrationError below 10 samples.
+    f⁻¹ is made of EMoR's curves first, whose shape beyond the samples is that of real cameras, then twice a spline
+    around the mean of the channels, which follows what EMoR cannot. Raises CalibrationError below 10 samples.
     """
     options = options or RobustFitOptions()
     if len(x) < 10:
@@ -107,8 +102,8 @@ def fit_matrix_and_response(
     beta = _wide_enough(chroma, options)
     rows = _some(chroma < options.reach * beta, options.most_samples)
     tones = Tones(encoded[rows].mean(axis=1), untouched_odds(chroma[rows], beta) ** options.selection, options)
-    found = _rounds(x[rows], encoded[rows], tones, _Rounds(tones.prior), basis or emor_basis(options.curves))
-    for _ in range(2 if basis is None else 0):
+    found = _rounds(x[rows], encoded[rows], tones, _Rounds(tones.prior), emor_basis(options.physical.curves))
+    for _ in range(2):
         common = found.response.inverse.mean(axis=1)
         found = _rounds(x[rows], encoded[rows], tones, found, spline_basis(common))
     return MatrixAndResponseFit(found.matrix, found.response, untouched_odds(chroma, beta), found.status)
@@ -159,7 +154,8 @@ def _wide_enough(chroma: Array, options: RobustFitOptions) -> float:
     def missing(beta: float) -> float:
         return enough - float((untouched_odds(chroma, beta) ** options.selection).sum())
 
-    return options.beta if missing(options.beta) <= 0 else brentq(missing, options.beta, widest, xtol=1e-3)
+    beta = options.physical.beta
+    return beta if missing(beta) <= 0 else brentq(missing, beta, widest, xtol=1e-3)
 
 
 def _some(chosen: Mask, most: int) -> NDArray[np.intp]:
@@ -179,7 +175,7 @@ class Tones:
         self.order = np.argsort(tone)
         counts = np.histogram(tone, 16, (0.0, 1.0), weights=odds)[0] + odds.sum() / 64
         counts = np.convolve(np.pad(counts, 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
-        rare = np.interp(tone, (np.arange(16) + 0.5) / 16, counts) ** -options.balance
+        rare = np.interp(tone, (np.arange(16) + 0.5) / 16, counts) ** -options.physical.weighting
         self.prior = odds * rare / np.average(rare, weights=odds)
         self.levels: Array = np.linspace(tone.min(), tone.max() + 1e-9, 16)
         self.scale = np.full(len(self.levels), options.least)

@@ -118,7 +118,7 @@ def _fit_style(
             return response, low.astype(np.float64)
         chroma = saturation(samples.srgb)
         check_tones(samples.srgb, chroma < starting_beta(chroma, preset, physical.beta))
-        fit = fit_matrix_and_response(balanced, samples.srgb, options=robust_options(physical))
+        fit = fit_matrix_and_response(balanced, samples.srgb, RobustFitOptions(physical))
     except CalibrationError as error:
         raise CalibrationError(f'style "{name}": {error}') from None
     return fit.response, fit.trust
@@ -128,11 +128,6 @@ def response_of_exposures(samples: SampleSet, preset: Preset, physical: Physical
     """f of one style from its exposure pairs, without those that the options leave out. Raises CalibrationError."""
     pairs = pairs_of_samples(samples).without(physical.without_pairs)
     return fit_response_to_exposures(pairs, preset, physical.beta, log_emor_basis(physical.curves)).response
-
-
-def robust_options(physical: PhysicalOptions) -> RobustFitOptions:
-    """The options of a robust fit of f and Ts."""
-    return RobustFitOptions(beta=physical.beta, curves=physical.curves, balance=physical.weighting)
 
 
 def _unsaturated(encoded: Array, response: Response, beta: float) -> Mask:

@@ -30,7 +30,7 @@ from lutforge.calibration.physical.curve_basis import emor_basis, spline_basis
 from lutforge.calibration.physical.joint_diagonal import jointly_diagonal
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, hue_spread
 from lutforge.calibration.physical.matrix_and_response import RobustFitOptions, Tones, encoding_slope, fit_channel
-from lutforge.calibration.physical.physical_model import response_of_exposures, robust_options
+from lutforge.calibration.physical.physical_model import response_of_exposures
 from lutforge.calibration.physical.plain_curves import srgb_response
 from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation, untouched_odds
 from lutforge.calibration.physical.white_balance import estimated_multipliers, neutral_weight
@@ -120,7 +120,7 @@ def _linear_light(
             if preset == "thesis":
                 fit = _response_of_exposures(samples.select(rows), setting[rows], physical)
             else:
-                fit = _fit_response(samples.select(rows), setting[rows], robust_options(physical))
+                fit = _fit_response(samples.select(rows), setting[rows], RobustFitOptions(physical))
         except CalibrationError as error:
             raise CalibrationError(f'style "{name}": {error}') from None
         common = [balance for balance in fit.matrices if balance in anchors]
@@ -156,7 +156,7 @@ def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: Robust
     first = int(np.argmax(votes))
     multipliers, _ = estimated_multipliers(raw[place == first], encoded[place == first])
     chroma = saturation(encoded)
-    beta = max(options.beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
+    beta = max(options.physical.beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
     near = chroma < options.reach * beta
     mixed = [_columns(raw[near], place[near], first, multipliers, channel) for channel in range(3)]
     changes = _gain_changes(raw, place, samples.shot)

@@ -15,14 +15,11 @@ from lutforge.solvers.lattice_regression import LatticeFit, Regularization, fit_
 
 THESIS = Regularization(smoothness=0.1, anchor=0.01, thin_plate=1e-6)
 """λ_S, λ_A and λ_K of section 5.3."""
-LR_BASELINE = Regularization(smoothness=0.0, anchor=0.0, thin_plate=1e-6)
-"""Equation 5.3, the uniform lattice regression that the thesis compares itself with: λ_K alone."""
 
 
-def fit_uniform(
-    x: Array, y: Array, options: CalibrationOptions, regularization: Regularization = LR_BASELINE
-) -> LatticeResult:
-    """Fit a lattice with evenly spaced nodes to samples x → y (n, 3): by equation 5.3, unless weights are given."""
+def fit_uniform(x: Array, y: Array, options: CalibrationOptions) -> LatticeResult:
+    """Fit a lattice with evenly spaced nodes to samples x → y (n, 3), as the thesis's comparison does: by λ_K alone."""
+    regularization = Regularization(smoothness=0.0, anchor=0.0, thin_plate=THESIS.thin_plate)
     return _result(_uniform(x, y, options, regularization), x, options, regularization)
 
 
