@@ -85,7 +85,7 @@ def _point(data: StyleData, masks: list[Mask], count: int, options: CalibrationO
 
 
 def _advice(points: Sequence[LearningPoint]) -> str:
-    """Whether more shots would help: they are enough only where three points say so, and no error is to be seen."""
+    """Say whether more shots would help. They are called enough only if three points agree and no error is visible."""
     last = points[-1]
     now = f"the error on held-out shots is ΔE00 {last.de00:.1f}, {visibility(last.de00)}"
     if len(points) < 3:

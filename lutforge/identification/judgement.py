@@ -16,14 +16,19 @@ from lutforge.solvers.blas import one_blas_thread
 
 @dataclass(frozen=True)
 class JudgementOptions:
-    """What evidence is worth, measured on made-up cameras (`tests/benchmarks/identify.py --calibrate`).
+    """Weights of the evidence, measured on simulated cameras (`tests/benchmarks/identify.py --calibrate`).
 
-    noise, scene, reach: factors of the three log-likelihoods. With larger ones, the scene's above all, the truth is
-    likelier on made-up cameras, whose scenes are those that the density was learned from, and less likely on real ones.
-    balance: of the noise's, among the white balances of one style, which errors of the calibration spoil less.
-    strangers: the logarithm of what a rendering near the likeliest, which stands for cameras that no profile is of,
-    counts beside a profile: nine in ten pictures by strangers are then not answered. sure: the probability from which
-    an answer is given. alike: white balances whose multipliers differ by less are one answer.
+    noise, scene, reach: factors of the three log-likelihoods. Larger ones, above all for the scene, make the truth more
+    probable on simulated cameras, whose scenes the density was learned from, but less probable on real ones.
+
+    balance: the factor of the noise's log-likelihood where white balances of one style are compared. It is larger than
+    `noise`, because errors of the calibration affect this comparison less.
+
+    strangers: the log prior, relative to a profile, of a rendering that stands for cameras without a profile. With it
+    nine in ten pictures by such cameras get no answer.
+
+    sure: the probability from which an answer is given. alike: white balances whose multipliers differ by less than
+    this are one answer.
     """
 
     noise: float = 0.04
@@ -40,8 +45,8 @@ DEPARTURES: tuple[Mapping[str, float], ...] = tuple(
     for name, size in (("gamma", 0.15), ("contrast", 0.25), ("saturation", 0.15))
     for sign in (1, -1)
 )
-"""How renderings that stand for other cameras depart from the likeliest: in tone and in saturation, by about as much as
-styles of one camera differ."""
+"""Changes of tone and saturation that make the likeliest rendering stand for other cameras, by about as much as styles
+of one camera differ."""
 
 
 @dataclass(frozen=True)

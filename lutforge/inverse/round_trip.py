@@ -1,6 +1,6 @@
-"""What comes back of a JPEG that is linearized and rendered again.
+"""Measures the round trip of a JPEG that is linearized and rendered again.
 
-Measured are the colours that a render makes of RAW, and the 8-bit codes nearest to them, which a file holds.
+It is measured on colours that a render makes of RAW, and on the 8-bit codes nearest to them, as files hold them.
 """
 
 from collections.abc import Callable

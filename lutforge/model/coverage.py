@@ -20,9 +20,10 @@ WORST = 0.1
 
 
 def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHEST) -> Mask:
-    """Return the mask (…,) of encoded colours (…, 3) farther than `farthest` from every sample: they are guessed.
+    """Return the mask (…,) of encoded colours (…, 3) farther than `farthest` from every sample.
 
-    Samples are the centres of h⁻¹, or of a lattice the nodes that samples touched. A style with neither knows nothing.
+    The samples are taken to be at the centres of h⁻¹, or at the nodes of a lattice that samples touched. Of a style
+    that has neither, no colour is covered.
     """
     values = np.asarray(encoded, dtype=np.float64)
     points = _sampled(style)
@@ -35,7 +36,10 @@ def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHES
 
 @dataclass(frozen=True)
 class Refinish:
-    """What is done to encoded colours (…, 3). graded: → encoded; balanced: → Tw E of the style that renders them."""
+    """A refinish of encoded colours (…, 3).
+
+    graded: takes them to refinished encoded colours; balanced: takes them to Tw E of `style`, which renders them anew.
+    """
 
     graded: Callable[[Array], Array]
     balanced: Callable[[Array], Array]
@@ -43,11 +47,12 @@ class Refinish:
 
 
 def confidence(style: PictureStyle, refinish: Refinish | None = None, size: int = 33) -> Lattice:
-    """A lattice of encoded colours with how well they are known: (confidence, unclipped, covered), each 0 to 1.
+    """Return a lattice over encoded colours whose values are (confidence, unclipped, covered), each from 0 to 1.
 
-    covered: 1 − e / WORST of the error e to expect where both styles know it; else 1 as near to a sample as half the
-    limit of `uncovered`, falling evenly to 0 at one and a half of it: 0.5 is the limit. unclipped: 0 where a channel is
-    at 0 or 255. confidence: the smaller. O(size³ log n) once; then any image at the speed of a LUT.
+    covered: where both styles know the expected error e, 1 − e / WORST. Otherwise it depends on the distance to the
+    nearest sample: 1 up to half the limit of `uncovered`, then falling linearly to 0 at one and a half times the limit.
+    unclipped: 0 where a channel is at 0 or 255, else 1. confidence: the smaller of both. The lattice takes
+    O(size³ log n) time; an image is then evaluated at the speed of a LUT.
     """
     axis = np.linspace(2 * CLIPPED, 1.0 - 2 * CLIPPED, size - 4)
     axis = np.concatenate([[0.0, CLIPPED], axis, [1.0 - CLIPPED, 1.0]])
@@ -71,29 +76,29 @@ def _nearness(style: PictureStyle, nodes: Array) -> Array:
 
 
 def _expected_error(style: PictureStyle, refinish: Refinish, levels: Levels) -> Array:
-    """The norm of the error to expect of what encoded colours at nodes are refinished to, (N_r, N_g, N_b).
+    """The norm (N_r, N_g, N_b) of the expected error of refinished colours, at encoded colours of the nodes.
 
-    Independent are a code of noise in each channel, the error of linearizing, which both count as often as the refinish
-    multiplies them there, and that of rendering.
+    Three independent errors add up in the square: one code of noise in each channel and the error of linearizing, both
+    multiplied by the gain of the refinish there, and the error of rendering.
     """
     nodes = grid(levels)
     graded = refinish.graded(nodes)
     slopes = np.stack([np.gradient(graded, level, axis=axis) for axis, level in enumerate(levels)], axis=-1)
     gain = np.sqrt(np.sum(slopes**2, axis=(-2, -1)))
-    linearized = _told(style.linearize, style.expected["linearize"], nodes)
-    rendered = _told(refinish.style.render, refinish.style.expected["render"], refinish.balanced(nodes))
+    linearized = _interpolated(style.linearize, style.expected["linearize"], nodes)
+    rendered = _interpolated(refinish.style.render, refinish.style.expected["render"], refinish.balanced(nodes))
     return np.asarray(np.sqrt((gain * 2 * CLIPPED) ** 2 + (gain * linearized) ** 2 / 3.0 + rendered**2))
 
 
 def linearizing_error(style: PictureStyle) -> Callable[[Array], Array] | None:
-    """What takes encoded colours (…, 3) to the error to expect of linearizing them (…,); None where it is not known."""
+    """Return the expected error (…,) of linearizing as a function of encoded colours (…, 3), None if unknown."""
     if "linearize" not in style.expected:
         return None
-    return lambda encoded: _told(style.linearize, style.expected["linearize"], encoded)
+    return lambda encoded: _interpolated(style.linearize, style.expected["linearize"], encoded)
 
 
-def _told(lattice: Lattice | None, expected: Array, at: Array) -> Array:
-    """What a lattice's nodes expect, at colours (…, 3) → (…,)."""
+def _interpolated(lattice: Lattice | None, expected: Array, at: Array) -> Array:
+    """Interpolate the expected errors of a lattice's nodes at colours (…, 3), (…,)."""
     assert lattice is not None  # or the style would hold no expected errors
     return interpolate(at, lattice.levels, np.repeat(expected[..., None], 3, axis=-1), "trilinear")[..., 0]
 

@@ -19,7 +19,7 @@ class Operator(Protocol):
 
     @property
     def threads(self) -> int:
-        """How many threads are worth their while for vectors of this length."""
+        """The number of threads that is fastest for vectors of this length."""
 
     def product(self, b: Array, out: Array) -> None:
         """Fill out with A b; both (c, n)."""

@@ -24,7 +24,7 @@ from lutforge.threads import cores, run, slabs
 
 
 class _Step(IntEnum):
-    """What a V-cycle does on a lattice.
+    """A step of a V-cycle on one lattice.
 
     It smooths from b = 0 on (START), or from the present b (CORRECT), and once more (FINISH); forms the residual
     (SUBTRACT); goes to the next coarser lattice and comes back; on the coarsest it solves.
@@ -249,7 +249,7 @@ class Multigrid:
 
     @property
     def threads(self) -> int:
-        """How many threads the finest lattice keeps at work."""
+        """The number of threads that the finest lattice is divided among."""
         return self._threads[0]
 
     def product(self, b: Array, out: Array) -> None:
@@ -258,7 +258,7 @@ class Multigrid:
         run(partial(add_product, 1.0, *self._finest, b, out), self._parts(0))
 
     def precondition(self, residual: Array) -> Single:
-        """What one symmetric V-cycle from 0 makes of a residual; the next call overwrites it."""
+        """Return one symmetric V-cycle from 0 for a residual; the next call overwrites the result."""
         _planar(self._lattices.right, self._lattices.table, 0)[:] = residual
         whole, small = self._way
         threaded = len(DOWN) * self._small

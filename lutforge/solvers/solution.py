@@ -1,4 +1,4 @@
-"""What an iterative solver found, and how it ended."""
+"""The result of an iterative solver: values, status, residual, iterations."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -31,5 +31,5 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether the solver reached its tolerance."""
+        """True where the solver reached its tolerance."""
         return self.status is Status.CONVERGED

@@ -1,7 +1,8 @@
-"""Whether shots follow one response: how much curves of their own tell of surfaces that they were not fitted to.
+"""Tests whether all shots have one response, by how much better a curve per shot predicts surfaces that were left out.
 
-What a shutter explains, or another common f, is no departure of a shot. What is left counts beside the noise of the
-pairs, whatever makes that: quantization, compression, a gamut map that moves some colours.
+Errors of the shutter, and another f that all shots share, do not count as a departure of single shots. The remaining
+departures are compared with the noise of the pairs, whatever its cause: quantization, compression, or a gamut map that
+changes some colours.
 """
 
 import numpy as np
@@ -14,9 +15,9 @@ from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 
 def share_of_own_curves(pairs: ExposurePairs, response: Response, rows: Mask) -> float:
-    """Share of the variance of left-out pairs that a curve of each shot explains beyond a common one; of a mask (n,).
+    """Return the share of the variance of left-out pairs that a curve per shot explains beyond a common curve.
 
-    It is below 0 where the curves fit noise, and 0 where there is nothing to fit.
+    rows: mask (n,) of the pairs to use. The share is negative where the curves fit noise, and 0 with too few pairs.
     """
     rows = rows.copy()
     rows[np.random.default_rng(0).permutation(np.flatnonzero(rows))[5000:]] = False
@@ -25,23 +26,24 @@ def share_of_own_curves(pairs: ExposurePairs, response: Response, rows: Mask) ->
     if len(np.unique(surfaces)) < 5:
         return 0.0
     common, own, departure = _terms(chosen, response)
-    rest = departure - common @ _solution(common, departure)
-    weight = np.sqrt(RobustWeights(cauchy, multiple=3.0, least=1e-6)(np.abs(rest)))
-    left = np.zeros((2, len(rest)))
+    residual_of_common = departure - common @ _solution(common, departure)
+    weight = np.sqrt(RobustWeights(cauchy, multiple=3.0, least=1e-6)(np.abs(residual_of_common)))
+    residuals = np.zeros((2, len(departure)))
     for held in leave_groups_out(np.repeat(surfaces, 3)):
-        for residual, terms in zip(left, (common, np.hstack([common, own])), strict=True):
+        for residual, terms in zip(residuals, (common, np.hstack([common, own])), strict=True):
             found = _solution((weight[:, None] * terms)[~held], (weight * departure)[~held])
             residual[held] = (weight * (departure - terms @ found))[held]
-    without, with_own = np.sum(left**2, axis=1)
+    without, with_own = np.sum(residuals**2, axis=1)
     return float(1.0 - with_own / max(without, 1e-12))
 
 
 def _terms(pairs: ExposurePairs, response: Response) -> tuple[Array, Array, Array]:
-    """What shots share, and their shutters (3 n, p); curves of single shots (3 n, q); the departure of pairs (3 n,).
+    """Return terms of what shots share (3 n, p) and of single shots (3 n, q), and the departures of pairs (3 n,).
 
-    Shots that depart from f by δ and δ' move I' − τ(I) by δ'(I') − τ'(I) δ(I), where τ' is the slope of the brightness
-    transfer function. δ of a shot is of sin πI and sin 2πI, which tell a gamma, lifted shadows, held highlights and a
-    contrast; that of all shots goes on to sin 6πI. A row is scaled to the noise of one JPEG value.
+    Two shots that depart from f by δ and δ' change I' − τ(I) by δ'(I') − τ'(I) δ(I), where τ' is the slope of the
+    brightness transfer function. δ of a single shot is a sum of sin πI and sin 2πI, which describe a gamma, lifted
+    shadows, held highlights and a contrast. What shots share is a sum up to sin 6πI, and the errors of their shutters.
+    Each row is scaled to the noise of one JPEG value.
     """
     first, second, ratio = pairs.first, pairs.second, np.exp(pairs.log_ratio)[:, None]
     codes = np.linspace(0.0, 1.0, len(response.inverse))
@@ -65,5 +67,5 @@ def _terms(pairs: ExposurePairs, response: Response) -> tuple[Array, Array, Arra
 
 
 def _solution(terms: Array, values: Array) -> Array:
-    """Least squares; directions of the terms that hardly show in them are left at 0."""
+    """The least-squares solution of least norm; terms that are nearly dependent get no weight."""
     return np.asarray(np.linalg.pinv(terms.T @ terms, rcond=1e-6, hermitian=True) @ (terms.T @ values))
