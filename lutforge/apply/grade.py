@@ -14,9 +14,9 @@ from lutforge.errors import ConfigError, LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.input_and_output import ENCODED, read_input_and_output
 from lutforge.luts.processor import OCIO_ERRORS, file_group, of_codes
+from lutforge.luts.sequence import Lut, read_lut, suffixes
 
 if TYPE_CHECKING:
-    from lutforge.luts.sequence import Lut
     from lutforge.model.falloff import Falloff
 
 
@@ -46,7 +46,7 @@ class Grade:
     takes_linear: bool = False
     gives_linear: bool = False
     oiiotool: tuple[str, ...] = ()
-    lut: "Lut | None" = None
+    lut: Lut | None = None
     unchanged: bool = False
     codes: OCIO.CPUProcessor | None = None
     for_srgb: bool = False
@@ -136,6 +136,7 @@ class LutRecipe(_OneForAll):
         return Grade(
             processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
             f"graded with {self.path.name}",
+            notes=_doubts(self.path),
             takes_linear=ends is not None and ends.takes_linear,
             gives_linear=ends is not None and ends.gives_linear,
             # oiiotool interpolates its own way: tetrahedral for cubes.
@@ -143,6 +144,16 @@ class LutRecipe(_OneForAll):
             codes=of_codes(processor),
             for_srgb=ends is not None and ends.input == ENCODED and "adobe rgb" not in ends.title.lower(),
         )
+
+
+def _doubts(path: Path) -> tuple[str, ...]:
+    """A note where OpenColorIO makes something of what is no number, or is not where it should be, in a LUT file."""
+    if path.suffix.lower() in suffixes():
+        try:
+            read_lut(path)
+        except LutError as error:
+            return (f"{error}; OpenColorIO graded by what it made of it",)
+    return ()
 
 
 @dataclass(frozen=True)

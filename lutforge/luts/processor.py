@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Single
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading, require_file
-from lutforge.errors import LutError
+from lutforge.errors import LutError, one_line
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 
@@ -213,5 +213,9 @@ def _reason(message: str, link: str, path: Path) -> str:
                 "a .cube with a shaper (LUT_1D_SIZE and LUT_3D_SIZE) must hold neither TITLE nor DOMAIN "
                 "lines for OpenColorIO; delete those lines"
             )
+    if "could not be loaded" in message and "failed with: " not in message:
+        return "OpenColorIO cannot read it; `lutforge check` shows which programs do"
+    if b"\r" in head and b"\n" not in head:
+        return "its lines end in carriage returns alone, which OpenColorIO does not read; save it with line feeds"
     said = message.replace(link, path.name).split("failed with: ")[-1]
-    return f"OpenColorIO cannot read it: {said.split('All formats')[0]}"
+    return f"OpenColorIO cannot read it: {one_line(said.split('All formats')[0], 200)}"

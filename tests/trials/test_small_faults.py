@@ -257,3 +257,22 @@ def test_a_folder_that_cannot_be_read_stops_a_batch(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(os, "scandir", scandir)
     with pytest.raises(ImageError, match="locked: the folder cannot be read"):
         find_inputs([tmp_path], recursive=True)
+
+
+def test_what_opencolorio_makes_of_a_damaged_lut_is_told(lutforge: CommandLine, tmp_path: Path) -> None:
+    """OpenColorIO reads "0,5" as 0 and says nothing."""
+    (tmp_path / "comma.cube").write_text("LUT_3D_SIZE 2\n" + "0,5 0,5 0,5\n" * 8)
+    (tmp_path / "mac.cube").write_bytes(b"LUT_3D_SIZE 2\r" + b"0.5 0.5 0.5\r" * 8)
+    (tmp_path / "look.dcp").write_bytes(b"IIRC\x08\0\0\0" + bytes(100))
+    words = (picture(tmp_path / "a.jpg"), "-o", tmp_path / "out")
+    graded = lutforge("apply", tmp_path / "comma.cube", *words)
+    assert graded.returncode == 0 and 'expected 3 numbers: "0,5 0,5 0,5"' in graded.stderr
+    assert "save it with line feeds" in failed(lutforge("apply", tmp_path / "mac.cube", *words))
+    assert "`lutforge check` shows which programs do" in failed(lutforge("apply", tmp_path / "look.dcp", *words))
+
+
+def test_a_picture_that_cannot_be_opened_is_told_in_a_short_line(lutforge: CommandLine, tmp_path: Path) -> None:
+    (tmp_path / "look.cube").write_text("LUT_3D_SIZE 2\n" + "0.5 0.5 0.5\n" * 8)
+    (tmp_path / "cut.webp").write_bytes(b"RIFF\x00\x01\x00\x00WEBPVP8 " + bytes(40))
+    told = failed(lutforge("apply", tmp_path / "look.cube", tmp_path / "cut.webp", "-o", tmp_path / "out"))
+    assert "cannot be read as an image" in told and "convert it to TIFF" in told
