@@ -1,9 +1,10 @@
-"""The error to expect at any colour, from what samples that a fit has not seen tell of their distance and of doubt.
+"""The expected error at any colour, from held-out samples.
 
-Doubt is how far the model lies from matrix and response alone: near samples that is the gamut map, which is known; away
-from them it is what the model guesses of it. Held-out samples give e = a + b · distance + c · doubt by non-negative
-least squares, for each direction. All three are norms of encoded RGB; light that is linearized counts as matrix and
-response render it.
+It is a linear model of two distances. The first is the distance of the colour to the nearest sample. The second is the
+disagreement between the model and matrix and response alone: near samples it is the gamut map, which is known; far from
+them it is the extrapolation of the gamut map. Held-out samples give e = a + b · distance + c · disagreement by
+non-negative least squares, for each direction. All three are norms of encoded RGB; linearized light is compared after
+matrix and response have rendered it.
 """
 
 from collections.abc import Mapping
@@ -24,23 +25,24 @@ from lutforge.model.profile_data import PictureStyle
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """What the held-out samples of one direction tell.
+    """The distances and errors of the held-out samples of one direction, each (n,).
 
-    distance: to the nearest sample of the fit that predicts it; doubt; error: each (n,).
+    distance: to the nearest sample of the fit that predicts it; disagreement: with matrix and response alone; error: of
+    the prediction.
     """
 
     distance: Array
-    doubt: Array
+    disagreement: Array
     error: Array
 
     def coefficients(self) -> Array:
         """Return the coefficients a, b and c of the expected error, (3,), by nonnegative least squares."""
-        found, _ = nnls(np.column_stack([np.ones_like(self.distance), self.distance, self.doubt]), self.error)
+        found, _ = nnls(np.column_stack([np.ones_like(self.distance), self.distance, self.disagreement]), self.error)
         return np.asarray(found)
 
 
 def held_out_errors(found: Predictions, own: str, base: MatrixAndResponse) -> dict[str, HeldOut]:
-    """What held-out samples tell, by direction; none where there are too few. own: the method that the profile has."""
+    """Measure held-out samples by direction; empty where there are too few. own: the method that the profile has."""
     data, rows = found.data, found.held_out.copy()
     for method in (own, MATRIX_AND_RESPONSE):
         for values in found.predicted:
@@ -78,13 +80,13 @@ def expected_errors(
         nodes = grid(lattice.levels)
         if direction == "render":
             places = np.clip(lattice(nodes), 0.0, 1.0)
-            doubt = np.linalg.norm(places - plain.render(nodes), axis=-1)
+            disagreement = np.linalg.norm(places - plain.render(nodes), axis=-1)
         else:
             places = nodes
-            doubt = np.linalg.norm(plain.render(lattice(nodes)) - nodes, axis=-1)
-        distance = known.query(places.reshape(-1, 3))[0].reshape(doubt.shape)
-        at_sample, by_distance, by_doubt = told.coefficients()
-        result[direction] = at_sample + by_distance * distance + by_doubt * doubt
+            disagreement = np.linalg.norm(plain.render(lattice(nodes)) - nodes, axis=-1)
+        distance = known.query(places.reshape(-1, 3))[0].reshape(disagreement.shape)
+        at_sample, by_distance, by_disagreement = told.coefficients()
+        result[direction] = at_sample + by_distance * distance + by_disagreement * disagreement
     return result
 
 

@@ -97,4 +97,4 @@ def test_the_continuation_knows_the_gamut_map_and_goes_on(inverse: bool) -> None
 def test_the_continuation_of_a_plane_of_colours_is_matrix_and_response() -> None:
     base = fit_matrix_and_response(*samples(2000, 1))
     grey = np.linspace(0.01, 0.9, 80)[:, None].repeat(3, axis=1)
-    assert continuation(base, grey, encode(grey), inverse=False).bend is None
+    assert continuation(base, grey, encode(grey), inverse=False).correction is None

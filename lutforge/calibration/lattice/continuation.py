@@ -1,14 +1,17 @@
-"""The guess that a lattice follows where it has no samples: matrix and response, corrected by what the samples show.
+"""The prior mean of a lattice: matrix and response, corrected by a smooth function that is fitted to the samples.
 
-The guess of a render gives the values of a cube in front of its output curve: c(Ts x) + r(e(Ts x)), where c is the
-curve's own continuation of linear light across the clipping. The guess of a linearization gives RAW: Ts⁻¹ e⁻¹(z + r(z))
-with z = e(f⁻¹(I)). e is the even scale of `model.gamut_map`, on which dark colours lie as far apart as they look. The
-correction r is a sum of radial basis functions with few centres spread over the samples, fitted to all of them by least
-squares (`radial_basis`), so that noise and a stray sample do not bend it; large errors count less (Cauchy). Beyond the
-samples r continues smoothly, to 0 at black.
+Where a lattice has no samples, it continues this function. That of a render gives the values of a cube in front of its
+output curve: c(Ts x) + r(e(Ts x)), where c is the curve's own continuation of linear light across the clipping. That of
+a linearization gives RAW: Ts⁻¹ e⁻¹(z + r(z)) with z = e(f⁻¹(I)). e is the even scale of `model.gamut_map`, on which
+steps of dark colours are as large as they look.
 
-Ts is that of unsaturated colours where r is clearly simpler then, as of a gamut map that leaves most colours alone;
-else that which suits all colours, from which r runs on more safely.
+The correction r is a sum of radial basis functions with few centres spread over the samples. It is fitted to all of
+them by least squares (`radial_basis`) with robust weights (Cauchy), so that noise and outliers hardly change it. Beyond
+the samples r continues smoothly, and goes to 0 at black.
+
+There are two candidates for Ts: the matrix of unsaturated colours, and the matrix that suits all colours, from which r
+extrapolates more safely. The first is taken where r is clearly smaller with it, as for a gamut map that leaves most
+colours alone; otherwise the second.
 """
 
 from collections.abc import Sequence
@@ -30,63 +33,64 @@ from lutforge.solvers.robust_weights import RobustWeights, cauchy
 OFFSET = 0.005
 """ε of the even scale."""
 TRIAL_CENTRES = 54
-"""The number of functions that tell which matrix is continued: those of the guess for a lattice of 9 nodes per axis."""
+"""The number of centres with which the two matrices are compared: as many as for a lattice of 9 nodes per axis."""
 
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """The guess of one direction. base: matrix and response; curve: the output curve of a render, else None.
+    """The prior mean of one direction. base: matrix and response; curve: the output curve of a render, else None.
 
-    bend: r, None where the samples do not determine it; half: the error at which a sample counted half in its fit.
+    correction: r, None where the samples do not determine it; outlier_scale: the error at which a sample has half its
+    weight in the fit of r.
     """
 
     base: MatrixAndResponse
     curve: OutputCurve | None
-    bend: RadialBasis | None = None
-    half: float = np.inf
+    correction: RadialBasis | None = None
+    outlier_scale: float = np.inf
 
     def __call__(self, x: Array) -> Array:
-        """The guess at x (…, 3): encoded, or RAW."""
+        """The prior mean at x (…, 3): encoded, or RAW."""
         values = self.values(x)
         return values if self.curve is None else self.curve.to_encoded(values)
 
     def values(self, x: Array) -> Array:
-        """What a cube should hold at x (…, 3): values before the curve, or RAW; not clipped."""
+        """The values of the cube at x (…, 3), in front of the output curve, or RAW; not clipped."""
         linear = self._linear(x)
         if self.curve is not None:
             values = self.curve.continued(linear)
-            return values if self.bend is None else values + self.bend(to_even(linear, OFFSET))
-        if self.bend is not None:
+            return values if self.correction is None else values + self.correction(to_even(linear, OFFSET))
+        if self.correction is not None:
             even = to_even(linear, OFFSET)
-            linear = from_even(even + self.bend(even), OFFSET)
+            linear = from_even(even + self.correction(even), OFFSET)
         return np.asarray(linear @ np.linalg.inv(self.base.matrix).T)
 
     def refit(self, x: Array, y: Array, most_centres: int = 200) -> "Continuation":
-        """The guess that samples x → y (n, 3) of its direction make, with the same matrix and response."""
-        return self._bent(self._trial(x, y, most_centres))
+        """The same matrix and response, with a correction fitted to samples x → y (n, 3) of this direction."""
+        return self._corrected(self._trial(x, y, most_centres))
 
     def _trial(self, x: Array, y: Array, most_centres: int) -> "_Trial | None":
-        """What few functions make of samples; None where these cannot tell them."""
+        """Fit a correction of few centres; None where the samples do not determine it."""
         pairs = self._pairs(x, y, most_centres)
         try:
             return None if pairs is None else pairs.trial()
         except LinAlgError:  # colours that coincide
             return None
 
-    def _bent(self, trial: "_Trial | None") -> "Continuation":
-        """The guess of all functions, fitted to the samples of a trial."""
-        straight = replace(self, bend=None, half=np.inf)
+    def _corrected(self, trial: "_Trial | None") -> "Continuation":
+        """The prior mean with a correction of all centres, fitted to the samples of a trial."""
+        straight = replace(self, correction=None, outlier_scale=np.inf)
         if trial is None:
             return straight
         pairs = trial.pairs
         try:
-            bend, _ = pairs.problem.fit(pairs.target, pairs.weight * trial.robust)
+            correction, _ = pairs.problem.fit(pairs.target, pairs.weight * trial.robust)
         except LinAlgError:
             return straight
-        return replace(straight, bend=bend, half=trial.half)
+        return replace(straight, correction=correction, outlier_scale=trial.outlier_scale)
 
     def _pairs(self, x: Array, y: Array, most_centres: int) -> "_Pairs | None":
-        """What r is fitted to; None where the samples cannot tell it."""
+        """The data that r is fitted to; None where the samples do not determine it."""
         rows = _rows(len(x), 20_000)
         linear = self._linear(x[rows])
         if not _fills_space(linear):
@@ -95,10 +99,10 @@ class Continuation:
         chosen = spread(even, min(most_centres, len(even) // 2))
         kept = np.arange(len(rows)) < _enough(len(chosen))
         kept[chosen] = True  # the outermost samples among them
-        return _Pairs(even[chosen], *self._with_greys(*self._wanted(linear[kept], y[rows[kept]])))
+        return _Pairs(even[chosen], *self._with_greys(*self._correction_data(linear[kept], y[rows[kept]])))
 
     def _with_greys(self, source: Array, target: Array, weight: Array) -> tuple[Array, Array, Array]:
-        """Samples as `_wanted` makes them, and behind them dark greys, which nothing moves.
+        """Samples as `_correction_data` makes them, and behind them dark greys, which nothing moves.
 
         The gamut map leaves them alone, black the first; each counts as one sample.
         """
@@ -110,41 +114,41 @@ class Continuation:
         )
 
     def leave_out(self, x: Array, y: Array, held: Sequence[Mask]) -> "list[Continuation]":
-        """The guesses of the samples x → y (n, 3) less those of each mask (n,), where this is the guess of them all.
+        """Fit the correction again without the samples of each mask (n,); this one was fitted to all x → y (n, 3).
 
         Masks are disjoint. The same centres serve them all, so that the data term is summed once, mask by mask.
         """
-        if self.bend is None:
+        if self.correction is None:
             return [self] * len(held)
-        rows = _rows(len(x), _enough(len(self.bend.centres)))
+        rows = _rows(len(x), _enough(len(self.correction.centres)))
         x, y = x[rows], y[rows]
-        source, target, weight = self._with_greys(*self._wanted(self._linear(x), y))
-        system = RadialBasisProblem(source, self.bend.centres)
-        weight = weight * cauchy(_error(self.bend(source) - target, weight) / self.half)
+        source, target, weight = self._with_greys(*self._correction_data(self._linear(x), y))
+        system = RadialBasisProblem(source, self.correction.centres)
+        weight = weight * cauchy(_error(self.correction(source) - target, weight) / self.outlier_scale)
         masks = [np.concatenate([mask[rows], np.zeros(len(source) - len(x), dtype=np.bool_)]) for mask in held]
         parts = [system.equations(target, weight, mask) for mask in (*masks, ~np.any(masks, axis=0))]
         total = np.sum(parts, axis=0)
-        guesses = []
+        found = []
         for mine in parts[: len(held)]:
             try:
-                guess = replace(self, bend=system.solve(total - mine)[0])
+                fitted = replace(self, correction=system.solve(total - mine)[0])
             except LinAlgError:
-                guess = replace(self, bend=None)
-            guesses.append(guess)
-        return guesses
+                fitted = replace(self, correction=None)
+            found.append(fitted)
+        return found
 
     def _linear(self, x: Array) -> Array:
         """Linear light that matrix or response alone make of x (…, 3)."""
         return np.asarray(self.base.response.linearize(x) if self.curve is None else x @ self.base.matrix.T)
 
-    def _wanted(self, linear: Array, y: Array) -> tuple[Array, Array, Array]:
+    def _correction_data(self, linear: Array, y: Array) -> tuple[Array, Array, Array]:
         """e of linear light (n, 3), what r should be there (n, 3), and how much its error counts (n,)."""
         source = to_even(linear, OFFSET)
         if self.curve is not None:
             return source, self.curve.to_values(y) - self.curve.continued(linear), np.ones(len(y))
-        wanted = y @ self.base.matrix.T
-        slope = 1.0 / even_slope(wanted, OFFSET).mean(axis=1)  # errors count in linear light
-        return source, to_even(wanted, OFFSET) - source, (slope / np.median(slope)) ** 2
+        linear_of_y = y @ self.base.matrix.T
+        slope = 1.0 / even_slope(linear_of_y, OFFSET).mean(axis=1)  # errors count in linear light
+        return source, to_even(linear_of_y, OFFSET) - source, (slope / np.median(slope)) ** 2
 
 
 @one_blas_thread
@@ -157,7 +161,7 @@ def continuation(
     size: int | None = None,
     curve: OutputCurve | None = None,
 ) -> Continuation:
-    """Fit the guess of one direction to samples x → y (n, 3), given matrix and response.
+    """Fit the prior mean of one direction to samples x → y (n, 3), given matrix and response.
 
     size: nodes per axis of the lattice that it is for, where that is known; curve: `output_curve(base.response)`,
     where that is made already.
@@ -165,21 +169,21 @@ def continuation(
     most = 200 if size is None else min(1_000, int(2 / 3 * size**2))  # what a lattice can follow: by nodes of its face
     if inverse:
         return Continuation(with_matrix_of_all(base, *_some(y, x)), None).refit(x, y, most)
-    clearer = _clearer(base, x, y, curve or output_curve(base.response))
-    return clearer if most <= TRIAL_CENTRES else clearer.refit(x, y, most)
+    few = _with_better_matrix(base, x, y, curve or output_curve(base.response))
+    return few if most <= TRIAL_CENTRES else few.refit(x, y, most)
 
 
-def _clearer(base: MatrixAndResponse, x: Array, encoded: Array, curve: OutputCurve) -> Continuation:
-    """Return the rendering guess of few functions, with the one of two matrices that the samples prefer."""
+def _with_better_matrix(base: MatrixAndResponse, x: Array, encoded: Array, curve: OutputCurve) -> Continuation:
+    """Return the prior mean of a render with few centres, and with the one of two matrices that suits the samples."""
     x, encoded = _some(x, encoded)
     own, safer = (Continuation(each, curve) for each in (base, with_matrix_of_all(base, x, encoded)))
-    of_own, of_safer = (guess._trial(x, encoded, TRIAL_CENTRES) for guess in (own, safer))
-    clear = of_own is not None and (of_safer is None or of_own.rms < 0.92 * of_safer.rms)
-    return own._bent(of_own) if clear else safer._bent(of_safer)
+    of_own, of_safer = (each._trial(x, encoded, TRIAL_CENTRES) for each in (own, safer))
+    own_is_simpler = of_own is not None and (of_safer is None or of_own.rms < 0.92 * of_safer.rms)
+    return own._corrected(of_own) if own_is_simpler else safer._corrected(of_safer)
 
 
 def _some(x: Array, encoded: Array) -> tuple[Array, Array]:
-    """Samples that tell which matrix is continued."""
+    """The samples that the two matrices are compared on."""
     rows = _rows(len(x), _enough(TRIAL_CENTRES))
     return x[rows], encoded[rows]
 
@@ -202,26 +206,27 @@ class _Pairs:
         return RadialBasisProblem(self.source, self.centres)
 
     def trial(self) -> "_Trial":
-        """Fits of few functions, which tell the outliers. Raises LinAlgError where colours coincide."""
+        """Fit few centres, with weights that find the outliers. Raises LinAlgError where colours coincide."""
         robust, most = np.ones(len(self.source)), 100
         few = self.problem if len(self.centres) <= most else RadialBasisProblem(self.source, self.centres[:most])
         for _ in range(2):
             error = _error(few.fit(self.target, self.weight * robust)[1], self.weight)
-            half = RobustWeights(cauchy, multiple=4.0, least=4.0 / 255.0).scale(error)
-            robust = cauchy(error / half)
-        return _Trial(self, robust, half, float(np.sqrt(robust @ error**2 / robust.sum())))
+            scale = RobustWeights(cauchy, multiple=4.0, least=4.0 / 255.0).scale(error)
+            robust = cauchy(error / scale)
+        return _Trial(self, robust, scale, float(np.sqrt(robust @ error**2 / robust.sum())))
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A fit of few functions.
+    """A fit of few centres.
 
-    robust: weights (n,) that tell the outliers; half: the error that counts half; rms: root mean square of the others.
+    robust: weights (n,), small for outliers; outlier_scale: the error at which a sample has half its weight; rms: root
+    mean square of the errors with these weights.
     """
 
     pairs: _Pairs
     robust: Array
-    half: float
+    outlier_scale: float
     rms: float
 
 
