@@ -27,7 +27,7 @@ from lutforge.threads import each
 
 @dataclass(frozen=True, eq=False)
 class CalibratedStyle:
-    """What one style's models were fitted to, the fits, and the style as the profile has it.
+    """The data of one style, the fits to it, and the style as the profile has it.
 
     maps: the fit of the physical model, where that was asked for.
     """
@@ -40,7 +40,7 @@ class CalibratedStyle:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A fitted profile that still lacks its held-out errors, and what these are measured with.
+    """A fitted profile without held-out errors, and the data and fits that these are measured with.
 
     styles: data and fits by style name.
     """
@@ -110,7 +110,7 @@ def calibrate_stages(
 
 
 def _weaknesses(samples: SampleSet, data: Mapping[str, StyleData], clipped: int) -> list[str]:
-    """Notes on what is thin in the samples."""
+    """Notes on settings and colours with few samples."""
     notes = [*thin_settings(samples)]
     if clipped:
         notes.append(f"{clipped} of {len(samples)} samples are clipped and take no part in the fit")
@@ -125,7 +125,7 @@ def _fit_styles(
 ) -> dict[str, CalibratedStyle]:
     """Fit the lattices of both directions; several styles beside each other.
 
-    What the held-out errors need of the samples alone is made beside them, by processors that a fit leaves idle.
+    The prior means that the held-out errors need are fitted at the same time, on processors that would be idle.
     """
 
     def fitted(name: str) -> CalibratedStyle:
@@ -140,7 +140,7 @@ def _fit_styles(
         return CalibratedStyle(style, fit, physical, picture)
 
     def prepare(fold: StyleData) -> None:
-        with suppress(CalibrationError):  # the fit without its shots tells it
+        with suppress(CalibrationError):  # the refit without these shots reports it
             for inverse in (False, True) if options.model == "lattice" else ():
                 fold.prior_mean(options.size, inverse=inverse)
 
@@ -157,6 +157,6 @@ def _fit_styles(
 
 
 def _matrix_of_most(styles: Mapping[str, CalibratedStyle]) -> Array:
-    """Ts of the style with most samples; the identity where all are black and white: their JPEGs tell no matrix."""
+    """Ts of the style with most samples; the identity where all styles are black and white."""
     coloured = [style for style in styles.values() if not style.data.monochrome]
     return max(coloured, key=lambda style: len(style.data.shot)).fit.base.matrix if coloured else np.eye(3)

@@ -1,4 +1,4 @@
-"""The samples that the fits of a style see: unclipped, and balanced by the multipliers of their setting."""
+"""The samples that a style is fitted to: unclipped, and balanced by the multipliers of their setting."""
 
 from dataclasses import dataclass
 from functools import cached_property

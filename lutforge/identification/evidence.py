@@ -1,4 +1,4 @@
-"""What a picture shows that tells renderings apart, read once, and what each rendering makes of it."""
+"""The evidence in a picture about the rendering that made it, and how well each rendering explains that evidence."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,10 +57,11 @@ def read_evidence(path: str | Path) -> PictureEvidence:
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """What a rendering makes of a picture.
+    """The log-likelihoods of a picture's evidence under one rendering.
 
-    noise: log-likelihood by white balance (w,); scene: mean log density of the scene's colours; reach: the same of what
-    the rendering's own way back and forth leaves of the picture's codes. encoder: log-likelihood of the JPEG's tables.
+    noise: by white balance (w,); scene: mean log density of the scene's colours; reach: mean log density of the
+    residual render(linearize(I)) − I of the picture's codes I, low where the rendering cannot make them; encoder: of
+    the JPEG's tables.
     """
 
     noise: Array
@@ -70,7 +71,7 @@ class Explained:
 
 
 def explain(picture: PictureEvidence, rendering: Rendering) -> Explained:
-    """Tell how well one rendering explains a picture, by each kind of evidence."""
+    """Compute how well one rendering explains a picture, by each kind of evidence."""
     multipliers = np.array(list(rendering.white_balances.values()))
     noise = np.zeros(len(multipliers))
     for tally in picture.noise:
@@ -81,13 +82,13 @@ def explain(picture: PictureEvidence, rendering: Rendering) -> Explained:
 
 
 def _encoded(picture: PictureEvidence, rendering: Rendering) -> float:
-    """The log-likelihood of what tells the JPEG's encoder, over that under any camera.
+    """The log-likelihood ratio of the JPEG's tables and size, for this camera against any camera.
 
-    A camera has several qualities and sizes: of half of its pictures the calibration is taken to have seen them. One
-    other camera in fifty is taken to have the same: of the 28 pairs of eight cameras at hand one had the same tables,
-    none with the same size; of 1.3 million photographs by 773 cameras, 80 % had headers that at most three shared (Kee
-    et al., see `JpegHeader.encoder`, who count more than tables and sizes). Tables of libjpeg tell nothing: any
-    program may have saved the picture.
+    A camera has several qualities and sizes, and the calibration is assumed to have seen those of half of its pictures.
+    One other camera in fifty is assumed to share them: of the 28 pairs of eight cameras at hand one had the same
+    tables, none with the same size; of 1.3 million photographs by 773 cameras, 80 % had headers that at most three
+    shared (Kee et al., see `JpegHeader.encoder`, who count more than tables and sizes). Tables of libjpeg tell nothing:
+    any program may have saved the picture.
     """
     if picture.encoder in ("", "libjpeg") or not rendering.encoders:
         return 0.0
@@ -95,10 +96,10 @@ def _encoded(picture: PictureEvidence, rendering: Rendering) -> float:
 
 
 def _reach(picture: PictureEvidence, rendering: Rendering) -> float:
-    """How nearly render(linearize(I)) is I: Cauchy's log density of the residual.
+    """The mean log density of the residual render(linearize(I)) − I, under a Cauchy distribution.
 
-    Its scale is by what the rendering leaves of codes that its camera makes, so that a calibration from few shots is
-    not taken for a wrong one, and at least a code.
+    Its scale is the residual of codes that the camera does make, and at least one code, so that a calibration from few
+    shots is not rejected for its own errors.
     """
     scale = max(1.0 / 255.0, 6.0 * rendering.slack)
     residual = rendering.residual(picture.colours)

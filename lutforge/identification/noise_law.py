@@ -1,13 +1,14 @@
-"""How well a rendering explains a picture's noise: photon noise is known in RAW, the rendering carries it to codes.
+"""The likelihood of a picture's noise under a rendering, which turns the known photon noise of RAW into noise of codes.
 
-The variance of photons is proportional to their number, so that of white-balanced channel c at x_c is s m_c x_c, with
-one s for the camera; slopes J of the rendering take it to the variance Σ_c (w J)_c² s m_c x_c of a plane with weights
-w. Under a wrong tone curve, matrix or white balance the variances of a picture's colours do not fit. (Takamatsu,
-Matsushita & Ikeuchi 2008, "Estimating radiometric response functions from image noise variance",
-https://doi.org/10.1007/978-3-540-88693-8_46, for one channel; here for all that a camera does.) Demosaicking, scaling
-and noise reduction change s with the frequency, for red and blue alike but not for green, and let channels leak into
-each other: each coefficient has four free factors. Texture only adds, so a colour with more noise than predicted counts
-little, one with less counts fully.
+The variance of a photon count is proportional to its mean. So the variance of white-balanced channel c at x_c is s m_c
+x_c, with one factor s for the camera. With the slopes J of the rendering, a plane of the JPEG with channel weights w
+has the variance Σ_c (w J)_c² s m_c x_c. With a wrong tone curve, matrix or white balance these variances do not fit
+those of the picture's colours. (Takamatsu, Matsushita & Ikeuchi 2008, "Estimating radiometric response functions from
+image noise variance", https://doi.org/10.1007/978-3-540-88693-8_46, for one channel; here for the whole rendering.)
+
+Demosaicking, scaling and noise reduction change s with the frequency, alike for red and blue but not for green, and mix
+the channels. So each DCT coefficient has four free factors. Texture can only add to the variance. So a colour with more
+noise than predicted is weak evidence, and one with less is strong evidence.
 """
 
 from collections.abc import Callable
@@ -23,10 +24,10 @@ from lutforge.identification.noise_tally import LEVELS, NoiseTally
 
 @dataclass(frozen=True)
 class NoiseOptions:
-    """How much a colour may count.
+    """Limits of the evidence of one colour.
 
-    slope_error: relative error of variances that a calibrated rendering predicts. above, below: the most that a
-    colour's noise beyond, and below, what is predicted takes off the log-likelihood of one coefficient. rounding:
+    slope_error: relative error of variances that a calibrated rendering predicts. above, below: the largest amount by
+    which a colour with more, or less, noise than predicted lowers the log-likelihood of a coefficient. rounding:
     variance in codes² of what any 8-bit JPEG rounds before its DCT: RGB codes, then those of YCbCr (1/12). starts: mean
     variances, in codes², that the search begins from.
     """

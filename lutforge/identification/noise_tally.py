@@ -1,7 +1,7 @@
-"""What a JPEG's flat blocks say about its noise: how often small DCT coefficients were of 0, 1, 2 or 3 steps.
+"""Counts of small DCT coefficients (0, 1, 2 or 3 quantization steps) in a JPEG's flat blocks, which measure its noise.
 
-Blocks are told apart by their mean colour, as noise depends on it. Steps are the file's own, so the counts are those of
-the camera's encoder where the file was not saved again.
+Blocks are grouped by their mean colour, because noise depends on it. The steps are those of the file. If it was not
+saved again, they are those of the camera's encoder.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from lutforge.arrays import Array, Index
 from lutforge.images.jpeg_header import JpegHeader
 
 LEVELS = 4
-"""Coefficients of more steps are structure, and are not counted."""
+"""Number of sizes that are counted; coefficients of more steps are structure."""
 
 TO_YCC = np.array([[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]])
 """RGB → Y, Cb, Cr of JFIF (ITU-T T.871, clause 7)."""

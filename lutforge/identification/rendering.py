@@ -1,4 +1,4 @@
-"""What a calibrated style does to white-balanced light, with its slopes: the same for lattices and physical models."""
+"""A calibrated style as functions with slopes, the same for lattices and physical models."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ class Rendering:
     """A style of a camera. linearize: encoded → balanced RAW; render: balanced RAW → encoded; matrix: Ts (3, 3).
 
     white_balances: multipliers (3,) by name. encoders: of the JPEGs that it was calibrated from, () where unknown.
-    slack: the median length of what the way back and forth leaves of codes that it was calibrated from; 0 if unknown.
+    slack: the median length of the residual of codes that it was calibrated from; 0 if unknown.
     """
 
     camera: str

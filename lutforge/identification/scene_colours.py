@@ -1,8 +1,9 @@
-"""How natural the scene is that a rendering sees behind a picture: a density of scene colours, carried to its codes.
+"""The probability density of a picture's codes under a rendering, from the density of colours of natural scenes.
 
-p(I) = p_scene(S(I)) |det dS/dI|: a rendering that makes strong colours stronger finds strong codes likely, and codes
-that it cannot reach unlikely. The density is that of linear colours of scenes in brightness and two chroma shares,
-learned from pictures by eighty made-up cameras (`tests/benchmarks/identify.py --learn` writes it).
+With S the linearization, p(I) = p_scene(S(I)) |det dS/dI|. So strong colours are probable under a rendering that makes
+colours stronger, and colours that a rendering cannot make are improbable. p_scene is a density over brightness and two
+chroma shares of linear colours, learned from pictures by eighty simulated cameras
+(`tests/benchmarks/identify.py --learn` writes it).
 """
 
 from functools import cache

@@ -16,8 +16,9 @@ def in_every_cell(levels: Levels, rng: np.random.Generator) -> Array:
 
     They are its nodes, one colour in each tetrahedron of each cell, and one in each such part of its faces and edges.
 
-    On faces and edges channels are clipped. The first and the last cell of each axis part these colours from others,
-    and get only nodes. A fit to these colours sees all that interpolation between the other nodes can do.
+    On faces and edges of the cube channels are clipped. The first and the last cell of each axis separate clipped
+    colours from others, and have no colours but their nodes. In all other cells these colours determine the
+    interpolation.
     """
     nodes = grid(levels).reshape(-1, 3)
     r, g, b = (axis[1:-1] for axis in levels)

@@ -1,8 +1,8 @@
-"""White in a finished picture says only "at least": it stays white, and neutral, under every other setting.
+"""Clipped white of a finished picture stays white and neutral when the picture is rendered with other settings.
 
-A code below the last is a measurement and is rendered anew as such. White is not: a sensor saturates, a camera clips
-behind its white balance, and so do RAW developers before they change the exposure. Taken for the least light that
-clips, it would turn into the colour of the ratio of two white balances.
+A code below 255 is a measurement. White is only a lower bound of the light: the sensor saturates, and cameras and RAW
+developers clip after white balance. If white were taken for the least light that clips, a change of white balance would
+turn it into the colour of the ratio of the two white balances.
 """
 
 from collections.abc import Callable
@@ -26,14 +26,13 @@ def clipped(encoded: ArrayLike) -> Mask:
 def neutral_where_clipped(
     encoded: Array, balanced: Array, white: ArrayLike = 1.0, to_linear: Array | None = None
 ) -> Array:
-    """Balanced linear colours (…, 3) to render anew, with what is white or black in the source `encoded` neutral.
+    """Return balanced linear colours (…, 3), made neutral where the source `encoded` is white or black.
 
-    Where all channels are at 255 they are raised, over the last half code, as a lookup table cannot jump: to `white`,
-    one level or (3,), or to the least multiple of it that has no channel below theirs. Where all are at 0 they are
-    lowered to the smallest. All other colours are untouched.
+    Where all channels are at 255 the colour is raised to `white`, one level or (3,), or to the least multiple of it
+    that lowers no channel. It is raised gradually over the last half code, because a lookup table cannot jump. Where
+    all channels are at 0 they are lowered to the smallest. Other colours do not change.
 
-    to_linear: (3, 3), rows sum to 1, to the linear light of the output: no channel of it becomes darker either where a
-    tinted grey becomes a neutral white.
+    to_linear: (3, 3), rows sum to 1, to the linear light of the output, of which no channel is lowered either.
     """
     r, g, b = encoded[..., 0], encoded[..., 1], encoded[..., 2]
     least = np.minimum(np.minimum(r, g), b)
@@ -51,12 +50,13 @@ def neutral_where_clipped(
 
 
 def white_as_grey(render: Callable[[Array], Array], bare: Array, least: float, to_linear: Array) -> Array:
-    """Return the balanced light (3,) for white, at an exposure of less: what a camera renders as a bright enough grey.
+    """Return the balanced light (3,) that a camera renders grey, to stand for white at a lower exposure.
 
-    The multipliers' neutral need not be the camera's: its own white balance may differ, or its style be warm. The grey
-    is no darker in any channel than what is rendered of neutral light at the level of white, and of white as the bare
-    model has it. bare: (3,) that light; least: the least level; to_linear: as of `neutral_where_clipped`. Light is
-    within a quarter of neutral, as a toned style has no grey; where the sensor saturates it is neutral.
+    Light that is neutral by the multipliers need not be rendered neutral: the camera's own white balance may differ, or
+    its style may be warm. No channel of the grey is darker than the rendering of neutral light at the level of white,
+    or of `bare`, the light (3,) that the model without this correction gives for white. least: the least level;
+    to_linear: as for `neutral_where_clipped`. The light differs from neutral by at most a quarter, because a toned
+    style has no grey. Where the sensor saturates it is neutral.
     """
     level = max(least, float(bare.max()), float((to_linear @ bare).max()))
     light = np.full(3, level)

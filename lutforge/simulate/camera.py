@@ -101,7 +101,7 @@ class SimulatedCamera:
         return np.asarray(white_balance, dtype=np.float64)
 
     def render(self, raw: ArrayLike, style: str, white_balance: str | ArrayLike, ev: float = 0.0) -> Array:
-        """I = f(h(Ts min(Tw k E, 1))), k = 2^ev: RAW (…, 3) to encoded values in [0, 1], not quantised."""
+        """I = f(h(Ts min(Tw k E, 1))), k = 2^ev: RAW (…, 3) to encoded values in [0, 1], not quantized."""
         chain = self.styles[self._known(style, self.styles)]
         balanced = np.clip(np.asarray(raw) * self.multipliers(white_balance) * 2.0**ev, 0.0, 1.0)
         return chain.response(chain.gamut_map(balanced @ self.matrix.T))

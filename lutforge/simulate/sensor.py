@@ -1,4 +1,4 @@
-"""The simulated sensor: lens blur, filter array, photon and read noise, quantisation; and demosaicking."""
+"""The simulated sensor: lens blur, filter array, photon and read noise, quantization; and demosaicking."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -90,7 +90,7 @@ def _step(
     first: int,
     last: int,
 ) -> None:
-    """Fill trial (a, k), where one damped step leads each problem within its bounds, by a factorisation.
+    """Fill trial (a, k), where one damped step leads each problem within its bounds, by a factorization.
 
     residual, slope: of the problems `active` (a,), of which first … last − 1 are stepped; the others: of all.
     """

@@ -38,7 +38,7 @@ def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
 
 
 def _fit(raw: Array, encoded: Array, weight: Array, steps: int) -> tuple[Array, Array]:
-    """f⁻¹ (steps + 1,) and A (3, 3): minimise Σ w² (f⁻¹(I_c) − a_c·E)² with f⁻¹ rising from 0 to 1."""
+    """f⁻¹ (steps + 1,) and A (3, 3): minimize Σ w² (f⁻¹(I_c) − a_c·E)² with f⁻¹ rising from 0 to 1."""
     count = len(raw)
     design = np.zeros((3 * count, steps + 9))
     position = np.clip(encoded, 0.0, 1.0) * steps

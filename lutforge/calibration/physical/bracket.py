@@ -1,4 +1,4 @@
-"""The response from a JPEG bracket alone, without RAW (thesis 4.2.1), beside plain curves with their residuals."""
+"""Fits a response to a JPEG bracket alone, without RAW (thesis 4.2.1), and simple curves to compare it with."""
 
 from dataclasses import dataclass
 
@@ -57,7 +57,7 @@ class BracketFit:
 
     @property
     def told(self) -> tuple[str, str]:
-        """How well the response is known, and between which values, in words."""
+        """The error of the response, and the range of values that it holds for, in words."""
         return (
             f"EMoR with {self.basis_curves} curves, from {self.pairs} pairs of patches; pairs of shots that it had not "
             f"seen are predicted to {self.held_out:.1f} codes (median)",

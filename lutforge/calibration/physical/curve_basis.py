@@ -1,7 +1,7 @@
-"""Families of rising curves that a response is fitted in: EMoR (thesis 4.3), its logarithm, or a spline.
+"""Families of rising curves for a response: EMoR (thesis 4.3), its logarithm, or a spline.
 
-A curve is a table at even encoded values, offset + design θ. Every family knows what it expects of θ (a prior) and the
-inequalities that make it rise, so the fits that use one need not know which.
+A curve is a table at even encoded values, offset + design θ. Every family has a prior for θ and the inequalities under
+which the curve rises, so that a fit can use any family.
 """
 
 from dataclasses import dataclass
@@ -82,9 +82,9 @@ def emor_basis(count: int = 15) -> CurveBasis:
 def spline_basis(like: Array, knots: int = 33) -> CurveBasis:
     """Make f⁻¹ piecewise linear between even knots; θ: its value at black, then its steps.
 
-    like: (k,) f⁻¹ at even encoded values, which the prior follows. At each knot it holds the value of `like` with the
-    weight of a hundredth of a sample, and the relative change of its slope to within 3 % and half of that change:
-    how steeply f⁻¹ ends near white is what `like` knows least.
+    like: (k,) f⁻¹ at even encoded values, which the prior follows. At each knot its value is that of `like`, with the
+    weight of a hundredth of a sample. The relative change of its slope is that of `like`, with a standard deviation of
+    3 % and half of that change, because `like` is least certain where f⁻¹ becomes steep near white.
     """
     shape = np.interp(np.linspace(0.0, 1.0, knots), np.linspace(0.0, 1.0, len(like)), like)
     rate = np.maximum(np.gradient(shape, 1.0 / (knots - 1)), 0.05)

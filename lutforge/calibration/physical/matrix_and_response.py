@@ -4,14 +4,16 @@ f⁻¹(I) = Ts x with x = Tw E holds where the gamut map leaves a colour alone. 
 Ts and the coefficients of f⁻¹ in a basis of curves, so each round is a least-squares problem with the inequalities that
 make f⁻¹ rise; Ts has rows that sum to 1 (neutrals stay neutral). Rounds reweight, so that
 
-- errors count in JPEG values, by the slope of f: that is where noise is even;
-- unsaturated colours count most, since which colours the gamut map moves is not known, but it moves grey ones least;
-- a colour counts by its residual beside the median of *its own tones*. One scale for all tones would be that of dark
-  colours, of which there are many, and bright ones, whose residuals are larger, would lose all weight;
-- tones count by the root of their number, so that many dark exposures do not outvote few bright ones.
+- errors count in JPEG values, by the slope of f, because noise is uniform there;
+- unsaturated colours have the largest weight: it is not known which colours the gamut map moves, but it moves greys
+  least;
+- the robust weight of a colour depends on the ratio of its residual to the median residual of *similar tones*. The
+  median of all tones would be that of dark colours, which are many, so that bright ones, whose residuals are larger,
+  would lose all weight;
+- a tone with n samples has the weight √n, so that many dark exposures do not outweigh few bright ones.
 
-The loss is Cauchy's, which never ignores a colour altogether: one that does can give up all coloured samples for a
-perfect fit of greys, which any Ts allows.
+The loss is Cauchy's, whose weights are never 0. A loss that ignores colours altogether can ignore all coloured samples
+in favour of a perfect fit of greys, which is possible with any Ts.
 """
 
 from dataclasses import dataclass, field
@@ -33,7 +35,7 @@ from lutforge.solvers.solution import Status
 
 @dataclass(frozen=True)
 class RobustFitOptions:
-    """How colours count in a fit of f.
+    """The weights of colours in a fit of f.
 
     physical: β, at which the odds that the gamut map leaves a colour alone are even, or at a larger one that lets
     colours count as much as `enough` that are grey; the curves of the first rounds; and how tones count. selection:
@@ -266,7 +268,7 @@ def fit_channel(mixed: Array, encoded: Array, weight: Array, basis: CurveBasis) 
 
 
 def fit_neutral_matrix(x: Array, linear: Array, weight: Array, slope: Array) -> Array:
-    """Ts with rows that sum to 1, that minimises Σ weight slope² (linear − Ts x)², all (n, 3) but weight (n,)."""
+    """Ts with rows that sum to 1, that minimizes Σ weight slope² (linear − Ts x)², all (n, 3) but weight (n,)."""
     matrix = np.empty((3, 3))
     for channel in range(3):
         others = [c for c in range(3) if c != channel]

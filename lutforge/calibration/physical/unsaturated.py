@@ -1,4 +1,4 @@
-"""Colours that the gamut map leaves alone, told by their saturation (thesis 4.2.1: the threshold β)."""
+"""Selects colours that the gamut map leaves alone, by their saturation (thesis 4.2.1: the threshold β)."""
 
 import numpy as np
 

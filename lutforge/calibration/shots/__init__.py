@@ -1,1 +1,1 @@
-"""What differs from shot to shot of one camera."""
+"""Models of differences between shots of one camera: lens falloff, tone."""

@@ -1,13 +1,13 @@
-"""The lens's falloff that a camera corrects in its JPEGs only, fitted to samples that know their places.
+"""The lens falloff that a camera corrects in its JPEGs only, fitted to samples whose places in the picture are known.
 
 The JPEG of a corner is brighter than the RAW says: y = λ(I) − falloff(place) in the terms of `partial_model`. The
 falloff of each lens setting is monotone in the squared distance from a centre that is free within some per cent; it is
 fitted together with λ by damped Gauss–Newton steps and robust weights.
 
-It is kept where it is significant. In each quarter of each shot its strength is estimated by itself, with the shape r²;
-the mean of these is compared with 0 by Student's t, which holds for few groups whose errors differ and are correlated
-within a group (Ibragimov & Müller 2010, https://doi.org/10.1198/jbes.2009.08046). A falloff shows in all four quarters
-of a picture; light or colours that change across it do not.
+A falloff is kept if it is significant. Its strength is estimated separately in each quarter of each shot, with the
+shape r², and the mean of these estimates is compared with 0 by a t-test. This test is valid for few groups of different
+variance, with correlated errors within a group (Ibragimov & Müller 2010, https://doi.org/10.1198/jbes.2009.08046). A
+falloff shows in all four quarters of a picture; light or colours that change across the picture do not.
 """
 
 from collections.abc import Iterable, Sequence
@@ -80,12 +80,12 @@ def fit_falloffs(
                 kept.append(setting)
         if len(kept) == len(settings):
             return tuple(falloffs)
-        settings = kept  # what is not significant may not pull at the others
+        settings = kept  # an insignificant falloff may not affect the fit of the others
     return ()
 
 
 def at_the_centre(samples: SampleSet, falloffs: Sequence[Falloff]) -> SampleSet:
-    """The samples with RAW as bright as where lenses lose no light, so that one rendering serves all places."""
+    """Return the samples with RAW corrected for the falloffs, so that one rendering holds for all places."""
     return replace(samples, raw=samples.raw * 2.0 ** falloff_stops(samples, falloffs)[:, None])
 
 

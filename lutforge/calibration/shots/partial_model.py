@@ -1,10 +1,10 @@
-"""The part of a JPEG's brightness that its colour does not tell: a partially linear model, and its residuals.
+"""A partially linear model of the scene's light: a smooth function of the JPEG colour, plus a few linear terms.
 
-A fixed rendering takes each scene colour to one JPEG colour I, so that log₂ Σ Tw E is a smooth function λ of I. What a
-camera adds by place, shot or setting comes beside it, linear in few numbers β: y = λ(I) + z·β + ε (Robinson 1988,
-https://doi.org/10.2307/1912705). λ is a sum of radial basis functions by style. It is projected out of y and of every
-column of z, and β is fitted to what remains, which gives the β of the joint fit (Frisch & Waugh 1933,
-https://doi.org/10.2307/1907330). So a gamut map need not be known, nor be left alone by any colour.
+A fixed rendering takes each scene colour to one JPEG colour I, so that y = log₂ Σ Tw E is a smooth function λ of I.
+Brightness that depends on place, shot or setting is added linearly with a few coefficients β: y = λ(I) + z·β + ε
+(Robinson 1988, https://doi.org/10.2307/1912705). λ is a sum of radial basis functions for each style. It is projected
+out of y and of every column of z, and β is fitted to the residuals, which gives the β of the joint fit (Frisch & Waugh
+1933, https://doi.org/10.2307/1907330). So the gamut map need not be known.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 NOISE = 0.03
-"""Scatter of y, in stops, of bright samples; darker ones scatter more, as codes are rounded."""
+"""Standard deviation of y, in stops, of bright samples; that of darker ones is larger, because codes are rounded."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""What is thin in the samples of a camera, and what to shoot instead."""
+"""Notes on settings and colours of which a camera has few samples, and on what to shoot."""
 
 import numpy as np
 
