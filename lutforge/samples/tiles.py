@@ -157,7 +157,7 @@ def _noise(mean: Array, std: Array, usable: Mask, photons: bool) -> Array:
     """
     result = np.empty_like(std)
     for channel in range(3):
-        x, variance = mean[usable, channel], std[usable, channel] ** 2
+        x, variance = mean[..., channel][usable], std[..., channel][usable] ** 2
         ends = np.linspace(0, len(x), max(1, min(12, len(x) // 50)) + 1).astype(np.intp)[1:-1]
         groups = np.split(np.argpartition(x, ends), ends)
         centres = np.array([np.median(x[group]) for group in groups])
