@@ -1,12 +1,13 @@
 """Grade many images by one recipe; an image that fails is reported, and the others go on."""
 
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from itertools import islice
-from os import cpu_count
 from pathlib import Path
 from threading import Lock
 
@@ -93,7 +94,7 @@ def apply_batch(
     if bare:
         notes.append(f"{bare[0]}: a RAW file is rendered, and gets no mask (so of {len(bare)} of the images)")
     if scheduler is None:
-        running = _run_here(recipe, left, workers or cpu_count() or 1, tally)
+        running = _run_here(recipe, left, workers or os.cpu_count() or 1, tally)
     else:
         from lutforge.apply.cluster import run_on_cluster  # loads Dask
 
@@ -141,17 +142,19 @@ def plan_jobs(
         chosen = suffix or (".jpg" if raw or is_heif(image.place) else image.place.suffix)
         mask = masks / image.place.with_suffix(".tif") if masks is not None and not raw else None
         jobs.append(Job(image.path, folder / image.place.with_suffix(chosen), mask, quality))
-    sources = {job.source.resolve() for job in jobs}
+    resolved = _resolver()
+    sources = {resolved(job.source) for job in jobs}
     seen: dict[str, Path] = {}
     for job in jobs:
         for path in job.outputs:
-            if path.resolve() in sources:
+            place = resolved(path)
+            if place in sources:
                 raise ImageError(f"{path}: the output would replace an input; choose another folder")
             # Some file systems do not tell upper from lower case.
-            other = seen.setdefault(str(path.resolve()).lower(), job.source)
+            other = seen.setdefault(str(place).lower(), job.source)
             if other is not job.source:
                 raise ImageError(f"{job.source} and {other} would both become {path}; grade them into two folders")
-            if path == job.mask and path.resolve() == job.target.resolve():
+            if path == job.mask and place == resolved(job.target):
                 raise ImageError(f"{path}: the image and its mask cannot be one file; choose another folder for masks")
     return jobs
 
@@ -162,10 +165,22 @@ def _without_repetitions(inputs: Sequence[Input]) -> tuple[list[Input], list[Pat
     Links with names of their own are images of their own.
     """
     first: dict[tuple[Path, Path], Input] = {}
+    resolved = _resolver()
     repeated = [
-        image.path for image in inputs if first.setdefault((image.path.resolve(), image.place), image) is not image
+        image.path for image in inputs if first.setdefault((resolved(image.path), image.place), image) is not image
     ]
     return list(first.values()), repeated
+
+
+def _resolver() -> Callable[[Path], Path]:
+    """A function that resolves paths as `Path.resolve`, but each folder once: it holds most of thousands of files."""
+    folder = cache(Path.resolve)
+
+    def resolved(path: Path) -> Path:
+        linked = os.path.islink(path)  # noqa: PTH114 - Path.is_symlink raises where nothing may be read
+        return path.resolve() if linked else folder(path.parent) / path.name
+
+    return resolved
 
 
 def _already_done(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> set[Job]:

@@ -1,10 +1,12 @@
 """Files, folders and frame sequences become a list of images."""
 
+import sys
 from pathlib import Path
 
 import pytest
 
-from lutforge.apply.inputs import find_inputs, parse_frames
+from lutforge.apply.batch import plan_jobs
+from lutforge.apply.inputs import Input, find_inputs, parse_frames
 from lutforge.errors import ImageError, SettingsError
 
 
@@ -60,3 +62,16 @@ def test_a_sequence_without_frames(tmp_path: Path) -> None:
     for word in ("f.####.exr", "none/f.####.exr"):
         with pytest.raises(ImageError, match="no "):
             find_inputs([tmp_path / word])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links want rights there")
+def test_links_of_files_and_folders_are_followed_where_an_output_would_replace_an_input(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "a.png").touch()
+    (tmp_path / "folder").symlink_to("in")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "a.png").symlink_to(tmp_path / "in" / "a.png")
+    image = Input(tmp_path / "in" / "a.png", Path("a.png"))
+    for folder in ("in", "folder", "out"):
+        with pytest.raises(ImageError, match="the output would replace an input"):
+            plan_jobs([image], tmp_path / folder)
