@@ -18,6 +18,7 @@ from lutforge.calibration.style_data import StyleData, style_data
 from lutforge.calibration.style_fit import StyleFit, fit_style, render_with_plain
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.directions import DIRECTIONS
 from lutforge.model.profile_data import PictureStyle
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
@@ -141,8 +142,8 @@ def _fit_styles(
 
     def prepare(fold: StyleData) -> None:
         with suppress(CalibrationError):  # the refit without these shots reports it
-            for inverse in (False, True) if options.model == "lattice" else ():
-                fold.prior_mean(options.size, inverse=inverse)
+            for direction in DIRECTIONS if options.model == "lattice" else ():
+                fold.prior_mean(options.size, direction)
 
     progress(f"fitting {', '.join(data)}", 0.0)
     folds = [fold for style in data.values() if len(style.folds) > 1 for _, fold in style.folds]

@@ -11,7 +11,7 @@ from lutforge.calibration.lattice.continuation import Continuation, continuation
 from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
 from lutforge.errors import CalibrationError
-from lutforge.model.directions import Both
+from lutforge.model.directions import Both, Direction
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_groups_out
@@ -39,24 +39,22 @@ class StyleData:
         """The matrix and response that the lattices follow where there are no samples. Raises CalibrationError."""
         return self.given or fit_matrix_and_response(self.balanced, self.encoded)
 
-    def pairs(self, *, inverse: bool) -> tuple[Array, Array]:
-        """What a lattice takes and gives at the samples, each (n, 3). inverse: it linearizes."""
-        return (self.encoded, self.balanced) if inverse else (self.balanced, self.encoded)
-
     @property
     def both(self) -> Both[tuple[Array, Array]]:
         """What each direction takes and gives at the samples, each (n, 3)."""
-        return Both(self.pairs(inverse=False), self.pairs(inverse=True))
+        return Both((self.balanced, self.encoded), (self.encoded, self.balanced))
 
-    def prior_mean(self, size: int, *, inverse: bool) -> Continuation:
+    def prior_mean(self, size: int, direction: Direction) -> Continuation:
         """What a lattice of `size` nodes per axis follows where it has no samples; made when it is first asked for.
 
         Raises CalibrationError.
         """
-        if (size, inverse) not in self._prior_means:
-            pairs = self.pairs(inverse=inverse)
-            self._prior_means[size, inverse] = continuation(self.base, *pairs, inverse=inverse, size=size)
-        return self._prior_means[size, inverse]
+        if (size, direction) not in self._prior_means:
+            inverse = direction == "linearize"
+            self._prior_means[size, direction] = continuation(
+                self.base, *self.both[direction], inverse=inverse, size=size
+            )
+        return self._prior_means[size, direction]
 
     @cached_property
     def folds(self) -> list[tuple[Mask, "StyleData"]]:
@@ -64,7 +62,7 @@ class StyleData:
         return [(mask, self.select(~mask)) for mask in leave_groups_out(self.shot)]
 
     @cached_property
-    def _prior_means(self) -> dict[tuple[int, bool], Continuation]:
+    def _prior_means(self) -> dict[tuple[int, Direction], Continuation]:
         return {}
 
     def select(self, rows: Mask) -> "StyleData":

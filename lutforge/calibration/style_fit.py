@@ -15,7 +15,7 @@ from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import GamutMaps, fit_gamut_maps, fit_stages
 from lutforge.calibration.style_data import StyleData
-from lutforge.model.directions import Both
+from lutforge.model.directions import Both, Direction
 from lutforge.model.lattice import Lattice
 from lutforge.solvers.blas import one_blas_thread
 
@@ -32,7 +32,7 @@ def fit_style(data: StyleData, options: CalibrationOptions) -> StyleFit:
     """Fit both lattices of a style."""
     render = fit_render(data, options)
     linearize = fit_linearize(data, options, render)
-    return StyleFit(render, linearize, data.prior_mean(options.size, inverse=False).base)
+    return StyleFit(render, linearize, data.prior_mean(options.size, "render").base)
 
 
 def fit_render(
@@ -47,7 +47,7 @@ def fit_render(
 
     smoothness: λ_S; like: a fit of the style, whose λ_S and node levels are taken; without either they are searched.
     """
-    prior_mean = data.prior_mean(options.size, inverse=False)
+    prior_mean = data.prior_mean(options.size, "render")
     return fit_samples(
         data.balanced, data.encoded, data.shot, prior_mean, options, clips=True, curve=prior_mean.curve,
         smoothness=smoothness, like=like, tolerance=tolerance,
@@ -74,7 +74,7 @@ def fit_linearize(
         points = rendered_scenes(render.lattice, data.balanced, min(4 * options.size**3, 20_000))
         options = replace(options, lattice=replace(options.lattice, grey_weight=0.0))  # these hold the grey axis, too
     return fit_samples(
-        data.encoded, data.balanced, data.shot, data.prior_mean(options.size, inverse=True), options, clips=False,
+        data.encoded, data.balanced, data.shot, data.prior_mean(options.size, "linearize"), options, clips=False,
         points=points, like=like, tolerance=tolerance,
     )  # fmt: skip
 
@@ -88,15 +88,15 @@ def render_with_plain(data: StyleData, fit: StyleFit, options: CalibrationOption
 
 
 def uniform_lattice_errors(
-    data: StyleData, options: CalibrationOptions, *, inverse: bool
+    data: StyleData, options: CalibrationOptions, direction: Direction
 ) -> tuple[Array, Array, Array]:
     """Per axis the histogram, which node levels follow, of the squared error that a uniform lattice makes (5.6)."""
     uniform = replace(options, nonuniform=False)
     fitted = fit_render(data, uniform, tolerance=MEASURING_TOLERANCE)
-    if inverse:
+    if direction == "linearize":
         fitted = fit_linearize(data, uniform, fitted, tolerance=MEASURING_TOLERANCE)
     lattice = fitted.lattice
-    x, y = data.pairs(inverse=inverse)
+    x, y = data.both[direction]
     return error_histogram(x, np.sum((lattice(x) - y) ** 2, axis=1))
 
 

@@ -18,7 +18,7 @@ from lutforge.arrays import Array
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.methods import MATRIX_AND_RESPONSE, Predictor
-from lutforge.model.directions import Both
+from lutforge.model.directions import Both, Direction
 from lutforge.model.lattice import grid
 from lutforge.model.profile_data import PictureStyle
 
@@ -41,7 +41,7 @@ class HeldOut:
         return np.asarray(found)
 
 
-def held_out_errors(found: Predictions, own: str, base: MatrixAndResponse) -> dict[str, HeldOut]:
+def held_out_errors(found: Predictions, own: str, base: MatrixAndResponse) -> dict[Direction, HeldOut]:
     """Measure held-out samples by direction; empty where there are too few. own: the method that the profile has."""
     data, rows = found.data, found.held_out.copy()
     for method in (own, MATRIX_AND_RESPONSE):
@@ -54,19 +54,19 @@ def held_out_errors(found: Predictions, own: str, base: MatrixAndResponse) -> di
         inside = rows & (found.fold == fold)
         distance[inside] = cKDTree(data.encoded[~(found.fold == fold)]).query(data.encoded[inside])[0]
     encoders = Both[Predictor](lambda rendered: np.clip(rendered, 0.0, 1.0), base.render)
-    told = {}
+    told: dict[Direction, HeldOut] = {}
     for direction, values in found.predicted.items():
         measured = (values[own], values[MATRIX_AND_RESPONSE], data.both[direction][1])
         model, plain, wanted = (encoders[direction](each[rows]) for each in measured)
-        told[str(direction)] = HeldOut(
+        told[direction] = HeldOut(
             distance[rows], np.linalg.norm(model - plain, axis=1), np.linalg.norm(model - wanted, axis=1)
         )
     return told
 
 
 def expected_errors(
-    style: PictureStyle, held_out: Mapping[str, HeldOut], base: MatrixAndResponse, balanced: Array, encoded: Array
-) -> dict[str, Array]:
+    style: PictureStyle, held_out: Mapping[Direction, HeldOut], base: MatrixAndResponse, balanced: Array, encoded: Array
+) -> dict[Direction, Array]:
     """The expected error at the nodes of a style's lattices, by direction, (N_r, N_g, N_b).
 
     base: matrix and response of the style's samples, balanced and encoded (n, 3).
@@ -90,9 +90,9 @@ def expected_errors(
     return result
 
 
-def by_distance(held_out: Mapping[str, HeldOut]) -> list[tuple[float, dict[str, float]]]:
+def by_distance(held_out: Mapping[Direction, HeldOut]) -> list[tuple[float, dict[Direction, float]]]:
     """The mean error by direction in four groups of like distance, each with its mean distance, in codes of 255."""
-    rows: list[tuple[float, dict[str, float]]] = []
+    rows: list[tuple[float, dict[Direction, float]]] = []
     for told in list(held_out.values())[:1]:
         for group in np.array_split(np.argsort(told.distance), 4):
             errors = {direction: float(values.error[group].mean()) for direction, values in held_out.items()}

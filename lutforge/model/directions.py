@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Generic, Literal, TypeVar
+from typing import Generic, Literal, TypeVar, get_args
 
 Direction = Literal["render", "linearize"]
+DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
 Value = TypeVar("Value")
 
 

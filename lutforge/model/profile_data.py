@@ -8,6 +8,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.errors import ProfileError
 from lutforge.model.diagnosis import Diagnosis
+from lutforge.model.directions import Both, Direction
 from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
@@ -52,8 +53,8 @@ class PictureStyle:
     linearize: Lattice | None = None
     physical: tuple[PhysicalModel, ...] = ()
     errors: Mapping[str, float] = field(default_factory=dict)
-    coverage: Mapping[str, Array] = field(default_factory=dict)
-    expected: Mapping[str, Array] = field(default_factory=dict)
+    coverage: Mapping[Direction, Array] = field(default_factory=dict)
+    expected: Mapping[Direction, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Raise ProfileError where a coverage or an expected error is not that of its lattice."""
@@ -67,10 +68,10 @@ class PictureStyle:
                 raise ProfileError(f"the {what} ({direction}) holds a value that is negative or not finite")
 
     @property
-    def lattices(self) -> dict[str, Lattice]:
-        """The lattices that there are, by direction: "render", "linearize"."""
-        both = {"render": self.render, "linearize": self.linearize}
-        return {direction: lattice for direction, lattice in both.items() if lattice is not None}
+    def lattices(self) -> dict[Direction, Lattice]:
+        """The lattices that there are, by direction."""
+        both = Both(self.render, self.linearize).items()
+        return {direction: lattice for direction, lattice in both if lattice is not None}
 
     def tones(self, linear: Array) -> Array:
         """f at linear values (n,), per channel (n, 3).

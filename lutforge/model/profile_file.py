@@ -18,6 +18,7 @@ from lutforge.boundary import reading
 from lutforge.errors import ProfileError
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.diagnosis import Diagnosis
+from lutforge.model.directions import DIRECTIONS, Direction
 from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
@@ -217,10 +218,10 @@ def _tone(entry: Mapping[str, Any]) -> ShotTone:
 
 
 def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:
-    lattices: dict[str, Lattice] = {}
-    coverage: dict[str, Array] = {}
-    expected: dict[str, Array] = {}
-    for direction in ("render", "linearize"):
+    lattices: dict[Direction, Lattice] = {}
+    coverage: dict[Direction, Array] = {}
+    expected: dict[Direction, Array] = {}
+    for direction in DIRECTIONS:
         if direction in entry:
             stored = entry[direction]
             lattices[direction] = _lattice_from_json(stored, array)

@@ -167,7 +167,7 @@ def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data:
         yield Picture(f"lattice_{direction}_{name}", lattice_figure(style, [direction]), caption)
         if data is not None:
             options = options_from_json(profile.options)
-            histograms = uniform_lattice_errors(data, options, inverse=direction == "linearize")
+            histograms = uniform_lattice_errors(data, options, direction)
             caption = f"{direction}: node levels (ticks) follow the error that a uniform lattice makes."
             yield Picture(f"levels_{direction}_{name}", levels_on_errors(lattice, histograms, source), caption)
         yield Picture(

@@ -8,6 +8,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from lutforge.arrays import Array
+from lutforge.model.directions import Direction
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PictureStyle
 from lutforge.report.figures import CHANNELS, MAP
@@ -84,7 +85,7 @@ def levels_on_errors(lattice: Lattice, histograms: tuple[Array, Array, Array], s
     return figure
 
 
-def lattice_figure(style: PictureStyle, directions: Sequence[str]) -> Figure:
+def lattice_figure(style: PictureStyle, directions: Sequence[Direction]) -> Figure:
     """Node levels, grey axis and coverage of a style's lattices, a row for each direction."""
     figure = Figure(figsize=(9, 3.0 * len(directions)), layout="constrained")
     for row, direction in zip(figure.subplots(len(directions), 3, squeeze=False), directions, strict=True):

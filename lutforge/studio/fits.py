@@ -12,6 +12,7 @@ from lutforge.calibration.style_fit import uniform_lattice_errors
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, ModelName
+from lutforge.model.directions import DIRECTIONS
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet, with_setting_names
@@ -39,9 +40,9 @@ def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedMo
         chosen = with_setting_names(chosen)
         data, _ = style_data(chosen, complete_multipliers(chosen)[0])
         errors = {
-            (name, direction): uniform_lattice_errors(style, task.options, inverse=direction == "linearize")
+            (name, direction): uniform_lattice_errors(style, task.options, direction)
             for name, style in data.items()
-            for direction in ("render", "linearize")
+            for direction in DIRECTIONS
         }
         fitted = replace(fitted, uniform_error=errors)
     return fitted

@@ -13,6 +13,7 @@ from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile, ModelName
+from lutforge.model.directions import Direction
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 
@@ -89,7 +90,7 @@ class FittedModel:
     transformed: Array
     predicted: Array
     linearized: Array
-    uniform_error: Mapping[tuple[str, str], tuple[Array, Array, Array]] = field(default_factory=dict)
+    uniform_error: Mapping[tuple[str, Direction], tuple[Array, Array, Array]] = field(default_factory=dict)
     task: FitTask | None = None
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.directions import DIRECTIONS
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
@@ -35,7 +36,7 @@ def small_profile(camera: str = "Test One") -> CameraProfile:
     physical = PhysicalModel(
         ("daylight", "tungsten"), MATRIX, gamma_response(), replace(identity_map(), offset=0.01), wavy
     )
-    coverage = {"render": rng.uniform(size=(5, 5, 5)), "linearize": rng.uniform(size=(5, 5, 5))}
+    coverage = {direction: rng.uniform(size=(5, 5, 5)) for direction in DIRECTIONS}
     return CameraProfile(
         camera=camera,
         matrix=MATRIX,
