@@ -72,6 +72,16 @@ def is_valid(numbers: dict[str, Array]) -> bool:
         return bool(np.all(unknown.all(axis=1) | plausible.all(axis=1)))
 
 
+def first_problem(exposure_s: Array, raw: Array, srgb: Array, wb: Array) -> str | None:
+    """What is wrong with the first row of (n,) and (n, 3) that fails `row_problem`, in words, or None."""
+    colours = zip((*RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS), np.hstack([raw, srgb, wb]).T, strict=True)
+    numbers = {"exposure_s": exposure_s, **dict(colours)}
+    if is_valid(numbers):
+        return None
+    rows = ({name: f"{values[row]:.10g}" for name, values in numbers.items()} for row in range(len(raw)))
+    return next((f"row {row}: {problem}" for row, cells in enumerate(rows) if (problem := row_problem(cells))), None)
+
+
 def _may_be_unknown(name: str) -> bool:
     return name == "exposure_s" or name in OPTIONAL_COLUMNS
 

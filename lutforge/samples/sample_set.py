@@ -79,8 +79,10 @@ class SampleSet:
         """Make samples of arrays; what is given once (a text, a number, one wb triple) stands for every sample.
 
         raw, srgb: (n, 3); wb: (3,) or (n, 3); the others a value or (n,); each as the class describes it.
-        Raises SampleError where a column does not fit the number of samples.
+        Raises SampleError where a column does not fit the number of samples, and on the first that no table may hold.
         """
+        from lutforge.samples.columns import first_problem  # loads polars, which only tables and this need
+
         linear, encoded = _as_numbers("raw", raw), _as_numbers("srgb", srgb)  # not repeated: each sample has its own
         count = len(np.atleast_1d(linear))
 
@@ -92,7 +94,7 @@ class SampleSet:
 
         texts = {"camera": camera, "style": style, "white_balance": white_balance, "shot": shot, "patch": patch}
         words = {name: column(name, values, dtype=str) for name, values in texts.items()}
-        return cls(
+        made = cls(
             **words,
             raw=linear,
             srgb=encoded,
@@ -100,6 +102,9 @@ class SampleSet:
             wb=column("wb", wb, 3),
             raw_camera=words["camera"],
         )
+        if (problem := first_problem(made.exposure_s, made.raw, made.srgb, made.wb)) is not None:
+            raise SampleError(f"samples: {problem}")
+        return made
 
     def __repr__(self) -> str:
         cameras = ", ".join(np.unique(self.camera))

@@ -13,7 +13,7 @@ import pytest
 
 from lutforge.apply.inputs import find_inputs
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
-from lutforge.errors import ImageError, LutForgeError
+from lutforge.errors import ImageError, LutForgeError, SampleError
 from lutforge.images.icc import to_srgb
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
@@ -276,3 +276,18 @@ def test_a_picture_that_cannot_be_opened_is_told_in_a_short_line(lutforge: Comma
     (tmp_path / "cut.webp").write_bytes(b"RIFF\x00\x01\x00\x00WEBPVP8 " + bytes(40))
     told = failed(lutforge("apply", tmp_path / "look.cube", tmp_path / "cut.webp", "-o", tmp_path / "out"))
     assert "cannot be read as an image" in told and "convert it to TIFF" in told
+
+
+@pytest.mark.parametrize(
+    ("raw", "srgb", "says"),
+    [
+        (0.5, 128.0, "divide 8-bit JPEG values by 255"),
+        (8000.0, 0.5, "subtract the black level"),
+        (np.nan, 0.5, "finite"),
+    ],
+)
+def test_arrays_of_other_units_are_refused_as_tables_are(raw: float, srgb: float, says: str) -> None:
+    first = np.full((2, 3), 0.5)
+    linear, encoded = np.vstack([first, np.full((1, 3), raw)]), np.vstack([first, np.full((1, 3), srgb)])
+    with pytest.raises(SampleError, match=f"row 2: .*{says}"):
+        SampleSet.from_arrays(linear, encoded, camera="A", shot="a")
