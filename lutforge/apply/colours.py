@@ -10,7 +10,7 @@ from lutforge.apply.grade import Grade
 from lutforge.arrays import Index, Pixels
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
-from lutforge.images.icc import is_srgb
+from lutforge.images.icc import is_broken, is_srgb
 from lutforge.images.jpeg_header import JpegHeader
 from lutforge.images.output_spec import IN_ANOTHER_SPACE
 from lutforge.images.read import is_premultiplied
@@ -82,9 +82,15 @@ def check_space(path: Path, grade: Grade, source: oiio.ImageSpec, attributes: Ma
 
 
 def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> Iterator[str]:
-    """Yield a note on a picture that is not in sRGB, unless the grade sets its space. attributes: of the output."""
+    """Yield a note on a picture that is not in sRGB, unless the grade sets its space, or whose profile is broken.
+
+    attributes: of the output.
+    """
     if name := _other_space(grade, source, attributes):
         yield f"the picture is in {name}, and was graded as it is: what is made for sRGB wants it converted"
+    profile = source.getattribute("ICCProfile")
+    if profile is not None and is_broken(bytes(profile)):
+        yield "the picture's ICC profile is broken: its colours were taken as they are"
 
 
 def _other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> str:

@@ -36,7 +36,7 @@ def calibrate(
     sources: Annotated[
         list[Path] | None, argument("Sample tables (.csv, .parquet), RAW files, folders of RAW files.")
     ] = None,
-    output: ProfileOutput = Path("camera.npz"),
+    output: ProfileOutput = None,
     model: Annotated[
         str, option("lattice; or rbf: fits response, matrix and gamut map as stages of their own, too.")
     ] = "lattice",
@@ -78,9 +78,9 @@ def calibrate(
     """Calibrate a camera, and print the error on shots that were held out."""
     from lutforge.calibration.options import PhysicalOptions
     from lutforge.pipeline.calibration import calibration_options, pair_of_shots
-    from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+    from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output, named_or_new
 
-    check_output(output, PROFILE_SUFFIXES, [*(sources or ()), *(inliers or ())])
+    output = check_output(named_or_new(output, "camera.npz"), PROFILE_SUFFIXES, [*(sources or ()), *(inliers or ())])
     physical = PhysicalOptions(beta, curves, weighting, centres, rho, tuple(map(pair_of_shots, without_pair or ())))
     options = calibration_options(model, preset, size, tolerance, interpolation, not uniform, physical)
     samples = _sampled(sources or [], pairs, from_space, (developer, developed, developed_space)).samples

@@ -3,22 +3,22 @@
 from pathlib import Path
 from typing import Annotated
 
-from lutforge.cli.console import Profile, argument, option, say
+from lutforge.cli.console import Profile, ProfileOutput, argument, option, say
 from lutforge.errors import ProfileError
 
 
 def import_nus(
     folders: Annotated[list[Path], argument("Folders that hold raw2jpg_transform.txt.")],
-    output: Annotated[Path, option("The profile to write (.npz).", "-o", "--output")] = Path("camera.npz"),
+    output: ProfileOutput = None,
     camera: Annotated[str, option("The camera's name; needed where their folder is not nus_MAKE_MODEL.")] = "",
     style: Annotated[str, option("The picture style that the folders are of.")] = "standard",
 ) -> None:
     """Read the thesis authors' model folders (response, matrix, white balances, gamut map) into a profile."""
     from lutforge.model.profile_file import save_profile
     from lutforge.model.published_model import import_published
-    from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+    from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output, named_or_new
 
-    check_output(output, PROFILE_SUFFIXES)
+    output = check_output(named_or_new(output, "camera.npz"), PROFILE_SUFFIXES)
     profile = import_published(folders, camera, style.lower())
     save_profile(profile, output)
     centres = sum(len(model.gamut_map.centres) for model in profile.styles[style.lower()].physical)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def response(
     bracket: Annotated[list[Path], argument("Pictures of one still scene, a folder of them, or a film of it.")],
-    output: ProfileOutput = Path("camera.npz"),
+    output: ProfileOutput = None,
     times: Annotated[str | None, option("Exposure times in the order of the files, such as 1/60,1/30,1/15.")] = None,
     camera: Annotated[str, option("The camera's name, where the files do not tell it.")] = "",
     all_colours: Annotated[
@@ -32,8 +32,10 @@ def response(
     ] = None,
 ) -> None:
     """Find the response of a camera without RAW from one scene at several exposures, and how exact these were."""
+    from lutforge.pipeline.outputs import named_or_new
     from lutforge.pipeline.response import parse_times, write_response
 
+    output = named_or_new(output, "camera.npz")
     if chart is not None:
         _of_chart(bracket, output, chart, light or "D50", corners, times, camera)
         return

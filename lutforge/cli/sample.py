@@ -8,12 +8,15 @@ from lutforge.cli.console import DevelopedFolder, DevelopedSpace, DeveloperName,
 if TYPE_CHECKING:
     from lutforge.pipeline.sampling import SampledShots
 
-Output = Annotated[Path, option("samples.csv or samples.parquet.", "-o", "--output")]
+Output = Annotated[
+    Path | None,
+    option("A .csv or .parquet table.", "-o", "--output", show_default="samples.csv, if it is new"),
+]
 
 
 def sample(
     shots: Shots,
-    output: Output = Path("samples.csv"),
+    output: Output = None,
     reference: Annotated[
         Path | None,
         option("For JPEGs of a camera without RAW: another camera's RAW files of the same scenes, a folder."),
@@ -23,12 +26,12 @@ def sample(
     developed_space: DevelopedSpace = None,
 ) -> None:
     """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
-    from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output
+    from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output, named_or_new
     from lutforge.pipeline.raw_substitutes import raw_substitute
     from lutforge.pipeline.sampling import sample_by_reference, sample_shots
     from lutforge.samples.table import write_samples
 
-    check_output(output, TABLE_SUFFIXES, shots)
+    output = check_output(named_or_new(output, "samples.csv"), TABLE_SUFFIXES, shots)
     with progress_bar("sampling") as progress:
         if reference is not None:
             sampled = sample_by_reference(shots, reference, progress)

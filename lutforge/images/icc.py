@@ -35,12 +35,23 @@ def pixels_to_srgb(pixels: Pixels, profile: bytes) -> Pixels:
     return np.divide(to_srgb(codes, profile), 255, dtype=np.float32)
 
 
-@lru_cache(maxsize=64)
 def is_srgb(profile: bytes) -> bool:
     """True where an ICC profile moves 8-bit codes by less than one on their way to sRGB, in the mean, or is broken.
 
     Its name does not tell: sRGB has many, and programs that save space give none.
     """
+    moved = _moved(profile)
+    return moved is None or moved < 1
+
+
+def is_broken(profile: bytes) -> bool:
+    """True where an ICC profile leads to no other space."""
+    return _moved(profile) is None
+
+
+@lru_cache(maxsize=64)
+def _moved(profile: bytes) -> float | None:
+    """How many codes of 255 an ICC profile moves colours by on their way to sRGB, in the mean; None of a broken one."""
     from PIL import Image, ImageCms
 
     axis = np.arange(0, 256, 15, dtype=np.uint8)
@@ -48,8 +59,8 @@ def is_srgb(profile: bytes) -> bool:
     try:
         moved = ImageCms.applyTransform(Image.fromarray(codes), _transform(profile))
     except ImageCms.PyCMSError:
-        return True
-    return bool(np.abs(np.asarray(moved, dtype=np.float64) - codes).mean() < 1)
+        return None
+    return float(np.abs(np.asarray(moved, dtype=np.float64) - codes).mean())
 
 
 def profile_name(profile: bytes) -> str:

@@ -231,8 +231,8 @@ def format_of(path: Path) -> FileFormat:
 def read_lut(path: str | Path) -> Lut:
     """Read a LUT file; the suffix says which kind. Raises LutError: file, line, text and cause in one line."""
     path = Path(path)
-    file_format = format_of(path)
     require_file(path, "a LUT", LutError, 128 << 20)  # a 129³ cube as text takes about 70 MB
+    file_format = format_of(path)
     with reading(path, f"a {path.suffix.lower()} LUT", LutError):
         lut = file_format.read(path, path.read_bytes())
         return replace(lut, metadata={"format": file_format.name, **lut.metadata})

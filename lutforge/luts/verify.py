@@ -23,6 +23,7 @@ from lutforge.luts.formats import spi
 from lutforge.luts.ops import Cube, Matrix
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.programs import OCIO_READS
+from lutforge.luts.reader_habits import Colour
 from lutforge.luts.sequence import Lut, read_lut
 from lutforge.luts.shaper import node_levels
 from lutforge.model.transform import ColourFunction
@@ -119,7 +120,8 @@ class FileError:
 
     mean, p99, max: Euclidean norm of the RGB difference (1 = full scale).
     mean_de00, max_de00: CIEDE2000 with both taken for encoded sRGB; None for outputs that are not for a
-    display. second: the largest difference of a channel between two readers of the file; None where there is one only.
+    display. worst: the input (r, g, b) at which the difference is the largest. second: the largest difference of a
+    channel between two readers of the file; None where there is one only.
     """
 
     mean: float
@@ -128,6 +130,7 @@ class FileError:
     mean_de00: float | None
     max_de00: float | None
     samples: int
+    worst: Colour
     second: float | None = None
 
     def __str__(self) -> str:
@@ -157,7 +160,7 @@ def verify(
     x = sample_points(lut or read_lut(path)).astype(np.float32).astype(np.float64)
     got = _read_back(path, method)(x)
     second = disagreement(_files(path), x, got.astype(np.float64), method)
-    return replace(compare(got, reference(x), display_referred), second=second)
+    return replace(compare(x, got, reference(x), display_referred), second=second)
 
 
 def _files(path: Path) -> list[Path]:
@@ -184,10 +187,11 @@ def _read_back(path: Path, method: Interpolation) -> Callable[[Array], Single]:
     return lambda x: as_read(x).astype(np.float32)
 
 
-def compare(got: Single, wanted: Array, display_referred: bool = True) -> FileError:
-    """Figures of the difference of two outputs (n, 3)."""
+def compare(x: Array, got: Single, wanted: Array, display_referred: bool = True) -> FileError:
+    """Figures of the difference of two outputs (n, 3) for the inputs x (n, 3)."""
     norm = np.linalg.norm(got - wanted, axis=1)
     de00 = delta_e_2000(got.astype(np.float64), wanted) if display_referred else None
+    r, g, b = (float(v) for v in x[int(np.argmax(norm if de00 is None else de00))])
     return FileError(
         mean=float(norm.mean()),
         p99=float(np.quantile(norm, 0.99)),
@@ -195,4 +199,5 @@ def compare(got: Single, wanted: Array, display_referred: bool = True) -> FileEr
         mean_de00=None if de00 is None else float(de00.mean()),
         max_de00=None if de00 is None else float(de00.max()),
         samples=len(got),
+        worst=(r, g, b),
     )

@@ -107,9 +107,21 @@ def bake_files(
         files.append(BakedFile(path, f"{lut.summary}, {lut.interpolation}", error))
         if kind == "linearize" and format_of(path).bits is not None:
             notes.append(f"{path}: whole numbers band the darks of linear light and lose what is beyond 1; use .clf")
+    notes += [text for file in files for text in _beyond_white(file, chosen)]
     files.sort(key=lambda file: file.error.mean)
     told = ("; ".join(ends.comments),) if kind in ("render", "linearize") else ()
     return BakedFiles(tuple(files), (*chosen.notes, *notes, *told, *_how_to_load(files[0].path, program)))
+
+
+def _beyond_white(file: BakedFile, chosen: DescribedTransform) -> tuple[str, ...]:
+    """A note on a difference that is seen (ΔE00 above 1) where it is the largest at scene light above white."""
+    if chosen.kind != "render" or chosen.space == "raw" or file.error.max_de00 is None or file.error.max_de00 <= 1:
+        return ()
+    light = float(rgb_space(chosen.space).decode(np.array(file.error.worst)).max())
+    told = (
+        f"{file.path}: the largest difference is at light {light:.0f} times as bright as white; a .clf is closer there"
+    )
+    return (told,) if light > 1 else ()
 
 
 def _with_aces_id(luts: Sequence[Lut], chosen: DescribedTransform) -> list[Lut]:
@@ -167,7 +179,7 @@ def _bake_camera_profile(camera: CameraProfile, wanted: TransformRequest, path: 
     write_dcp(fit_dng_profile(look), path)
     written = read_dcp(path)
     x = np.random.default_rng(0).random((1 << 14, 3))
-    error = compare(written(x).astype(np.float32), np.clip(look.render(x), 0.0, 1.0))
+    error = compare(x, written(x).astype(np.float32), np.clip(look.render(x), 0.0, 1.0))
     return BakedFile(path, f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}", error)
 
 

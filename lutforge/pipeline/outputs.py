@@ -28,6 +28,13 @@ def check_output(output: str | Path, suffixes: Sequence[str] = (), inputs: Itera
     return path
 
 
+def named_or_new(output: Path | None, usual: str) -> Path:
+    """Return the output that is named, else the usual one. Raises LutForgeError where that is a file already."""
+    if output is None and Path(usual).exists():
+        raise LutForgeError(f"{usual}: there is one already; name the output, such as -o {usual} to replace it")
+    return Path(usual) if output is None else output
+
+
 Word = TypeVar("Word", bound=str)
 
 

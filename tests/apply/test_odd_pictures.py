@@ -233,6 +233,12 @@ def test_a_picture_in_another_space_is_told(tmp_path: Path, cube: LutRecipe) -> 
     assert any("the picture is in Adobe RGB" in note for note in exif_only)
 
 
+def test_a_broken_colour_profile_is_told(tmp_path: Path, cube: LutRecipe) -> None:
+    Picture.fromarray(np.full((8, 8, 3), 99, np.uint8)).save(tmp_path / "a.jpg", icc_profile=b"not a profile" * 20)
+    (note,) = apply_batch(cube, [tmp_path / "a.jpg"], tmp_path / "out").done[0].notes
+    assert "ICC profile is broken" in note
+
+
 @pytest.mark.parametrize("name", ["", "sRGB, nearly", "Camera"])
 def test_the_name_of_a_colour_profile_tells_nothing(tmp_path: Path, cube: LutRecipe, name: str) -> None:
     """What a profile does to colours tells whether it is sRGB; programs name it as they like, or not at all."""

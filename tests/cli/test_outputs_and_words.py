@@ -50,6 +50,22 @@ def test_an_output_has_the_suffix_of_its_kind(refused: Refused, tmp_path: Path) 
         assert says in refused(tmp_path, *words), words
 
 
+def test_an_output_that_is_not_named_replaces_no_file(profile: Path, refused: Refused) -> None:
+    before = (profile / "camera.npz").read_bytes()
+    for words in (("calibrate", "samples.csv"), ("response", "a.jpg"), ("import-nus", "folder")):
+        assert "-o camera.npz to replace it" in refused(profile, *words), words
+    assert "-o samples.csv to replace it" in refused(profile, "sample", "a.dng")
+    assert (profile / "camera.npz").read_bytes() == before
+
+
+def test_a_cube_of_footage_tells_how_bright_its_worst_light_is(lutforge: CommandLine, profile: Path) -> None:
+    words = ("bake", "camera.npz", "render", "--to", "standard/daylight", "--space")
+    said = lutforge(*words, "vlog", "--size", "9", "-o", "a.cube", "-o", "a.clf", cwd=profile).stderr
+    (light,) = re.findall(r"a\.cube: the largest difference is at light (\d+) times as bright as white", said)
+    assert 1 < int(light) <= 46  # where V-Log ends
+    assert "a.clf: the largest" not in said
+
+
 def test_an_output_that_is_an_input_is_refused(profile: Path, refused: Refused) -> None:
     (profile / "link.npz").symlink_to("camera.npz")
     for words in (

@@ -47,6 +47,11 @@ def test_a_uniform_cube_is_read_back(tmp_path: Path, name: str, depth: float) ->
     np.testing.assert_allclose(read.cube.values, values, atol=depth)
 
 
+def test_a_folder_is_no_lut(tmp_path: Path) -> None:
+    with pytest.raises(LutError, match="is a folder, not a LUT; name a file in it"):
+        check_lut(tmp_path)
+
+
 def test_integers_are_scaled_by_their_depth(tmp_path: Path) -> None:
     values = grid(uniform_levels(17))
     read = read_lut(Lut((Cube(values),)).write(tmp_path / "a.3dl"))
