@@ -5,7 +5,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.monochrome import is_monochrome
 from lutforge.calibration.plausibility.renderings import mixed_shots
-from lutforge.calibration.plausibility.setting_names import exchanged_names
+from lutforge.calibration.plausibility.setting_names import wrong_names
 from lutforge.calibration.plausibility.shifted_rows import shifted_rows
 from lutforge.calibration.plausibility.toning import toned
 from lutforge.calibration.plausibility.whole_set import Colours, fitted_chain, whole_set_cause
@@ -33,7 +33,7 @@ def implausible(samples: SampleSet, multipliers: Array) -> tuple[Diagnosis, ...]
     steady = {
         name: np.median(rows, axis=0) for name, rows in balances.items() if np.ptp(np.log(rows), axis=0).max() < 0.1
     }
-    names = exchanged_names(steady)
+    names = wrong_names(steady)
     return () if names is None else (names,)
 
 

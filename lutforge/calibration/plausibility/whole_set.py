@@ -20,6 +20,7 @@ from lutforge.calibration.plausibility.known_cameras import (
     typical_matrix,
     typical_response,
 )
+from lutforge.calibration.plausibility.lifted_codes import lift
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import CalibrationError
@@ -197,13 +198,15 @@ def _level_causes(colours: Colours, given: ColourChain) -> Iterator[Cause]:
         )
         advice = f"subtract the sensor's own black level, {'' if offset > 0 else 'once, '}before the samples are taken"
         yield Cause(cause, evidence, advice, colours.changed(raw=colours.raw - offset))
-    lift, odds = _lift(colours, given)
-    if lift > 3.0 and odds > 4.0:
+    rows = colours.usable()
+    linear = given.predicted(colours.raw[rows] * colours.multipliers[rows], colours.multipliers[rows])
+    black, odds = lift(colours.encoded[rows], linear)
+    if black > 3.0 and odds > 4.0:
         yield Cause(
-            f"JPEG values are lifted by about {lift:.0f} codes",
-            f"black is at code {lift:.0f}, not at 0",
+            f"JPEG values are lifted by about {black:.0f} codes",
+            f"black is at code {black:.0f}, not at 0",
             "use the JPEG as the camera wrote it, full range, not a video's 16-235",
-            colours.changed(encoded=colours.encoded - lift * CODE),
+            colours.changed(encoded=colours.encoded - black * CODE),
             log_odds=odds,
         )
 
@@ -269,29 +272,3 @@ def _exchanged(colours: Colours, name: str, other: str, pairs: int) -> Cause:
         colours.changed(by=by),
         log_odds=-np.log(pairs),
     )
-
-
-def _lift(colours: Colours, given: ColourChain) -> tuple[float, float]:
-    """Return the JPEG code at which there is no light, and the log odds of that code against 0.
-
-    The code is z in I = z + C s(k y), fitted to dark samples with linear values y. s is sRGB's curve: for small k it is
-    a straight line, for large k a power of 1/2.4.
-    """
-    rows = colours.usable()
-    encoded, balanced = colours.encoded[rows], colours.raw[rows] * colours.multipliers[rows]
-    linear = given.predicted(balanced, colours.multipliers[rows])
-    dark = (encoded < 56 * CODE) & (linear > 2e-5)
-    if dark.sum() < 30:
-        return 0.0, 0.0
-    y, codes = linear[dark], 255 * encoded[dark]
-    shapes = srgb_encode(y[None, :] * 2.0 ** np.arange(-5.0, 7.0)[:, None])
-    lifts = np.arange(-3.0, 20.0)
-    errors = np.full(len(lifts), np.inf)
-    for place, lift in enumerate(lifts):
-        ratio = np.median((codes - lift) / shapes, axis=1)
-        errors[place] = np.mean(np.abs(codes - lift - ratio[:, None] * shapes), axis=1).min()
-    best = int(np.argmin(errors))
-    if best == len(lifts) - 1:  # no curve of a camera fits, whatever black is
-        return 0.0, 0.0
-    usual = errors[np.abs(lifts) <= 3.0].min()
-    return float(lifts[best]), 0.1 * min(dark.sum(), 200) * float(np.log((usual + 0.4) / (errors[best] + 0.4)))
