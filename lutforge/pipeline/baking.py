@@ -1,7 +1,7 @@
 """Use case: a profile and settings → LUT files, each read back and measured."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -105,23 +105,24 @@ def bake_files(
     for path, lut in zip(named, _with_aces_id(luts, chosen), strict=True):
         error = verify(lut.write(path), chosen.transform, lut, display_referred=kind != "linearize")
         files.append(BakedFile(path, f"{lut.summary}, {lut.interpolation}", error))
-        if kind == "linearize" and format_of(path).bits is not None:
-            notes.append(f"{path}: whole numbers band the darks of linear light and lose what is beyond 1; use .clf")
-    notes += [text for file in files for text in _beyond_white(file, chosen)]
+    notes += [text for file in files for text in _notes_on(file, chosen)]
     files.sort(key=lambda file: file.error.mean)
     told = ("; ".join(ends.comments),) if kind in ("render", "linearize") else ()
     return BakedFiles(tuple(files), (*chosen.notes, *notes, *told, *_how_to_load(files[0].path, program)))
 
 
-def _beyond_white(file: BakedFile, chosen: DescribedTransform) -> tuple[str, ...]:
-    """A note on a difference that is seen (ΔE00 above 1) where it is the largest at scene light above white."""
-    if chosen.kind != "render" or chosen.space == "raw" or file.error.max_de00 is None or file.error.max_de00 <= 1:
-        return ()
-    light = float(rgb_space(chosen.space).decode(np.array(file.error.worst)).max())
-    told = (
-        f"{file.path}: the largest difference is at light {light:.0f} times as bright as white; a .clf is closer there"
-    )
-    return (told,) if light > 1 else ()
+def _notes_on(file: BakedFile, chosen: DescribedTransform) -> Iterator[str]:
+    """Yield what a file of a transform cannot hold: whole numbers, linear light; plain cubes, light far above white.
+
+    The latter is told where a difference that is seen (ΔE00 above 1) is the largest at light above white.
+    """
+    path, error = file.path, file.error
+    if chosen.kind == "linearize" and format_of(path).bits is not None:
+        yield f"{path}: whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
+    if chosen.kind == "render" and chosen.space != "raw" and error.max_de00 is not None and error.max_de00 > 1:
+        light = float(rgb_space(chosen.space).decode(np.array(error.worst)).max())
+        if light > 1:
+            yield f"{path}: the largest difference is at light {light:.0f} times as bright as white; a .clf is closer"
 
 
 def _with_aces_id(luts: Sequence[Lut], chosen: DescribedTransform) -> list[Lut]:
