@@ -1,9 +1,9 @@
 """Split the error of a render into shares: fixed rendering, falloff of the lens, scene, noise.
 
-Mean squares add up. The falloff's share is what the error falls by when each sample is brightened for its place. The
-scene's share is what it falls by further when each shot's departure is taken out. The noise is estimated from the
-differences between samples of nearly one colour within a shot (Gasser, Sroka & Jennen-Steinmetz 1986,
-https://doi.org/10.1093/biomet/73.3.625). The rest is the fixed rendering's.
+The shares are mean squares, which add up. The falloff's share is the reduction of the error when each sample is
+corrected for its place in the picture. The scene's share is the further reduction when each shot's departure in tone is
+removed. The noise is estimated from the differences between samples of nearly the same colour within a shot (Gasser,
+Sroka & Jennen-Steinmetz 1986, https://doi.org/10.1093/biomet/73.3.625). The rest is the error of the fixed rendering.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ SHARES = ("style", "method", "all", "fixed rendering", "lens falloff", "scene", 
 class ErrorShares:
     """Root mean squares of the errors of rendered colours per channel, as RMSE in the error tables, 1 = full scale.
 
-    The squares of the last four add up to that of total. total: the error of a render that knows neither place nor
+    The squares of the last four add up to that of total. total: the error of a render without corrections for place and
     scene; method: the name of what renders.
     """
 

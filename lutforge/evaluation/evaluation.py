@@ -1,4 +1,4 @@
-"""What an evaluation found: the thesis's tables as records, and as one JSON document with stable keys.
+"""The result of an evaluation: the thesis's tables as records, and as one JSON document with stable keys.
 
     format        "lutforge-evaluation"; version: 1 (a key that exists keeps its meaning; new ones may be added)
     camera        the profile's; tables: whether the thesis's tables were asked for
@@ -70,7 +70,7 @@ class RawError:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What an evaluation found.
+    """The result of an evaluation.
 
     rows: the error table; raw, linearization, refinish: the thesis's other tables; notes: what was left out, why;
     predictions: by style, what the rows are made of; shares: what the error consists of; tones: departures of shots.

@@ -1,4 +1,4 @@
-"""How many shots are enough: the error on shots left out, against the number of shots calibrated from."""
+"""The learning curve: the error on left-out shots against the number of shots calibrated from."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -31,19 +31,26 @@ PRIOR_WEIGHT = 1e-5
 
 @dataclass(frozen=True)
 class InverseOptions:
-    """How the inverse of a render is made.
+    """The numbers of the inverse of a render.
 
-    size: nodes per axis; a file of 49³ has 0.9 MB, one of 65³ has 2. rounds: fits, each of which weighs the largest
-    errors of the one before more. The second takes the largest loss on the published D40 from 0.027 to 0.014; after
-    five it is more or less by chance (D40 0.015, S40 0.018 to 0.038, demo 0.033 to 0.037; of four unseen cameras 0.34
-    to 0.18, 0.31 to 0.35, two alike). smoothness: weight of second differences beside a colour; with a hundredth of it
-    the rim of the gamut rings. margin: how far beyond the end of the render's curve the scene of a clipped colour is
-    sought, in lattice values, so that it stays clipped between nodes: with four times as much the largest loss of the
-    demo's styles doubles. outside: a colour that the render only comes near to takes the scene that comes nearest, and
-    counts by this power of half a code over what that scene's colour is off. Without such colours the table runs on
-    past RAW 0 and 1 in the cells at the rim, and where the render clamps that, hues change: the largest loss is 0.056
-    instead of 0.015 on the D40 under fluorescent light. With a power of 2 they bend small tables where the render makes
-    colours. entries: of the shaper that holds the node levels.
+    size: nodes per axis. A file of 49³ has 0.9 MB, one of 65³ has 2.
+
+    rounds: the number of fits; each gives the largest errors of the one before more weight. The second takes the
+    largest loss on the published D40 from 0.027 to 0.014. Five instead of two change it at random (D40 0.015, S40 0.018
+    to 0.038, demo 0.033 to 0.037; of four unseen cameras 0.34 to 0.18, 0.31 to 0.35, two alike).
+
+    smoothness: the weight of second differences, where a colour has 1. With a hundredth of it the edge of the gamut
+    shows ringing.
+
+    margin: a clipped colour is given a scene whose lattice values lie this far beyond the end of the output curve, so
+    that it stays clipped between nodes. With four times as much the largest loss of the demo's styles doubles.
+
+    outside: a colour that the render cannot make is given the scene whose colour is nearest. Its weight is the ratio of
+    half a code to the distance of that colour, to this power. Without such colours the table leaves RAW 0 to 1 in the
+    cells at the edge of the gamut, where the render clamps, and hues change: the largest loss is 0.056 instead of 0.015
+    on the D40 under fluorescent light. With a power of 2 they distort small tables inside the gamut.
+
+    entries: of the shaper that holds the node levels.
     """
 
     size: int = 49
@@ -96,21 +103,21 @@ def inverse_of(
     clipped = np.any(side != 0, axis=1) & (np.abs(side.sum(axis=1)) < 3)
     matrix = InterpolationMatrix(lattice_values, knots, "tetrahedral")
     continued, slope = matrix @ prior.values, render.slope(render.cube_values(raw))
-    emphasis, values, best, least = np.ones(len(jpeg)), None, None, np.inf
-    for left in reversed(range(options.rounds)):
-        weight = trust * emphasis * np.einsum("nc,nc->n", slope, slope)
+    lawson_weight, values, best, least = np.ones(len(jpeg)), None, None, np.inf
+    for remaining in reversed(range(options.rounds)):
+        weight = trust * lawson_weight * np.einsum("nc,nc->n", slope, slope)
         equations = matrix.normal_equations(raw - continued, weight / weight.mean())
         values = solve_lattice(equations, knots, smooth, prior=prior, start=values, tolerance=1e-4).values
         reached = matrix @ values
         error = trust * np.linalg.norm(render(reached) - jpeg, axis=1)
         if error.max() < least:
             best, least = values, float(error.max())
-        if left == 0:
+        if remaining == 0:
             break
-        emphasis = emphasis * (error + 2e-3)  # half a code: smaller errors are no matter
-        emphasis = np.minimum(emphasis / emphasis.mean(), 1e3)
+        lawson_weight = lawson_weight * (error + 2e-3)  # half a code: smaller errors do not matter
+        lawson_weight = np.minimum(lawson_weight / lawson_weight.mean(), 1e3)
         again = clipped | ((error > 5e-3) & np.all(side == 0, axis=1))
-        # Many RAW colours render to a clipped one: take that near the table. So too where a search left its neighbours.
+        # Many RAW colours render to a clipped one: take the one near the table. The same where a search went astray.
         raw[again] = preimages(render, jpeg[again], reached[again], options.margin)[0]
         slope[again] = render.slope(render.cube_values(raw[again]))
     assert best is not None

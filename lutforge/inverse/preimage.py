@@ -103,7 +103,8 @@ def _residual_and_slope(
 ) -> None:  # fmt: skip
     """Fill residual (a, 3) and its slope (a, 3, 3) of the colours `which` (a,) at raw (a, 3), both encoded.
 
-    A clipped channel is drawn to the end of the curve with full weight, and beyond it by `margin` with a fiftieth.
+    The residual of a clipped channel is its distance to the end of the curve, with full weight, and its distance to a
+    point `margin` beyond the end, with a fiftieth of the weight.
     """
     y = np.empty(3)
     for n in range(len(raw)):

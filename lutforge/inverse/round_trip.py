@@ -50,7 +50,7 @@ class RoundTrip:
 
 
 def rounded_up(value: float) -> str:
-    """A measured error to two digits, never said smaller than it is."""
+    """A measured error rounded up to two digits."""
     if value <= 0:
         return "0"
     unit = 10.0 ** (np.floor(np.log10(value)) - 1)

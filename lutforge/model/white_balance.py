@@ -47,8 +47,8 @@ class WhiteBalance:
     """The multipliers of one white balance, and what is known of it.
 
     multipliers: r, g, b with g = 1; kelvin: correlated colour temperature where known; spread: for a setting that the
-    camera changes from shot to shot (auto), the largest relative departure of a shot from these multipliers; gain: what
-    this setting multiplies all channels by, beside the camera's others (the third number of Tw).
+    camera changes from shot to shot (auto), the largest relative departure of a shot from these multipliers; gain: a
+    common factor of all channels of this setting, relative to the camera's other settings (the third number of Tw).
 
     Raises ProfileError on multipliers that are not positive numbers with green = 1 or that no camera sets, and on a
     temperature or spread that is none.
@@ -138,9 +138,10 @@ def temperature_range(known: Mapping[str, WhiteBalance]) -> tuple[float, float]:
 
 
 def _at_temperature(kelvin: float, tint: float, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
-    """Return what the matrix makes of that light, times what the camera's own settings depart from that.
+    """Return the multipliers for a light by the matrix, corrected by the departures of the camera's own settings.
 
-    The departures' logarithms are interpolated in reciprocal temperature (mired), and kept beyond the outermost.
+    The logarithms of the departures are interpolated in reciprocal temperature (mired), and constant beyond the
+    outermost settings.
     """
     low, high = temperature_range(known)
     if not low - 1e-6 <= kelvin <= high + 1e-6:

@@ -40,7 +40,7 @@ def bending(levels: Array) -> Array:
 
 
 def keys_cubic(count: int) -> tuple[Array, Array, Array]:
-    """Gram matrices of Keys' cubic convolution basis on `count` nodes at unit spacing: ∫φφ', ∫φ'φ'', ∫φ''φ'' sense.
+    """Gram matrices of Keys' cubic convolution basis on `count` nodes at unit spacing.
 
     Returns (mass, slope, bend), each (count, count): integrals of products of the basis functions, their first and
     their second derivatives over the axis, ends extrapolated linearly. Keys (1981), a = −1/2.
