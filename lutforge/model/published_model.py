@@ -54,7 +54,9 @@ def read_published_model(folder: str | Path) -> PublishedModel:
     if not folder.is_dir():
         raise ProfileError(f"{folder}: no such folder; give the folder that holds raw2jpg_transform.txt")
     if not (folder / "raw2jpg_transform.txt").is_file():
-        raise ProfileError(f"{folder}: holds no raw2jpg_transform.txt; give a model's folder, which does")
+        within = [str(file.parent) for file in sorted(folder.glob("*/raw2jpg_transform.txt"))]
+        which = " ".join(within) if within else "a model's folder, which does"
+        raise ProfileError(f"{folder}: holds no raw2jpg_transform.txt; give {which}")
     matrix, balances = _read_transform(folder / "raw2jpg_transform.txt")
     linear = _read_points(folder / "raw2jpg_ctrlPoints.txt")
     forward = _read_gamut_map(folder, "raw2jpg", linear)

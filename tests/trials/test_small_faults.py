@@ -291,3 +291,11 @@ def test_arrays_of_other_units_are_refused_as_tables_are(raw: float, srgb: float
     linear, encoded = np.vstack([first, np.full((1, 3), raw)]), np.vstack([first, np.full((1, 3), srgb)])
     with pytest.raises(SampleError, match=f"row 2: .*{says}"):
         SampleSet.from_arrays(linear, encoded, camera="A", shot="a")
+
+
+def test_a_folder_of_published_models_is_answered_by_those_in_it(lutforge: CommandLine, tmp_path: Path) -> None:
+    for name in ("Nikon D40/fluorescent", "Nikon D40/sunny"):
+        (tmp_path / name).mkdir(parents=True)
+        write_small(tmp_path / name)
+    told = failed(lutforge("import-nus", "Nikon D40", "-o", "camera.npz", cwd=tmp_path))
+    assert told.endswith("give Nikon D40/fluorescent Nikon D40/sunny")
