@@ -260,8 +260,7 @@ def test_a_folder_that_cannot_be_read_stops_a_batch(tmp_path: Path, monkeypatch:
 
 
 def test_what_opencolorio_makes_of_a_damaged_lut_is_told(lutforge: CommandLine, tmp_path: Path) -> None:
-    """OpenColorIO reads "0,5" as 0 and says nothing."""
-    (tmp_path / "comma.cube").write_text("LUT_3D_SIZE 2\n" + "0,5 0,5 0,5\n" * 8)
+    (tmp_path / "comma.cube").write_text("LUT_3D_SIZE 2\n" + "0,5 0,5 0,5\n" * 8)  # read as 0
     (tmp_path / "mac.cube").write_bytes(b"LUT_3D_SIZE 2\r" + b"0.5 0.5 0.5\r" * 8)
     (tmp_path / "look.dcp").write_bytes(b"IIRC\x08\0\0\0" + bytes(100))
     words = (picture(tmp_path / "a.jpg"), "-o", tmp_path / "out")
@@ -298,4 +297,4 @@ def test_a_folder_of_published_models_is_answered_by_those_in_it(lutforge: Comma
         (tmp_path / name).mkdir(parents=True)
         write_small(tmp_path / name)
     told = failed(lutforge("import-nus", "Nikon D40", "-o", "camera.npz", cwd=tmp_path))
-    assert told.endswith("give Nikon D40/fluorescent Nikon D40/sunny")
+    assert str(Path("Nikon D40/fluorescent")) in told and str(Path("Nikon D40/sunny")) in told
