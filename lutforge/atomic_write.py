@@ -18,6 +18,9 @@ from lutforge.errors import LutForgeError
 _unfinished: set[Path] = set()
 """What this process is writing and has not renamed yet: files, and folders that go when their work is done."""
 
+_made: set[Path] = set()
+"""Folders that this process made for its outputs; one in which no file came to stay is removed."""
+
 _beginning = Lock()
 
 
@@ -45,11 +48,12 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     try:
         with _beginning:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            _make_folder(path.parent)
             handle, name = tempfile.mkstemp(dir=path.parent, prefix=_prefix(path), suffix=path.suffix)
             os.close(handle)
             _unfinished.add(Path(name))
     except OSError as error:
+        _remove_if_empty(path.parent)
         raise LutForgeError(f"{path}: cannot write here ({error.strerror}); choose another output folder") from error
     temporary = Path(name)
     try:
@@ -63,6 +67,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     finally:
         temporary.unlink(missing_ok=True)
         _unfinished.discard(temporary)
+        _remove_if_empty(path.parent)
 
 
 def discard_unfinished() -> None:
@@ -75,18 +80,21 @@ def discard_unfinished() -> None:
             path.unlink(missing_ok=True)
 
 
-@contextmanager
-def removed_if_empty(folder: str | Path) -> Iterator[None]:
-    """Remove a folder, and those above it, that the block made and in which it left no file."""
-    folder = Path(folder)
-    made = [place for place in (folder, *folder.parents) if not place.exists()]
-    try:
-        yield
-    finally:
-        within = [Path(place) for place, _, _ in os.walk(folder, topdown=False)] if made else []
-        for place in dict.fromkeys((*within, *made)):
-            with suppress(OSError):
-                place.rmdir()
+def _make_folder(folder: Path) -> None:
+    folder = folder.absolute()
+    _made.update(place for place in (folder, *folder.parents) if not place.exists())
+    folder.mkdir(parents=True, exist_ok=True)
+
+
+def _remove_if_empty(folder: Path) -> None:
+    """Remove a folder, and those above it, as far as this process made them and they hold nothing."""
+    folder = folder.absolute()
+    with _beginning, suppress(OSError):  # of the first that holds something
+        for place in (folder, *folder.parents):
+            if place not in _made:
+                return
+            place.rmdir()
+            _made.discard(place)
 
 
 def remove_temporaries(paths: Iterable[Path]) -> int:
@@ -111,22 +119,31 @@ def remove_temporaries(paths: Iterable[Path]) -> int:
 def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
     """Yield an empty folder that is removed when the block ends. Folders that killed runs left are removed first.
 
-    beside: a file; the new folder is made in that file's folder, or without it in the system's temporary folder.
+    beside: what the block makes; the new folder lies beside it, or without it in the system's temporary folder. Raises
+    LutForgeError, which names `beside`, where something cannot be written.
     """
     parent = Path(tempfile.gettempdir()) if beside is None else Path(beside).absolute().parent
-    parent.mkdir(parents=True, exist_ok=True)
+    _make_folder(parent)
     mine = f".lutforge-{platform.node()}-"
     for old in parent.glob(f"{glob.escape(mine)}*"):
         if (process := re.fullmatch(r"(\d+)-\w{8}", old.name.removeprefix(mine))) and _is_over(int(process[1]), old):
             shutil.rmtree(old, ignore_errors=True)
-    with tempfile.TemporaryDirectory(dir=parent, prefix=f"{mine}{os.getpid()}-") as name:
-        folder = Path(name)
-        with _beginning:
-            _unfinished.add(folder)
-        try:
-            yield folder
-        finally:
-            _unfinished.discard(folder)
+    try:
+        with tempfile.TemporaryDirectory(dir=parent, prefix=f"{mine}{os.getpid()}-") as name:
+            folder = Path(name)
+            with _beginning:
+                _unfinished.add(folder)
+            try:
+                yield folder
+            finally:
+                _unfinished.discard(folder)
+    except (LutForgeError, OSError) as failure:
+        cause = failure.__cause__ if isinstance(failure, LutForgeError) and mine in str(failure) else failure
+        if beside is None or not isinstance(cause, OSError):
+            raise
+        raise LutForgeError(f"{beside}: cannot write ({cause.strerror or cause})") from cause
+    finally:
+        _remove_if_empty(parent)
 
 
 def _is_over(process: int, folder: Path) -> bool:

@@ -80,3 +80,25 @@ def test_a_scratch_folder_removes_those_of_killed_runs_alone(tmp_path: Path) -> 
     assert not left.exists()
     assert others.exists()
     assert alive.exists()
+
+
+def test_folders_that_were_made_for_a_file_go_with_it(tmp_path: Path) -> None:
+    (tmp_path / "own").mkdir()
+    for folder in (tmp_path / "new" / "luts", tmp_path / "own"):
+        with pytest.raises(LutForgeError, match="No space left"), atomic_path(folder / "a.clf"):
+            raise OSError(28, "No space left on device")
+    assert [path.name for path in tmp_path.rglob("*")] == ["own"]
+
+
+def test_what_cannot_be_written_in_a_scratch_folder_is_told_of_what_it_is_for(tmp_path: Path) -> None:
+    for words in (("No space left on device",), ("No space left on device", "x.clf")):
+        target = tmp_path / "new" / "config.ocioz"
+        with pytest.raises(LutForgeError) as told, scratch_folder(beside=target) as folder:
+            if len(words) == 1:
+                raise OSError(28, *words)
+            with atomic_path(folder / words[1]):
+                raise OSError(28, words[0])
+        assert str(told.value) == f"{target}: cannot write (No space left on device)"
+    with pytest.raises(LutForgeError, match=r"^as it is$"), scratch_folder(beside=target):
+        raise LutForgeError("as it is")
+    assert list(tmp_path.iterdir()) == []

@@ -12,7 +12,6 @@ from lutforge.apply.batch import BatchResult, Failure, apply_batch, plan_jobs
 from lutforge.apply.batch import Progress as BatchProgress
 from lutforge.apply.grade import ConfigRecipe, LutRecipe, Recipe
 from lutforge.apply.inputs import Inputs, find_inputs, is_picture
-from lutforge.atomic_write import removed_if_empty
 from lutforge.errors import ImageError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, one_of, several
@@ -136,11 +135,10 @@ class Grading:
         Raises LutForgeError where nothing can be graded; then nothing is written.
         """
         recipe, inputs = self.recipe, self.inputs.images
-        with removed_if_empty(self.folder), removed_if_empty(self.masks or self.folder):
-            result = apply_batch(
-                recipe, inputs, self.folder, self.suffix, workers=self.workers, progress=progress, masks=self.masks,
-                resume=self.resume, scheduler=self.scheduler, quality=self.quality,
-            )  # fmt: skip
+        result = apply_batch(
+            recipe, inputs, self.folder, self.suffix, workers=self.workers, progress=progress, masks=self.masks,
+            resume=self.resume, scheduler=self.scheduler, quality=self.quality,
+        )  # fmt: skip
         return replace(result, failed=(*result.failed, *self.missing), notes=(*self.inputs.notes, *result.notes))
 
 

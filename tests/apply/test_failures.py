@@ -94,7 +94,7 @@ def test_a_full_disk(folder: Path) -> None:
         assert count == "0"
         assert reasons[0].startswith(f"out/large.{suffix}: "), reasons
         assert reasons[1:] == ["none.png: no such file"]
-    assert list((folder / "out").iterdir()) == []
+    assert not (folder / "out").exists()
 
 
 @pytest.mark.parametrize("place", ["/dev/full", "good.png", "/proc/none"])
