@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import dataclass
+from typing import SupportsFloat
 
 from lutforge.errors import SettingsError
 
@@ -85,6 +86,8 @@ def parse_selector(text: str) -> Selector:
     that green = 1).
     Raises SettingsError on anything else.
     """
+    if not isinstance(text, str):
+        raise SettingsError(f'{text!r:.80} is not STYLE/WB, a text such as "standard/daylight"')
     style, slash, balance = (part.strip() for part in text.lower().partition("/"))
     if not slash or not style or not balance:
         raise SettingsError(f'"{text}" is not STYLE/WB; write for example "standard/daylight" or "vivid/5200K"')
@@ -105,6 +108,12 @@ def _parse_kelvin(text: str, temperature: str, tint: str) -> Kelvin:
             f'"{text}": a colour temperature lies between {KELVIN_RANGE[0]:g}K and {KELVIN_RANGE[1]:g}K'
         )
     return Kelvin(kelvin, checked_tint(distance))
+
+
+def require_exposure(ev: SupportsFloat) -> None:
+    """Raise SettingsError where an exposure change in stops is no number, or out of range."""
+    if not isinstance(ev, SupportsFloat) or not -20.0 <= float(ev) <= 20.0:
+        raise SettingsError(f"exposure change {ev!s:.80} EV is not a number within ±20 stops")
 
 
 def checked_tint(tint: float) -> float:

@@ -39,7 +39,7 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
         task = bars.add_task(title, total=1.0, what="")
 
         def progress(what: str, share: float) -> None:
-            bars.update(task, completed=share, what=escape(what[:60]))
+            bars.update(task, completed=share, what=escape(harmless(what[:60])))
 
         yield progress
 
@@ -59,22 +59,27 @@ def quiet_codecs() -> Iterator[None]:
             sys.stderr = python_stderr
 
 
+def harmless(text: str) -> str:
+    """The text with control characters, which a terminal would obey, as "?": it may quote a file of unknown origin."""
+    return text.translate(dict.fromkeys((*range(32), *range(127, 160)), "?"))
+
+
 def say(*lines: str) -> None:
-    """Lines on stdout, as they are."""
+    """Lines on stdout."""
     for line in lines:
-        print(line)
+        print(harmless(line))
 
 
 def note(*lines: str) -> None:
     """Lines on stderr that are no errors."""
     dim, plain = ("\x1b[2m", "\x1b[0m") if sys.stderr.isatty() and os.name == "posix" else ("", "")
     for line in lines:
-        print(f"{dim}note:{plain} {line}", file=sys.stderr)
+        print(f"{dim}note:{plain} {harmless(line)}", file=sys.stderr)
 
 
 def complain(text: str) -> None:
     """One line on stderr about what failed, where other things go on."""
-    print(f"lutforge: {text}", file=sys.stderr)
+    print(f"lutforge: {harmless(text)}", file=sys.stderr)
 
 
 def for_each(title: str, files: Sequence[Path], show: Callable[[Path], None]) -> None:
@@ -104,12 +109,17 @@ def print_tables(*tables: Table) -> None:
     width = max(Console().width, 140) if sys.stdout.isatty() else 240
     for table in (table for table in tables if table.rows):
         lines = Lines(
-            title=table.caption, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False
+            title=escape(harmless(table.caption)),
+            title_justify="left",
+            title_style="bold",
+            header_style="bold",
+            box=None,
+            pad_edge=False,
         )
         for name, numeric in zip(table.header, table.numeric, strict=True):
             lines.add_column(name, justify="right" if numeric else "left", overflow="fold", no_wrap=numeric)
         for row in table.rows:
-            lines.add_row(*map(escape, row))
+            lines.add_row(*(escape(harmless(cell)) for cell in row))
         Console(highlight=False, width=width, soft_wrap=True).print(lines)
 
 

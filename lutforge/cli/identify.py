@@ -32,4 +32,4 @@ def identify(
         for_each("identifying", images, show)
     finally:
         if as_json:
-            say(json.dumps(records, indent=2))
+            print(json.dumps(records, indent=2))

@@ -19,6 +19,7 @@ from lutforge.cli.calibrate import calibrate
 from lutforge.cli.check import check
 from lutforge.cli.compare import compare
 from lutforge.cli.config import config
+from lutforge.cli.console import complain
 from lutforge.cli.demo import demo
 from lutforge.cli.evaluate import evaluate
 from lutforge.cli.identify import identify
@@ -136,5 +137,5 @@ def _interruptible() -> object:
 
 
 def _stop(message: str, status: int) -> None:
-    print(f"lutforge: {' '.join(message.split())}", file=sys.stderr)
+    complain(" ".join(message.split()))
     sys.exit(status)

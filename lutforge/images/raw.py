@@ -121,7 +121,7 @@ def _translated(path: Path) -> Iterator[None]:
             yield
     except ImageError as error:
         if isinstance(error.__cause__, rawpy.LibRawFileUnsupportedError):
-            raise ImageError(f"{path}: not a RAW file that LibRaw can read") from None
+            raise ImageError(f"{path}: not a RAW file that LibRaw can read") from error
         raise
 
 

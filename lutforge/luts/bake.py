@@ -10,6 +10,7 @@ from __future__ import annotations  # so that help() shows the names of types
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import SupportsIndex
 
 import numpy as np
 
@@ -107,7 +108,7 @@ def bake_forms(
     for target in targets:
         if target.size is not None and tolerance is not None:
             raise LutError("give a size or a tolerance, not both")
-        if target.size is not None and not 2 <= target.size <= MAX_SIZE:
+        if target.size is not None and not (isinstance(target.size, SupportsIndex) and 2 <= target.size <= MAX_SIZE):
             raise LutError(f"{target.size} nodes per axis: choose 2 to {MAX_SIZE} (17, 33 and 65 are usual)")
         if tolerance is not None:
             measured = partial(_p99, transform, _highest(transform, highest))

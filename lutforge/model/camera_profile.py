@@ -30,7 +30,7 @@ from lutforge.model.transform import (
     Transform,
 )
 from lutforge.model.white_balance import resolve, temperature_of, tinted
-from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector
+from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector, require_exposure
 
 ModelName = Literal["lattice", "rbf"]
 MODELS: tuple[ModelName, ...] = get_args(ModelName)
@@ -46,7 +46,7 @@ class CameraProfile(ProfileData):
 
     def selector(self, text: str | Selector) -> Selector:
         """A selector whose style and white balance this profile knows. Raises SettingsError listing the known ones."""
-        selector = parse_selector(text) if isinstance(text, str) else text
+        selector = text if isinstance(text, Selector) else parse_selector(text)
         if selector.style not in self.styles:
             raise SettingsError(f'unknown style "{selector.style}"; {self.camera} has {", ".join(sorted(self.styles))}')
         return replace(selector, white_balance=self._known_balance(selector.white_balance))
@@ -171,6 +171,8 @@ def load_profile(path: str | Path) -> CameraProfile:
 
 def as_profile(profile: CameraProfile | str | Path) -> CameraProfile:
     """Return a profile as it is, or the one of a file. Raises ProfileError."""
+    if not isinstance(profile, CameraProfile | str | Path):
+        raise ProfileError(f"{profile!r:.80} is not a profile: give a CameraProfile, or the path of its file")
     return profile if isinstance(profile, CameraProfile) else load_profile(profile)
 
 
@@ -235,8 +237,7 @@ def raw_to_balanced(
 
     Arguments and errors are those of `match`.
     """
-    if not -20.0 <= ev <= 20.0:
-        raise SettingsError(f"exposure change {ev:g} EV is not within ±20 stops")
+    require_exposure(ev)
     if transfer is not None and (transfer.source, transfer.target) != (source_camera.camera, target_camera.camera):
         raise ProfileError(
             f"the RAW transfer is from {transfer.source} to {transfer.target}, "
@@ -288,8 +289,7 @@ def through_camera(
     Linear 1 in all channels saturates the camera at ev 0; ev: exposure in stops. Raises SettingsError on an exposure
     beyond ±20 stops, an unknown space, or a RAW space, which `CameraProfile.render` takes.
     """
-    if not -20.0 <= ev <= 20.0:
-        raise SettingsError(f"exposure {ev:g} EV is not within ±20 stops")
+    require_exposure(ev)
     if space == "raw":
         raise SettingsError("footage is in a colour space such as acescg or vlog, not raw")
     encoding = rgb_space(space)

@@ -74,7 +74,7 @@ class WhiteBalance:
         kelvin = self.kelvin
         if kelvin is not None and not (isinstance(kelvin, int | float) and COOLEST <= kelvin <= HOTTEST):
             raise ProfileError(f"white balance: {kelvin!r} is not a temperature from {COOLEST:g} to {HOTTEST:g} kelvin")
-        if not 0 <= self.spread < math.inf:
+        if not 0 <= self.spread <= LARGEST_MULTIPLIER:
             raise ProfileError(f"white balance: a spread of {self.spread} is not possible")
         if not 1.0 / LARGEST_MULTIPLIER <= self.gain <= LARGEST_MULTIPLIER:
             raise ProfileError(f"white balance: no camera multiplies all channels by {self.gain}")

@@ -3,13 +3,14 @@
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.response_profile import has_own_raw
 from lutforge.ocio.names import UniqueNames, file_stem, part_name, space_name
 
@@ -77,7 +78,7 @@ class Camera:
         return np.asarray((from_linear_srgb("aces2065-1") @ self.profile.matrix) * gain)
 
 
-def name_cameras(profiles: Sequence[CameraProfile], taken: Iterable[str] = ()) -> tuple[Camera, ...]:
+def name_cameras(profiles: Sequence[CameraProfile | str | Path], taken: Iterable[str] = ()) -> tuple[Camera, ...]:
     """Names for profiles, none of whose colour spaces or aliases is among those taken, whatever the case.
 
     Where one would be, the camera gets a number. Raises ConfigError on no profile, on the same one twice.
@@ -87,7 +88,7 @@ def name_cameras(profiles: Sequence[CameraProfile], taken: Iterable[str] = ()) -
     used = {name.lower() for name in taken}
     prints: set[str] = set()
     cameras: list[Camera] = []
-    for profile in profiles:
+    for profile in map(as_profile, profiles):
         key = _fingerprint(profile)
         if key in prints:
             raise ConfigError(f"the profile of {profile.camera} is given twice; name each profile once")

@@ -49,9 +49,12 @@ def write_archive(folder: Path, target: Path) -> Path:
 ARCHIVE_SUFFIX = ".ocioz"
 CONFIG_NAME = "config.ocio"
 
+NO_FOLDERS = (".ocio", ".zip", ".npz", ".clf", ".cube")
+"""Suffixes of files, which a folder's name should not have."""
+
 
 def build_config(
-    profiles: Sequence[CameraProfile],
+    profiles: Sequence[CameraProfile | str | Path],
     folder: str | Path | None = None,
     *,
     version: str | None = None,
@@ -72,7 +75,9 @@ def build_config(
     return config
 
 
-def config_luts(profiles: Sequence[CameraProfile], inverse: InverseOptions | None = None) -> dict[str, Lut]:
+def config_luts(
+    profiles: Sequence[CameraProfile | str | Path], inverse: InverseOptions | None = None
+) -> dict[str, Lut]:
     """The LUT files that the config of these profiles refers to: file name → LUT, as the file holds it."""
     luts: dict[str, Lut] = {}
     for rendering in renderings(name_cameras(profiles)):
@@ -81,7 +86,7 @@ def config_luts(profiles: Sequence[CameraProfile], inverse: InverseOptions | Non
 
 
 def write_config(
-    profiles: Sequence[CameraProfile],
+    profiles: Sequence[CameraProfile | str | Path],
     target: str | Path,
     *,
     version: str | None = None,
@@ -151,6 +156,8 @@ def _require_usable(target: Path, replace: bool) -> None:
     """Raise ConfigError where OpenColorIO could not read the folder, or other things are in it."""
     if "$" in str(target.absolute()):
         raise ConfigError(f"{target}: OpenColorIO finds no LUTs in a folder with $ in its path; choose another")
+    if target.suffix.lower() in NO_FOLDERS:
+        raise ConfigError(f"{target}: a config is a folder that holds {CONFIG_NAME}, or an archive ({ARCHIVE_SUFFIX})")
     if target.exists() and not target.is_dir():
         raise ConfigError(f"{target}: is a file; name a folder, or an archive that ends in {ARCHIVE_SUFFIX}")
     if target.is_dir() and any(target.iterdir()):
@@ -162,7 +169,7 @@ def _require_usable(target: Path, replace: bool) -> None:
 
 
 def _plan(
-    profiles: Sequence[CameraProfile], base: BaseConfig | None
+    profiles: Sequence[CameraProfile | str | Path], base: BaseConfig | None
 ) -> tuple[tuple[Camera, ...], tuple[Rendering, ...]]:
     """Name the cameras and list their renderings, without clashes with a base config and its files."""
     cameras = name_cameras(profiles, base.names if base is not None else config_names(base_config(DEFAULT_VERSION)))

@@ -45,8 +45,6 @@ def write_checked_config(
     output = Path(output)
     lost = losses(minor_version(version)) if version is not None else ()
     archive = output.suffix.lower() == ARCHIVE_SUFFIX
-    if output.suffix.lower() == Path(CONFIG_NAME).suffix:
-        raise ConfigError(f"{output}: a config is a folder that holds {CONFIG_NAME}, or an archive ({ARCHIVE_SUFFIX})")
     inputs = [entry for entry in (*profiles, merge) if isinstance(entry, str | Path)]
     check_output(output if archive else output / CONFIG_NAME, inputs=inputs)
     loaded = [as_profile(profile) for profile in profiles]

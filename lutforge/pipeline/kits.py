@@ -211,6 +211,12 @@ def _require_source(kit: Kit, look: Look) -> None:
             f"{kit.title} feeds no camera RAW to a LUT: calibrate on what it develops, "
             f"lutforge calibrate SHOT… --developer {kit.program} -o camera.npz"
         )
+    if look.space != "raw" and look.white_balance.lower() not in look.profile.white_balances:
+        own = ", ".join(f"{look.style}/{name}" for name in look.profile.white_balances)
+        raise SettingsError(
+            f"the profile is of {look.developer}, whose white balance is in it already: instead of "
+            f"{look.white_balance} name one of its own, {own}"
+        )
     if kit.source == "raw" and look.space != "raw":
         raise SettingsError(
             f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.developer}: "

@@ -14,6 +14,7 @@ from lutforge.model.raw_transfer import chained, load_transfer
 from lutforge.model.response_profile import is_response_alone
 from lutforge.model.transform import Transform
 from lutforge.pipeline.outputs import one_of
+from lutforge.settings import Multipliers
 
 KINDS = ("render", "linearize", "refinish", "match")
 
@@ -138,6 +139,11 @@ def _needed(selector: str | None, option: str, kind: str, profile: CameraProfile
         )
     chosen = profile.selector(selector)
     known = profile.white_balances.get(str(chosen.white_balance))
+    if profile.raw_space != "raw" and isinstance(chosen.white_balance, Multipliers):
+        notes.append(
+            f"the profile is of {profile.developer}, whose white balance is in it already: {chosen.white_balance} "
+            "comes on top of that, and 1,1,1 changes nothing"
+        )
     if known is not None and known.spread > 0.02:
         r, g, b = known.multipliers
         text = (

@@ -85,6 +85,8 @@ class SampleSet:
 
         linear, encoded = _as_numbers("raw", raw), _as_numbers("srgb", srgb)  # not repeated: each sample has its own
         count = len(np.atleast_1d(linear))
+        if count == 0:
+            raise SampleError("samples: none given")
 
         def column(name: str, values: ArrayLike, *width: int, dtype: type = float) -> NDArray[Any]:
             try:
@@ -93,6 +95,9 @@ class SampleSet:
                 raise SampleError(f"samples: column {name} does not fit {count} samples: {error}") from error
 
         texts = {"camera": camera, "style": style, "white_balance": white_balance, "shot": shot, "patch": patch}
+        for name, values in texts.items():
+            if any(value is None for value in np.ravel(np.asarray(values, dtype=object))):
+                raise SampleError(f"samples: column {name} is None; give a text")
         words = {name: column(name, values, dtype=str) for name, values in texts.items()}
         made = cls(
             **words,

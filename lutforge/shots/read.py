@@ -19,7 +19,7 @@ from lutforge.images.jpeg_header import read_header
 from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import read_image
 from lutforge.shots.align import register_rotated
-from lutforge.shots.discover import JPEG_SUFFIXES, jpeg_beside
+from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
 from lutforge.shots.editors import edited_notes
 from lutforge.shots.maker_settings import in_adobe_rgb
 from lutforge.shots.metadata import read_metadata
@@ -49,7 +49,7 @@ def read_shot(
     path = Path(path)
     if path.suffix.lower() in JPEG_SUFFIXES or is_heif(path):
         raise ShotError(f"{path}: a JPEG by itself is not a shot; name the RAW file that it was made from")
-    raw = read_raw(path, half_size=True)
+    raw = _decoded(path)
     if development is not None:
         ones = np.ones(3)
         raw = replace(raw, pixels=development.pixels, pixel_size=1.0, multipliers=ones, clip_level=ones)
@@ -72,6 +72,18 @@ def read_shot(
     raise ShotError(
         f"{path}: no camera JPEG to pair it with: {'; '.join(reasons)}" + size.format(*raw.pixels.shape[:2])
     )
+
+
+def _decoded(path: Path) -> RawImage:
+    """The RAW file at half size. Raises ImageError, with what samples are read from where the suffix is another."""
+    try:
+        return read_raw(path, half_size=True)
+    except ImageError as error:
+        if path.suffix.lower() in RAW_SUFFIXES or error.__cause__ is None:
+            raise
+        raise ImageError(
+            f"{path}: not a RAW file that LibRaw can read; a table of samples is a .csv or .parquet file"
+        ) from None
 
 
 def _candidates(path: Path) -> list[tuple[str, tuple[str, ...]]]:

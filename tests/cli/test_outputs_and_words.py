@@ -183,3 +183,33 @@ def test_help_lists_every_program() -> None:
     parameters = inspect.signature(kit, eval_str=True).parameters
     for told, known in ((get_args(parameters["program"].annotation), KITS), (get_args(DeveloperName), DEVELOPERS)):
         assert set(known) <= set(re.findall(r"\w+", told[-1].help))
+
+
+def test_a_terminal_gets_no_control_characters_of_a_file(lutforge: CommandLine, tmp_path: Path) -> None:
+    small_table(tmp_path / "samples.csv")
+    text = (
+        (tmp_path / "samples.csv").read_text().replace("Test Cam", "Cam\x1b]0;x\x07\x9b2J").replace(",a,", ",\x1b[2Ja,")
+    )
+    (tmp_path / "samples.csv").write_text(text, encoding="utf-8")
+    shown = lutforge("inspect", "samples.csv", cwd=tmp_path)
+    assert "Cam?]0;x??2J" in shown.stdout
+    for words in (("samples.csv",), ("sam\x1b[2Jples.csv",), ("sam\x1b[2Jples.csv", "samples.csv")):
+        told = lutforge("inspect", *words, cwd=tmp_path)
+        assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]", told.stdout + told.stderr), words
+
+
+@pytest.mark.parametrize("name", ["look.json", "samples.tsv", "samples.xlsx"])
+def test_files_that_hold_neither_samples_nor_raw_are_told_what_does(
+    refused: Refused, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / name).write_text("camera\tstyle\n" * 20)
+    for command in ("calibrate", "sample"):
+        said = refused(tmp_path, command, name)
+        assert "not a RAW file" in said and ".csv or .parquet" in said and "damaged" not in said
+
+
+@pytest.mark.parametrize("name", ["x.zip", "x.ocio"])
+def test_a_config_is_no_file_of_another_kind(profile: Path, refused: Refused, name: str) -> None:
+    assert "a config is a folder that holds config.ocio, or an archive" in refused(
+        profile, "config", "camera.npz", "-o", name
+    )

@@ -26,6 +26,7 @@ from lutforge.kits.kit import look_of
 from lutforge.luts.processor import evaluate, file_processor
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.kits import KITS, check_kit, compare_with_jpeg, write_kit
+from lutforge.pipeline.transforms import TransformRequest, choose_transform
 from lutforge.samples.sample_set import SampleSet
 from tests.conftest import CommandLine
 from tests.kits.kit_readers import CRS, dcp_tags, developed_by_dcp, rgb_table_of
@@ -122,6 +123,14 @@ def test_every_kit_says_what_it_is(
     assert all(path.name in text for path in folder.iterdir() if path.name != "README.md")
     assert len(text.splitlines()) < 30
     write_kit(profile, SETTING, folder, program)  # an older kit is replaced
+
+
+def test_multipliers_on_top_of_a_programs_balance_are_told(developed_profile: CameraProfile, tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match=r"darktable .* already: instead of 2.1,1,1.4 .* standard/auto"):
+        write_kit(developed_profile, "standard/2.1,1,1.4", tmp_path / "kit")
+    described = choose_transform(developed_profile, TransformRequest("render", target="standard/2.1,1,1.4"))
+    assert any("1,1,1 changes nothing" in text for text in described.notes)
+    assert not choose_transform(developed_profile, TransformRequest("render", target=SETTING)).notes
 
 
 @pytest.mark.parametrize("space", ["davinci-intermediate", "acescg"])

@@ -228,6 +228,7 @@ def test_a_version_that_no_release_wrote_is_damage(saved: Path, version: object)
         {"white_balances": {}},
         {"white_balances": {"daylight": {"multipliers": [1, 1], "kelvin": None}}},
         {"white_balances": {"daylight": {"multipliers": [0, 1, 1], "kelvin": None}}},
+        {"white_balances": {"daylight": {"multipliers": [2, 1, 2], "kelvin": None, "spread": 1e308}}},
         {"white_balances": []},
         {"styles": {}},
         {"styles": {"standard": {"render": {"values": "x", "levels": ["a"], "interpolation": "cubic"}}}},
