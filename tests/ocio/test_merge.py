@@ -109,7 +109,7 @@ def test_a_base_with_another_reference(tmp_path: Path) -> None:
     (tmp_path / "linear.ocio").write_text(linear.serialize())
     profile = plain_profile("Nikon D40")
     for merge in (tmp_path / "linear.ocio", "cg-config-v1.0.0_aces-v1.3_ocio-v2.1"):
-        path = write_config([profile], tmp_path / f"to {Path(merge).suffix}", merge=merge)
+        path = write_config([profile], tmp_path / f"to {Path(merge).stem}", merge=merge)
         config = load_config(path)
         raw = convert(config, "Nikon D40 RAW", "ACEScg")
         np.testing.assert_allclose(raw, convert(build_config([profile]), "Nikon D40 RAW", "ACEScg"), atol=2e-5)
