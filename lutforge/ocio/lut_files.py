@@ -13,7 +13,7 @@ from lutforge.arrays import Array
 from lutforge.interpolation import interpolate
 from lutforge.luts.formats import clf
 from lutforge.luts.formats.text import short_rows
-from lutforge.luts.ops import Cube, Curve
+from lutforge.luts.ops import Cube, Curve, Op
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels, shaper
 from lutforge.model.lattice import grid, snap_levels
@@ -61,13 +61,37 @@ def rounded(values: Array) -> Array:
 
 
 def compact_text(lut: Lut) -> str:
-    """The CLF of a compact LUT: one space between the numbers of a table, and those without idle zeros.
+    """The CLF of a compact LUT: one space between the numbers of an array, and those without idle zeros.
 
-    The same text for the same LUT. Raises LutError.
+    OpenColorIO writes it with two entries an axis, in whose place the tables are put: text of all their numbers takes
+    it ten times as long, and it writes one file at a time. The same text for the same LUT. Raises LutError.
     """
+    outline = replace(lut, ops=tuple(_ends(op) for op in lut.ops))
+    tables = iter([_table(op) for op in lut.ops if isinstance(op, Curve | Cube)])
 
-    def table(found: re.Match[str]) -> str:
-        numbers = np.fromstring(found[3], sep=" ").reshape(-1, int(found[2]))
-        return f"{found[1]}\n{short_rows(numbers, DECIMALS)}{found[4]}"
+    def array(found: re.Match[str]) -> str:
+        is_table = found[1].startswith("2 ")  # a matrix has three rows
+        numbers = next(tables) if is_table else np.fromstring(found[2], sep=" ").reshape(3, -1)
+        dim, rows = " ".join(map(str, numbers.shape)), numbers.reshape(-1, numbers.shape[-1])
+        return f'<Array dim="{dim}">\n{short_rows(rows, DECIMALS)}</Array>'
 
-    return re.sub(r'(<Array dim="[\d ]*?(\d+)">)([^<]*)(</Array>)', table, clf.text_of(lut))
+    text = clf.text_of(outline).replace(clf.identifier(outline), clf.identifier(lut), 1)
+    return re.sub(r'<Array dim="([\d ]*)">([^<]*)</Array>', array, text)
+
+
+def _ends(op: Op) -> Op:
+    """The operation with no more of its table than the ends of each axis."""
+    match op:
+        case Curve():
+            return replace(op, outputs=op.outputs[[0, -1]])
+        case Cube():
+            last = op.size - 1
+            return replace(op, values=op.values[::last, ::last, ::last])
+    return op
+
+
+def _table(op: Curve | Cube) -> Array:
+    """The numbers of a table as OpenColorIO holds them: of one column where all channels have the same curve."""
+    numbers = (op.outputs if isinstance(op, Curve) else op.values).astype(np.float32).astype(np.float64)
+    same = isinstance(op, Curve) and not np.ptp(numbers, axis=1).any()
+    return numbers[:, :1] if same else numbers

@@ -30,7 +30,7 @@ def text_of(lut: Lut, suffix: str = ".clf") -> str:
     """The text of a process list. Raises LutError where OpenColorIO cannot write it."""
     group = group_of(lut.ops)
     metadata = group.getFormatMetadata()
-    metadata.setID(_identifier(lut))
+    metadata.setID(identifier(lut))
     if lut.title:
         metadata.setName(one_line(lut.title))
     for comment in lut.comments:
@@ -69,7 +69,7 @@ def read(path: Path, data: bytes) -> Lut:
     return Lut(ops_of(group), metadata.getName()[:200], notes, {"format": kind, **smpte, **ids})
 
 
-def _identifier(lut: Lut) -> str:
+def identifier(lut: Lut) -> str:
     """An id that depends on the content alone, so that the same LUT is the same file."""
     digest = hashlib.sha256()
     for op in lut.ops:
