@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
-from lutforge.interpolation import locate
+from lutforge.interpolation import Axis, indexed, locate
 from lutforge.inverse.baked_render import BakedRender
 from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.threads import each, slabs
@@ -28,7 +28,8 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
     where that costs the other channels nothing. Also returned: the residual that is left, encoded (n,), 0 to rounding
     where the render makes the colour at all. O(n) time.
     """
-    lattice_values, sides, levels = render.to_values(jpeg), clipped_sides(jpeg), np.stack(render.levels)
+    lattice_values, sides, axes = render.to_values(jpeg), clipped_sides(jpeg), indexed(render.levels)
+    ends = np.array([axis[[0, -1]] for axis in render.levels])
     weights, raw = render.slope(lattice_values), np.empty(jpeg.shape)
 
     def search(part: tuple[int, int]) -> None:
@@ -37,12 +38,12 @@ def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.
         def linearize(raw: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
             residual, slope = np.empty(raw.shape), np.empty((*raw.shape, 3))
             _residual_and_slope(
-                render.values, levels, render.tetrahedral, raw, rows.start + which, lattice_values, weights, sides,
+                render.values, axes, render.tetrahedral, raw, rows.start + which, lattice_values, weights, sides,
                 margin, residual, slope,
             )  # fmt: skip
             return residual, slope
 
-        raw[rows] = gauss_newton(linearize, start[rows], lower=levels[:, 0], upper=levels[:, -1]).value
+        raw[rows] = gauss_newton(linearize, start[rows], lower=ends[:, 0], upper=ends[:, 1]).value
 
     at_once = 8192  # colours whose slopes stay in a core's cache
     for _ in each(search, slabs(0, len(jpeg), 1, -(-len(jpeg) // at_once))):
@@ -59,13 +60,16 @@ def _falling_axes(r: float, g: float, b: float) -> tuple[int, int, int]:
 
 
 @compiled()
-def _value_and_slope(values: Array, levels: Array, tetrahedral: bool, x: Array, y: Array, slope: Array) -> None:
-    """Fill y (3,) and slope (3, 3), d y / d x, of a lattice at x (3,) within its levels."""
-    i, r = locate(levels[0], x[0])
-    j, g = locate(levels[1], x[1])
-    k, b = locate(levels[2], x[2])
-    per_r, per_g = 1.0 / (levels[0, i + 1] - levels[0, i]), 1.0 / (levels[1, j + 1] - levels[1, j])
-    per_b = 1.0 / (levels[2, k + 1] - levels[2, k])
+def _value_and_slope(
+    values: Array, axes: tuple[Axis, Axis, Axis], tetrahedral: bool, x: Array, y: Array, slope: Array
+) -> None:
+    """Fill y (3,) and slope (3, 3), d y / d x, of a lattice at x (3,) within its axes."""
+    i, r = locate(axes[0], x[0])
+    j, g = locate(axes[1], x[1])
+    k, b = locate(axes[2], x[2])
+    r_levels, g_levels, b_levels = axes[0].levels, axes[1].levels, axes[2].levels
+    per_r, per_g = 1.0 / (r_levels[i + 1] - r_levels[i]), 1.0 / (g_levels[j + 1] - g_levels[j])
+    per_b = 1.0 / (b_levels[k + 1] - b_levels[k])
     if tetrahedral:
         fractions, per_width = (r, g, b), (per_r, per_g, per_b)
         for c in range(3):
@@ -98,8 +102,8 @@ def _on_face(values: Array, i: int, j: int, k: int, c: int, g: float, b: float) 
 
 @compiled()
 def _residual_and_slope(
-    values: Array, levels: Array, tetrahedral: bool, raw: Array, which: Index, targets: Array, weights: Array,
-    sides: Index, margin: float, residual: Array, slope: Array,
+    values: Array, axes: tuple[Axis, Axis, Axis], tetrahedral: bool, raw: Array, which: Index, targets: Array,
+    weights: Array, sides: Index, margin: float, residual: Array, slope: Array,
 ) -> None:  # fmt: skip
     """Fill residual (a, 3) and its slope (a, 3, 3) of the colours `which` (a,) at raw (a, 3), both encoded.
 
@@ -108,7 +112,7 @@ def _residual_and_slope(
     """
     y = np.empty(3)
     for n in range(len(raw)):
-        _value_and_slope(values, levels, tetrahedral, raw[n], y, slope[n])
+        _value_and_slope(values, axes, tetrahedral, raw[n], y, slope[n])
         for c in range(3):
             side, scale = sides[which[n], c], weights[which[n], c]
             error = y[c] - targets[which[n], c]

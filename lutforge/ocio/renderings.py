@@ -143,8 +143,9 @@ def _error(lut: Lut, transform: Transform, made_by: Transform | None = None) -> 
     made = x if made_by is None else np.clip(made_by(x), 0.0, 1.0)
     means, largest = [], 0.0
     for colours in (x,) if made_by is None else (x, made):
-        errors = error(colours)
-        jpeg = np.clip(transform(x), 0.0, 1.0) if made_by is None else colours
+        wanted = transform(colours)
+        errors = np.asarray(np.linalg.norm(lut(colours) - wanted, axis=1))
+        jpeg = np.clip(wanted, 0.0, 1.0) if made_by is None else colours
         unclipped = np.all((jpeg > half_a_code) & (jpeg < 1 - half_a_code), axis=1)[:count]
         parts = (errors, errors[:count], errors[:count][unclipped])
         means += [float(part.mean()) for part in parts if len(part)]

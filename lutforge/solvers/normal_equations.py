@@ -13,7 +13,7 @@ import numpy as np
 
 from lutforge.arrays import Array, Index, Mask
 from lutforge.compiled import compiled
-from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
+from lutforge.interpolation import Axis, Interpolation, Levels, corner_weights, indexed, locate
 from lutforge.threads import cores, run, slabs
 
 FOLLOWING = 14
@@ -37,14 +37,14 @@ class NormalEquations:
 
 @compiled()
 def _locate(
-    x: Array, r_levels: Array, g_levels: Array, b_levels: Array, cell: Index, fraction: Array, first: int, last: int
+    x: Array, r_axis: Axis, g_axis: Axis, b_axis: Axis, cell: Index, fraction: Array, first: int, last: int
 ) -> None:
     """The cell of each sample of a range, (N_g − 1)(N_b − 1) i + (N_b − 1) j + k, and the fractions in it."""
-    ng, nb = len(g_levels) - 1, len(b_levels) - 1
+    ng, nb = len(g_axis.levels) - 1, len(b_axis.levels) - 1
     for n in range(first, last):
-        ir, fraction[n, 0] = locate(r_levels, x[n, 0])
-        ig, fraction[n, 1] = locate(g_levels, x[n, 1])
-        ib, fraction[n, 2] = locate(b_levels, x[n, 2])
+        ir, fraction[n, 0] = locate(r_axis, x[n, 0])
+        ig, fraction[n, 1] = locate(g_axis, x[n, 1])
+        ib, fraction[n, 2] = locate(b_axis, x[n, 2])
         cell[n] = (ir * ng + ig) * nb + ib
 
 
@@ -139,8 +139,8 @@ class InterpolationMatrix:
         count = len(x)
         self._threads = max(1, min(cores(), count // 20_000))
         x = np.ascontiguousarray(x, dtype=np.float64)
-        cell, fraction = np.empty(count, dtype=np.int64), np.empty((count, 3))
-        run(lambda first, last: _locate(x, *levels, cell, fraction, first, last), slabs(0, count, 1, self._threads))
+        cell, fraction, axes = np.empty(count, dtype=np.int64), np.empty((count, 3)), indexed(levels)
+        run(lambda first, last: _locate(x, *axes, cell, fraction, first, last), slabs(0, count, 1, self._threads))
         r, g, b = self.size
         order, begin = np.empty(count, dtype=np.int64), np.zeros((r - 1) * (g - 1) * (b - 1) + 1, dtype=np.int64)
         _sort(cell, order, begin)

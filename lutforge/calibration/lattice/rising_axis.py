@@ -9,7 +9,7 @@ import numpy as np
 
 from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
-from lutforge.interpolation import Interpolation, Levels, corner_weights, locate
+from lutforge.interpolation import Axis, Interpolation, Levels, corner_weights, indexed, locate
 from lutforge.solvers.inequality_least_squares import least_distance
 
 
@@ -20,7 +20,7 @@ def with_rising_axis(values: Array, levels: Levels, method: Interpolation) -> Ar
     """
     axis = _points(levels)
     nodes, weights = np.empty((len(axis), 8), dtype=np.int64), np.empty((len(axis), 8))
-    _rows(axis, *levels, method == "tetrahedral", nodes, weights)
+    _rows(axis, *indexed(levels), method == "tetrahedral", nodes, weights)
     bounds = min(0.0, float(values.min())), max(1.0, float(values.max()))
     around = 2 * len(axis) // len(levels[0])  # points of the cells next to a fall, which must not begin to fall
     changed = values.reshape(-1, 3).copy()
@@ -77,14 +77,14 @@ def _raise(values: Array, nodes: Index, weights: Array, around: int, bounds: tup
 
 @compiled()
 def _rows(
-    axis: Array, r_levels: Array, g_levels: Array, b_levels: Array, tetrahedral: bool, nodes: Index, weights: Array
+    axis: Array, r_axis: Axis, g_axis: Axis, b_axis: Axis, tetrahedral: bool, nodes: Index, weights: Array
 ) -> None:
     """Fill the nodes around each point of the axis (n, 8), and their weights (n, 8)."""
-    ng, nb = len(g_levels), len(b_levels)
+    ng, nb = len(g_axis.levels), len(b_axis.levels)
     for n in range(len(axis)):
-        i, fr = locate(r_levels, axis[n])
-        j, fg = locate(g_levels, axis[n])
-        k, fb = locate(b_levels, axis[n])
+        i, fr = locate(r_axis, axis[n])
+        j, fg = locate(g_axis, axis[n])
+        k, fb = locate(b_axis, axis[n])
         corner_weights(tetrahedral, fr, fg, fb, weights[n])
         for p in range(8):
             nodes[n, p] = ((i + (p >> 2)) * ng + j + ((p >> 1) & 1)) * nb + k + (p & 1)
