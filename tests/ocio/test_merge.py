@@ -80,8 +80,8 @@ def test_cameras_added_to_cameras(tmp_path: Path) -> None:
     archive = write_config([plain_profile("Nikon D40")], tmp_path / "one.ocioz")
     other = plain_profile("Nikon D40")
     other = CameraProfile("Nikon D40", MATRIX * 1.01, other.white_balances, other.styles)
-    for base in (folder, archive):
-        path = write_config([other, plain_profile("Canon")], tmp_path / f"both {base.suffix}", merge=base)
+    for base, name in ((folder, "both"), (archive, "both.ocioz")):
+        path = write_config([other, plain_profile("Canon")], tmp_path / name, merge=base)
         ociocheck(path)
         config = load_config(path)
         assert_kept(load_config(folder), config)
