@@ -4,10 +4,9 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
-from itertools import islice
 from pathlib import Path
 from threading import Lock
 
@@ -220,21 +219,26 @@ class _Tally:
 def _run_here(recipe: Recipe, jobs: Sequence[Job], workers: int, tally: "_Tally") -> Iterator[Outcome | None]:
     """The outcomes as they come, and None a few times a second meanwhile.
 
-    One image more than there are threads is in work, so that no core waits for a disk; where there are fewer images
-    than threads, each gets several.
+    As many images are in work as there are threads, one more waits in the pool for the first that is free, and the
+    system is asked to fetch those behind, so that no core waits for a disk. Where there are fewer images than threads,
+    each gets several.
     """
-    at_once = max(1, min(workers + 1 if workers > 1 else 1, len(jobs)))
+    at_once = max(1, min(workers, len(jobs)))
     threads = max(1, workers // at_once)
     # With less than a million values (4 MB), the work between two calls of a codec gets too small.
     samples = max(1_000_000, REGION_SAMPLES // at_once)
-    canvases = Canvases(min(workers, at_once))
-    waiting = iter(jobs)
+    canvases = Canvases(at_once)
+    begun = 0
     with _codec_threads(threads), ThreadPoolExecutor(at_once) as pool:
         running: set[Future[Outcome]] = set()
         try:
             while True:
-                for job in islice(waiting, at_once - len(running)):
+                while begun < len(jobs) and len(running) <= at_once:
+                    job = jobs[begun]
                     running.add(pool.submit(run_job, recipe, job, threads, samples, tally.add, canvases))
+                    begun += 1
+                    if begun + at_once <= len(jobs):
+                        _fetch(jobs[begun + at_once - 1].source)
                 if not running:
                     return
                 finished, running = wait(running, timeout=0.2, return_when=FIRST_COMPLETED)
@@ -243,6 +247,15 @@ def _run_here(recipe: Recipe, jobs: Sequence[Job], workers: int, tally: "_Tally"
                     yield None
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _fetch(path: Path) -> None:
+    """Ask the system to fetch a file that is read soon, and do not wait for it; not every system can be asked."""
+    if hasattr(os, "posix_fadvise"):
+        with suppress(OSError):
+            if path.is_file():  # to open a pipe would take what another program writes to it
+                with path.open("rb") as file:
+                    os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_WILLNEED)
 
 
 @contextmanager
