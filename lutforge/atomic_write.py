@@ -19,7 +19,7 @@ _unfinished: set[Path] = set()
 """What this process is writing and has not renamed yet: files, and folders that go when their work is done."""
 
 _made: set[Path] = set()
-"""Folders that this process made for its outputs; one in which no file came to stay is removed."""
+"""Folders that this process made for its outputs; one that stays empty is removed."""
 
 _beginning = Lock()
 

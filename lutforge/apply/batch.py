@@ -250,7 +250,7 @@ def _run_here(recipe: Recipe, jobs: Sequence[Job], workers: int, tally: "_Tally"
 
 
 def _fetch(path: Path) -> None:
-    """Ask the system to fetch a file that is read soon, and do not wait for it; not every system can be asked."""
+    """Ask the system to load a file that will be read soon, without waiting; do nothing where it cannot be asked."""
     if hasattr(os, "posix_fadvise"):
         with suppress(OSError):
             if path.is_file():  # to open a pipe would take what another program writes to it

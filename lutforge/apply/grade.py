@@ -147,7 +147,7 @@ class LutRecipe(_OneForAll):
 
 
 def _doubts(path: Path) -> tuple[str, ...]:
-    """A note where OpenColorIO makes something of what is no number, or is not where it should be, in a LUT file."""
+    """A note on a LUT file with a fault that OpenColorIO reads without an error, such as text in a number's place."""
     if path.suffix.lower() in suffixes():
         try:
             read_lut(path)

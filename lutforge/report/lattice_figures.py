@@ -97,7 +97,7 @@ def lattice_figure(style: PictureStyle, directions: Sequence[Direction]) -> Figu
 
 
 def plane_destinations(lattice: Lattice, target: str) -> Figure:
-    """Where the nodes of a plane of each input axis go, as a net in the other two output channels (Fig. A.13)."""
+    """Draw, for each input axis, the outputs of a plane of nodes as a net in the other two channels (Fig. A.13)."""
     figure = Figure(figsize=(9, 3.2), layout="constrained")
     for channel, axis in enumerate(figure.subplots(1, 3)):
         level, net = plane_net(lattice, channel, 0.4)

@@ -66,7 +66,7 @@ class Continuation:
         return np.asarray(linear @ np.linalg.inv(self.base.matrix).T)
 
     def refit(self, x: Array, y: Array, most_centres: int = 200) -> "Continuation":
-        """The same matrix and response, with a correction fitted to samples x → y (n, 3) of this direction."""
+        """Return the prior mean with the same matrix and response, its correction fitted to samples x → y (n, 3)."""
         return self._corrected(self._trial(x, y, most_centres))
 
     def _trial(self, x: Array, y: Array, most_centres: int) -> "_Trial | None":

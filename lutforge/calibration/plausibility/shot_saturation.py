@@ -82,7 +82,7 @@ class ShotSaturationOptions:
     starts: int = 5
 
     def of_good_shots(self, exposure: float) -> Departures:
-        """What good shots depart by, given their exposure's standard deviation."""
+        """The standard deviations of the departures of good shots, given that of their exposure."""
         return _departures(
             exposure=exposure, balance=self.balance, saturation=self.saturation, contrast=self.contrast,
             matrix=self.matrix,
@@ -90,7 +90,8 @@ class ShotSaturationOptions:
 
 
 Sums = tuple[Array, Array, float, float]
-"""Of m shots the weighted sums of FᵀF (m, k, k) and of Fᵀe (m, k), of all samples those of eᵀe and of 1."""
+"""Weighted sums over samples with k features F and residuals e. By shot: FᵀF (m, k, k) and Fᵀe (m, k); in all: eᵀe and
+the weights."""
 
 
 @dataclass(frozen=True, eq=False)
