@@ -65,7 +65,7 @@ class Row:
 
 def read_patches() -> SampleSet:
     """Return the means of the chart's patches, as the repository keeps them; RAW and JPEG have 8 bits."""
-    return read_samples(Path(__file__).parents[1] / "tests" / "data" / "middlebury_charts.parquet")
+    return read_samples(Path(__file__).parents[1] / "tests" / "data" / "middlebury_charts.npz")
 
 
 def unclipped(samples: SampleSet) -> NDArray[np.bool_]:

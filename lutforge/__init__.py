@@ -24,13 +24,14 @@ if TYPE_CHECKING:
     from lutforge.images.raw import read_raw
     from lutforge.luts.bake import bake
     from lutforge.luts.check import check_lut
-    from lutforge.luts.sequence import Lut, read_lut
+    from lutforge.luts.reading import read_lut
+    from lutforge.luts.sequence import Lut
     from lutforge.luts.verify import verify
     from lutforge.model.camera_profile import CameraProfile, load_profile, match
     from lutforge.model.profile_file import save_profile
     from lutforge.model.published_model import import_published
     from lutforge.ocio.config import build_config, write_config
-    from lutforge.pipeline.calibration import calibrate, learning_curves, smallest_size
+    from lutforge.pipeline.calibration import calibrate
     from lutforge.pipeline.evaluation import evaluate
     from lutforge.pipeline.grading import apply
     from lutforge.pipeline.reports import report
@@ -54,7 +55,6 @@ __all__ = [
     "check_lut",
     "evaluate",
     "import_published",
-    "learning_curves",
     "load_profile",
     "match",
     "read_lut",
@@ -64,7 +64,6 @@ __all__ = [
     "response_from_bracket",
     "sample",
     "save_profile",
-    "smallest_size",
     "transform",
     "verify",
     "write_config",
@@ -85,17 +84,15 @@ _HOMES = {
     "check_lut": "luts.check",
     "evaluate": "pipeline.evaluation",
     "import_published": "model.published_model",
-    "learning_curves": "pipeline.calibration",
     "load_profile": "model.camera_profile",
     "match": "model.camera_profile",
-    "read_lut": "luts.sequence",
+    "read_lut": "luts.reading",
     "read_raw": "images.raw",
     "read_samples": "samples.table",
     "report": "pipeline.reports",
     "response_from_bracket": "pipeline.response",
     "sample": "pipeline.sampling",
     "save_profile": "model.profile_file",
-    "smallest_size": "pipeline.calibration",
     "transform": "pipeline.transforms",
     "verify": "luts.verify",
     "write_config": "ocio.config",

@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Lock
+from threading import RLock
 
 from lutforge.errors import LutForgeError
 
@@ -21,7 +21,7 @@ _unfinished: set[Path] = set()
 _made: set[Path] = set()
 """Folders that this process made for its outputs; one that stays empty is removed."""
 
-_beginning = Lock()
+_beginning = RLock()  # a signal may come while this thread holds it
 
 
 def require_writable(path: str | Path) -> None:

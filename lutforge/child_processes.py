@@ -4,11 +4,11 @@ import os
 import signal
 import subprocess
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from threading import Lock
+from threading import RLock
+from typing import Any
 
-_running: set["subprocess.Popen[str]"] = set()
-_beginning = Lock()
+_running: set["subprocess.Popen[Any]"] = set()
+_beginning = RLock()  # a signal may come while this thread holds it
 
 
 def run(
@@ -36,17 +36,15 @@ def run(
     return subprocess.CompletedProcess(command, process.returncode, said, complained)
 
 
-def begin(command: Sequence[str]) -> None:
-    """Begin a program beside this process, unheard; it goes on when this one has done its work, not after Ctrl-C.
-
-    Where it cannot be run nothing happens.
-    """
-    with _beginning, suppress(OSError):
+def keep(command: Sequence[str], environment: Mapping[str, str]) -> "subprocess.Popen[bytes]":
+    """Begin a program that answers on its output what it is asked on its input, until the input ends."""
+    with _beginning:
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True,
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
             process_group=0 if os.name == "posix" else None,
         )  # fmt: skip
         _running.add(process)
+    return process
 
 
 def end_all() -> None:
@@ -56,7 +54,7 @@ def end_all() -> None:
         _end(process)
 
 
-def _end(process: "subprocess.Popen[str]") -> None:
+def _end(process: "subprocess.Popen[Any]") -> None:
     if process.poll() is None:
         if os.name == "posix":
             os.killpg(process.pid, signal.SIGKILL)

@@ -34,13 +34,14 @@ class Kelvin:
 
 @dataclass(frozen=True)
 class Multipliers:
-    """A white balance given as multipliers of camera RGB, green = 1.
+    """A white balance given as multipliers of camera RGB, green = 1, and a factor common to all: the gain of a setting.
 
     Raises SettingsError where green is not 1, or where red or blue is not positive or is larger or smaller than any
     camera sets.
     """
 
     rgb: tuple[float, float, float]
+    gain: float = 1.0
 
     def __post_init__(self) -> None:
         red, green, blue = self.rgb
@@ -69,6 +70,32 @@ class Selector:
 
     def __str__(self) -> str:
         return f"{self.style}/{self.white_balance}"
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A step from a white balance to another: along the locus of natural light, in kelvin or mired, and across it."""
+
+    kelvin: float = 0.0
+    mired: float = 0.0
+    tint: float = 0.0
+
+
+def split_shift(text: str) -> tuple[str, Shift] | None:
+    """Split "as-shot+500K", "daylight-20mired" or "as-shot+10" into the name and the step; None where there is none.
+
+    Raises SettingsError where the step is out of range.
+    """
+    parts = re.fullmatch(r"(.+?)\s*([+-]\d+(?:\.\d+)?)\s*(k|mired)?", text.lower())
+    if parts is None:
+        return None
+    step = float(parts[2])
+    if parts[3] is None:
+        return parts[1], Shift(tint=checked_tint(step))
+    limit = KELVIN_RANGE[1] if parts[3] == "k" else 500.0
+    if not abs(step) <= limit:
+        raise SettingsError(f'"{text}": a shift lies within {limit:g} {"K" if parts[3] == "k" else "mired"}')
+    return parts[1], Shift(kelvin=step) if parts[3] == "k" else Shift(mired=step)
 
 
 def setting_name(text: str) -> str:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from lutforge.model.response import Response
 
 FOLDER = Path(__file__).parent / "data"
-S40 = FOLDER / "canon_powershot_s40.parquet"
+S40 = FOLDER / "canon_powershot_s40.npz"
 D40 = FOLDER / "nikon_d40_pairs.npz"
-CHARTS = FOLDER / "middlebury_charts.parquet"
+CHARTS = FOLDER / "middlebury_charts.npz"
 
 Array = NDArray[np.float64]
 

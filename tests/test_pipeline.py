@@ -39,13 +39,6 @@ def test_names_of_settings_become_those_of_selectors() -> None:
     np.testing.assert_allclose(render(grey), (grey * [1.8, 1.0, 1.5]) ** 0.45, atol=0.01)
 
 
-def test_profiles_remember_the_encoders_of_their_jpegs() -> None:
-    samples = made_samples()
-    encoders = np.array(["", "libjpeg", "0123456789abcdef"])[np.arange(len(samples)) % 3]
-    profile = lf.calibrate(replace(samples, encoder=encoders), lf.CalibrationOptions(size=9))
-    assert profile.encoders == ("0123456789abcdef", "libjpeg")
-
-
 def test_tables_and_shots_mix(tmp_path: Path) -> None:
     camera = nikon_d5100()
     settings = CameraSettings("standard", "daylight", camera.nominal_exposure_s)

@@ -19,14 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lutforge.colour.rgb_spaces import matrix_between, rgb_space
-from lutforge.developers.darktable import Darktable
-from lutforge.developers.developer import develop
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image
+from lutforge.kits.darktable import NEUTRAL
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.kits import compare_with_jpeg, write_kit
-from lutforge.pipeline.raw_substitutes import raw_substitute
 from lutforge.pipeline.sampling import gather_samples
 
 HERE = Path(__file__).parent
@@ -97,16 +94,16 @@ def main() -> None:
         settings = {"RT_SETTINGS": str(work / "settings")}
         run("rawtherapee-cli", "-o", work / "rawtherapee.tif", "-d", "-t", "-b16", "-Y", "-c", raw, **settings)
         profile = calibrate(gather_samples(others).samples)
-        sources = {"darktable": calibrate(gather_samples(others, substitute=raw_substitute("darktable")).samples)}
         for program in ("darktable", "rawtherapee"):
-            kit = write_kit(sources.get(program, profile), SETTING, work / f"{program}-kit", program)
+            kit = write_kit(profile, SETTING, work / f"{program}-kit", program)
             run(kit / "develop.sh", raw, work / f"{program}-kit.tif")
             shown = [work / f"{program}.tif", work / f"{program}-kit.tif"]
             print(program, *(f"{compare_with_jpeg(raw, path).mean:.2f}" for path in shown))
             strip(program, *(picture(read_image(path).pixels) for path in shown), jpeg)
 
-        light = develop(Darktable(), raw).pixels @ matrix_between("linear-rec2020", "linear-srgb").T
-        neutral = picture(rgb_space("srgb").encode(np.clip(light, 0.0, 1.0)))
+        neutral_settings = [word for key, value in NEUTRAL.items() for word in ("--conf", f"{key}={value}")]
+        run("darktable-cli", raw, work / "neutral.tif", "--icc-type", "SRGB", *own, *neutral_settings)
+        neutral = picture(read_image(work / "neutral.tif").pixels)
         neutral.save(work / "IN.png")
         for program, command in (
             ("ffmpeg", "ffmpeg -y -i {0}/IN.png -vf lut3d=file='{1}':interp=tetrahedral {0}/OUT.png"),

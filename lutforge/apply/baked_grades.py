@@ -31,7 +31,7 @@ class BakedGrades:
         self.codes: Callable[[Lut], OCIO.CPUProcessor] = lru_cache(16)(lambda lut: lut.processor(codes=True))
 
     def _refinish(self, change: SettingChange) -> Lut:
-        return grading_lut(change.transform, self._baked)
+        return grading_lut(change.transform, self.baked)
 
     def develop(self, change: SettingChange) -> OCIO.CPUProcessor:
         """Return the processor that renders a camera's RAW.
@@ -47,7 +47,7 @@ class BakedGrades:
         balanced = through_stages(stages, grid(levels) / before)
         gain, dimmed = Matrix(np.diag(before * max(k, 1.0))), Matrix(min(k, 1.0) * np.eye(3))
         exposed = (gain, Range(), Cube(balanced, "trilinear"), dimmed)
-        return Lut((*exposed, *self._baked(look.render_balanced(wanted)).ops)).processor()
+        return Lut((*exposed, *self.baked(look.render_balanced(wanted)).ops)).processor()
 
     def _confidence(self, change: SettingChange) -> OCIO.CPUProcessor:
         """Colours of a picture → (confidence, unclipped, covered) of their refinish, as of `Grade.confidence`."""
@@ -63,15 +63,15 @@ class BakedGrades:
 
     def slow_steps(self, refinish: Transform) -> tuple[Transform, ...]:
         """The steps of a refinish that take seconds to bake, gamut maps, and that have not been baked."""
-        steps = () if refinish.is_identity else grading_steps(refinish)[1:]
+        steps = () if refinish.is_identity else (grading_steps(refinish)[0], grading_steps(refinish)[-1])
         return tuple(step for step in steps if isinstance(_core(step), GamutMap) and _core(step) not in self._luts)
 
     def add(self, step: Transform, lut: Lut) -> None:
         """Take over a step that was baked elsewhere."""
         self._luts[_core(step)] = lut
 
-    def _baked(self, step: Transform) -> Lut:
-        """The LUT of a step that is the same under all white balances."""
+    def baked(self, step: Transform) -> Lut:
+        """Return the LUT of a step that is the same under all white balances."""
         core = _core(step)
         if core not in self._luts:
             self._luts[core] = bake(step, display_referred=False)

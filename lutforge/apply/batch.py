@@ -65,33 +65,29 @@ def apply_batch(
     suffix: str | None = None,
     workers: int | None = None,
     progress: Report | None = None,
-    masks: str | Path | None = None,
     resume: bool = False,
     scheduler: str | None = None,
     quality: int | None = None,
 ) -> BatchResult:
     """Grade images into a folder under their own names; each output is written whole or not at all.
 
-    suffix: such as ".exr", for another format. workers: threads, by default one per core. masks: a folder for the
-    confidence of each grade. resume: what an earlier run did by this recipe is skipped where neither the source nor the
-    output has changed since. scheduler: the address of a Dask cluster that does the work. quality: as of `apply_image`.
-    Raises ImageError where two inputs would become one output or an output would replace an input, LutForgeError where
-    the recipe is wrong for all images; then nothing is written.
+    suffix: such as ".exr", for another format. workers: threads, by default one per core. resume: what an earlier run
+    did by this recipe is skipped where neither the source nor the output has changed since. scheduler: the address of a
+    Dask cluster that does the work. quality: as of `apply_image`. Raises ImageError where two inputs would become one
+    output or an output would replace an input, LutForgeError where the recipe is wrong for all images; then nothing is
+    written.
     """
-    folder, masks = Path(folder), None if masks is None else Path(masks)
+    folder = Path(folder)
     inputs = [image if isinstance(image, Input) else Input(Path(image), Path(Path(image).name)) for image in images]
     inputs, repeated = _without_repetitions(inputs)
-    jobs = plan_jobs(inputs, folder, suffix, masks, quality)
+    jobs = plan_jobs(inputs, folder, suffix, quality)
     recipe.check()
-    remove_temporaries(path for job in jobs for path in job.outputs)
+    remove_temporaries(job.target for job in jobs)
     already = _already_done(recipe, jobs, folder) if resume else set()
     left = [job for job in jobs if job not in already]
     tally = _Tally(len(jobs), len(already), report=progress)
     outcomes: dict[Job, Outcome] = {}
     notes = [f"{source}: given twice; graded once" for source in dict.fromkeys(repeated)]
-    bare = [job.source for job in jobs if masks is not None and job.mask is None]
-    if bare:
-        notes.append(f"{bare[0]}: a RAW file is rendered, and gets no mask (so of {len(bare)} of the images)")
     if scheduler is None:
         running = _run_here(recipe, left, workers or os.cpu_count() or 1, tally)
     else:
@@ -124,10 +120,9 @@ def plan_jobs(
     inputs: Sequence[Input],
     folder: Path,
     suffix: str | None = None,
-    masks: Path | None = None,
     quality: int | None = None,
 ) -> list[Job]:
-    """Choose where each image and its mask are written.
+    """Choose where each image is written.
 
     Raises ImageError where two would share a place, where an output is an input, and on what is no suffix.
     """
@@ -137,24 +132,20 @@ def plan_jobs(
         raise ImageError(f'"{suffix}" is no suffix of an image; write for example .png')
     jobs = []
     for image in inputs:
-        raw = image.place.suffix.lower() in RAW_SUFFIXES  # rendered, not refinished: there is no confidence to tell
+        raw = image.place.suffix.lower() in RAW_SUFFIXES
         chosen = suffix or (".jpg" if raw or is_heif(image.place) else image.place.suffix)
-        mask = masks / image.place.with_suffix(".tif") if masks is not None and not raw else None
-        jobs.append(Job(image.path, folder / image.place.with_suffix(chosen), mask, quality))
+        jobs.append(Job(image.path, folder / image.place.with_suffix(chosen), quality))
     resolved = _resolver()
     sources = {resolved(job.source) for job in jobs}
     seen: dict[str, Path] = {}
     for job in jobs:
-        for path in job.outputs:
-            place = resolved(path)
-            if place in sources:
-                raise ImageError(f"{path}: the output would replace an input; choose another folder")
-            # Some file systems do not tell upper from lower case.
-            other = seen.setdefault(str(place).lower(), job.source)
-            if other is not job.source:
-                raise ImageError(f"{job.source} and {other} would both become {path}; grade them into two folders")
-            if path == job.mask and place == resolved(job.target):
-                raise ImageError(f"{path}: the image and its mask cannot be one file; choose another folder for masks")
+        place = resolved(job.target)
+        if place in sources:
+            raise ImageError(f"{job.target}: the output would replace an input; choose another folder")
+        # Some file systems do not tell upper from lower case.
+        other = seen.setdefault(str(place).lower(), job.source)
+        if other is not job.source:
+            raise ImageError(f"{job.source} and {other} would both become {job.target}; grade them into two folders")
     return jobs
 
 
@@ -187,7 +178,7 @@ def _already_done(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> set[Job]
     done = set()
     for job in jobs:
         record = records.get(str(job.target.absolute()))
-        if record is not None and record.still_true(job.key(recipe), job.source, job.outputs):
+        if record is not None and record.still_true(job.key(recipe), job.source, job.target):
             done.add(job)
     return done
 

@@ -115,12 +115,12 @@ def _checked(job: Job, outcome: Outcome) -> Outcome:
         return replace(outcome, job=job)
     # How long a file that another machine wrote may take to appear on this one, as on network file systems it does
     until = time.monotonic() + 10
-    for output in outcome.record.outputs:
-        while not output.still_true():
-            if time.monotonic() > until:
-                return Outcome(job, reason=f"{output.path}: a worker wrote it, but it is not here, or is another file")
-            time.sleep(0.2)
-    applied = replace(outcome.applied, source=job.source, target=job.target, mask=outcome.applied.mask and job.mask)
+    output = outcome.record.output
+    while not output.still_true():
+        if time.monotonic() > until:
+            return Outcome(job, reason=f"{output.path}: a worker wrote it, but it is not here, or is another file")
+        time.sleep(0.2)
+    applied = replace(outcome.applied, source=job.source, target=job.target)
     return Outcome(job, applied, outcome.record)
 
 

@@ -13,8 +13,9 @@ from lutforge import __version__
 from lutforge.errors import ConfigError, LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.input_and_output import ENCODED, read_input_and_output
-from lutforge.luts.processor import OCIO_ERRORS, file_group, of_codes
-from lutforge.luts.sequence import Lut, read_lut, suffixes
+from lutforge.luts.processor import OCIO_ERRORS, of_codes
+from lutforge.luts.reading import stranger
+from lutforge.luts.sequence import Lut
 
 if TYPE_CHECKING:
     from lutforge.model.falloff import Falloff
@@ -26,14 +27,14 @@ class Grade:
 
     processor: colours in the image's own encoding → graded colours; history: one line for the output's metadata.
     attributes: further metadata to set in the output, by OpenImageIO's names; with None those that match the name, a
-    regular expression, are erased. confidence: colours → (confidence, unclipped, covered), each in [0, 1]: the first
-    for masks, the others to count pixels below 0.5. raw: the source is a RAW file, and its linear camera RGB is graded,
+    regular expression, are erased. confidence: colours → (confidence, unclipped, covered), each in [0, 1];
+    pixels below 0.5 of the last two are counted. raw: the source is a RAW file, and its linear camera RGB is graded,
     brightened by the one of falloffs that is of its lens setting.
     notes: what the user should know about this image. takes_linear, gives_linear: what goes in, or comes out, is
     scene-linear light and not an encoded picture, where that is known. oiiotool: the arguments with which oiiotool does
     the same, where it can; lut: the LUT of `processor`, where it is in no file. unchanged: the pixels stay as they are.
     codes: what `processor` does, for 8-bit codes in and out; None for RAW files. for_srgb: it takes pictures in sRGB,
-    as far as that is known.
+    as far as that is known. marks_clipped: a channel "clipped" is added, 1 where a channel of the source is at an end.
     """
 
     processor: OCIO.CPUProcessor
@@ -50,6 +51,7 @@ class Grade:
     unchanged: bool = False
     codes: OCIO.CPUProcessor | None = None
     for_srgb: bool = False
+    marks_clipped: bool = False
 
 
 def unchanged(history: str) -> Grade:
@@ -131,29 +133,18 @@ class LutRecipe(_OneForAll):
                 f"{self.path}: half of a LUT, {self.path.with_suffix(pair).name} is the other; bake a .clf or .cube to "
                 "apply, or use the two in an OpenColorIO config"
             )
-        ends = read_input_and_output(self.path)
-        _, processor = file_group(self.path, self.interpolation)
+        processor, comments = stranger(self.path, self.interpolation)
+        ends = read_input_and_output(comments)
         return Grade(
             processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS),
             f"graded with {self.path.name}",
-            notes=_doubts(self.path),
             takes_linear=ends is not None and ends.takes_linear,
             gives_linear=ends is not None and ends.gives_linear,
             # oiiotool interpolates its own way: tetrahedral for cubes.
             oiiotool=("--ociofiletransform", str(self.path)) if self.interpolation == "tetrahedral" else (),
             codes=of_codes(processor),
-            for_srgb=ends is not None and ends.input == ENCODED and "adobe rgb" not in ends.title.lower(),
+            for_srgb=ends is not None and ends.input == ENCODED,
         )
-
-
-def _doubts(path: Path) -> tuple[str, ...]:
-    """A note on a LUT file with a fault that OpenColorIO reads without an error, such as text in a number's place."""
-    if path.suffix.lower() in suffixes():
-        try:
-            read_lut(path)
-        except LutError as error:
-            return (f"{error}; OpenColorIO graded by what it made of it",)
-    return ()
 
 
 @dataclass(frozen=True)

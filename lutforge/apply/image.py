@@ -34,6 +34,7 @@ from lutforge.images.icc import profile_name
 from lutforge.images.output_spec import describe_output
 from lutforge.images.read import ImageReader, Region, is_premultiplied
 from lutforge.images.write import ImageWriter, image_writer
+from lutforge.model.highlights import clipped
 
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
@@ -48,7 +49,6 @@ class GradedImage:
     width: int
     height: int
     notes: tuple[str, ...] = ()
-    mask: Path | None = None
 
 
 def apply_image(
@@ -56,7 +56,6 @@ def apply_image(
     source: str | Path,
     target: str | Path,
     workers: int | None = None,
-    mask: Path | None = None,
     region_samples: int = REGION_SAMPLES,
     progress: Callable[[int, float], None] | None = None,
     quality: int | None = None,
@@ -64,15 +63,14 @@ def apply_image(
 ) -> GradedImage:
     """Grade an image file, with metadata, bit depth and extra channels kept.
 
-    workers: threads, by default one per core. mask: where the confidence of the grade is written, 8 bit, from 0 to 1.
-    progress: called with the pixels that were graded since its last call, and their share of the image. quality: of a
-    JPEG, 1 … 100, by default its source's. canvases: memory that the images of a batch share.
-    Raises ImageError.
+    workers: threads, by default one per core. progress: called with the pixels that were graded since its last call,
+    and their share of the image. quality: of a JPEG, 1 … 100, by default its source's. canvases: memory that the images
+    of a batch share. Raises ImageError.
     """
     source, target = Path(source), Path(target)
     if target.exists() and source.exists() and target.samefile(source):
         raise ImageError(f"{source}: the output would replace the input; choose another folder or name")
-    if grade.unchanged and mask is None and quality is None and target.suffix.lower() == source.suffix.lower():
+    if grade.unchanged and quality is None and target.suffix.lower() == source.suffix.lower():
         return _copied(source, target, grade.notes)
     count = workers or cpu_count() or 1
     with ExitStack() as stack:
@@ -85,10 +83,10 @@ def apply_image(
         jpeg = jpeg_source(source, target, image.format)
         attributes = _attributes(source, image, grade, jpeg)
         check_space(source, grade, spec, attributes)
-        output = describe_output(target, spec, image.format, grade.history, attributes, quality)
-        masking = None
-        if mask is not None and grade.confidence is not None:
-            masking = stack.enter_context(image_writer(mask, _mask_spec(output)))
+        shown = _with_mask(spec) if grade.marks_clipped else spec
+        output = describe_output(target, shown, image.format, grade.history, attributes, quality)
+        if grade.marks_clipped:
+            output.set_format(oiio.HALF)
         threads = stack.enter_context(threads_of(count))
         total = spec.width * spec.height
 
@@ -98,23 +96,22 @@ def apply_image(
 
         if jpeg is not None and jpeg.is_graded_whole and grade.codes is not None and not profile:
             whole = canvases or Canvases(1)
-            doubtful = grade_whole(jpeg, grade, target, quality, threads, whole, masking, done)
+            doubtful = grade_whole(jpeg, grade, target, quality, threads, whole, done)
         else:
             start = None if jpeg is None else jpeg.metadata(grade, profile)
             writer = stack.enter_context(image_writer(target, output, start))
-            doubtful = _grade_regions(grade, image, writer, masking, threads, region_samples, count > 1, done)
+            doubtful = _grade_regions(grade, image, writer, threads, region_samples, count > 1, done)
         notes = (
             *_notes(grade, image, output, attributes, doubtful),
             *(() if jpeg is None else jpeg.notes),
         )
-    return GradedImage(source, target, spec.width, spec.height, notes, mask if masking is not None else None)
+    return GradedImage(source, target, spec.width, spec.height, notes)
 
 
 def _grade_regions(
     grade: Grade,
     image: ImageReader | InMemoryImage,
     writer: ImageWriter,
-    masking: ImageWriter | None,
     threads: Executor | None,
     region_samples: int,
     overlap: bool,
@@ -124,21 +121,18 @@ def _grade_regions(
     premultiplied = is_premultiplied(image.spec)
     doubtful = np.zeros(3, dtype=np.int64)
 
-    def work(pixels: Pixels) -> Pixels | None:
+    def work(pixels: Pixels) -> Pixels:
         confidence = None
+        clips = clipped(pixels[..., :3]) if grade.marks_clipped else None
         if grade.confidence is not None:
             confidence = np.empty_like(pixels)
             grade_floats(grade.confidence, pixels, confidence, premultiplied, threads)
         doubtful[:] += count_doubtful(pixels, confidence)
-        if confidence is not None:
-            confidence = np.ascontiguousarray(confidence[..., :1]) if masking is not None else None
         grade_floats(grade.processor, pixels, pixels, premultiplied, threads)
-        return confidence
+        return pixels if clips is None else np.dstack([pixels, clips.astype(np.float32)])
 
-    def write(region: Region, pixels: Pixels, confidence: Pixels | None) -> None:
+    def write(region: Region, pixels: Pixels) -> None:
         writer.write(region, pixels)
-        if masking is not None and confidence is not None:
-            masking.write(region, confidence)
         done(region.pixels)
 
     regions = image.regions(max(1, region_samples // image.spec.nchannels), not writer.tiled)
@@ -162,6 +156,14 @@ def _notes(
     yield from doubts(doubtful, source.width * source.height)
     if parts != 1:
         yield f"the first of {parts} images in the file was used"
+
+
+def _with_mask(spec: oiio.ImageSpec) -> oiio.ImageSpec:
+    """A description with a channel more, "clipped"."""
+    names = (*spec.channelnames, "clipped")
+    spec = oiio.ImageSpec(spec)
+    spec.nchannels, spec.channelnames, spec.channelformats = len(names), names, ()
+    return spec
 
 
 def _copied(source: Path, target: Path, notes: tuple[str, ...]) -> GradedImage:
@@ -191,15 +193,14 @@ def _attributes(
 def _overlapped(
     regions: Sequence[Region],
     read: Callable[[Region], Pixels],
-    work: Callable[[Pixels], Pixels | None],
-    write: Callable[[Region, Pixels, Pixels | None], None],
+    work: Callable[[Pixels], Pixels],
+    write: Callable[[Region, Pixels], None],
     overlap: bool,
 ) -> None:
     """Read, work, write each region in order; with `overlap` the next is read and the last written meanwhile."""
     if not overlap or len(regions) == 1:
         for region in regions:
-            pixels = read(region)
-            write(region, pixels, work(pixels))
+            write(region, work(read(region)))
         return
     with ThreadPoolExecutor(1) as reading, ThreadPoolExecutor(1) as writing:
         ahead = reading.submit(read, regions[0])
@@ -208,26 +209,9 @@ def _overlapped(
             pixels = ahead.result()
             if following is not None:
                 ahead = reading.submit(read, following)
-            confidence = work(pixels)
+            pixels = work(pixels)
             if behind is not None:
                 behind.result()
-            behind = writing.submit(write, region, pixels, confidence)
+            behind = writing.submit(write, region, pixels)
         if behind is not None:
             behind.result()
-
-
-def _mask_spec(output: oiio.ImageSpec) -> oiio.ImageSpec:
-    """One 8-bit channel with the size, place, tiles and orientation of the graded image."""
-    spec = oiio.ImageSpec(output)
-    spec.nchannels = 1
-    spec.channelnames = ("Y",)
-    spec.channelformats = ()
-    spec.alpha_channel = spec.z_channel = -1
-    spec.set_format(oiio.UINT8)
-    kept = {name: output.getattribute(name) for name in ("Orientation", "DateTime")}
-    for attribute in list(spec.extra_attribs):
-        spec.erase_attribute(attribute.name)
-    for name, value in kept.items():
-        if value is not None:
-            spec.attribute(name, value)
-    return spec

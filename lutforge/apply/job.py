@@ -13,17 +13,11 @@ from lutforge.errors import ImageError, LutForgeError
 
 @dataclass(frozen=True)
 class Job:
-    """An image to grade, and where it and its mask go. quality: of a JPEG, by default its source's."""
+    """An image to grade, and where it goes. quality: of a JPEG, by default its source's."""
 
     source: Path
     target: Path
-    mask: Path | None = None
     quality: int | None = None
-
-    @property
-    def outputs(self) -> tuple[Path, ...]:
-        """The files that the job writes."""
-        return (self.target,) if self.mask is None else (self.target, self.mask)
 
     def key(self, recipe: Recipe) -> str:
         """A fingerprint of all that decides the result."""
@@ -53,13 +47,10 @@ def run_job(
     try:
         before = identify_source(source)
         grade = recipe.grade(source)
-        applied = apply_image(
-            grade, source, job.target, threads, job.mask, region_samples, progress, job.quality, canvases
-        )
+        applied = apply_image(grade, source, job.target, threads, region_samples, progress, job.quality, canvases)
         if identify_source(source) != before:
             raise ImageError(f"{source}: it was changed while it was graded; grade it again")
-        outputs = job.outputs if applied.mask is not None else (job.target,)
-        record = Record(job.key(recipe), before, tuple(identify_output(path) for path in outputs))
+        record = Record(job.key(recipe), before, identify_output(job.target))
     except LutForgeError as error:
         return Outcome(job, reason=str(error))
     except MemoryError:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -35,20 +35,20 @@ class FileIdentity:
 
 @dataclass(frozen=True)
 class Record:
-    """An image that was graded. recipe: the recipe's key; outputs: the image, and its mask where one was asked for."""
+    """An image that was graded. recipe: the recipe's key."""
 
     recipe: str
     source: FileIdentity
-    outputs: tuple[FileIdentity, ...]
+    output: FileIdentity
 
-    def still_true(self, recipe: str, source: Path, outputs: Iterable[Path]) -> bool:
-        """True where this recipe was applied to this source, which has not changed since, and the outputs are whole."""
+    def still_true(self, recipe: str, source: Path, output: Path) -> bool:
+        """True where this recipe was applied to this source, which has not changed since, and the output is whole."""
         return (
             self.recipe == recipe
             and self.source.path == str(source.absolute())
-            and [output.path for output in self.outputs] == [str(path.absolute()) for path in outputs]
+            and self.output.path == str(output.absolute())
             and self.source.still_true()
-            and all(output.still_true() for output in self.outputs)
+            and self.output.still_true()
         )
 
 
@@ -80,10 +80,9 @@ def read_journal(folder: Path) -> Mapping[str, Record]:
     for line in lines:
         try:
             entry = json.loads(line)
-            outputs = tuple(FileIdentity(**output) for output in entry["outputs"])
-            record = Record(entry["recipe"], FileIdentity(**entry["source"]), outputs)
-            records[record.outputs[0].path] = record
-        except (ValueError, TypeError, KeyError, IndexError):
+            record = Record(entry["recipe"], FileIdentity(**entry["source"]), FileIdentity(**entry["output"]))
+            records[record.output.path] = record
+        except (ValueError, TypeError, KeyError):
             continue
     return records
 

@@ -19,8 +19,6 @@ from lutforge.images.icc import to_srgb
 from lutforge.images.jpeg import decode, encode, stored_metadata, with_colours, with_thumbnail
 from lutforge.images.jpeg_header import JpegHeader, read_header
 from lutforge.images.output_spec import IN_ANOTHER_SPACE, SOFTWARE, format_of
-from lutforge.images.read import Region
-from lutforge.images.write import ImageWriter
 
 
 class Canvases:
@@ -108,7 +106,6 @@ def grade_whole(
     quality: int | None,
     threads: Executor | None,
     canvases: Canvases,
-    masking: ImageWriter | None,
     done: Callable[[int], None],
 ) -> Index:
     """Grade a picture, and return (3,) how many pixels are doubtful, as `count_doubtful` does.
@@ -120,28 +117,23 @@ def grade_whole(
     start = jpeg.metadata(grade)
     with canvases.borrow(header.height, header.width) as canvas:
         decode(jpeg.path, jpeg.data, canvas)
-        doubtful = _doubtful(grade, canvas, threads, masking)
+        doubtful = _doubtful(grade, canvas, threads)
         grade_codes(grade.codes, canvas, threads, done)
         with atomic_path(target) as temporary, FileIO(temporary, "r+") as file:
             encode(file, canvas, start, header, quality)
     return doubtful
 
 
-def _doubtful(grade: Grade, canvas: Codes, threads: Executor | None, masking: ImageWriter | None) -> Index:
-    """Count doubtful pixels, in every eighth row where no mask wants all, and write the mask."""
+def _doubtful(grade: Grade, canvas: Codes, threads: Executor | None) -> Index:
+    """Count doubtful pixels, in every eighth row."""
     counts = np.zeros(3, dtype=np.int64)
     if grade.confidence is None:
         return counts
-    height, width = canvas.shape[:2]
-    step = 8 if masking is None else 1
-    seen = 0
-    for top in range(0, height, 256 * step):
-        rows = canvas[top : min(top + 256 * step, height) : step, :, :3]
+    rows_in_eight = canvas[::8, :, :3]
+    for top in range(0, len(rows_in_eight), 256):
+        rows = rows_in_eight[top : top + 256]
         pixels = np.divide(rows, 255, dtype=np.float32)
         confidence = np.empty_like(pixels)
         grade_floats(grade.confidence, pixels, confidence, premultiplied=False, threads=threads)
         counts += count_doubtful(pixels, confidence)
-        seen += len(pixels)
-        if masking is not None:
-            masking.write(Region(0, top, width, top + len(pixels)), np.ascontiguousarray(confidence[..., :1]))
-    return np.array(counts * height // seen, dtype=np.int64)
+    return np.array(counts * len(canvas) // len(rows_in_eight), dtype=np.int64)

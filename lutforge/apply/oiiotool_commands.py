@@ -20,7 +20,7 @@ def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iter
     """Per image a line for a POSIX shell that gives the pixels of `apply`, or why there is none.
 
     folder: where the LUT of a profile's grade is written, once for the images that share it. Pixels are those of
-    `apply_image` to within a code value; masks are not written.
+    `apply_image` to within a code value.
     """
     files: dict[int, tuple[Lut, Path]] = {}
     for job in jobs:

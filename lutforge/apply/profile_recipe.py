@@ -1,6 +1,5 @@
 """Refinish pictures with camera profiles, each from its own settings to others, or to another camera's."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,8 +16,8 @@ from lutforge.images.output_spec import IN_SRGB
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, same_light
 from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
-from lutforge.model.white_balance import LIGHT_SOURCES, tinted
-from lutforge.settings import Multipliers, Selector, checked_tint, parse_selector
+from lutforge.model.white_balance import LIGHT_SOURCES
+from lutforge.settings import Multipliers, Selector, Shift, parse_selector, split_shift
 from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.maker_settings import ADOBE_RGB
 from lutforge.shots.picture_settings import PictureSettings, read_picture_settings, software_tag
@@ -63,7 +62,7 @@ class ProfileRecipe(Rebuilt):
         target = self._target
         for camera in [self._look] if self._look else cameras.values():
             style = target.style if target.style != AS_SHOT else next(iter(camera.styles))
-            if _own_balance(target) is None:
+            if _own_shift(target) is None:
                 camera.selector(Selector(style, target.white_balance))
             elif style not in camera.styles:
                 raise SettingsError(f'unknown style "{style}"; {camera.camera} has {", ".join(sorted(camera.styles))}')
@@ -76,7 +75,7 @@ class ProfileRecipe(Rebuilt):
         if source.suffix.lower() in RAW_SUFFIXES:
             return self._developed(source, settings, camera)
         other = self._look not in (None, camera)
-        needed = other or not self.keeps_white_balance or bool(_own_balance(self._target))
+        needed = other or not self.keeps_white_balance or _own_shift(self._target) not in (None, Shift())
         given, doubts = source_selector(source, settings, camera, self.source, needed)
         change = self.change(camera, given)
         if change.is_none:
@@ -96,7 +95,7 @@ class ProfileRecipe(Rebuilt):
     @property
     def keeps_white_balance(self) -> bool:
         """True where pictures keep the white balance that they were shot with."""
-        return _own_balance(self._target) is not None
+        return _own_shift(self._target) is not None
 
     def chain(self, change: SettingChange) -> Lut:
         """The refinish as LUTs, the same for all pictures with the same settings."""
@@ -128,12 +127,7 @@ class ProfileRecipe(Rebuilt):
     @cached_property
     def cameras(self) -> dict[str, CameraProfile]:
         """The profiles by camera, in lower case."""
-        cameras: dict[str, CameraProfile] = {}
-        for path in self.profiles:
-            profile = load_profile(path)
-            if cameras.setdefault(profile.camera.lower(), profile) is not profile:
-                raise ProfileError(f"{path}: a second profile of {profile.camera}; give one profile per camera")
-        return cameras
+        return cameras_of(self.profiles)
 
     @cached_property
     def _look(self) -> CameraProfile | None:
@@ -187,8 +181,8 @@ class ProfileRecipe(Rebuilt):
     ) -> Selector:
         """The settings to render with."""
         style = given.style if self._target.style == AS_SHOT else self._target.style
-        tint = _own_balance(self._target)
-        if tint is None:
+        shift = _own_shift(self._target)
+        if shift is None:
             return look.selector(Selector(style, self._target.white_balance))
         balance = given.white_balance
         if look is not camera:
@@ -202,17 +196,25 @@ class ProfileRecipe(Rebuilt):
                 # Where the light is unknown to the other camera, any setting that it knows serves to stay neutral.
                 balance = next(iter(look.white_balances))
         wanted = look.selector(Selector(style, balance))
-        if tint:
-            wanted = Selector(
-                style, _multipliers(tinted(look.multipliers(wanted), tint, look.white_balances, look.matrix))
-            )
+        if shift != Shift():
+            wanted = Selector(style, look.shifted(look.multipliers(wanted), shift))
         return wanted
 
 
-def _own_balance(target: Selector) -> float | None:
-    """The tint to add to a picture's own white balance ("as-shot", "as-shot+10"); None where another is wanted."""
-    found = re.fullmatch(rf"({'|'.join(NAMED_BY_FILE)})([+-]\d+(?:\.\d+)?)?", str(target.white_balance))
-    return None if found is None else checked_tint(float(found[2] or 0.0))
+def cameras_of(profiles: tuple[Path, ...]) -> dict[str, CameraProfile]:
+    """Return profiles by camera, in lower case. Raises ProfileError where two are of one camera."""
+    cameras: dict[str, CameraProfile] = {}
+    for path in profiles:
+        profile = load_profile(path)
+        if cameras.setdefault(profile.camera.lower(), profile) is not profile:
+            raise ProfileError(f"{path}: a second profile of {profile.camera}; give one profile per camera")
+    return cameras
+
+
+def _own_shift(target: Selector) -> Shift | None:
+    """The step from a picture's own white balance ("as-shot", "as-shot+500K"); None where another is wanted."""
+    name, shift = split_shift(str(target.white_balance)) or (str(target.white_balance), Shift())
+    return shift if name in NAMED_BY_FILE else None
 
 
 def _multipliers(values: Array) -> Multipliers:

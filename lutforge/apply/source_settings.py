@@ -14,9 +14,6 @@ AS_SHOT = "as-shot"
 NAMED_BY_FILE = (AS_SHOT, "auto")
 """White balances that stand for the picture's own."""
 
-ASK_PIXELS = ", or ask `lutforge identify`, which judges by the pixels"
-"""Advice where the metadata of a picture are gone."""
-
 STEADY = 0.02
 """A named setting whose multipliers vary by less from shot to shot is the same for all shots."""
 
@@ -35,10 +32,9 @@ def choose_camera(
     named = f"is of {settings.camera}" if settings.camera else "does not name its camera"
     known = ", ".join(camera.camera for camera in cameras.values())
     if len(cameras) > 1 or not asked:
-        advice = "" if settings.camera else ASK_PIXELS
         raise SettingsError(
             f"{path}: the picture {named}, the profile{'s are' if len(cameras) > 1 else ' is'} of {known}; "
-            f"name the settings with --from STYLE/WB to use a profile all the same{advice}"
+            f"name the settings with --from STYLE/WB to use a profile all the same"
         )
     return next(iter(cameras.values())), (f"the picture {named}; the profile is of {known}",)
 
@@ -58,10 +54,7 @@ def source_selector(
         if wanted.style != AS_SHOT:
             raise SettingsError(f'unknown style "{style}"; {known}')
         told = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
-        advice = ASK_PIXELS if style == "unknown" else ""
-        raise SettingsError(
-            f"{path}: {told}; {known} and the white balances {_balances(camera)}: name it with --from{advice}"
-        )
+        raise SettingsError(f"{path}: {told}; {known} and the white balances {_balances(camera)}: name it with --from")
     if wanted.white_balance not in NAMED_BY_FILE:
         return camera.selector(Selector(style, wanted.white_balance)), ()
     balance = _balance_of_file(settings, camera)
@@ -79,7 +72,7 @@ def source_selector(
         f"{path}: {told if settings.white_balance != 'unknown' else 'the file does not tell its white balance'}, "
         f"without multipliers; name it with --from, of {camera.camera} "
         f"{' or '.join(f'{style}/{name}' for name in sorted(camera.white_balances))}, "
-        f"or find it with --candidates sheet.jpg{ASK_PIXELS if settings.white_balance == 'unknown' else ''}"
+        f"or find it with --candidates sheet.jpg"
     )
 
 

@@ -1,25 +1,21 @@
 """From samples to a camera profile: the stages of the calibration in order."""
 
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.calibration.lattice.bake import node_coverage
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.physical_model import GamutMaps
 from lutforge.calibration.physical.white_balance import named_white_balances
 from lutforge.calibration.preparation import prepare
 from lutforge.calibration.shots.thin_samples import thin_colours, thin_settings
 from lutforge.calibration.stages import base_of, fit_camera_stages, stages_of
 from lutforge.calibration.style_data import StyleData, style_data
-from lutforge.calibration.style_fit import StyleFit, fit_style, render_with_plain
-from lutforge.errors import CalibrationError
+from lutforge.calibration.style_fit import fit_lattices
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.directions import DIRECTIONS
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.blas import one_blas_thread
@@ -28,22 +24,17 @@ from lutforge.threads import each
 
 @dataclass(frozen=True, eq=False)
 class CalibratedStyle:
-    """The data of one style, the fits to it, and the style as the profile has it.
-
-    maps: the fit of the physical model, where that was asked for.
-    """
+    """The data of one style, and the style as the profile has it, without held-out errors."""
 
     data: StyleData
-    fit: StyleFit
-    maps: GamutMaps | None
     picture: PictureStyle
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A fitted profile without held-out errors, and the data and fits that these are measured with.
+    """A fitted profile without held-out errors, and the data that these are measured with.
 
-    styles: data and fits by style name.
+    styles: by style name.
     """
 
     profile: CameraProfile
@@ -56,9 +47,8 @@ def calibrate(
     progress: Progress = silent,
     stages: CameraProfile | None = None,
 ) -> Calibration:
-    """Fit the white balances, the matrix and, per style, the models that the options ask for.
+    """Fit the white balances, the matrix and, per style, the camera model and the lattices that are its fast form.
 
-    "lattice": the lattices of both directions; "rbf": the physical model of chapter 4, and the lattices beside it.
     stages: a profile whose responses, matrix and white balances are taken as they are (`calibrate_stages`). Raises
     CalibrationError, in one line with what to do, where the samples do not determine the models.
     """
@@ -66,28 +56,36 @@ def calibrate(
     progress("checking white balances and shots", 0.0)
     prepared = prepare(samples, options, stages)
     samples, multipliers = prepared.samples, prepared.multipliers
-    physical, maps = None, dict[str, GamutMaps]()
+    physical: Mapping[str, PhysicalModel] = {}
+    matrix = None if stages is None else stages.matrix
     if options.model == "rbf":
         progress("response, matrix and white balances", 0.0)
         if stages is None:
-            physical = fit_camera_stages(samples, multipliers, options)
+            fitted = fit_camera_stages(samples, multipliers, options)
         else:
-            physical = stages_of(stages, samples, multipliers)
-        maps = physical.maps(samples, options)
-        multipliers = physical.multipliers
+            fitted = stages_of(stages, samples, multipliers)
+        multipliers = fitted.multipliers
+        if options.preset == "thesis":
+            physical = {name: maps.model for name, maps in fitted.maps(samples, options).items()}
+            matrix = fitted.matrix if matrix is None else matrix
     data, clipped = style_data(samples, multipliers)
+    data = {name: replace(style, most_centres=options.physical.centres) for name, style in data.items()}
     if stages is not None:
         data = {name: replace(style, given=base_of(stages, name)) for name, style in data.items()}
-    styles = _fit_styles(data, maps, options, progress)
+    styles = _fit_styles(data, physical, options, progress)
     progress("done", 1.0)
-    matrix = _matrix_of_most(styles) if physical is None else physical.matrix
-    matrix = matrix / matrix.sum(axis=1, keepdims=True) if stages is None else stages.matrix
+    if matrix is None:
+        matrix = _matrix_of_most(styles)
+    if stages is None:
+        matrix = matrix / matrix.sum(axis=1, keepdims=True)
+    balances = named_white_balances(samples, multipliers, matrix)
+    presets = [name for name in balances if name not in samples.white_balance]
     profile = prepared.profile(
         matrix,
-        named_white_balances(samples, multipliers, matrix),
+        balances,
         {name: style.picture for name, style in styles.items()},
         options,
-        tuple(_weaknesses(samples, data, clipped)),
+        (*_weaknesses(samples, data, clipped), *_computed(presets)),
     )
     return Calibration(profile, styles)
 
@@ -110,6 +108,13 @@ def calibrate_stages(
     return prepared.profile(matrix, balances, stages.styles(tuple(balances)), options)
 
 
+def _computed(presets: Sequence[str]) -> list[str]:
+    """A note on white balances that no shot was taken with."""
+    if not presets:
+        return []
+    return [f"white balances {', '.join(presets)} are computed by the camera's matrix: no shot was taken with them"]
+
+
 def _weaknesses(samples: SampleSet, data: Mapping[str, StyleData], clipped: int) -> list[str]:
     """Notes on settings and colours with few samples."""
     notes = [*thin_settings(samples)]
@@ -122,42 +127,30 @@ def _weaknesses(samples: SampleSet, data: Mapping[str, StyleData], clipped: int)
 
 @one_blas_thread
 def _fit_styles(
-    data: Mapping[str, StyleData], maps: Mapping[str, GamutMaps], options: CalibrationOptions, progress: Progress
+    data: Mapping[str, StyleData],
+    physical: Mapping[str, PhysicalModel],
+    options: CalibrationOptions,
+    progress: Progress,
 ) -> dict[str, CalibratedStyle]:
-    """Fit the lattices of both directions; several styles beside each other.
-
-    The prior means that the held-out errors need are fitted at the same time, on processors that would be idle.
-    """
+    """Fit several styles beside each other. physical: models of styles that are fitted already."""
 
     def fitted(name: str) -> CalibratedStyle:
-        style, physical = data[name], maps.get(name)
-        fit = fit_style(style, options)
-        picture = PictureStyle(
-            render=render_with_plain(style, fit, options),
-            linearize=fit.linearize.lattice,
-            physical=() if physical is None else (physical.model,),
-            coverage={direction: found.coverage for direction, found in fit.items()},
-        )
-        return CalibratedStyle(style, fit, physical, picture)
-
-    def prepare(fold: StyleData) -> None:
-        with suppress(CalibrationError):  # the refit without these shots reports it
-            for direction in DIRECTIONS if options.model == "lattice" else ():
-                fold.prior_mean(options.size, direction)
+        style = data[name]
+        lattices = fit_lattices(style, options)
+        coverage = {direction: node_coverage(one, style.both[direction][0]) for direction, one in lattices.items()}
+        own = () if style.monochrome or options.preset == "thesis" else (style.model,)
+        models = (physical[name],) if name in physical else own
+        return CalibratedStyle(style, PictureStyle(lattices.render, lattices.linearize, models, coverage=coverage))
 
     progress(f"fitting {', '.join(data)}", 0.0)
-    folds = [fold for style in data.values() if len(style.folds) > 1 for _, fold in style.folds]
-    tasks: list[Callable[[], CalibratedStyle | None]] = [partial(fitted, name) for name in data]
-    tasks += [partial(prepare, fold) for fold in folds]
     styles = {}
-    for name, style in zip([*data, *[""] * len(folds)], each(lambda task: task(), tasks), strict=True):
-        if style is not None:
-            styles[name] = style
-            progress(f"{name}: fitted", len(styles) / len(data))
+    for name, style in zip(data, each(fitted, list(data)), strict=True):
+        styles[name] = style
+        progress(f"{name}: fitted", len(styles) / len(data))
     return styles
 
 
 def _matrix_of_most(styles: Mapping[str, CalibratedStyle]) -> Array:
     """Ts of the style with most samples; the identity where all styles are black and white."""
     coloured = [style for style in styles.values() if not style.data.monochrome]
-    return max(coloured, key=lambda style: len(style.data.shot)).fit.base.matrix if coloured else np.eye(3)
+    return max(coloured, key=lambda style: len(style.data.shot)).data.base.matrix if coloured else np.eye(3)

@@ -1,9 +1,4 @@
-"""How a camera is calibrated: one record of options, and the presets that name two sets of them.
-
-Figures of the lattice fit are of 17 nodes per axis on the 30 % of the Nikon D40's published pairs that are held out:
-the mean and the largest error norm, encoded 0 … 1, medians over five splits. With the numbers here they are 0.0027 and
-0.015, of the plain form 0.0040 and 0.039.
-"""
+"""How a camera is calibrated: one record of options, and the presets that name two sets of them."""
 
 import math
 from collections.abc import Mapping
@@ -13,61 +8,6 @@ from typing import Any, Literal, get_args
 from lutforge.errors import CalibrationError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.model.camera_profile import MODELS, ModelName
-
-SEARCH_SIZE = 13
-"""Nodes per axis of the lattice on which node levels and λ_S are searched: the best levels hardly depend on their
-number. λ_S is stated for this size wherever it is kept."""
-
-MEASURING_TOLERANCE = 1e-4
-"""The tolerance of fits whose only use is to measure an error: within 1e-4 of the exact ones on every sample."""
-
-
-@dataclass(frozen=True)
-class LatticeFitOptions:
-    """How a lattice is fitted to samples.
-
-    smoothness: λ_S where there is one shot only, and nothing to cross-validate on; where there are more the search
-    begins there. It ends at √10 times that in all five splits.
-
-    prior_weight: the weight that holds each node to the prior: negligible where there are samples, it determines the
-    nodes that no sample reaches. The mean hardly depends on it: 0.0027 at 1e-7, 0.0028 at 1e-3, where the largest error
-    grows to 0.017.
-
-    grey_weight: the weight of each of 257 points of the grey axis, where a sample has 1: little beside samples, enough
-    elsewhere to keep the axis neutral. It costs nothing on samples (0: 0.0027; 0.2: 0.0028).
-
-    outlier_scale, least_outlier: a sample whose error is this many times the median, and at least this large, counts
-    half. Twelve codes are beyond any noise of a mean over a patch. Clean data lose nothing (0.0027 without, too).
-
-    eye_share: share of the node levels of a render that stays at perceptually even steps. Without it, a set of bright
-    samples makes the first cell so wide that it holds all the dark codes of usual pictures. It costs clean data 1 % of
-    the mean (0: 0.0027; 0.3: 0.0028).
-
-    search_tolerance, tolerance: relative residual of fits that are searched with, and of the last one. A hundredth and
-    a thousandth of them change no figure in its fourth digit.
-
-    point_weight: the weight, where a sample has 1, of a point of the lattice with a curve in the fit of its plain form,
-    and of a likely scene in the fit of the lattice that linearizes. With 0.01 the largest error is 0.044 instead of
-    0.039; 1 has the same figures.
-
-    bound_cost: nodes of the plain form are bounded to [0, 1] where that raises the mean error by no more than this, a
-    quarter of a code, which no eye sees. If they always are bounded, the mean is 0.0056 and the largest error 0.051.
-
-    follow_power: the plain form minimizes an Lp norm of its errors with p = 2 + this power. With 0 the figures are
-    0.0042 and 0.044, with 2 they are 0.0041 and 0.052.
-    """
-
-    smoothness: float = 3e-3
-    prior_weight: float = 1e-5
-    grey_weight: float = 0.02
-    outlier_scale: float = 10.0
-    least_outlier: float = 12.0 / 255.0
-    eye_share: float = 0.1
-    search_tolerance: float = 1e-2
-    tolerance: float = 1e-5
-    point_weight: float = 0.2
-    bound_cost: float = 0.25 / 255.0
-    follow_power: float = 1.25
 
 
 @dataclass(frozen=True)
@@ -115,13 +55,12 @@ SHAPER_SIZE = 4096
 class CalibrationOptions:
     """Options of the fit.
 
-    model: "lattice" fits the whole pipeline as lookup tables, "rbf" the thesis's physical stages (chapter 4) as well.
-    preset: "thesis" is its chapters as written (uniform prior, fixed weights, α by fitting error, saturation threshold
-    β); "lutforge" continues the matrix and response where there are no samples, smooths in all directions, chooses its
-    weights by cross-validation over shots, and tells outliers by their residual. size: nodes per axis, 3 … 65.
-    nonuniform: False keeps the node levels evenly spaced. output_curve: the lattice that renders has one behind
-    it, which CLF and CTF files hold, and a plain form for other files (lutforge preset only). lattice: the numbers of
-    the lattice fit; physical: those of response, matrix and gamut map. Raises CalibrationError on values outside these.
+    model: "lattice" renders by lookup tables that the fitted model is baked to, "rbf" by the model itself.
+    preset: "thesis" is its chapters as written (regression of lattices from a uniform prior, fixed weights, α by
+    fitting error, saturation threshold β); "lutforge" fits matrix and response to all pairs and the gamut map by
+    kriging, and bakes the lattices from these. size: nodes per axis, 3 … 65. nonuniform: False keeps the node levels
+    evenly spaced. physical: the numbers of response, matrix and gamut map that the thesis leaves open. Raises
+    CalibrationError on values outside these.
     """
 
     model: ModelName = "lattice"
@@ -130,8 +69,6 @@ class CalibrationOptions:
     interpolation: Interpolation = "trilinear"
     nonuniform: bool = True
     shaper_size: int = SHAPER_SIZE
-    output_curve: bool = True
-    lattice: LatticeFitOptions = field(default_factory=LatticeFitOptions)
     physical: PhysicalOptions = field(default_factory=PhysicalOptions)
 
     def __post_init__(self) -> None:
@@ -159,14 +96,13 @@ class CalibrationOptions:
             "interpolation": self.interpolation,
             "nonuniform": self.nonuniform,
             "shaper_size": self.shaper_size,
-            "output_curve": self.output_curve,
             **({"physical": physical} if physical else {}),
         }
 
 
 def options_from_json(values: Mapping[str, object]) -> CalibrationOptions:
     """The options that a profile was calibrated with; what it does not say is the default."""
-    names = {each.name for each in fields(CalibrationOptions)} - {"lattice"}
+    names = {each.name for each in fields(CalibrationOptions)}
     known: dict[str, Any] = {name: value for name, value in values.items() if name in names}
     try:
         if "physical" in known:

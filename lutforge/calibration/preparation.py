@@ -14,10 +14,9 @@ from lutforge.calibration.physical.white_balance import (
     with_gains,
     with_known_balances,
 )
-from lutforge.calibration.plausibility.check import implausible
+from lutforge.calibration.plausibility import NOT_ONE_CAMERA, implausible
+from lutforge.calibration.shots.departures import departing_shots, departure_notes
 from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
-from lutforge.calibration.shots.tone import shot_tones, tone_notes
-from lutforge.calibration.shots.tone_correction import without_departures
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
@@ -25,7 +24,6 @@ from lutforge.model.diagnosis import Diagnosis
 from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.reference_raw import with_own_raw
-from lutforge.model.shot_tone import ShotTone
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 
@@ -44,7 +42,6 @@ class PreparedSamples:
     raw_transfer: Array | None
     falloffs: tuple[Falloff, ...]
     diagnoses: tuple[Diagnosis, ...]
-    tones: tuple[ShotTone, ...]
     notes: tuple[str, ...]
 
     def profile(
@@ -62,14 +59,12 @@ class PreparedSamples:
             white_balances=white_balances,
             styles=styles,
             shots=tuple(name for name, _ in self.samples.by_shot()),
-            encoders=tuple(sorted({*self.samples.encoder.tolist()} - {""})),
             options=options.as_json(),
             notes=(*self.notes, *notes),
             raw_camera=self.raw_camera,
             raw_transfer=self.raw_transfer,
             falloffs=self.falloffs,
             diagnoses=self.diagnoses,
-            tones=self.tones,
         )
 
 
@@ -77,9 +72,10 @@ def prepare(samples: SampleSet, options: CalibrationOptions, stages: CameraProfi
     """Prepare the samples of styles with enough of them.
 
     A reference camera's RAW is transformed to the camera's own (4.9). Then white balances are completed, and the
-    brightness that lens, setting and scene add to JPEGs is removed; the thesis preset removes that of settings only.
-    Where the whole set is implausible, no shot is blamed. stages: a profile whose white balances, and matrix from a
-    reference's RAW, are taken as they are. Raises CalibrationError where the samples cannot be calibrated from.
+    brightness that lens and setting add to JPEGs is removed, and shots that depart from the others are left out; the
+    thesis preset removes the brightness of settings only. Where the whole set is implausible, no shot is blamed.
+    stages: a profile whose white balances, and matrix from a reference's RAW, are taken as they are. Raises
+    CalibrationError where the samples cannot be calibrated from.
     """
     _check_one_camera(samples)
     raw_camera, transfer, notes = "", None, list[str]()
@@ -107,15 +103,16 @@ def prepare(samples: SampleSet, options: CalibrationOptions, stages: CameraProfi
         multipliers = with_fitted_gains(samples, multipliers, unclipped(samples, multipliers))
     else:
         multipliers = with_gains(samples, multipliers, stages.white_balances)
-    blameless = thesis or any(diagnosis.whole_set for diagnosis in diagnoses)
-    tones = () if blameless else shot_tones(samples, multipliers, unclipped(samples, multipliers))
-    samples, multipliers = without_departures(samples, multipliers, unclipped(samples, multipliers), tones)
-    if tones:  # what they explained may no longer be implausible
+    blameless = thesis or any(diagnosis.cause != NOT_ONE_CAMERA for diagnosis in diagnoses)
+    departures = () if blameless else departing_shots(samples, multipliers, unclipped(samples, multipliers))
+    agree = ~np.isin(samples.shot, [departure.shot for departure in departures])
+    samples, multipliers = samples.select(agree), multipliers[agree]
+    if departures and diagnoses:  # the shots that agree may look like one camera's
         diagnoses = implausible(samples, multipliers)
     given = "response and matrix were given: the held-out errors take them as they are"
     notes += [*of_balances, *left_out, *([] if stages is None else [given])]
-    notes += [*(falloff.note for falloff in falloffs), *tone_notes(tones)]
-    return PreparedSamples(samples, multipliers, raw_camera, transfer, falloffs, diagnoses, tones, tuple(notes))
+    notes += [*(falloff.note for falloff in falloffs), *departure_notes(departures)]
+    return PreparedSamples(samples, multipliers, raw_camera, transfer, falloffs, diagnoses, tuple(notes))
 
 
 def data_by_style(samples: SampleSet) -> dict[str, StyleData]:

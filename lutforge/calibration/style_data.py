@@ -7,11 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.continuation import Continuation, continuation
 from lutforge.calibration.lattice.monochrome import is_monochrome
-from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, fit_matrix_and_response
+from lutforge.calibration.physical.kriging import MOST_CENTRES, fit_camera_model
+from lutforge.calibration.physical.matrix_and_response import (
+    MatrixAndResponse,
+    fit_matrix_and_response,
+    with_matrix_of_all,
+)
 from lutforge.errors import CalibrationError
-from lutforge.model.directions import Both, Direction
+from lutforge.model.directions import Both
+from lutforge.model.profile_data import PhysicalModel
+from lutforge.model.response import smooth_response
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.cross_validation import leave_groups_out
@@ -23,8 +29,9 @@ LEAST_SAMPLES = 10
 class StyleData:
     """The fitting samples of one style. balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,); samples: their rows.
 
-    monochrome: the style is black and white. given: matrix and response that its lattices follow, None where they are
-    fitted to the samples.
+    monochrome: the style is black and white. given: matrix and response that the gamut map is fitted around, None where
+    they are fitted to the samples. clipped: samples of the style with a JPEG channel at an end and RAW that is whole.
+    most_centres: of its gamut maps.
     """
 
     balanced: Array
@@ -33,42 +40,58 @@ class StyleData:
     samples: SampleSet
     monochrome: bool = False
     given: MatrixAndResponse | None = None
+    clipped: "ClippedColours | None" = None
+    most_centres: int = MOST_CENTRES
 
     @cached_property
     def base(self) -> MatrixAndResponse:
-        """The matrix and response that the lattices follow where there are no samples. Raises CalibrationError."""
-        return self.given or fit_matrix_and_response(self.balanced, self.encoded)
+        """The matrix that suits all colours, and the response. Raises CalibrationError."""
+        if self.given is not None:
+            return self.given
+        unsaturated = fit_matrix_and_response(self.balanced, self.encoded)
+        smooth = MatrixAndResponse(unsaturated.matrix, smooth_response(unsaturated.response))
+        return with_matrix_of_all(smooth, self.balanced, self.encoded)
+
+    @cached_property
+    def model(self) -> PhysicalModel:
+        """The camera model of chapter 4, its gamut map by kriging. Raises CalibrationError."""
+        return self.fit_model(self.most_centres)
+
+    def fit_model(self, most_centres: int) -> PhysicalModel:
+        """Fit the model with at most so many centres. Raises CalibrationError."""
+        balances = tuple(str(name) for name in np.unique(self.samples.white_balance))
+        clipped = None if self.clipped is None else (self.clipped.balanced, self.clipped.encoded)
+        return fit_camera_model(self.base, self.balanced, self.encoded, balances, clipped, most_centres)
 
     @property
     def both(self) -> Both[tuple[Array, Array]]:
         """What each direction takes and gives at the samples, each (n, 3)."""
         return Both((self.balanced, self.encoded), (self.encoded, self.balanced))
 
-    def prior_mean(self, size: int, direction: Direction) -> Continuation:
-        """What a lattice of `size` nodes per axis follows where it has no samples; made when it is first asked for.
-
-        Raises CalibrationError.
-        """
-        if (size, direction) not in self._prior_means:
-            inverse = direction == "linearize"
-            self._prior_means[size, direction] = continuation(
-                self.base, *self.both[direction], inverse=inverse, size=size
-            )
-        return self._prior_means[size, direction]
-
     @cached_property
     def folds(self) -> list[tuple[Mask, "StyleData"]]:
         """The samples that are left out in turn to measure errors on, masks (n,), and those that stay."""
         return [(mask, self.select(~mask)) for mask in leave_groups_out(self.shot)]
 
-    @cached_property
-    def _prior_means(self) -> dict[tuple[int, Direction], Continuation]:
-        return {}
-
     def select(self, rows: Mask) -> "StyleData":
-        """The rows of a mask."""
+        """The rows of a mask, and the clipped samples of the shots that have any."""
         parts = (self.balanced[rows], self.encoded[rows], self.shot[rows], self.samples.select(rows))
-        return StyleData(*parts, self.monochrome, self.given)
+        clipped = None if self.clipped is None else self.clipped.of_shots(self.shot[rows])
+        return StyleData(*parts, self.monochrome, self.given, clipped, self.most_centres)
+
+
+@dataclass(frozen=True, eq=False)
+class ClippedColours:
+    """Samples whose JPEG says only that a channel is at its end or beyond. balanced, encoded: (m, 3); shot: (m,)."""
+
+    balanced: Array
+    encoded: Array
+    shot: NDArray[np.str_]
+
+    def of_shots(self, shots: NDArray[np.str_]) -> "ClippedColours":
+        """The samples of these shots."""
+        rows = np.isin(self.shot, shots)
+        return ClippedColours(self.balanced[rows], self.encoded[rows], self.shot[rows])
 
 
 def unclipped(samples: SampleSet, multipliers: Array) -> Mask:
@@ -96,15 +119,23 @@ def styles_with_enough(samples: SampleSet, multipliers: Array) -> tuple[Mask, tu
 
 
 def style_data(samples: SampleSet, multipliers: Array) -> tuple[dict[str, StyleData], int]:
-    """Return the StyleData of each style with enough unclipped samples, and the number of clipped samples."""
+    """Return the StyleData of each style with enough unclipped samples, and how many samples take no part in any."""
     enough, _ = styles_with_enough(samples, multipliers)
     balanced = samples.raw * multipliers
     usable = unclipped(samples, multipliers) & enough
+    # Clipped in the JPEG alone, and in whole channels: a value between the last code and the end is a mixture.
+    whole = np.all(((samples.raw > 0.0) & (samples.raw < 0.999) & (balanced < 1.0)), axis=1)
+    ends = (samples.srgb <= 0.0) | (samples.srgb >= 1.0)
+    half_code = 0.5 / 255.0
+    inside = (samples.srgb >= half_code) & (samples.srgb <= 1.0 - half_code)
+    one_sided = enough & ~usable & whole & np.all(ends | inside, axis=1)
     styles = {}
     for name in np.unique(samples.style[enough]):
         rows = usable & (samples.style == name)
         monochrome = is_monochrome(balanced[rows], samples.srgb[rows])
+        more = one_sided & (samples.style == name)
+        clipped = ClippedColours(balanced[more], samples.srgb[more], samples.shot[more])
         styles[str(name)] = StyleData(
-            balanced[rows], samples.srgb[rows], samples.shot[rows], samples.select(rows), monochrome
+            balanced[rows], samples.srgb[rows], samples.shot[rows], samples.select(rows), monochrome, clipped=clipped
         )
-    return styles, int((enough & ~usable).sum())
+    return styles, int((enough & ~usable & ~one_sided).sum())

@@ -1,37 +1,32 @@
 """The `lutforge` command."""
 
-import atexit
-import gc
 import os
 import signal
 import sys
-from contextlib import suppress
+from types import FrameType
+
+from lutforge.atomic_write import discard_unfinished
+from lutforge.child_processes import end_all
 
 
 def start() -> None:
-    """Load the command line and run it; Ctrl-C meanwhile ends it with one line, too.
+    """Load the command line and run it; Ctrl-C and SIGTERM end it with one line, and leave nothing half-written."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _stop)
+    from lutforge.cli.main import main
 
-    The process ends before Python takes its modules apart, which takes half a second after a fit: Python calls the exit
-    handlers in the reverse of their order, so the one that is registered here, before all others, is the last.
-    """
-    status = 1  # of an error that nothing foresaw, whose traceback Python prints
-
-    def end() -> None:
-        for stream in (sys.stdout, sys.stderr):
-            with suppress(OSError):  # a pipe without a reader
-                stream.flush()
-        os._exit(status)
-
-    atexit.register(end)
-    gc.set_threshold(50_000)  # almost all that loading makes stays: it need not be looked through every 700 objects
     try:
-        from lutforge.cli.main import main
-
         main()
-    except SystemExit as left:
-        status = left.code if isinstance(left.code, int) else int(left.code is not None)
-    except KeyboardInterrupt:
-        print("lutforge: stopped", file=sys.stderr)
-        status = 130
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: Python's own end would else die by the signal
+    finally:  # all is done, and Python's own end would else die by a signal
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    """End this process by the signal that it got, so that a shell knows; threads are not waited for."""
+    end_all()
+    discard_unfinished()
+    if sys.stderr is not None:
+        clear = "\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else ""  # a bar hides the cursor
+        os.write(sys.stderr.fileno(), f"{clear}lutforge: stopped\n".encode())
+    signal.signal(number, signal.SIG_DFL)
+    signal.raise_signal(number)

@@ -32,6 +32,12 @@ def apply(
         str | None, option("STYLE/WB wanted, as-shot to keep either; with a config, the colour space wanted.", "--to")
     ] = None,
     ev: Annotated[float, option("Exposure change in stops, with a profile.")] = 0.0,
+    space: Annotated[
+        str | None, option("Linear light instead of a look, with profiles: acescg, aces2065-1, linear-srgb … in .exr.")
+    ] = None,
+    exposure: Annotated[
+        str | None, option("With --space: exif divides by time, ISO and aperture, so that pictures of a scene agree.")
+    ] = None,
     look: Annotated[Path | None, option("The profile of the camera whose look is wanted.", "--as")] = None,
     transfer: Annotated[
         list[Path] | None, option("With --as: RAW to RAW, from `lutforge transfer`; may repeat.")
@@ -45,7 +51,6 @@ def apply(
     workers: Annotated[int | None, option("Threads; one per core by default.")] = None,
     frames: Annotated[str | None, option("Frames of sequences: 1001-1100, 1-9x2, 1,5,9.")] = None,
     recursive: Annotated[bool, option("Folders with their subfolders.", "--recursive")] = False,
-    mask: Annotated[Path | None, option("A folder for images of how sure each pixel is.")] = None,
     resume: Annotated[bool, option("Skip what an earlier run did that is still right.", "--resume")] = False,
     scheduler: Annotated[str | None, option("A Dask cluster that does the work: tcp://HOST:PORT.")] = None,
     print_commands: Annotated[
@@ -61,7 +66,7 @@ def apply(
 
     grading = Grading(
         (grade, *images), output, source, target, ev, look, tuple(transfer or ()), interpolation, suffix, workers,
-        frames, recursive, mask, resume, scheduler, quality,
+        frames, recursive, resume, scheduler, quality, space, exposure,
     )  # fmt: skip
     if candidates is not None:
         for name in grading.candidates(candidates):
@@ -130,7 +135,7 @@ def _rate(images: int, pixels: int, seconds: float) -> str:
 
 def _print_json(result: "BatchResult", seconds: float) -> None:
     graded = [
-        {"source": str(done.source), "output": str(done.target), "mask": str(done.mask) if done.mask else None}
+        {"source": str(done.source), "output": str(done.target)}
         | {"width": done.width, "height": done.height, "notes": done.notes}
         for done in result.done
     ]

@@ -7,7 +7,8 @@ from lutforge.cli.console import Profile, argument, note, option, progress_bar, 
 
 PROGRAMS = (
     "resolve, nuke, ocio, oiio, baselight, flame, houdini, blender, photoshop, lightroom, premiere, aftereffects, "
-    "finalcut, affinity, ffmpeg, mlt, obs, darktable, rawtherapee, art, gmic, gimp, imagemagick"
+    "finalcut, affinity, ffmpeg, mlt, obs, darktable, rawtherapee, art, captureone, digikam, rapidraw, gmic, gimp, "
+    "imagemagick"
 )
 """As `lutforge.luts.programs` has them, which takes a second to load."""
 
@@ -20,7 +21,9 @@ def bake(
         list[Path] | None, option("A LUT file; may repeat. The suffix picks the format.", "-o", "--output")
     ] = None,
     source: Annotated[str | None, option("STYLE/WB of the JPEG that comes in.", "--from")] = None,
-    target: Annotated[str | None, option("STYLE/WB of the JPEG that comes out.", "--to")] = None,
+    target: Annotated[
+        str | None, option("STYLE/WB of the JPEG that comes out; of .icc and .dcp STYLE.", "--to")
+    ] = None,
     ev: Annotated[float, option("Exposure change in stops (refinish, match; render from scene-linear light).")] = 0.0,
     space: Annotated[
         str,
@@ -47,6 +50,9 @@ def bake(
     stages: Annotated[
         bool, option(".clf, .ctf: each step a cube of its own; lattices of a profile stay exact.", "--stages")
     ] = False,
+    colours: Annotated[
+        bool, option(".icc: without the camera's tone curve, scene-linear, for one's own tone mapper.", "--colours")
+    ] = False,
 ) -> None:
     """Bake RAW → JPEG (render), JPEG → scene (linearize), JPEG → JPEG (refinish), or camera → camera (match)."""
     from lutforge.pipeline.baking import bake_files
@@ -56,7 +62,7 @@ def bake(
     with progress_bar("baking") as progress:
         baked = bake_files(
             profile, wanted, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
-            stages=stages, progress=progress,
+            stages=stages, colours=colours, progress=progress,
         )  # fmt: skip
     for file in baked.files:
         say(str(file))

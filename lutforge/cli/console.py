@@ -135,14 +135,11 @@ def option(help: str, *names: str, **more: Any) -> Any:
 
 Profile = Annotated[Path, argument("The profile (.npz).")]
 Shots = Annotated[list[Path], argument("RAW files, or folders of them.")]
-Sources = Annotated[list[Path], argument("Sample tables (.csv, .parquet), RAW files, folders of RAW files.")]
+Sources = Annotated[list[Path], argument("Sample tables (.csv, .npz), RAW files, folders of RAW files.")]
 ProfileOutput = Annotated[
     Path | None, option("The profile to write (.npz).", "-o", "--output", show_default="camera.npz, if it is new")
 ]
 AsJson = Annotated[bool, option("Print everything as JSON, for programs.", "--json")]
-DeveloperName = Annotated[
-    str | None, option("Instead of RAW, what this program feeds to a LUT: darktable or rawtherapee.")
-]
 DevelopedFolder = Annotated[
     Path | None, option("A folder of pictures that another program developed, one a shot, same stem.")
 ]

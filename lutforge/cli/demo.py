@@ -24,7 +24,6 @@ def demo(
     """Photograph with a simulated camera, calibrate it, bake, write a config, grade, and compare with the truth."""
     from lutforge.calibration.options import CalibrationOptions
     from lutforge.pipeline.calibration import calibrate
-    from lutforge.pipeline.kernels import compile_ahead
     from lutforge.pipeline.outputs import check_output
     from lutforge.pipeline.reports import report as write_report
     from lutforge.pipeline.sampling import sample_shots
@@ -32,7 +31,6 @@ def demo(
     from lutforge.samples.table import write_samples
 
     check_output(output / "report.html")
-    compile_ahead()
     shots = _photograph(output / "shots")
     say("2. Sample: colours that RAW and JPEG share")
     with progress_bar("sampling") as progress:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from lutforge.cli.console import AsJson, Profile, Sources, note, option, print_tables, progress_bar
 from lutforge.cli.sample import tell
-from lutforge.report.tables import TITLES, error_table, more_tables, share_table
+from lutforge.report.tables import TITLES, error_table, more_tables
 
 
 def evaluate(
@@ -30,13 +30,12 @@ def evaluate(
     """
     from lutforge.model.camera_profile import as_profile
     from lutforge.pipeline.evaluation import evaluate as measure
-    from lutforge.pipeline.raw_substitutes import raw_substitute_of
     from lutforge.pipeline.sampling import gather_samples
 
     camera = as_profile(profile)
     with progress_bar("sampling") as progress:
         told = (lambda sampled: None) if as_json else tell
-        samples = gather_samples(sources, progress, told, raw_substitute_of(camera)).samples
+        samples = gather_samples(sources, progress, told).samples
     with progress_bar("evaluating") as progress:
         evaluation = measure(camera, samples, progress, tables=tables)
     note(*evaluation.notes)
@@ -47,4 +46,4 @@ def evaluate(
     for direction, title in TITLES.items():
         rows = [row for row in evaluation.rows if row.direction == direction]
         print_tables(error_table(f"{title}: error (1 = full scale)", rows))
-    print_tables(*more_tables(evaluation), share_table(evaluation.shares))
+    print_tables(*more_tables(evaluation))

@@ -2,17 +2,13 @@
 
 import io
 import os
-import signal
 import sys
-import threading
 from pathlib import Path
 from typing import Any
 
 import typer
 
 from lutforge import __version__
-from lutforge.atomic_write import discard_unfinished
-from lutforge.child_processes import end_all
 from lutforge.cli.apply import apply
 from lutforge.cli.bake import bake
 from lutforge.cli.calibrate import calibrate
@@ -22,7 +18,6 @@ from lutforge.cli.config import config
 from lutforge.cli.console import complain
 from lutforge.cli.demo import demo
 from lutforge.cli.evaluate import evaluate
-from lutforge.cli.identify import identify
 from lutforge.cli.import_nus import export_nus, import_nus
 from lutforge.cli.inspect import inspect
 from lutforge.cli.kit import kit
@@ -42,7 +37,7 @@ app = typer.Typer(
 )
 
 for command in (
-    demo, inspect, sample, calibrate, response, evaluate, bake, kit, config, apply, identify, transfer, check, report,
+    demo, inspect, sample, calibrate, response, evaluate, bake, kit, config, apply, transfer, check, report,
     compare, studio,
 ):  # fmt: skip
     app.command()(command)
@@ -69,7 +64,7 @@ def _root(
 
 
 def main() -> None:
-    """Run the command line and exit: 0 done, 1 some images of a batch failed, 2 bad input or usage, 130 stopped."""
+    """Run the command line and exit: 0 done, 1 some images of a batch failed, 2 bad input or usage."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed, as under some daemons: the next file to be opened would take its place
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - open until the end
@@ -78,8 +73,7 @@ def main() -> None:
     if "" in sys.argv[1:]:  # a path would take it for this folder
         _stop("an empty word: is a variable of the shell not set?", 2)
     try:
-        # The studio's server wants signals for itself.
-        status = app(standalone_mode=False) if sys.argv[1:2] == ["studio"] else _interruptible()
+        status = app(standalone_mode=False)
         sys.stdout.flush()  # a full disk is told here
     except LutForgeError as error:
         _stop(str(error), 2)
@@ -101,39 +95,6 @@ def main() -> None:
             raise
         _stop(f"{error}: name the file that it should lead to", 2)
     sys.exit(status if isinstance(status, int) else 0)
-
-
-def _interruptible() -> object:
-    """Run the command in a thread of its own, so that Ctrl-C ends it at any moment.
-
-    Python sees a signal in its main thread only, and there only between two calls of a library, which may take seconds.
-    """
-    status: list[object] = []
-    raised: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            status.append(app(standalone_mode=False))
-        except BaseException as error:  # raised again where it is told
-            raised.append(error)
-
-    threading.stack_size(16 << 20)  # macOS gives threads half a megabyte
-    command = threading.Thread(target=run, daemon=True)
-    command.start()
-    threading.stack_size(0)
-    try:
-        while command.is_alive():
-            command.join(0.2)  # Windows sees no signal before the time is over
-    except KeyboardInterrupt:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        end_all()
-        discard_unfinished()
-        clear = "\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else ""  # a bar hides the cursor
-        print(f"{clear}lutforge: stopped", file=sys.stderr, flush=True)
-        os._exit(130)
-    if raised:
-        raise raised[0]
-    return status[0]
 
 
 def _stop(message: str, status: int) -> None:

@@ -20,7 +20,6 @@ def report(
     With samples, the errors held out by shot and what to shoot next; with RAW files, error maps of real shots too.
     """
     from lutforge.model.camera_profile import as_profile
-    from lutforge.pipeline.raw_substitutes import raw_substitute_of
     from lutforge.pipeline.reports import check_report_output
     from lutforge.pipeline.reports import report as write_report
     from lutforge.pipeline.sampling import gather_samples
@@ -29,7 +28,7 @@ def report(
     camera, sampled = as_profile(profile), None
     if sources:
         with progress_bar("sampling") as progress:
-            sampled = gather_samples(sources, progress, tell, raw_substitute_of(camera))
+            sampled = gather_samples(sources, progress, tell)
     with progress_bar("reporting") as progress:
         page = write_report(camera, sampled, output, figures, progress)
     say(f"{output}: {len(page.pictures)} figures, {output.stat().st_size / 1e6:.1f} MB")

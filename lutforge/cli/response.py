@@ -52,13 +52,15 @@ def response(
     known, follows = fit.told
     say(known)
     rows = [
-        (name, f"{time / min(exposures.values()):.4g}", f"{fit.exposure_error.get(name, float('nan')):.3f}")
+        (name, f"{time / min(exposures.values()):.4g}", _true_over_stated(fit, name))
         for name, time in exposures.items()
     ]
     print_tables(response_table(fit))
     print_tables(Table("Exposures", ("shot", "stated, relative", "true / stated"), rows))
     say(follows)
     _tell_verdict(fit)
+    (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
+    say(f"next: lutforge bake {output} linearize --from {selector} -o linear.cube")
 
 
 def _of_chart(
@@ -80,17 +82,26 @@ def _of_chart(
     rows = [
         (
             name, "found" if name in fitted.found else "", str(kept.get(name, 0)),
-            f"{time / min(exposures.values()):.4g}", f"{fitted.fit.exposure_error.get(name, float('nan')):.3f}",
+            f"{time / min(exposures.values()):.4g}", _true_over_stated(fitted.fit, name),
             f"{fitted.level[name]:.3g}",
         )
         for name, time in exposures.items()
     ]  # fmt: skip
     header = ("shot", "chart", "patches used", "stated, relative", "true / stated", "white beside the chart")
     print_tables(Table("Exposures", header, rows))
+    lost = [name for name in exposures if name not in fitted.found]
+    if lost and corners is None:
+        note(
+            f"the chart was not found in {', '.join(lost)}: its place in the nearest exposure was taken; see --corners"
+        )
     _tell_verdict(fitted.fit)
     note(*profile.notes)
     print_tables(held_out_table(profile))
     say(f"next: lutforge bake {output} linearize --from {selector} --space aces2065-1 -o input.clf")
+
+
+def _true_over_stated(fit: "BracketFit", name: str) -> str:
+    return f"{fit.exposure_error[name]:.3f}" if name in fit.exposure_error else "–"
 
 
 def _tell_verdict(fit: "BracketFit") -> None:

@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from lutforge.cli.console import DevelopedFolder, DevelopedSpace, DeveloperName, Shots, note, option, progress_bar, say
+from lutforge.cli.console import DevelopedFolder, DevelopedSpace, Shots, note, option, progress_bar, say
 
 if TYPE_CHECKING:
     from lutforge.pipeline.sampling import SampledShots
 
 Output = Annotated[
     Path | None,
-    option("A .csv or .parquet table.", "-o", "--output", show_default="samples.csv, if it is new"),
+    option("A .csv or .npz table.", "-o", "--output", show_default="samples.csv, if it is new"),
 ]
 
 
@@ -21,7 +21,6 @@ def sample(
         Path | None,
         option("For JPEGs of a camera without RAW: another camera's RAW files of the same scenes, a folder."),
     ] = None,
-    developer: DeveloperName = None,
     developed: DevelopedFolder = None,
     developed_space: DevelopedSpace = None,
 ) -> None:
@@ -36,7 +35,7 @@ def sample(
         if reference is not None:
             sampled = sample_by_reference(shots, reference, progress)
         else:
-            sampled = sample_shots(shots, progress, raw_substitute(developer, developed, developed_space))
+            sampled = sample_shots(shots, progress, raw_substitute(developed, developed_space))
     tell(sampled)
     write_samples(output, sampled.samples)
     say(f"{output}: {len(sampled.samples)} samples of {len(sampled.shots)} shot{'s' * (len(sampled.shots) != 1)}")

@@ -1,5 +1,6 @@
 """`lutforge studio`: the calibration interface in the browser."""
 
+import signal
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -32,4 +33,5 @@ def studio(
         if not path.is_dir():
             require_file(path, "a sample table, shot, profile or workspace")
     named = folder or [Path.cwd(), *(path if path.is_dir() else path.parent for path in given)]
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # which the server waits for
     serve(Folders.of(named), given, address, port, show, lambda url: say(f"LutForge studio: {url}"))

@@ -3,16 +3,12 @@
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.colour.srgb import srgb_decode
-
-_SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
-_WHITE = np.array([0.3127 / 0.3290, 1.0, (1.0 - 0.3127 - 0.3290) / 0.3290])
-"""Linear sRGB → XYZ, and its white, as rounded in IEC 61966-2-1 and as colour-science has them."""
+from lutforge.colour.srgb import D65, SRGB_TO_XYZ, srgb_decode
 
 
 def srgb_to_lab(encoded: Array) -> Array:
     """Encoded sRGB (…, 3), clamped to [0, 1] → CIE L*a*b* under D65 (…, 3). CIE 15:2004, section 8.2.1."""
-    ratio = srgb_decode(np.clip(encoded, 0.0, 1.0)) @ (_SRGB_TO_XYZ / _WHITE[:, None]).T
+    ratio = srgb_decode(np.clip(encoded, 0.0, 1.0)) @ (SRGB_TO_XYZ / D65[:, None]).T
     f = np.where(ratio > (24 / 116) ** 3, np.cbrt(ratio), (841 / 108) * ratio + 16 / 116)
     x, y, z = np.moveaxis(f, -1, 0)
     return np.stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)], axis=-1)

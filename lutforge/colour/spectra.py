@@ -14,7 +14,7 @@ import numpy as np
 from colour.quality.cfi2017 import load_TCS_CIE2017
 
 from lutforge.arrays import Array
-from lutforge.colour.srgb import D65
+from lutforge.colour.srgb import D65, SRGB_TO_XYZ
 from lutforge.errors import CalibrationError
 
 WAVELENGTHS = np.arange(380.0, 781.0, 5.0)
@@ -94,5 +94,4 @@ def linear_srgb_under(reflectances: Array, spectrum: Array) -> Array:
     white = weights.sum(axis=0) / weights[:, 1].sum()
     xyz = reflectances @ weights / weights[:, 1].sum()
     adapted = colour.chromatic_adaptation(xyz, white, D65, method="Von Kries", transform="Bradford")
-    srgb: Any = colour.RGB_COLOURSPACES["sRGB"]
-    return np.asarray(adapted @ np.linalg.inv(srgb.matrix_RGB_to_XYZ).T)
+    return np.asarray(adapted @ np.linalg.inv(SRGB_TO_XYZ).T)

@@ -4,13 +4,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
+from lutforge.colour.chromaticities import xyz_matrix
 
-SRGB_TO_XYZ = np.array(
-    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
-)
-"""Linear sRGB → XYZ, D65 (http://www.brucelindbloom.com/Eqn_RGB_XYZ_Matrix.html)."""
-D65 = np.array([0.95047, 1.0, 1.08883])
-"""XYZ of sRGB's white, as that matrix has it."""
+SRGB_TO_XYZ = xyz_matrix("sRGB")
+"""(3, 3): linear sRGB → XYZ, as derived from its chromaticities; the standard rounds it to four digits."""
+D65 = SRGB_TO_XYZ.sum(axis=1)
+"""XYZ of sRGB's white."""
 
 
 def srgb_encode(linear: ArrayLike) -> Array:
@@ -23,3 +22,13 @@ def srgb_decode(encoded: ArrayLike) -> Array:
     """Encoded sRGB in [0, ∞) to linear sRGB: the inverse of `srgb_encode`."""
     v = np.asarray(encoded, dtype=np.float64)
     return np.where(v <= 12.92 * 0.0031308, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+
+
+def chromaticities(linear: Array) -> Array:
+    """CIE 1931 xy (n, 2) of linear sRGB (n, 3); black lies at the white point."""
+    xyz = linear @ SRGB_TO_XYZ.T
+    total = xyz.sum(axis=1, keepdims=True)
+    dark = total[:, 0] < 1e-6
+    xy = xyz[:, :2] / np.where(dark[:, None], 1.0, total)
+    xy[dark] = D65[:2] / D65.sum()
+    return np.asarray(xy)

@@ -1,1 +1,1 @@
-"""How good a calibration is: held-out errors, tables, baselines, learning curves, next shots."""
+"""How good a calibration is: held-out errors, tables, baselines, next shots."""

@@ -8,23 +8,21 @@ from functools import partial
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.monochrome import monochrome_note
+from lutforge.calibration.lattice.monochrome import is_monochrome, monochrome_note
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_gains
+from lutforge.calibration.shots.departures import Departure, find_departures
 from lutforge.calibration.shots.falloff import at_the_centre
-from lutforge.calibration.shots.tone import tones_beside
 from lutforge.calibration.style_data import style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.error_shares import error_shares
+from lutforge.evaluation.edited import edited_errors
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
 from lutforge.evaluation.held_out import Predictions, predict
 from lutforge.evaluation.linearization import linearization_errors
-from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import refinish_errors
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.reference_raw import with_own_raw
 from lutforge.model.response_profile import is_response_alone
-from lutforge.model.shot_tone import ShotTone, without_tones
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.sample_set import SampleSet
 
@@ -53,7 +51,6 @@ def evaluate(
     multipliers = with_gains(samples, multipliers, profile.white_balances)
     known, strange = _known_styles(profile, samples)
     samples, multipliers = samples.select(known), multipliers[known]
-    samples = without_tones(samples, profile.tones)
     data, clipped = style_data(samples, multipliers)
     notes = (*notes, *strange, *styles_with_enough(samples, multipliers)[1])
     if clipped:
@@ -73,26 +70,30 @@ def evaluate(
         )
         predictions[name] = found
         notes = (*notes, *found.notes, *([monochrome_note(name)] if style.monochrome else []))
-    tones = (*profile.tones, *unseen_tones(profile, samples, multipliers))
-    notes = (*notes, *(f"{tone.shot} departs from the fixed rendering: {tone.words}" for tone in tones))
-    evaluation = _evaluation(profile, predictions, notes, tones, tables=tables)
+    departures = departures_from(profile, samples, multipliers)
+    notes = (*notes, *(f"{each.shot} departs from the fixed rendering: {each.words}" for each in departures))
+    evaluation = _evaluation(profile, predictions, notes, departures, tables=tables)
     progress("done", 1.0)
     return evaluation
 
 
-def unseen_tones(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> tuple[ShotTone, ...]:
-    """The departures of shots that the profile does not know, from its rendering."""
-    new = unclipped(samples, multipliers) & ~np.isin(samples.shot, profile.shots)
-    new &= ~np.isin(samples.shot, [tone.shot for tone in profile.tones])
-    linearize = {name: style.linearize for name, style in profile.styles.items() if style.linearize is not None}
-    return tones_beside(linearize, samples, multipliers, new) if new.any() else ()
+def departures_from(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> tuple[Departure, ...]:
+    """The shots that depart clearly from the profile's rendering, beside the others of their style."""
+    usable = unclipped(samples, multipliers)
+    found: list[Departure] = []
+    for name, style in profile.styles.items():
+        rows = usable & (samples.style == name)
+        if style.linearize is not None and rows.any() and not is_monochrome(samples.raw[rows], samples.srgb[rows]):
+            balanced = samples.raw[rows] * multipliers[rows]
+            found.extend(find_departures(style.linearize(samples.srgb[rows]), balanced, samples.shot[rows]))
+    return tuple(found)
 
 
-def scene_tones(profile: CameraProfile, samples: SampleSet) -> tuple[ShotTone, ...]:
-    """What the camera did to the tone of shots, of styles that the profile has, beyond its fixed rendering."""
+def scene_departures(profile: CameraProfile, samples: SampleSet) -> tuple[Departure, ...]:
+    """What the camera did to shots beyond its fixed rendering, of styles that the profile has."""
     samples = at_the_centre(with_own_raw(profile, samples), profile.falloffs)
     multipliers = with_gains(samples, complete_multipliers(samples)[0], profile.white_balances)
-    return (*profile.tones, *unseen_tones(profile, samples, multipliers))
+    return departures_from(profile, samples, multipliers)
 
 
 def _known_styles(profile: CameraProfile, samples: SampleSet) -> tuple[Mask, tuple[str, ...]]:
@@ -129,7 +130,7 @@ def _evaluation(
     profile: CameraProfile,
     predictions: dict[str, Predictions],
     notes: tuple[str, ...],
-    tones: tuple[ShotTone, ...],
+    departures: tuple[Departure, ...],
     *,
     tables: bool,
 ) -> Evaluation:
@@ -143,14 +144,9 @@ def _evaluation(
         linearization=tuple(
             row for name, found in predictions.items() for row in linearization_errors(name, found, profile.matrix)
         ),
+        edited=tuple(row for name, found in predictions.items() for row in edited_errors(name, found)),
         refinish=refinish_errors(predictions),
-        shares=tuple(
-            error_shares(name, method, found, profile.falloffs, profile.tones, tones)
-            for name, found in predictions.items()
-            for method in (RBF, LATTICE)
-            if method in found.methods and not found.data.monochrome
-        ),
-        tones=tones,
+        departures=departures,
         tables=tables,
         predictions=predictions,
     )

@@ -8,11 +8,11 @@
                   seconds_per_megapixel (null where they were not measured)
     raw           Fig. 4.5: JPEG → RAW before white balance: style, method, held_out, count, rmse, rmse_rgb
     linearization  equation (4.11): style, method, held_out, pairs, delta (r, g, b)
+    edited        ΔE00 after exposure and white balance are changed: style, method, held_out, count, and de00, the means
+                  by edit ("+2 EV", "warmer" …)
     refinish      Fig. 6.2: source, target (STYLE/WB), method, held_out, shots, and figures as in rows
-    shares        RMSE per channel of what the error of rendered colours consists of: style, method, total, rendering,
-                  falloff, scene, noise; squares add up
-    tones         what the camera did to single shots: shot, style, coefficients, exposure, shadows, highlights, local,
-                  maps, significance
+    departures    shots that depart from the fixed rendering: shot, values and errors (exposure, contrast, saturation),
+                  clear (which of them are beyond chance)
     notes         sentences
 
 Directions are "render" (RAW → JPEG) and "linearize" (JPEG → white-balanced RAW). Methods are "rbf" (the full model of
@@ -27,14 +27,14 @@ from typing import Any
 
 import numpy as np
 
-from lutforge.evaluation.error_shares import ErrorShares
+from lutforge.calibration.shots.departures import Departure
+from lutforge.evaluation.edited import EDITS, EditedError
 from lutforge.evaluation.errors_table import ErrorFigures, error_figures
 from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.linearization import LinearizationError
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import RefinishError
 from lutforge.model.directions import Direction
-from lutforge.model.shot_tone import ShotTone
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class RawError:
 class Evaluation:
     """The result of an evaluation.
 
-    rows: the error table; raw, linearization, refinish: the thesis's other tables; notes: what was left out, why;
-    predictions: by style, what the rows are made of; shares: what the error consists of; tones: departures of shots.
+    rows: the error table; raw, linearization, edited, refinish: the other tables; notes: what was left out, why;
+    predictions: by style, what the rows are made of; departures: of shots.
     """
 
     camera: str
@@ -82,10 +82,10 @@ class Evaluation:
     raw: tuple[RawError, ...] = ()
     linearization: tuple[LinearizationError, ...] = ()
     refinish: tuple[RefinishError, ...] = ()
+    edited: tuple[EditedError, ...] = ()
     tables: bool = False
     predictions: Mapping[str, Predictions] = field(default_factory=dict, repr=False)  # long arrays
-    shares: tuple[ErrorShares, ...] = ()
-    tones: tuple[ShotTone, ...] = ()
+    departures: tuple[Departure, ...] = ()
 
     def as_json(self) -> dict[str, object]:
         """The document that the head of this module describes."""
@@ -97,8 +97,8 @@ class Evaluation:
             "rows": [_plain(row) for row in self.rows],
             "raw": [_plain(row) for row in self.raw],
             "linearization": [_plain(row) for row in self.linearization],
-            "shares": [_plain(row) for row in self.shares],
-            "tones": [asdict(tone) for tone in self.tones],
+            "departures": [asdict(departure) for departure in self.departures],
+            "edited": [_plain(row) | {"de00": dict(zip(EDITS, row.de00, strict=True))} for row in self.edited],
             "refinish": [_plain(row) for row in self.refinish],
             "notes": list(self.notes),
         }

@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, REACHES, UNSHRUNK, reach_weights
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
-from lutforge.calibration.style_fit import StyleFit
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.methods import Fit, Fits, Fitter, fit_baselines, fits_of_profile
+from lutforge.evaluation.methods import Fit, Fitter, fit_baselines, fits_of_profile
 from lutforge.model.directions import Both, Direction
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.solvers.blas import one_blas_thread
@@ -31,7 +29,6 @@ class Predictions:
 
     fold: (n,) which of `fits` (by method) predicts a sample; held_out: (n,) whether that fit has not seen its shot.
     predicted: by method (n, 3), NaN where the method says nothing. notes: what could not be done, and why.
-    weights: of REACHES, how far the lattices of the refits reach from their samples.
     """
 
     data: StyleData
@@ -40,7 +37,6 @@ class Predictions:
     held_out: Mask
     notes: tuple[str, ...]
     predicted: Both[Mapping[str, Array]]
-    weights: Both[Array]
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -76,14 +72,13 @@ def predict(
     *,
     sizes: Sequence[int] = (),
     own_only: bool = False,
-    fitted: StyleFit | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Predictions:
     """Predict all samples of a style by all methods.
 
     sizes: of lattices, for all methods of the thesis's tables, whatever the profile holds; own_only: beside the
-    baselines, no model but the one that the options ask for; fitted: the fit by the options to the seen shots, where
-    that was made. Raises CalibrationError where a part of the shots holds too few samples for a fit.
+    baselines, no model but the one that the options ask for. Raises CalibrationError where a part of the shots holds
+    too few samples for a fit.
     """
     seen = np.isin(data.shot, seen_shots)
     fold, held_out = np.full(len(seen), -1), ~seen
@@ -93,23 +88,22 @@ def predict(
     as_is = ~seen if left_out else np.ones_like(seen)
     if seen.any() and not left_out:
         notes.append(f"{name}: one shot only; its error is on the samples that it was fitted to")
-    inside, weights = data if seen.all() else data.select(seen), Both(UNSHRUNK, UNSHRUNK)
-    fitter = Fitter(name, style, inside, options, notes, sizes=sizes, own=own_only, fitted=fitted)
+    inside = data if seen.all() else data.select(seen)
+    fitter = Fitter(name, style, options, notes, sizes=sizes, own=own_only)
     if as_is.any():
         others: dict[str, Fit] = {}
         if left_out and seen.sum() >= LEAST_SAMPLES:
-            others = fitter.fit(inside).by_method if sizes else fit_baselines(inside)
+            others = fitter.fit(inside) if sizes else fit_baselines(inside)
         for rows, model in _by_model(style.physical, data, as_is):
             fold[rows] = len(fits)
             fits.append({**others, **fits_of_profile(style, model)})
     if left_out:
         masks, trains = zip(*inside.folds, strict=True)
         refits = _without_each(trains, fitter, progress)
-        weights = _weights(inside, masks, refits)
         for mask, refit in zip(masks, refits, strict=True):
             places = np.flatnonzero(seen)[mask]
             fold[places], held_out[places] = len(fits), True
-            fits.append(refit.shrunk(weights).by_method)
+            fits.append(refit)
     methods = tuple(dict.fromkeys(method for fitted in fits for method in fitted))
     return Predictions(
         data,
@@ -121,7 +115,6 @@ def predict(
             {method: _by_fold(fits, fold, method, "render", data.balanced) for method in methods},
             {method: _by_fold(fits, fold, method, "linearize", data.encoded) for method in methods},
         ),
-        weights,
     )
 
 
@@ -141,43 +134,24 @@ def with_compared(
     if train.sum() < LEAST_SAMPLES:
         return predictions
     inside = data.select(train)
-    more = Fitter("", style, inside, options, [], sizes=(options.size,)).compared(inside)
+    more = Fitter("", style, options, [], sizes=(options.size,)).compared(inside)
     fits = tuple({**more, **fits} if place == index else fits for place, fits in enumerate(predictions.fits))
     return replace(predictions, fits=fits)
 
 
 @one_blas_thread
-def _without_each(trains: Sequence[StyleData], fitter: Fitter, progress: Callable[[float], None]) -> list[Fits]:
+def _without_each(
+    trains: Sequence[StyleData], fitter: Fitter, progress: Callable[[float], None]
+) -> list[dict[str, Fit]]:
     """Fits to the samples that each fold keeps."""
     if any(len(train.shot) < LEAST_SAMPLES for train in trains):
         raise CalibrationError("too few samples to leave a shot out: add shots")
     progress(0.0)
-    fitter.search()
     refits = []
-    for refit in each(fitter.fit, trains) if fitter.independent else map(fitter.fit, trains):
+    for refit in each(fitter.fit, trains):
         refits.append(refit)
         progress(len(refits) / len(trains))
     return refits
-
-
-def _weights(data: StyleData, masks: Sequence[Mask], refits: Sequence[Fits]) -> Both[Array]:
-    """Weigh the reaches by the errors of the refits on the samples that they have not seen."""
-    pairs = [refit.own for refit in refits if refit.own is not None]
-    if not pairs or len(pairs) < len(refits) or len(np.unique(data.shot)) > MOST_SHOTS:
-        return Both(UNSHRUNK, UNSHRUNK)
-
-    def weight(direction: Direction) -> Array:
-        x, y = data.both[direction]
-        errors = [
-            [
-                np.linalg.norm(np.clip(pair[direction].averaged(only)(x[mask]), 0.0, 1.0) - y[mask], axis=1).mean()
-                for pair, mask in zip(pairs, masks, strict=True)
-            ]
-            for only in np.eye(len(REACHES))
-        ]
-        return reach_weights(np.array(errors))
-
-    return Both(weight("render"), weight("linearize"))
 
 
 def _by_model(

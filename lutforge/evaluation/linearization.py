@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
 from lutforge.calibration.physical.response_from_exposures import (
-    ExposureResponseFit,
     fit_response_to_all_colours,
     fit_response_to_exposures,
 )
+from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.held_out import Predictions
 from lutforge.model.profile_data import PhysicalModel
@@ -56,21 +56,19 @@ def linearization_errors(style: str, predictions: Predictions, matrix: Array) ->
             held_out = bool(np.all(predictions.held_out[used]))
             error = delta(first[said], second[said], ratio[said])
             result.append(LinearizationError(style, method, held_out, int(said.sum()), error))
-    for name, error in response_deltas(pairs).items():
-        result.append(LinearizationError(style, f"f of exposures, {name}", False, len(pairs), error))
+    light = (predictions.data.balanced @ matrix.T)[pairs.first_row]
+    for name, error in response_deltas(pairs, light).items():
+        result.append(LinearizationError(style, f"f of exposures, {name}", False, int(_plain(pairs).sum()), error))
     return tuple(result)
 
 
-def response_deltas(pairs: ExposurePairs) -> dict[str, tuple[float, float, float]]:
+def response_deltas(pairs: ExposurePairs, light: Array | None = None) -> dict[str, tuple[float, float, float]]:
     """δ (r, g, b) of f⁻¹ alone, by what f was fitted to: "outliers removed", and "all colours" (thesis, Fig. 4.2).
 
-    Empty where the pairs do not determine a response.
+    It is of unsaturated colours, which the gamut map leaves alone: of others f⁻¹ alone is not the light. light: linear
+    light (n, 3) of the first of each pair, to whose scale f⁻¹ is brought, because exposures do not tell it; without it,
+    that of the first f. Empty where the pairs do not determine a response.
     """
-
-    def of(fit: ExposureResponseFit) -> tuple[float, float, float]:
-        ratio = np.exp(pairs.corrected(fit.shot_error).log_ratio)
-        return delta(fit.response.linearize(pairs.first), fit.response.linearize(pairs.second), ratio)
-
     try:
         fits = {
             "outliers removed": fit_response_to_exposures(pairs),
@@ -78,7 +76,19 @@ def response_deltas(pairs: ExposurePairs) -> dict[str, tuple[float, float, float
         }
     except CalibrationError:
         return {}
-    return {name: of(fit) for name, fit in fits.items()}
+    plain, found = pairs.select(_plain(pairs)), dict[str, tuple[float, float, float]]()
+    scale = None if light is None else light[_plain(pairs)].sum(axis=0)
+    for name, fit in fits.items():
+        first, second = fit.response.linearize(plain.first), fit.response.linearize(plain.second)
+        scale = first.sum(axis=0) if scale is None else scale
+        factor = scale / first.sum(axis=0)
+        found[name] = delta(factor * first, factor * second, np.exp(plain.corrected(fit.shot_error).log_ratio))
+    return found
+
+
+def _plain(pairs: ExposurePairs) -> Mask:
+    """(n,): pairs of unsaturated colours."""
+    return np.asarray(np.maximum(saturation(pairs.first), saturation(pairs.second)) < BETA)
 
 
 def model_delta(pairs: ExposurePairs, model: PhysicalModel) -> tuple[tuple[float, ...], tuple[float, ...]]:

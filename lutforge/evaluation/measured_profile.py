@@ -1,31 +1,24 @@
-"""Measure a calibration on shots that were left out, and shrink its lattices as far as these shots ask for."""
+"""Measure a calibration on shots that were left out."""
 
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from lutforge.arrays import Array
 from lutforge.calibration.calibrate import CalibratedStyle, Calibration
-from lutforge.calibration.lattice.shrinkage import ALIKE, UNSHRUNK, shrinkable
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.style_fit import render_with_plain
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import error_figures
 from lutforge.evaluation.expected_error import expected_errors, held_out_errors
 from lutforge.evaluation.held_out import Predictions, predict
-from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, shrinks
+from lutforge.evaluation.methods import BASELINES, LATTICE, RBF
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.directions import Both
 from lutforge.model.profile_data import PictureStyle
 from lutforge.progress import Progress, part
 
 
-def measured_and_shrunk(calibration: Calibration, options: CalibrationOptions, progress: Progress) -> CameraProfile:
-    """Return the calibrated profile with the errors of its styles on shots left out, and notes on what makes them weak.
-
-    Where the left-out shots ask for it, its lattices are shrunk towards matrix and response away from their samples.
-    """
+def measured(calibration: Calibration, options: CalibrationOptions, progress: Progress) -> CameraProfile:
+    """Return the calibrated profile with its errors on shots left out, and notes on what makes them weak."""
     profile = calibration.profile
     styles, notes = dict(profile.styles), list(profile.notes)
     for index, (name, style) in enumerate(calibration.styles.items()):
@@ -39,7 +32,7 @@ def measured_and_shrunk(calibration: Calibration, options: CalibrationOptions, p
 def _measured(
     name: str, model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions, progress: Progress
 ) -> tuple[PictureStyle, list[str]]:
-    """One style with its errors and shrunk lattices, and what makes its calibration weak."""
+    """One style with its errors, and what makes its calibration weak."""
     data, weak = style.data, []
     shots = tuple(str(shot) for shot in np.unique(data.shot))
     refitted = partial(progress, "held-out error")
@@ -48,41 +41,27 @@ def _measured(
         weak.append(f"only {len(data.shot)} samples: colours between them are guessed from the matrix and response")
     if len(shots) < 2:
         weak.append("one shot only: no shot is left to measure the error on; add another of other colours")
-        weights = ALIKE if shrinks(data, options) else UNSHRUNK
-        return _shrunk(model, style, options, Both(weights, weights)), weak
+        return model, weak
     try:
-        found = predict(model, name, data, shots, options, own_only=True, fitted=style.fit, progress=refitted)
+        found = predict(model, name, data, shots, options, own_only=True, progress=refitted)
     except CalibrationError:
         weak.append("too few samples to leave a shot out: the error is not known")
         return model, weak
-    own = RBF if style.maps is not None else LATTICE
+    own = RBF if options.model == "rbf" else LATTICE
     errors = _errors(found, own)
     if not errors:
         weak.append(f"without one of its shots the rest does not suffice, so the error is not known{_why(found)}")
     weak.extend(_worse_than_baselines(found, errors))
-    model = replace(_shrunk(model, style, options, found.weights), errors=errors)
-    told = held_out_errors(found, own, style.fit.base)
+    model = replace(model, errors=errors)
+    told = held_out_errors(found, own, data.base)
     for direction, values in told.items():
         for name, value in zip(("at_sample", "per_distance", "per_doubt"), values.coefficients(), strict=True):
             errors[f"{direction}_{name}"] = float(value)
-    return replace(model, expected=expected_errors(model, told, style.fit.base, data.balanced, data.encoded)), weak
+    return replace(model, expected=expected_errors(model, told, data.base, data.balanced, data.encoded)), weak
 
 
 def _why(found: Predictions) -> str:
     return f" ({'; '.join(found.notes)})" if found.notes else ""
-
-
-def _shrunk(
-    model: PictureStyle, style: CalibratedStyle, options: CalibrationOptions, weights: Both[Array]
-) -> PictureStyle:
-    """A style with its lattices shrunk; weights: of the reaches."""
-    if weights.render is UNSHRUNK:
-        return model
-    fit, samples = style.fit, (style.data.balanced, style.data.encoded)
-    render = shrinkable(fit.render.lattice, fit.base, *samples, inverse=False).averaged(weights.render)
-    linearize = shrinkable(fit.linearize.lattice, fit.base, *samples, inverse=True).averaged(weights.linearize)
-    fit = replace(fit, render=replace(fit.render, lattice=render))
-    return replace(model, render=render_with_plain(style.data, fit, options), linearize=linearize)
 
 
 def _errors(found: Predictions, own: str) -> dict[str, float]:

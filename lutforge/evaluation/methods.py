@@ -4,18 +4,16 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.shrinkage import MOST_SHOTS, Shrinkable, shrinkable
-from lutforge.calibration.options import MEASURING_TOLERANCE, CalibrationOptions
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
 from lutforge.calibration.style_data import StyleData
-from lutforge.calibration.style_fit import StyleFit, fit_linearize, fit_render, refit_physical
+from lutforge.calibration.style_fit import fit_lattices, fit_physical
 from lutforge.calibration.thesis.lattice import fit_uniform
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.baselines import channel_polynomials, colour_polynomial, mixed_channel_polynomials
 from lutforge.model.directions import Both
+from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 
 Predictor = Callable[[Array], Array]
@@ -23,6 +21,8 @@ Predictor = Callable[[Array], Array]
 LATTICE, RBF, NO_GAMUT_MAP = "lattice", "rbf", "f and T, no h"
 MATRIX_AND_RESPONSE = "matrix and response"
 CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL = "polynomial per channel", "polynomial of all channels"
+REFIT_CENTRES = 2_500
+"""The most centres of a model that is fitted again without a shot."""
 BASELINES = (MATRIX_AND_RESPONSE, CHANNEL_POLYNOMIALS, COLOUR_POLYNOMIAL)
 
 
@@ -39,21 +39,6 @@ class Fit(Both[Predictor]):
     """
 
     seconds: Both[float | None] = field(default_factory=lambda: Both(None, None))
-
-
-@dataclass(frozen=True, eq=False)
-class Fits:
-    """All methods, fitted to the same shots. own: the lattices of LATTICE, if they may shrink."""
-
-    by_method: dict[str, Fit]
-    own: Both[Shrinkable] | None = None
-
-    def shrunk(self, weights: Both[Array]) -> "Fits":
-        """Return the fits with shrunk lattices; weights: of REACHES."""
-        if self.own is None:
-            return self
-        render, linearize = (one.averaged(each) for one, each in zip(self.own, weights, strict=True))
-        return Fits({**self.by_method, LATTICE: replace(self.by_method[LATTICE], render=render, linearize=linearize)})
 
 
 def fits_of_profile(style: PictureStyle, model: PhysicalModel | None) -> dict[str, Fit]:
@@ -86,120 +71,82 @@ def _physical_fits(model: PhysicalModel, seconds: float | None = None) -> dict[s
 class Fitter:
     """Fits all methods to parts of a style's shots.
 
-    What is searched in a fit serves all parts: λ_S and the node levels of a fit to all the shots, and the smoothness of
-    the gamut map that the first part chose. Searched anew for each part, levels and λ_S give mean errors on left-out
-    shots that differ by 0 % in the median (S40, D40 and ten cameras' charts; -5 % to +5 %), in twice the time. notes:
-    is told what could not be done.
+    The model is fitted again to each part. What a lattice of the profile differs from the profile's own model is the
+    error of its nodes, which is added to the model of each part: nothing that a shot left out has told takes part.
     """
 
     def __init__(
         self,
         name: str,
         style: PictureStyle,
-        data: StyleData,
         options: CalibrationOptions,
         notes: list[str],
         *,
         sizes: Sequence[int] = (),
         own: bool = False,
-        fitted: StyleFit | None = None,
     ) -> None:
         """Plan the methods of a style.
 
-        data: of all its shots; sizes: of the lattices of the thesis's tables, with its other methods; own: no model but
-        the one asked for; fitted: the fit by these options to all the shots, where that was made.
+        sizes: of the lattices of the thesis's tables, with its other methods; own: no model but the one asked for;
+        notes: is told what could not be done.
         """
-        self.name, self.data, self.options, self.notes = name, data, options, notes
-        self._fitted = {} if fitted is None else {LATTICE: _TimedFit(fitted)}
-        self.sizes = tuple(sizes)
-        has_lattice = style.render is not None and not (own and options.model == "rbf")
-        self.lattices = {LATTICE: options} if has_lattice or sizes else {}
-        for size in sizes:
-            for nonuniform in (False, True):
-                method = lattice_name(size, nonuniform=nonuniform)
-                self.lattices[method] = replace(options, size=size, nonuniform=nonuniform)
-        self.own_physical = bool(style.physical)
-        self.physical = self.own_physical or bool(sizes)
-        nugget = options.physical.nugget
-        self.nuggets: tuple[float | None, float | None] = (nugget, nugget)
+        self.name, self.style, self.options, self.notes, self.sizes = name, style, options, notes, tuple(sizes)
+        self.lattice = style.render is not None and not (own and options.model == "rbf")
+        self.physical = bool(sizes) or (bool(style.physical) and not (own and options.model == "lattice"))
 
-    def fit(self, train: StyleData) -> Fits:
-        """Return all methods, fitted to these samples."""
-        self.search()
-        fits, own = {}, None
-        for method, options in self.lattices.items():
-            fits[method], pair = _lattices(train, options, self._fitted[method], len(np.unique(self.data.shot)))
-            own = pair if method == LATTICE else own
-        fits |= {f"lattice by (5.3) {size}": _plain_regression(train, self.options, size) for size in self.sizes}
-        return Fits({**fits, **self._physical(train), **fit_baselines(train)}, own)
+    def fit(self, train: StyleData) -> dict[str, Fit]:
+        """All methods by name, fitted to these samples."""
+        fits = {LATTICE: self._profile_lattices(train)} if self.lattice else {}
+        for size in self.sizes:
+            for nonuniform in (False, True):
+                options = replace(self.options, size=size, nonuniform=nonuniform)
+                fits[lattice_name(size, nonuniform=nonuniform)] = _timed_lattices(train, options)
+            fits[f"lattice by (5.3) {size}"] = _plain_regression(train, self.options, size)
+        return {**fits, **self._physical(train), **fit_baselines(train)}
 
     def compared(self, train: StyleData) -> dict[str, Fit]:
         """Return what the thesis's error maps show beside its own model: a uniform lattice, and the model by RBFs."""
-        even = _timed_fit(train, replace(self.options, nonuniform=False)).fit
-        lattice = Fit(even.render.lattice, even.linearize.lattice)
+        even = fit_lattices(train, replace(self.options, nonuniform=False))
+        lattice = Fit(even.render, even.linearize)
         return {lattice_name(self.options.size, nonuniform=False): lattice, **self._physical(train)}
 
-    def search(self) -> None:
-        """Fit each lattice to all the shots, once, for what is searched in it."""
-        for method, options in self.lattices.items():
-            if method not in self._fitted:
-                self._fitted[method] = _timed_fit(self.data, options)
-
-    @property
-    def independent(self) -> bool:
-        """Whether parts can be fitted beside each other: none takes from another what that chose."""
-        return not self.physical
+    def _profile_lattices(self, train: StyleData) -> Fit:
+        render, linearize = self.style.render, self.style.linearize
+        whole = self.style.physical[0] if self.style.physical else None
+        if whole is None or self.options.preset == "thesis" or train.monochrome or render is None or linearize is None:
+            return _timed_lattices(train, self.options)
+        model = train.fit_model(min(REFIT_CENTRES, train.most_centres))
+        return Fit(
+            _with_error_of_nodes(model.render, render, whole.render),
+            _with_error_of_nodes(model.linearize, linearize, whole.linearize),
+        )
 
     def _physical(self, train: StyleData) -> dict[str, Fit]:
         if not self.physical:
             return {}
         start = time.perf_counter()
-        balances = tuple(str(name) for name in np.unique(train.samples.white_balance))
         try:
-            maps = refit_physical(train, self.options, balances, self.nuggets)
+            model = fit_physical(train, self.options)
         except CalibrationError as error:
-            if not self.own_physical and self.options.preset == "thesis":
+            if not self.style.physical and self.options.preset == "thesis":
                 self.notes.append(f"{self.name}: the physical model takes f from RAW/JPEG pairs ({error})")
-                self.options = replace(self.options, preset="lutforge")
-                return self._physical(train)
+                return _physical_fits(train.model)
             self.notes.append(f"{self.name}: the physical model cannot be refitted without one of its shots ({error})")
             return {}
-        self.nuggets = (maps.nugget, maps.inverse_nugget)
-        return _physical_fits(maps.model, time.perf_counter() - start)
+        return _physical_fits(model, time.perf_counter() - start)
 
 
-@dataclass(frozen=True, eq=False)
-class _TimedFit:
-    """Both lattices of a style, fitted to all its shots. seconds: what each took; None where not known."""
-
-    fit: StyleFit
-    seconds: Both[float | None] = field(default_factory=lambda: Both(None, None))
+def _with_error_of_nodes(model: Predictor, lattice: Lattice, whole: Predictor) -> Predictor:
+    """A model, and the difference that the nodes of a lattice make to the model that it was baked from."""
+    return lambda x: model(x) + (lattice(x) - whole(x))
 
 
-def _timed_fit(data: StyleData, options: CalibrationOptions) -> _TimedFit:
-    """Fit both lattices, with what they search and the time that takes."""
+def _timed_lattices(train: StyleData, options: CalibrationOptions) -> Fit:
+    """Lattices fitted to samples, and half of the seconds that both took for each."""
     start = time.perf_counter()
-    render = fit_render(data, options)
-    middle = time.perf_counter()
-    linearize = fit_linearize(data, options, render)
-    return _TimedFit(StyleFit(render, linearize, data.base), Both(middle - start, time.perf_counter() - middle))
-
-
-def _lattices(
-    train: StyleData, options: CalibrationOptions, like: _TimedFit, shots: int
-) -> tuple[Fit, Both[Shrinkable] | None]:
-    """Lattices of both directions, and what they can be shrunk to, where options and the number of all shots shrink."""
-    forth = fit_render(train, options, like=like.fit.render, tolerance=MEASURING_TOLERANCE)
-    back = fit_linearize(train, options, forth, like=like.fit.linearize, tolerance=MEASURING_TOLERANCE)
-    render, linearize = forth.lattice, back.lattice
-    fit = Fit(render, linearize, like.seconds)
-    if not shrinks(train, options) or shots > MOST_SHOTS:
-        return fit, None
-    samples = (train.balanced, train.encoded)
-    return fit, Both(
-        shrinkable(render, train.base, *samples, inverse=False),
-        shrinkable(linearize, train.base, *samples, inverse=True),
-    )
+    fitted = fit_lattices(train, options)
+    seconds = (time.perf_counter() - start) / 2.0
+    return Fit(fitted.render, fitted.linearize, Both(seconds, seconds))
 
 
 def _plain_regression(train: StyleData, options: CalibrationOptions, size: int) -> Fit:
@@ -207,12 +154,7 @@ def _plain_regression(train: StyleData, options: CalibrationOptions, size: int) 
     options = replace(options, size=size)
     x, y = train.balanced, train.encoded
     start = time.perf_counter()
-    render = fit_uniform(x, y, options).lattice
+    render = fit_uniform(x, y, options)
     middle = time.perf_counter()
-    linearize = fit_uniform(y, x, options).lattice
+    linearize = fit_uniform(y, x, options)
     return Fit(render, linearize, Both(middle - start, time.perf_counter() - middle))
-
-
-def shrinks(data: StyleData, options: CalibrationOptions) -> bool:
-    """Whether the lattices of a style are shrunk: not those that follow the thesis, or stand beside its model."""
-    return options.preset == "lutforge" and options.model == "lattice" and not data.monochrome

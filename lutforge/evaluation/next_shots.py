@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array, Mask
 from lutforge.colour.colour_difference import srgb_to_lab
+from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode
 
 TONES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))
 """Names by upper bound of L*."""
@@ -84,9 +85,7 @@ def _real_colours() -> tuple[Array, Array]:
     axis = (np.arange(16) + 0.5) / 16
     cells = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     lab = srgb_to_lab(cells)
-    space = colour.RGB_COLOURSPACES["sRGB"]
-    xyz = colour.models.eotf_sRGB(cells) @ space.matrix_RGB_to_XYZ.T
-    inside = np.asarray(colour.is_within_pointer_gamut(xyz), dtype=np.bool_)
+    inside = np.asarray(colour.is_within_pointer_gamut(srgb_decode(cells) @ SRGB_TO_XYZ.T), dtype=np.bool_)
     inside |= _is_grey(lab)
     return cells[inside], lab[inside]
 

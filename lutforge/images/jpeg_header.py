@@ -3,12 +3,7 @@
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache
-from hashlib import blake2b
-from io import BytesIO
 from mmap import mmap
-
-from PIL import Image as Pillow
 
 from lutforge.images.exif import PREFIX, exif_places
 
@@ -84,19 +79,6 @@ class JpegHeader:
         return next((body[len(PREFIX) :] for body in found), None)
 
     @property
-    def encoder(self) -> str:
-        """What tells the encoder: "libjpeg" for its own tables, else a digest of tables, sampling and size.
-
-        Most cameras have tables of their own (Kee, Johnson & Farid 2011, "Digital image authentication from JPEG
-        headers", https://doi.org/10.1109/TIFS.2011.2128309); libjpeg's, which most programs write, are those of
-        ITU-T T.81, Annex K, scaled.
-        """
-        if _libjpeg_tables().issuperset(self.tables):
-            return "libjpeg"
-        told = self.tables, self.sampling, sorted((self.width, self.height))
-        return blake2b(repr(told).encode(), digest_size=8).hexdigest()
-
-    @property
     def says_adobe_rgb(self) -> bool:
         """True where EXIF says that the picture is in Adobe RGB, as DCF 2.0 has it."""
         block = self.exif or b""
@@ -151,20 +133,6 @@ def read_header(data: bytes | mmap) -> JpegHeader | None:
             return _header(frame, kind, tables, tuple(segments))
         at += 4 + len(body)
     return None
-
-
-@cache
-def _libjpeg_tables() -> frozenset[tuple[int, ...]]:
-    """The tables of libjpeg's qualities 1 to 100 (jpeg_set_quality), luma's and chroma's."""
-    file = BytesIO()
-    Pillow.new("RGB", (8, 8)).save(file, "JPEG", quality=50)  # which scales nothing
-    header = read_header(file.getvalue())
-    scales = [5000 // quality if quality < 50 else 200 - 2 * quality for quality in range(1, 101)]
-    return frozenset(
-        tuple(min(max((step * scale + 50) // 100, 1), 255) for step in table)
-        for table in (() if header is None else header.tables)
-        for scale in scales
-    )
 
 
 def metadata_end(data: bytes) -> int:

@@ -57,6 +57,8 @@ def describe_output(
             result.erase_attribute(name)
         elif isinstance(value, bytes):
             result.attribute(name, oiio.TypeDesc(f"uint8[{len(value)}]"), value)
+        elif isinstance(value, tuple):
+            result.attribute(name, oiio.TypeDesc(f"float[{len(value)}]"), value)
         else:
             result[name] = value
     for name in ("DateTime", "Exif:DateTimeOriginal", "Exif:DateTimeDigitized"):

@@ -32,6 +32,7 @@ class RawImage:
     says which).
     exposure_s, iso, focal_mm, aperture (f-number): NaN where unknown. lens: its name, "" where unknown.
     taken: EXIF's form of the date and time of the exposure, "2020:02:18 08:56:13"; "" where unknown.
+    d65: (3,) multipliers with green = 1 that make light D65 neutral, where LibRaw knows the camera's colours.
     clip_level: (3,) level above which this file's pixels were taken for saturated, before they were set to 1.
     """
 
@@ -48,6 +49,7 @@ class RawImage:
     aperture: float = math.nan
     lens: str = ""
     taken: str = ""
+    d65: Array | None = None
 
 
 def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
@@ -100,6 +102,7 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
             aperture=_positive_or_nan(other.aperture),
             lens=" ".join(str(raw.lens.model).split()),
             taken=_exif_date(other.timestamp),
+            d65=_multipliers(list(raw.daylight_whitebalance)) if np.any(raw.rgb_xyz_matrix) else None,
         )
 
 

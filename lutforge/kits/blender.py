@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from lutforge.kits.kit import Kit, Look, Source
-from lutforge.kits.scripts import write_script
+from lutforge.kits.kit import Kit, Look, Source, write_script
 from lutforge.ocio.config import write_config
 
 

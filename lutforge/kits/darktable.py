@@ -1,8 +1,8 @@
-"""darktable: a cube for the module "lut 3D", a style and a sidecar that place it.
+"""darktable: an ICC profile for the module *input color profile*, and a style and a sidecar that choose it.
 
-The module's parameters are those of version 1 in darktable's `src/iop/lut3d.c`: a path of 512 bytes, colour space and
-interpolation. Later versions of darktable convert them to their own; an earlier version would drop what it does not
-know, and show the photograph without the LUT.
+The module's parameters are those of version 7 in darktable's `src/iop/colorin.c` (darktable 3.4 to 4.2), which later
+versions convert: kind of profile, its file name in 512 bytes, intent, clipping gamut, blue mapping, and the same of the
+working profile. An earlier version would drop what it does not know, and show its own colours.
 """
 
 import base64
@@ -12,67 +12,81 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
-from lutforge.developers.darktable import NEUTRAL, TONE_MODULES
-from lutforge.kits.kit import Kit, Look, Source
-from lutforge.kits.scripts import write_develop_script
-from lutforge.luts.bake import bake
+from lutforge.kits.icc import VARIANTS, fit_icc_profile, write_icc
+from lutforge.kits.kit import Kit, Look, Script, Source
 
-_MODULE_VERSION = 1
+NEUTRAL = {
+    "plugins/darkroom/workflow": "none",
+    "plugins/darkroom/chromatic-adaptation": "legacy",
+    "plugins/imageio/format/tiff/bpp": "16",
+}
+"""Settings of a neutral development: no tone curve or exposure, white balance as shot on the camera's own RGB."""
+
+TONE_MODULES = ("agx", "basecurve", "channelmixerrgb", "exposure", "filmicrgb", "sigmoid")
+"""Modules that darktable's workflows switch on by themselves: they change the look."""
+
+_MODULE_VERSION = 7
 
 
 @dataclass(frozen=True)
 class DarktableKit(Kit):
-    """A cube in Adobe RGB, the widest encoded space that the module knows, and a style and a sidecar that place it."""
+    """Profiles of the look, and of the colours alone, each with a style and a sidecar."""
 
     program: str = "darktable"
     title: str = "darktable"
-    source: Source = "developed"
+    source: Source = "raw"
     tried: str = "darktable 4.2.1 (the sidecar and the style, by darktable-cli; its window was not opened)"
 
     def write(self, look: Look, folder: Path) -> list[str]:
-        """Write the cube, the style, the sidecar and develop.sh."""
-        cube = f"{look.file_name}.cube"
-        bake(look.within("adobe-rgb"), folder / cube, size=65, interpolation="tetrahedral", title=look.title)
-        (folder / f"{look.file_name}.dtstyle").write_text(_style(look, cube), encoding="utf-8")
-        (folder / "lutforge.xmp").write_text(_sidecar(cube), encoding="utf-8")
-        settings = {**NEUTRAL, "plugins/darkroom/lut3d/def_path": "$here"}
-        words = " ".join(f'--conf "{key}={value}"' for key, value in settings.items())
-        tones = "\\|".join(TONE_MODULES)
-        write_develop_script(
-            folder / "develop.sh",
-            "darktable-cli",
-            look.developer,
-            'darktable-cli "$raw" "$here/lutforge.xmp" "$picture" --icc-type SRGB --core --configdir "$work/config" '
-            f'--library :memory: {words} >"$work/log" 2>&1 || true\n'
-            '[ -s "$picture" ] || refuse "darktable made no picture of it" "$work/log"\n'
-            # darktable goes on after a module whose parameters it does not know, or a LUT that it cannot read.
-            'grep lut3d "$work/log" | grep -v "out of range" >"$work/lut" && refuse "darktable did not use the LUT" '
-            '"$work/lut"\n'
-            f"""grep -a -A1 'darktable:operation="\\({tones}\\)"' "$picture" | grep -B1 'enabled="1"' |\n"""
-            """  grep -o 'operation="[a-z]*"' >"$work/tone" &&\n"""
-            '  refuse "darktable changed the tone in front of the LUT, though it was asked not to" "$work/tone"\n',
-        )
+        """Write the profiles, the styles and the sidecars."""
+        for variant in VARIANTS:
+            name = f"{look.file_name}{variant}"
+            write_icc(fit_icc_profile(look, variant), folder / f"{name}.icc")
+            (folder / f"{name}.dtstyle").write_text(_style(f"{look.title}{variant}", name), encoding="utf-8")
+            (folder / f"{name}.xmp").write_text(_sidecar(name), encoding="utf-8")
         return [
-            f'Copy "{cube}" into the folder that darktable names in preferences → processing → "3D lut root folder".',
-            f'Import {look.file_name}.dtstyle in the lighttable: styles → import. Its name is "{look.title}".',
-            "Apply the style to RAW photographs of this camera whose white balance is as shot.",
-            "Switch off filmic rgb, sigmoid, base curve and exposure: they change the tone in front of the LUT. They "
-            "stay off with preferences → processing → auto-apply pixel workflow defaults: none.",
+            "Copy the .icc files into the folder color/in of darktable's settings (~/.config/darktable/color/in on "
+            "Linux; make it where it is missing), and start darktable again.",
+            "Preferences → processing → auto-apply chromatic adaptation defaults: legacy, so that the module white "
+            "balance balances as shot; and auto-apply pixel workflow defaults: none, which leaves filmic rgb, sigmoid, "
+            "base curve and exposure off. On photographs that have them, switch them off.",
+            "Lighttable → styles → import: the .dtstyle files. Apply one to RAW photographs of this camera.",
+            f'"{look.title}" is the camera\'s JPEG. "{look.title} colours" leaves its tone curve out, for your own '
+            "tone mapper behind it: sigmoid, filmic rgb or AgX.",
         ]
 
+    def script(self) -> Script:
+        """Return darktable-cli, in a configuration of its own."""
+        words = " ".join(f'--conf "{key}={value}"' for key, value in NEUTRAL.items())
+        tones = "\\|".join(TONE_MODULES)
+        return Script(
+            "darktable-cli",
+            ".xmp",
+            (
+                'mkdir -p "$work/config/color/in"\ncp "$here"/*.icc "$work/config/color/in"\n'
+                'darktable-cli "$raw" "$here/$look.xmp" "$picture" --icc-type SRGB --core --configdir "$work/config" '
+                f'--library :memory: {words} >"$work/log" 2>&1 || true\n'
+                '[ -s "$picture" ] || refuse "darktable made no picture of it" "$work/log"\n'
+                # darktable goes on after a module whose parameters it does not know, or a profile that it cannot read.
+                'grep colorin "$work/log" >"$work/use" && refuse "darktable did not use the profile" "$work/use"\n'
+                f"""grep -a -A1 'darktable:operation="\\({tones}\\)"' "$picture" | grep -B1 'enabled="1"' |\n"""
+                """  grep -o 'operation="[a-z]*"' >"$work/tone" &&\n"""
+                '  refuse "darktable changed the tone, though it was asked not to" "$work/tone"\n'
+            ),
+        )
 
-def _parameters(cube: str) -> bytes:
-    adobe_rgb, tetrahedral = 1, 0
-    return struct.pack("<512sii", cube.encode(), adobe_rgb, tetrahedral)
 
-
-def _packed(data: bytes) -> str:
-    """Bytes as darktable stores them: "gz", the compression factor in two digits, and Base64 of a zlib stream."""
+def _parameters(name: str) -> str:
+    """As darktable stores bytes: "gz", the compression factor in two digits, and Base64 of a zlib stream."""
+    file, perceptual, no_clipping, no_mapping, linear_rec2020 = 0, 0, 0, 0, 4
+    data = struct.pack(
+        "<i512s4i512x", file, f"{name}.icc".encode(), perceptual, no_clipping, no_mapping, linear_rec2020
+    )
     packed = zlib.compress(data, 9)
     return f"gz{min(len(data) // len(packed) + 1, 99):02d}" + base64.b64encode(packed).decode("ascii")
 
 
-def _sidecar(cube: str) -> str:
+def _sidecar(name: str) -> str:
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <x:xmpmeta xmlns:x="adobe:ns:meta/">
  <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
@@ -80,8 +94,8 @@ def _sidecar(cube: str) -> str:
     darktable:xmp_version="4" darktable:raw_params="0" darktable:history_end="1">
    <darktable:history>
     <rdf:Seq>
-     <rdf:li darktable:num="0" darktable:operation="lut3d" darktable:enabled="1"
-       darktable:modversion="{_MODULE_VERSION}" darktable:params={quoteattr(_packed(_parameters(cube)))}
+     <rdf:li darktable:num="0" darktable:operation="colorin" darktable:enabled="1"
+       darktable:modversion="{_MODULE_VERSION}" darktable:params={quoteattr(_parameters(name))}
        darktable:multi_name="" darktable:multi_priority="0"/>
     </rdf:Seq>
    </darktable:history>
@@ -91,14 +105,14 @@ def _sidecar(cube: str) -> str:
 """
 
 
-def _style(look: Look, cube: str) -> str:
+def _style(title: str, name: str) -> str:
     plugin = (
-        f"<plugin><num>0</num><module>{_MODULE_VERSION}</module><operation>lut3d</operation>"
-        f"<op_params>{_packed(_parameters(cube))}</op_params><enabled>1</enabled><blendop_params></blendop_params>"
+        f"<plugin><num>0</num><module>{_MODULE_VERSION}</module><operation>colorin</operation>"
+        f"<op_params>{_parameters(name)}</op_params><enabled>1</enabled><blendop_params></blendop_params>"
         "<blendop_version>0</blendop_version><multi_priority>0</multi_priority><multi_name></multi_name></plugin>"
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<darktable_style version="1.0">'
-        f"<info><name>{escape(look.title)}</name><description>the camera's own look, by LutForge</description></info>"
+        f"<info><name>{escape(title)}</name><description>the camera's own look, by LutForge</description></info>"
         f"<style>{plugin}</style></darktable_style>\n"
     )

@@ -1,4 +1,4 @@
-"""DNG camera profiles (.dcp): matrices, a tone curve and a look table in hue, saturation and value.
+"""DNG camera profiles (.dcp), ours and anyone's: matrices, a tone curve, a look table in hue, saturation and value.
 
 The Digital Negative specification 1.7.1, chapter 6 ("Mapping Camera Color Space to CIE XYZ Space") and the tags of
 chapter 4, https://helpx.adobe.com/camera-raw/digital-negative.html. A profile is a TIFF file of one directory whose
@@ -6,6 +6,7 @@ magic number is 0x4352. A developer balances the RAW, multiplies it by the forwa
 up in HSV of linear ProPhoto RGB, and applies the tone curve so that hues are kept.
 """
 
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,21 +15,18 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
-from lutforge.colour.rgb_spaces import matrix_between, rgb_space
+from lutforge.boundary import reading, require_file
+from lutforge.colour.rgb_spaces import matrix_between, rgb_space, to_xyz, to_xyz_d50
+from lutforge.errors import LutError, one_line
 from lutforge.images.tiff import TiffWriter, float_field, long_field, rational_field, short_field, text_field
 from lutforge.kits.kit import Look
 
-XYZ_D50_FROM_PROPHOTO = np.array(
-    [[0.7976749, 0.1351917, 0.0313534], [0.2880402, 0.7118741, 0.0000857], [0.0, 0.0, 0.8252100]]
-)
-"""(3, 3): linear ProPhoto RGB → CIE XYZ of D50 (ISO 22028-2, ROMM RGB)."""
-
-BRADFORD_D50_FROM_D65 = np.array(
-    [[1.0478112, 0.0228866, -0.0501270], [0.0295424, 0.9904844, -0.0170491], [-0.0092345, 0.0150436, 0.7521316]]
-)
-"""(3, 3): XYZ under D65 → under D50 (Bradford, as in ICC.1:2022, annex E)."""
-
 _SRGB = rgb_space("srgb")
+
+_TYPES = {1: "u1", 2: "u1", 3: "u2", 4: "u4", 5: "u4", 9: "i4", 10: "i4", 11: "f4", 12: "f8"}
+"""TIFF 6.0's types of numbers; rationals are two of them."""
+
+_LIGHTS = {17: "illuminant A", 20: "D55", 21: "D65", 22: "D75", 23: "D50", 255: "another light"}
 
 DIVISIONS = (90, 30, 30)
 """Hue, saturation and value divisions of the look table: 4° of hue, as in the finest of Adobe's own profiles."""
@@ -54,7 +52,7 @@ class DngProfile:
 
     def __call__(self, balanced: Array) -> Array:
         """What a developer makes of white-balanced camera RGB (…, 3): encoded sRGB, clipped to [0, 1]."""
-        rgb = np.clip(balanced @ (np.linalg.inv(XYZ_D50_FROM_PROPHOTO) @ self.forward_matrix).T, 0.0, 1.0)
+        rgb = np.clip(balanced @ (np.linalg.inv(to_xyz_d50("linear-prophoto")) @ self.forward_matrix).T, 0.0, 1.0)
         looked = np.clip(self._looked_up(hsv_of_prophoto(rgb)), 0.0, 1.0)
         toned = _between_ends(looked, lambda x: np.interp(x, *self.tone_curve.T))
         light = toned @ matrix_between("linear-prophoto", "linear-srgb").T
@@ -80,9 +78,9 @@ def fit_dng_profile(look: Look) -> DngProfile:
     At every node of the look table that lies in the camera's range, table and tone curve together give the rendering.
     """
     to_prophoto = matrix_between("linear-srgb", "linear-prophoto") @ look.to_srgb
-    forward = XYZ_D50_FROM_PROPHOTO @ to_prophoto
+    forward = to_xyz_d50("linear-srgb") @ look.to_srgb
     # Under D65 a perfect white has camera RGB 1 / multipliers.
-    to_xyz = np.linalg.inv(BRADFORD_D50_FROM_D65) @ forward @ np.diag(look.multipliers)
+    under_d65 = to_xyz("linear-srgb") @ look.to_srgb @ np.diag(look.multipliers)
     curve = _tone_curve(look.render)
     nodes = _look_nodes()
     scene = prophoto_of_hsv(nodes)
@@ -93,7 +91,7 @@ def fit_dng_profile(look: Look) -> DngProfile:
     return DngProfile(
         name=look.title,
         camera=look.camera,
-        color_matrix=np.asarray(np.linalg.inv(to_xyz), dtype=np.float64),
+        color_matrix=np.asarray(np.linalg.inv(under_d65), dtype=np.float64),
         forward_matrix=forward,
         tone_curve=curve,
         look_table=entries.reshape(values, hues, saturations, 3),
@@ -187,3 +185,89 @@ def _deltas(nodes: Array, wanted: Array) -> Array:
     saturation = np.where(nodes[:, 1] > 0, wanted[:, 1] / np.where(nodes[:, 1] > 0, nodes[:, 1], 1.0), 1.0)
     value = _SRGB.encode(wanted[:, 2]) / _SRGB.encode(nodes[:, 2])  # the factor counts behind the encoding of the table
     return np.stack([np.where(grey, 0.0, shift), saturation, value], axis=1)
+
+
+def read_dcp(path: str | Path) -> DngProfile:
+    """Read a camera profile that LutForge can evaluate: one with a forward matrix. Raises LutError, one line."""
+    tags = _tags(Path(path))
+    if 50964 not in tags or 50721 not in tags:
+        raise LutError(f"{path}: this camera profile has no forward matrix, from which its colours could be computed")
+    curve = tags.get(50940, np.array([0.0, 0.0, 1.0, 1.0]))
+    table = np.tile([0.0, 1.0, 1.0], (2, 1, 2, 1))  # of a profile without one: it changes nothing
+    with reading(path, "a camera profile", LutError):
+        if 50981 in tags and 50982 in tags:
+            hues, saturations, values = (int(count) for count in tags[50981])
+            table = tags[50982].reshape(max(values, 1), hues, saturations, 3)
+        return DngProfile(
+            name=_text(tags, 50936),
+            camera=_text(tags, 50708),
+            color_matrix=tags[50721].reshape(3, 3),
+            forward_matrix=tags[50964].reshape(3, 3),
+            tone_curve=curve.reshape(-1, 2),
+            look_table=table,
+            encoded_values=bool(tags.get(51108, np.zeros(1))[0]),
+        )
+
+
+def dcp_lines(path: str | Path) -> list[str]:
+    """What is in a camera profile and who reads it, as lines of text. Raises LutError where it cannot be read."""
+    tags = _tags(Path(path))
+    parts = [f"colour matrix for {_LIGHTS.get(int(tags[tag][0]), 'a light')}" for tag in (50778, 50779) if tag in tags]
+    parts += [f"forward matrix {number}" for number, tag in ((1, 50964), (2, 50965)) if tag in tags]
+    for name, tag in (("hue and saturation map", 50937), ("look table", 50981)):
+        if tag in tags:
+            parts.append(f"{name} {' × '.join(str(int(count)) for count in tags[tag])} (hue, saturation, value)")
+    if 50940 in tags:
+        parts.append(f"tone curve of {tags[50940].size // 2} points")
+    lines = [f"{path}: DNG camera profile", f"  title     {_text(tags, 50936)}", f"  camera    {_text(tags, 50708)}"]
+    lines += [f"  {number}. {part}" for number, part in enumerate(parts, 1)]
+    if 50964 in tags and 50721 in tags:
+        profile = read_dcp(path)
+        black, grey, white = profile(np.repeat([[0.0], [0.18], [1.0]], 3, axis=1))
+        for name, colour in (("black", black), ("grey 18 %", grey), ("white", white)):
+            lines.append(f"  {name:10} {' '.join(f'{value:.5f}' for value in colour)} (encoded sRGB)")
+        curve = profile.tone_curve
+        if np.any(np.diff(curve, axis=0) < 0):
+            lines.append("  problem   the tone curve falls somewhere")
+    else:
+        lines.append("  problem   no forward matrix: developers take the inverse of the colour matrix")
+    return [
+        *lines,
+        f"  RawTherapee, ART, Lightroom, Camera Raw: read it, for RAW files of {_text(tags, 50708) or 'this camera'}",
+        "  darktable, Capture One, digiKam: do not read DNG camera profiles: they take an ICC profile (.icc)",
+    ]
+
+
+def _tags(path: Path) -> dict[int, Array]:
+    """The numbers of each tag of the first directory, text as its bytes. Raises LutError."""
+    require_file(path, "a camera profile", LutError, 64 << 20)
+    data = path.read_bytes()
+    order = {b"II": "<", b"MM": ">"}.get(data[:2])
+    if order is None or len(data) < 8 or struct.unpack_from(f"{order}H", data, 2)[0] != 0x4352:
+        raise LutError(f"{path}: no DNG camera profile: it does not begin with IIRC or MMCR")
+    found: dict[int, Array] = {}
+    with reading(path, "a camera profile", LutError):
+        (at,) = struct.unpack_from(f"{order}I", data, 4)
+        (count,) = struct.unpack_from(f"{order}H", data, at)
+        for entry in range(at + 2, at + 2 + 12 * count, 12):
+            tag, kind, number = struct.unpack_from(f"{order}HHI", data, entry)
+            if kind not in _TYPES:
+                continue
+            numbers = number * (2 if kind in (5, 10) else 1)
+            if numbers > 1 << 20:  # Adobe's largest tables have a fifth of that
+                raise LutError(f"{path}: tag {tag} names {number:,} values, more than a camera profile has")
+            dtype = np.dtype(f"{order}{_TYPES[kind]}")
+            place = entry + 8
+            if numbers * dtype.itemsize > 4:
+                (place,) = struct.unpack_from(f"{order}I", data, place)
+            values = np.frombuffer(data, dtype, numbers, place).astype(np.float64)
+            if kind in (5, 10):
+                values = values[::2] / np.where(values[1::2] == 0, 1.0, values[1::2])
+            if not np.all(np.isfinite(values)):
+                raise LutError(f"{path}: tag {tag} holds a number that is not finite")
+            found[tag] = values
+    return found
+
+
+def _text(tags: dict[int, Array], tag: int) -> str:
+    return one_line(bytes(tags.get(tag, np.zeros(0)).astype(np.uint8)).split(b"\0")[0].decode("utf-8", "replace"), 160)

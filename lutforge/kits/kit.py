@@ -1,4 +1,4 @@
-"""What every kit is made of: the camera's look in the space that a program feeds to a LUT, and the files around it."""
+"""What every kit is made of: the camera's look for a program, its files, and the script that runs the program."""
 
 import re
 from abc import ABC, abstractmethod
@@ -14,8 +14,8 @@ from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.model.camera_profile import CameraProfile
 
-Source = Literal["raw", "developed", "any"]
-"""What a kit can be made from: a profile of RAW files, one of developed pictures, or either."""
+Source = Literal["raw", "any"]
+"""What a kit can be made from: a profile of RAW files, or also one of developed pictures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,8 @@ class Look:
 
     @property
     def file_name(self) -> str:
-        """Camera and setting, for the name of a file that shares a folder with those of other looks; no suffix."""
-        return re.sub(r"[^\w .+-]", "_", f"{self.title} {self.white_balance}")[:120]
+        """The title as the name of a file, without a suffix."""
+        return re.sub(r"[^\w .+-]", "_", self.title)[:120]
 
     def within(self, space: str) -> Callable[[ArrayLike], Array]:
         """Give the look as a function of colours encoded in `space`, to colours encoded in the same space."""
@@ -86,9 +86,15 @@ class Look:
         return look
 
 
+def setting_of(profile: CameraProfile, to: str) -> str:
+    """STYLE/WB as it is; of STYLE alone with the white balance that then stands for all: daylight, or the first."""
+    known = profile.white_balances
+    return to if "/" in to else f"{to}/{'daylight' if 'daylight' in known else next(iter(known))}"
+
+
 def look_of(profile: CameraProfile, to: str) -> Look:
-    """Return the camera's look at a setting, STYLE/WB. Raises SettingsError, ProfileError on an unknown one."""
-    selector = profile.selector(to)
+    """The camera's look at STYLE/WB or STYLE. Raises SettingsError or ProfileError on an unknown one."""
+    selector = profile.selector(setting_of(profile, to))
     multipliers = profile.multipliers(selector)
     rendering = profile.render(selector)
 
@@ -96,6 +102,19 @@ def look_of(profile: CameraProfile, to: str) -> Look:
         return rendering(np.asarray(balanced) / multipliers)
 
     return Look(profile, selector.style, str(selector.white_balance), render, multipliers)
+
+
+@dataclass(frozen=True)
+class Script:
+    """How a program develops a RAW file by a preset of a kit.
+
+    program: its command; suffix: of the presets. lines: make $picture of $raw with the preset $look; they have $here,
+    the kit's folder, $work, a temporary one, and `refuse REASON FILE`, which ends with a file's line that says why.
+    """
+
+    program: str
+    suffix: str
+    lines: str
 
 
 @dataclass(frozen=True)
@@ -113,4 +132,40 @@ class Kit(ABC):
 
     @abstractmethod
     def write(self, look: Look, folder: Path) -> list[str]:
-        """Fill an empty folder; return the steps that lead to the look, for the README."""
+        """Add the files of a look to a folder; return the steps that lead to it, for the README."""
+
+    def script(self) -> Script | None:
+        """How the program develops a RAW file without a window; None where it cannot, or is not tried."""
+        return None
+
+
+def write_script(path: Path, program: str, lines: str) -> None:
+    """Write an executable script that needs a program: `lines`, with $here, the kit's folder."""
+    head = f"""#!/bin/sh
+set -eu
+if ! command -v {program} >/dev/null; then echo "{program} is not installed" >&2; exit 2; fi
+here=$(cd "$(dirname "$0")" && pwd)
+"""
+    path.write_text(head + lines, encoding="utf-8", newline="\n")
+    path.chmod(0o755)
+
+
+def write_develop_script(path: Path, script: Script, look: str) -> None:
+    """Write `develop.sh RAW OUT.tif [LOOK]`. look: the name of the preset that is taken where none is named."""
+    begin = f"""# Develops a RAW file with the camera's look: develop.sh RAW OUT.tif [LOOK] (sRGB, 16 bit).
+if [ $# -ne 2 ] && [ $# -ne 3 ]; then echo "usage: $0 RAW OUT.tif [LOOK]" >&2; exit 2; fi
+if [ ! -r "$1" ]; then echo "$1: cannot be read" >&2; exit 2; fi
+name=$1
+look=${{3:-{look}}}
+if [ ! -r "$here/$look{script.suffix}" ]; then echo "the kit holds no look of the name $look" >&2; exit 2; fi
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+picture="$work/developed.tif"
+case "$1" in /*) raw=$1;; *) raw=$PWD/$1;; esac  # darktable follows no link that is named from here
+refuse() {{
+  why=$(grep -i -m 1 'fail\\|error\\|cannot\\|could not\\|unsupported\\|mismatch' "$2" || tail -n 1 "$2")
+  echo "$name: $1: $why" | cut -c 1-300 >&2
+  exit 1
+}}
+"""
+    write_script(path, script.program, begin + script.lines + 'mv -f "$picture" "$2"\n')

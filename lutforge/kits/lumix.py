@@ -1,26 +1,85 @@
-"""Lumix bodies: a table from V-Log to the look, as REAL TIME LUT loads it."""
+"""Lumix bodies: the camera's own LUT, as REAL TIME LUT loads it, from V-Log or from a base style to the look."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from lutforge.kits.kit import Kit, Look, Source
+import numpy as np
+
+from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.errors import SettingsError
+from lutforge.kits.kit import Kit, Look, Source, setting_of
 from lutforge.luts.bake import bake
+from lutforge.luts.reading import read_lut
+from lutforge.model.camera_profile import CameraProfile, match
+from lutforge.model.transform import Transform
+
+FILES = ((".vlt", 17), (".cube", 33))
+"""What bodies read: the older ones the first alone."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LumixKit(Kit):
-    """A cube of 17³ nodes from V-Log to sRGB, as the camera's own LUTs are."""
+    """A .vlt and a .cube. camera, base: the body's own profile and the style that the LUT lies on; none for V-Log."""
 
     program: str = "lumix"
     title: str = "Lumix bodies"
     source: Source = "any"
-    tried: str = "not run; the file by a second parser"
+    tried: str = "not run; the .vlt by a second parser"
+    camera: CameraProfile | None = None
+    base: str = ""
 
     def write(self, look: Look, folder: Path) -> list[str]:
-        """Write the table."""
-        name = f"{look.style}.vlt"
-        bake(look.between("vlog", "srgb"), folder / name, size=17, title=look.title)
-        return [
-            f"Copy {name} to the memory card, then Photo Style → REAL TIME LUT (or V-Log View Assist) → load it.",
-            "It takes V-Log and gives the look for a display (sRGB).",
+        """Write the tables, and tell their error under each white balance of the camera."""
+        camera, base = self.camera, self.base
+        name = look.file_name + (f" on {base}" if base else " from V-Log")
+        paths = [folder / f"{name}{suffix}" for suffix, _ in FILES]
+        function = look.between("vlog", "srgb")
+        if camera is not None:
+            function = over_base(camera, setting_of(camera, base), look)
+        for path, (_, size) in zip(paths, FILES, strict=True):
+            bake(function, path, size=size, title=look.title)
+        steps = [
+            f"Copy {paths[0].name} or, for bodies that read it, {paths[1].name} to the memory card. Some bodies take "
+            "names of eight letters only: rename it.",
+            f"Menu → Photo Style → REAL TIME LUT → load it, with the base {base or 'V-Log'}.",
         ]
+        if camera is not None:
+            steps.append(
+                "One LUT serves all white balances. Its error, ΔE00, mean and 99 %:"
+                + _errors(camera, base, look, paths)
+            )
+        return steps
+
+
+def over_base(camera: CameraProfile, base: str, look: Look) -> Transform:
+    """A camera's JPEG of a base setting → a look, of this camera or another, under the same white balance."""
+    white_balance = str(camera.selector(base).white_balance)
+    known = white_balance in look.profile.white_balances
+    target = f"{look.style}/{white_balance if known else look.white_balance}"
+    return match(camera, base, look.profile, target, neutral_highlights=False)  # the same for all white balances
+
+
+def _errors(camera: CameraProfile, base: str, look: Look, paths: list[Path]) -> str:
+    """What the files, read back, make of colours that the base style shows, against the model."""
+    balanced = np.random.default_rng(0).random((20_000, 3)) ** 2  # as many dark colours as light ones
+    rows = []
+    for white_balance in camera.white_balances:
+        setting = f"{base}/{white_balance}"
+        jpeg = np.clip(camera.render_balanced(setting)(balanced), 0.0, 1.0)
+        wanted = over_base(camera, setting, look)(jpeg)
+        errors = [delta_e_2000(read_lut(path)(jpeg), wanted) for path in paths]
+        figures = (
+            f"{path.suffix} {each.mean():.2f}, {np.quantile(each, 0.99):.2f}"
+            for path, each in zip(paths, errors, strict=True)
+        )
+        rows.append(f" {white_balance}: {'; '.join(figures)}")
+    return ".".join(rows) + "."
+
+
+def lumix_kit(camera: CameraProfile, base: str) -> LumixKit:
+    """The kit on a base style. Raises SettingsError, which lists the styles, on one that the camera does not have."""
+    if base.lower() not in camera.styles:
+        raise SettingsError(
+            f'unknown style "{base}" for --base; {camera.camera} has {", ".join(sorted(camera.styles))}'
+        )
+    return LumixKit(camera=camera, base=base.lower())

@@ -1,65 +1,93 @@
-"""RawTherapee: a DNG camera profile, or a HaldCLUT for Film Simulation, and the processing profile that places it.
+"""RawTherapee: ICC and DNG camera profiles, and the processing profiles that choose them.
 
-Film Simulation is fed the picture in the primaries that the last word of the CLUT's file name names, behind sRGB's
-curve (https://rawpedia.rawtherapee.com/Film_Simulation).
+RawTherapee changes exposure behind an ICC profile, and in front of the tone curve of a DNG camera profile
+(https://rawpedia.rawtherapee.com/Color_Management).
 """
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from lutforge.developers.rawtherapee import profile_text
 from lutforge.kits.dcp import fit_dng_profile, write_dcp
-from lutforge.kits.kit import Kit, Look, Source
-from lutforge.kits.scripts import write_develop_script
-from lutforge.luts.bake import bake
+from lutforge.kits.icc import VARIANTS, fit_icc_profile, write_icc
+from lutforge.kits.kit import Kit, Look, Script, Source
+
+NEUTRAL = {
+    "Version": {"AppVersion": "5.9", "Version": "349"},
+    "Exposure": {
+        "Auto": "false",
+        "Compensation": "0",
+        "Brightness": "0",
+        "Contrast": "0",
+        "Saturation": "0",
+        "Black": "0",
+        "HighlightCompr": "0",
+        "ShadowCompr": "0",
+        "HistogramMatching": "false",
+        "Curve": "0;",
+        "Curve2": "0;",
+    },
+    "HLRecovery": {"Enabled": "false"},
+    "White Balance": {"Enabled": "true", "Setting": "Camera"},
+    "Color Management": {
+        "ToneCurve": "true",
+        "ApplyLookTable": "true",
+        "ApplyBaselineExposureOffset": "false",
+        "ApplyHueSatMap": "false",
+        "WorkingProfile": "ProPhoto",
+        "OutputProfile": "RTv4_sRGB",
+    },
+    "RAW": {"CA": "false", "HotPixelFilter": "false", "DeadPixelFilter": "false"},
+}
+"""Sections of a processing profile that develops by a camera profile: camera white balance, nothing else."""
 
 
 @dataclass(frozen=True)
 class RawTherapeeKit(Kit):
-    """A profile of RAW files becomes a .dcp, one of RawTherapee's own developments a HaldCLUT."""
+    """A DNG camera profile of the look, ICC profiles of it and of the colours alone, a processing profile for each."""
 
     program: str = "rawtherapee"
     title: str = "RawTherapee"
-    source: Source = "any"
+    source: Source = "raw"
     tried: str = "RawTherapee 5.9 (rawtherapee-cli)"
 
     def write(self, look: Look, folder: Path) -> list[str]:
-        """Write the camera profile or the CLUT, the processing profile and develop.sh."""
-        if look.space == "raw":
-            name = f"{look.file_name}.dcp"
-            write_dcp(fit_dng_profile(look), folder / name)
-            change = {
-                "InputProfile": f"file:{name}",  # beside the processing profile
-                "ToneCurve": "true",
-                "ApplyLookTable": "true",
-            }
-            settings = {"Color Management": change}
-            step = (
-                f"Color tab → Color Management → Input Profile → Custom: {name}, with tone curve and look table ticked."
-            )
-        else:
-            name = f"{look.file_name} Rec2020.png"
-            bake(look.within("rec2020-srgb"), folder / name, title=look.title)
-            # Within the folder of CLUTs: the window shows no others.
-            settings = {"Film Simulation": {"Enabled": "true", "ClutFilename": name, "Strength": "100"}}
-            step = (
-                f'Copy "{name}" into the folder of CLUTs first (Preferences → Image Processing → Directories): the '
-                "profile names it there. Keep its name: the last word tells RawTherapee the colour space."
-            )
-        output = {"Color Management": {"OutputProfile": "RTv4_sRGB"}}
-        text = profile_text(settings, output)
-        (folder / "lutforge.pp3").write_text(text, encoding="utf-8")
-        write_develop_script(
-            folder / "develop.sh",
-            "rawtherapee-cli",
-            look.developer,
-            # RawTherapee looks for a CLUT in the user's folder of CLUTs, and for a camera profile beside its .pp3.
-            "place=$(printf '%s' \"$here\" | sed 's/[&|\\\\]/\\\\&/g')\n"
-            'sed "s|^ClutFilename=|&$place/|; s|^InputProfile=file:|&$place/|" "$here/lutforge.pp3" >"$work/kit.pp3"\n'
-            'rawtherapee-cli -o "$picture" -p "$work/kit.pp3" -t -b16 -Y -c "$raw" >"$work/log" 2>&1 || true\n'
-            '[ -s "$picture" ] || refuse "RawTherapee made no picture of it" "$work/log"\n',
-        )
+        """Write the camera profiles and their processing profiles."""
+        name = look.file_name
+        presets = {name: f"{name}.dcp", f"{name} icc": f"{name}.icc", f"{name} colours": f"{name} colours.icc"}
+        write_dcp(fit_dng_profile(look), folder / f"{name}.dcp")
+        for variant in VARIANTS:
+            write_icc(fit_icc_profile(look, variant), folder / f"{name}{variant}.icc")
+        for preset, camera_profile in presets.items():
+            (folder / f"{preset}.pp3").write_text(_processing_profile(camera_profile), encoding="utf-8")
         return [
-            "Open a RAW photograph, and load lutforge.pp3 as its processing profile: it makes everything else neutral.",
-            step,
+            f"Open a RAW photograph, and load {name}.pp3 as its processing profile: it chooses the .dcp beside it in "
+            "Color → Color Management → Input Profile → Custom, and makes everything else neutral. White balance and "
+            "Exposure → Compensation act in front of the camera's tone curve, as on the camera.",
+            f"{name} icc.pp3 takes the ICC profile instead. Exposure → Compensation then acts behind the look: use "
+            "Raw → Raw White Points.",
+            f"{name} colours.pp3 leaves the camera's tone curve out, for tone curves of your own.",
         ]
+
+    def script(self) -> Script:
+        """Return rawtherapee-cli, with the processing profile of a look."""
+        return Script(
+            "rawtherapee-cli",
+            ".pp3",
+            (
+                # A processing profile in another folder than the camera profile has to name its whole path.
+                "place=$(printf '%s' \"$here\" | sed 's/[&|\\\\]/\\\\&/g')\n"
+                'sed "s|^InputProfile=file:|&$place/|" "$here/$look.pp3" >"$work/kit.pp3"\n'
+                'rawtherapee-cli -o "$picture" -p "$work/kit.pp3" -t -b16 -Y -c "$raw" >"$work/log" 2>&1 || true\n'
+                '[ -s "$picture" ] || refuse "RawTherapee made no picture of it" "$work/log"\n'
+            ),
+        )
+
+
+def _processing_profile(camera_profile: str) -> str:
+    """A processing profile (.pp3) that takes the camera profile beside it."""
+    sections = {name: dict(values) for name, values in NEUTRAL.items()}
+    sections["Color Management"]["InputProfile"] = f"file:{camera_profile}"
+    blocks = (
+        "\n".join([f"[{name}]", *(f"{key}={value}" for key, value in rows.items())]) for name, rows in sections.items()
+    )
+    return "\n\n".join(blocks) + "\n"

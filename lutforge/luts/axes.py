@@ -81,13 +81,11 @@ def fit_axes(
     weight: Function | None = None,
     curve: Array | None = None,
     shared: bool = False,
-    edge: float | None = None,
 ) -> Axes:
     """Curve and `size` node levels per axis for a function along lines.
 
     weight: outputs (n, 3) → (n,), how much a squared error counts there. curve: the input curve, where it is known.
-    shared: all three axes get one curve and one set of levels. edge: the last level but one, where the function ends in
-    a step behind it.
+    shared: all three axes get one curve and one set of levels.
     """
     t = lines.t
     share = lines.share if weight is None else np.full(LINES, 1 / LINES)  # a weight looks for the largest errors
@@ -101,7 +99,7 @@ def fit_axes(
     masses = [_mass(lines.values[axis], t, places[axis], share, weight) for axis in range(3)]
     if shared:
         masses = [np.mean(masses, axis=0)] * 3
-    r, g, b = (snap_levels(_equal(mass, t, size, edge), SHAPER_SIZE) for mass in masses)
+    r, g, b = (snap_levels(_equal(mass, t, size), SHAPER_SIZE) for mass in masses)
     return Axes(curve if len(curve) > 2 else None, (r, g, b))  # a straight line stretches nothing
 
 
@@ -156,8 +154,7 @@ def _mass(y: Array, t: Array, u: Array, share: Array, weight: Function | None) -
     return np.asarray(mass / mass.sum())
 
 
-def _equal(mass: Array, t: Array, size: int, edge: float | None) -> Array:
-    """Levels (size,) between which there is equal mass; with an edge, up to that and not to 1, which is the last."""
-    total, end = np.concatenate([[0.0], np.cumsum(mass)]), 1.0 if edge is None else edge
-    levels = np.interp(np.linspace(0.0, np.interp(end, t, total), size - (end < 1)), total, t)
-    return levels if edge is None else np.append(levels, 1.0)
+def _equal(mass: Array, t: Array, size: int) -> Array:
+    """Levels (size,) between which there is equal mass."""
+    total = np.concatenate([[0.0], np.cumsum(mass)])
+    return np.interp(np.linspace(0.0, total[-1], size), total, t)

@@ -47,14 +47,13 @@ def bake(
     """Bake any transform of colours, (…, 3) → (…, 3) on [0, 1]³, to a LUT.
 
     path: a file to be written, too; its suffix, and the program that will read it, then choose form, size and
-    interpolation where they are not given. size: nodes per axis (33; a lattice of a profile keeps its own). form: what
-    the LUT may be made of: "full" (CLF, CTF) has curves and matrices around its cube, "shaper" (Resolve's .cube, .csp,
-    .cub, .spi1d with .spi3d) a curve per channel in front of it, "shared" (Houdini's .lut) one curve for all channels,
-    "plain" (3D only) nothing but a uniform cube. tolerance: instead of a size, the ΔE00 that 99 % of colours keep
-    within; the smallest size that does is taken. display_referred: the output is encoded sRGB, so that ΔE00 has a
-    meaning. highest: inputs reach from 0 to this, for scene-linear light.
-    Raises LutError where the size or tolerance cannot be had, the transform gives numbers that are not finite, or the
-    file cannot be written.
+    interpolation where they are not given. size: nodes per axis (33; a lattice of a profile keeps its own). form:
+    what the LUT may be made of: "full" (CLF, CTF) has curves and matrices around its cube, "shaper" (Resolve's
+    .cube, .csp, .spi1d with .spi3d) a curve per channel in front of it, "plain" (3D only) nothing but a uniform
+    cube. tolerance: instead of a size, the ΔE00 that 99 % of colours keep within; the smallest size that does is
+    taken. display_referred: the output is encoded sRGB, so that ΔE00 has a meaning. highest: inputs reach from 0 to
+    this, for scene-linear light. Raises LutError where the size or tolerance cannot be had, the transform gives
+    numbers that are not finite, or the file cannot be written.
     """
     if form not in FORMS:
         raise LutError(f'unknown form "{form}"; choose {", ".join(FORMS)}')
@@ -93,7 +92,7 @@ def bake_forms(
     known: dict[tuple[str, int], EvaluatedTransform] = {}
 
     def together(form: Form) -> str:
-        return form if scenes or form in ("plain", "shared") else "curves"
+        return form if scenes or form == "plain" else "curves"
 
     def fitted(target: Target, size: int) -> tuple[Op, ...]:
         form, key = target.form, (together(target.form), size)
@@ -169,7 +168,7 @@ def _as_it_stands(transform: ColourFunction, target: Target) -> tuple[Op, ...] |
     parts = parts_of(transform)
     if parts.lattice is None:
         return None
-    lattice = parts.lattice if target.form == "full" else parts.lattice.plain or parts.lattice
+    lattice = parts.lattice
     if set(lattice.size) != {target.size or lattice.size[0]}:
         return None
     if (target.interpolation or lattice.interpolation) != lattice.interpolation:
@@ -186,7 +185,7 @@ def _with_curve(ops: tuple[Op, ...], target: Target) -> tuple[Op, ...] | None:
     """A curve alone, where the file may hold one, or with a cube of what matrices there are; None for other forms."""
     match [op for op in ops if not isinstance(op, Range)]:
         case [Curve() as curve]:
-            if target.curve or target.form == "shaper" or (target.form == "shared" and curve.is_shared):
+            if target.curve or target.form == "shaper":
                 return (curve,)
         case [Curve() as curve, Matrix() as matrix] if target.form == "shaper":
             return curve, Cube(matrix(grid(uniform_levels(2))), target.interpolation or "tetrahedral")

@@ -1,25 +1,21 @@
 """What is in a LUT file, who can read it, and what will go wrong."""
 
-from codecs import BOM_UTF8
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.arrays import Array, Real
-from lutforge.errors import LutError, one_line
+from lutforge.errors import one_line
 from lutforge.luts.input_and_output import RAW, InputAndOutput, read_input_and_output
 from lutforge.luts.ops import Cube, Curve, Matrix
-from lutforge.luts.processor import evaluate, file_processor
 from lutforge.luts.reader_habits import Colour, readers_of
-from lutforge.luts.sequence import Lut, read_lut
+from lutforge.luts.reading import read_lut
+from lutforge.luts.sequence import Lut, own_reader
 
 FALL = 1e-5
 """A step of an output in the wrong direction that is more than rounding."""
-MARKED = "begins with a byte order mark: OpenColorIO and ffmpeg refuse it; save it as UTF-8 without one"
-_NOT_TEXT = ("CLF", "CTF", "Hald image")
-"""Formats in which a byte order mark does no harm, or means nothing."""
+_NO_DIALECTS = (".clf", ".ctf", "Hald image")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +50,13 @@ def check_lut(path: str | Path) -> LutReport:
     outputs = _outputs(lut)
     beyond = bool(outputs.min() < -1e-6 or outputs.max() > 1 + 1e-6)
     falling = _falling(lut.cube.values) if lut.cube is not None else 0.0
-    with path.open("rb") as file:
-        marked = lut.metadata.get("format") not in _NOT_TEXT and file.read(len(BOM_UTF8)) == BOM_UTF8
     dialect = _dialect(lut)
     black, white = (_triple(colour) for colour in lut(np.array(domain)))
-    found = _through_opencolorio(path, lut, domain)
-    found |= {"other programs": "many refuse the byte order mark"} if marked else readers_of(lut, dialect, domain)
-    said = read_input_and_output(path)
+    found = {"OpenColorIO, Nuke": "cannot read it"}
+    if own_reader(path) is None:
+        found["OpenColorIO, Nuke"] = "; it warns: ".join(["reads it", *filter(None, [lut.metadata.get("warnings")])])
+    found |= readers_of(lut, dialect, domain)
+    said = read_input_and_output(lut.comments)
     if _takes_raw(said):
         found |= {"darktable, RawTherapee, ART, Lightroom": "feed no camera RAW to a LUT: use `lutforge kit`"}
     return LutReport(
@@ -74,7 +70,7 @@ def check_lut(path: str | Path) -> LutReport:
         falling=falling,
         black=black,
         white=white,
-        problems=(*([MARKED] if marked else []), *_problems(lut, dialect, falling, beyond, said)),
+        problems=tuple(_problems(lut, falling, beyond, said)),
         readers=found,
     )
 
@@ -107,7 +103,7 @@ def _triple(colour: Real) -> Colour:
 
 def _dialect(lut: Lut) -> str:
     """Which kind of its format a LUT is, by its tables."""
-    if lut.metadata.get("format") in _NOT_TEXT:
+    if lut.metadata.get("format") in _NO_DIALECTS:
         return ""
     if lut.cube is None:
         return "1D"
@@ -152,7 +148,7 @@ def _falling(cube: Array) -> float:
     return float(np.mean(np.concatenate([(step < -FALL).ravel() for step in steps])))
 
 
-def _problems(lut: Lut, dialect: str, falling: float, beyond: bool, said: InputAndOutput | None) -> list[str]:
+def _problems(lut: Lut, falling: float, beyond: bool, said: InputAndOutput | None) -> list[str]:
     found = []
     for number, op in enumerate(lut.ops, 1):
         if isinstance(op, Curve):
@@ -164,12 +160,6 @@ def _problems(lut: Lut, dialect: str, falling: float, beyond: bool, said: InputA
         found.append("outputs leave [0, 1]: programs with integers clip them, others pass them on")
     if lut.metadata.get("bits") == "8":
         found.append("8 bits per channel: gradients will show bands; 16 are usual")
-    keywords = lut.metadata.get("keywords", "").split()
-    if lut.metadata.get("format") == ".cube" and dialect == "1D shaper + 3D":
-        if "TITLE" in keywords:
-            found.append("TITLE in a .cube with a shaper: OpenColorIO and Nuke refuse it; delete that line")
-        if {"DOMAIN_MIN", "DOMAIN_MAX"} & set(keywords):
-            found.append("DOMAIN lines in a .cube with a shaper: OpenColorIO refuses it; delete them")
     return found
 
 
@@ -213,28 +203,3 @@ def _curve_problems(name: str, curve: Curve) -> list[str]:
     if np.any(np.ptp(curve.outputs, axis=0) < 1e-6):
         found.append(f"the {name} is constant: all inputs become one")
     return found
-
-
-def _through_opencolorio(path: Path, lut: Lut, domain: tuple[Colour, Colour]) -> dict[str, str]:
-    """What OpenColorIO makes of the file: its verdict, and how far it is from straight lines between the entries."""
-    if lut.metadata.get("format") == "Hald image":
-        return {"OpenColorIO, Nuke": "cannot read images as LUTs"}
-    warnings: list[str] = []
-    OCIO.SetLoggingFunction(warnings.append)  # else they appear on the terminal
-    try:
-        processor = file_processor(path)
-    except LutError as error:
-        return {"OpenColorIO, Nuke": f"refuses it: {one_line(str(error).removeprefix(f'{path}: '), 300)}"}
-    finally:
-        OCIO.ResetToDefaultLoggingFunction()
-    low, high = np.array(domain)
-    x = (low + np.random.default_rng(0).random((4096, 3)) * (high - low)).astype(np.float32)
-    got, wanted = evaluate(processor, x), lut(x.astype(np.float64))
-    apart = float(np.abs(got - wanted).max() / max(float(np.ptp(wanted)), 1e-9))
-    verdict = "reads it"
-    if apart > 1e-3:
-        curved = lut.shaper is not None and lut.shaper.inputs is not None
-        why = ": it lays a spline through the knots of the curve, others draw straight lines" if curved else ""
-        verdict = f"reads it, up to {apart:.1%} of full scale from what its numbers say{why}"
-    said = "".join(f"; it warns: {one_line(text, 160)}" for text in warnings[:2])
-    return {"OpenColorIO, Nuke": verdict + said}

@@ -15,9 +15,8 @@ from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.parts import Parts, as_one, parts_of, slope_weight
 from lutforge.luts.sequence import Form
 from lutforge.luts.shaper import SHAPER_SIZE, is_even, levels_behind_gain, shaper
-from lutforge.model.highlights import CLIPPED
 from lutforge.model.lattice import uniform_levels
-from lutforge.model.transform import ColourFunction, KeepNeutral, Transform
+from lutforge.model.transform import ColourFunction
 from lutforge.progress import Progress, silent
 
 
@@ -40,50 +39,35 @@ def evaluate(
 ) -> EvaluatedTransform:  # fmt: skip
     """Evaluate a transform for fits of `size` nodes per axis. O(size³) evaluations.
 
-    forms: "full" and "shaper" share what is evaluated; each of the others stands alone. highest: inputs reach from 0 to
+    forms: "full" and "shaper" share what is evaluated; "plain" stands alone. highest: inputs reach from 0 to
     this. Raises LutError where the transform is no function of colours.
     """
     progress(f"{size}³ nodes: where they lie", 0.0)
-    shared, plain = "shared" in forms, "plain" in forms
-    parts = parts_of(transform) if highest == 1 and not (shared or plain) else as_one(transform, highest)
-    edge = 1.0 - CLIPPED if highest == 1 and _keeps_white(transform) else None
-    # White is a node of its own. What lies between it and the last code below is no colour of a picture: a fit that
-    # followed the step there would move the colours beside it.
-    smooth = (
-        parts.cube_values
-        if edge is None
-        else lambda x: parts.cube_values(np.where(np.all(x > edge, axis=-1, keepdims=True), edge, x))
-    )
+    plain = "plain" in forms
+    parts = parts_of(transform) if highest == 1 and not plain else as_one(transform, highest)
     designs: dict[Form, Axes] = {}
     if plain:
         designs["plain"] = Axes(None, uniform_levels(size))
     else:
-        lines = measure_lines(smooth, parts.gain, parts.stops)
+        lines = measure_lines(parts.cube_values, parts.gain, parts.stops)
         rendered = lines if parts.output_curve is None else lines.behind(parts.output_curve)
         for form in forms:
             if form == "full":
                 weight = None if parts.output_curve is None else slope_weight(parts.output_curve)
-                designs[form] = fit_axes(lines, size, weight, parts.curve, edge=edge)
+                designs[form] = fit_axes(lines, size, weight, parts.curve)
             else:
                 curve = parts.curve if parts.output_curve is None else None
-                axes = fit_axes(rendered, size, None, curve, shared, edge)
+                axes = fit_axes(rendered, size, None, curve)
                 folded = levels_behind_gain(axes.levels, parts.gain)
                 r, g, b = (axis * gain for axis, gain in zip(folded, parts.gain, strict=True))
                 designs[form] = Axes(axes.curve, (r, g, b))
     samples = sample(
-        lambda x: smooth(np.minimum(x, 1.0)),  # a level in front of a gain is rounded up, beyond what clips
+        lambda x: parts.cube_values(np.minimum(x, 1.0)),  # a level in front of a gain is rounded up, beyond what clips
         tuple(axes.levels for axes in designs.values()),
         parts.gain,
         lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share),
     )
-    for nodes in samples.nodes if edge is not None else ():
-        nodes[-1, -1, -1] = parts.cube_values(np.ones(3))
     return EvaluatedTransform(parts, designs, samples, highest)
-
-
-def _keeps_white(transform: ColourFunction) -> bool:
-    """True for a transform that treats white apart from the colours beside it."""
-    return isinstance(transform, Transform) and any(isinstance(stage, KeepNeutral) for stage in transform.stages)
 
 
 def fit_ops(evaluated: EvaluatedTransform, form: Form, method: Interpolation) -> tuple[Op, ...]:

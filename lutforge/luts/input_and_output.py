@@ -4,27 +4,22 @@ A LUT on the wrong pixels is the usual mistake, and no format has a word for it.
 in their comments.
 """
 
-import re
-from dataclasses import dataclass, field
-from html import unescape
-from pathlib import Path
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 from lutforge.colour.rgb_spaces import rgb_space
 
 ENCODED = "the camera's JPEG, encoded, 0 to 1"
+ADOBE_RGB = "the camera's JPEG in Adobe RGB, encoded, 0 to 1"
 RAW = "linear camera RAW, black 0, saturation 1, before white balance"
 
 
 @dataclass(frozen=True)
 class InputAndOutput:
-    """Input and output of a LUT in words: ENCODED, RAW, or scene-linear or scene-referred and the space's name.
-
-    title: what else its file says at its beginning, its title among it.
-    """
+    """Input and output of a LUT: ENCODED, ADOBE_RGB, RAW, or scene-linear or scene-referred and the space's name."""
 
     input: str
     output: str
-    title: str = field(default="", compare=False)
 
     @property
     def takes_linear(self) -> bool:
@@ -37,36 +32,29 @@ class InputAndOutput:
         return _is_linear(self.output)
 
     @property
-    def comments(self) -> tuple[str, str]:
-        """The two comment lines of a file, for people and for `read_input_and_output`."""
-        taken = f"{self.input}; not for JPEGs" if self.takes_linear else self.input
-        given = (
-            f"{self.output}; keep it in half or float files, 8 bits would show bands"
-            if self.gives_linear
-            else self.output
-        )
-        return f"input: {taken}", f"output: {given}"
+    def comments(self) -> tuple[str, ...]:
+        """The comment lines of a file: one record a line for `read_input_and_output`, and advice for people."""
+        advice = ["not for JPEGs"] if self.takes_linear else []
+        if self.gives_linear:
+            advice.append("keep its output in half or float files, 8 bits would show bands")
+        return f"input: {self.input}", f"output: {self.output}", *([f"use: {'; '.join(advice)}"] if advice else [])
 
 
 def _is_linear(end: str) -> bool:
     return end == RAW or end.startswith("scene-linear")
 
 
-def input_and_output_of(kind: str, space: str) -> InputAndOutput:
-    """Name input and output of a render, linearize, refinish or match; space: of the scene's side, "raw" or a name."""
+def input_and_output_of(kind: str, space: str, encoded: str = ENCODED) -> InputAndOutput:
+    """Name input and output of a render, linearize, refinish or match.
+
+    space: of the scene's side, "raw" or a name; encoded: what the JPEG that goes in is, ENCODED or ADOBE_RGB.
+    """
     linear = space == "raw" or rgb_space(space).is_linear
     scene = RAW if space == "raw" else f"scene-{'linear' if linear else 'referred'} {space}"
-    return InputAndOutput(scene if kind == "render" else ENCODED, scene if kind == "linearize" else ENCODED)
+    return InputAndOutput(scene if kind == "render" else encoded, scene if kind == "linearize" else ENCODED)
 
 
-def read_input_and_output(path: Path) -> InputAndOutput | None:
-    """What a LUT file says of itself; None where it does not, or is not there."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(1 << 14).decode("utf-8", "replace")  # comments stand at the beginning
-    except OSError:
-        return None
-    found = [re.search(rf"\b{end}: ([^;\n<]+)", unescape(head)) for end in ("input", "output")]
-    if "LutForge" not in head or found[0] is None or found[1] is None:
-        return None
-    return InputAndOutput(found[0][1].strip(), found[1][1].strip(), head.partition(found[0][0])[0])
+def read_input_and_output(comments: Iterable[str]) -> InputAndOutput | None:
+    """What the comments of a LUT file say; None where they do not."""
+    found = dict(comment.split(": ", 1) for comment in comments if ": " in comment)
+    return InputAndOutput(found["input"], found["output"]) if {"input", "output"} <= found.keys() else None

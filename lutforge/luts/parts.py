@@ -23,7 +23,6 @@ from lutforge.model.transform import (
     Decode,
     Encode,
     Gain,
-    KeepNeutral,
     MatrixStage,
     Stage,
     Transform,
@@ -117,10 +116,8 @@ def as_one(transform: ColourFunction, highest: float) -> Parts:
 
 
 def _first_curve(stages: tuple[Stage, ...]) -> Array | None:
-    """Return the input curve of a transform that begins with an inverse response, also inside KeepNeutral; or None."""
+    """Return the input curve of a transform that begins with an inverse response, or None."""
     match stages:
-        case (KeepNeutral(stages=within), *_):
-            return _first_curve(within[1:] if within and isinstance(within[0], Clip) else within)
         case (Decode(response=response), *_):
             return _input_curve(response)
     return None

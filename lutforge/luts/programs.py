@@ -31,14 +31,14 @@ class Program:
     develops: bool = False
 
 
-OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".cub", ".lut", ".3dl", ".spi1d", ".spi3d")
+OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".3dl", ".spi1d", ".spi3d")
 HALD = (".png", ".tif", ".tiff")
 PROGRAMS: dict[str, Program] = {
     "resolve": Program(shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Refresh"),
     "nuke": Program(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
     "ocio": Program(shaper=True, reads=OCIO_READS),
     "oiio": Program(shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
-    "baselight": Program(shaper=False, reads=(".cub", ".clf", ".cube")),
+    "baselight": Program(shaper=False, reads=(".clf", ".cube")),
     "flame": Program(shaper=False, reads=(".clf", ".ctf", ".3dl", ".csp", ".cube")),
     "houdini": Program(shaper=True, reads=OCIO_READS),
     "blender": Program(shaper=True, reads=OCIO_READS, use="through an OpenColorIO config: lutforge config"),
@@ -55,15 +55,18 @@ PROGRAMS: dict[str, Program] = {
     "obs": Program(shaper=False, reads=(".cube",)),
     "darktable": Program(
         shaper=False,
-        reads=(".cube", ".3dl", ".png"),
+        reads=(".icc", ".cube", ".3dl", ".png"),
         interpolation="tetrahedral",
-        use="module lut 3D, colour space sRGB",
+        use="module input color profile",
         develops=True,
     ),
     "rawtherapee": Program(
-        shaper=False, reads=(*HALD, ".dcp"), use="Film Simulation, its folder in the preferences", develops=True
+        shaper=False, reads=(*HALD, ".dcp", ".icc"), use="Film Simulation, its folder in the preferences", develops=True
     ),
-    "art": Program(shaper=False, reads=(*HALD, ".clf", ".dcp"), develops=True),
+    "art": Program(shaper=False, reads=(*HALD, ".clf", ".dcp", ".icc"), develops=True),
+    "captureone": Program(shaper=False, reads=(".icc",), develops=True),
+    "digikam": Program(shaper=False, reads=(".icc",), develops=True),
+    "rapidraw": Program(shaper=False, reads=(".dcp", ".cube"), develops=True),
     "gmic": Program(shaper=False, reads=(".cube", ".png")),
     "gimp": Program(shaper=False, reads=(".cube", ".png"), use="through G'MIC: Apply External CLUT"),
     "imagemagick": Program(shaper=False, reads=HALD),
@@ -111,7 +114,7 @@ def target_of(
     form, default = file_format.forms[0], file_format.size
     if suffix == ".cube" and (known.shaper if known else path.name.lower().endswith((".resolve.cube", ".shaper.cube"))):
         form = "shaper"
-    if scenes and form != "full" and (form != "shaper" or file_format.inputs == "unit"):
+    if scenes and form == "plain":
         raise LutError(f"{path}: {file_format.name} holds no scene-linear input beyond 1; {INSTEAD_FOR_SCENES}")
     most = MAX_SIZE
     if form == "plain" and known is not None:
@@ -129,13 +132,15 @@ def target_of(
 def files_for(program: str, title: str) -> dict[Path, str | None]:
     """Return the files to write for a program, each with the program that will read it.
 
-    A program that reads a shaper also gets a plain cube as a fallback, for no program in particular (None).
+    A program that reads a shaper also gets a plain cube as a fallback, for no program in particular (None). A
+    .cube with a shaper is named so: programs that read none would render garbage by one in the place of theirs.
     """
     stem = "_".join(re.findall(r"[\w+.-]+", unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()))[
         :100
     ]
     known = program_named(program)
-    first = f"{stem or 'lut'}{known.reads[0]}"
-    if known.shaper or known.reads[0] in (".clf", ".cub"):
+    shaped = ".shaper" if known.shaper and known.reads[0] == ".cube" else ""
+    first = f"{stem or 'lut'}{shaped}{known.reads[0]}"
+    if known.shaper or known.reads[0] == ".clf":
         return {Path(first): program, Path(f"{stem or 'lut'}.plain.cube"): None}
     return {Path(first): program}

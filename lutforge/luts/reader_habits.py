@@ -1,8 +1,5 @@
 """What programs beside OpenColorIO make of LUT files: by their sources, and by trials."""
 
-import numpy as np
-
-from lutforge.luts.ops import Curve
 from lutforge.luts.sequence import Lut
 
 Colour = tuple[float, float, float]
@@ -26,14 +23,14 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
             return _plain_cube_readers(lut.size, domain)
         case ".cube", _:
             return {"ffmpeg lut1d, Resolve, OBS": "read it", "programs of 3D LUTs": "refuse it, or misread it"}
-        case (("CLF" | "CTF") as kind, _):
-            found = {"Resolve, Flame, Baselight, ART": "read CLF" if kind == "CLF" else "Flame reads CTF"}
-            if "namespace" in lut.metadata:
-                found["colour-clf-io 0.2.0"] = "refuses its namespace (SMPTE ST 2136-1)"
+        case ((".clf" | ".ctf") as kind, _):
+            found = {"Resolve, Flame, Baselight, ART": "read CLF" if kind == ".clf" else "Flame reads CTF"}
             found["ffmpeg, Photoshop, darktable"] = "cannot read it: give them a 3D-only .cube"
             return found
         case ".csp", _:
-            found = {"ffmpeg": _ffmpeg_shaper(lut.shaper), "Photoshop, After Effects": "read it"}
+            # Between two knots ffmpeg goes as far up as their distance is, and not all the way (5.1.9, by trials).
+            shaped = "reads it; its curve in steps where that has less than some thousand knots"
+            found = {"ffmpeg": "reads it" if lut.shaper is None else shaped, "Photoshop, After Effects": "read it"}
             return found | {"Resolve, darktable": "do not read .csp"}
         case ".3dl", _:
             return _3dl_readers(lut)
@@ -45,27 +42,6 @@ def readers_of(lut: Lut, dialect: str, domain: tuple[Colour, Colour]) -> dict[st
             return {"Resolve": "reads it", "other programs": "do not read it"}
         case _:
             return {"other programs": "mostly do not read it"}
-
-
-def _ffmpeg_shaper(curve: Curve | None) -> str:
-    """What ffmpeg makes of the curve of a .csp.
-
-    Between two knots it goes as far up as their distance is, and not all the way to the next (5.1.9, by trials; within
-    a code of them).
-    """
-    if curve is None:
-        return "reads it"
-    knots = curve.inputs
-    if knots is None:
-        knots = np.linspace(curve.low, curve.high, len(curve.outputs))[:, None].repeat(3, axis=1)
-    off = 0.0
-    for x, y in zip(knots.T, curve.outputs.T, strict=True):
-        codes = np.linspace(x[0], x[-1], 256)
-        at = np.clip(np.searchsorted(x, codes, side="right") - 1, 0, len(x) - 2)
-        off = max(off, float(np.abs((y[at + 1] - y[at]) * (codes - x[at]) * (1 / np.diff(x)[at] - 1)).max()))
-    if 255 * off < 2:
-        return "reads it"
-    return f"reads the curve in steps, up to {255 * off:.0f} codes of 255 off: give it 4096 entries"
 
 
 def _3dl_readers(lut: Lut) -> dict[str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -11,7 +11,6 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
-from lutforge.boundary import reading, require_file
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
@@ -19,14 +18,13 @@ from lutforge.luts.processor import processor_of
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.transform import checked_colours
 
-Form = Literal["full", "shaper", "shared", "plain"]
-"""What sequences a format holds: any; a curve per channel and a cube; one curve for all channels and a cube; a cube."""
+Form = Literal["full", "shaper", "plain"]
+"""What sequences a format holds: any; a curve per channel and a cube; a cube."""
 FORMS: tuple[Form, ...] = get_args(Form)
 
 HELD = {
     "full": "any sequence of operations",
     "shaper": "one curve per channel and one cube behind it",
-    "shared": "one curve for all channels and one cube behind it",
     "plain": "one cube",
 }
 """The forms in words, for messages."""
@@ -139,7 +137,7 @@ class Lut:
             return False
         if not cube.has_equal_axes:
             return False
-        return curve is None or form == "shaper" or (form == "shared" and curve.is_shared)
+        return curve is None or form == "shaper"
 
     def write(self, path: str | Path) -> Path:
         """Write the sequence to a file, atomically and exactly, in the format that the suffix names; return the path.
@@ -165,23 +163,23 @@ def _short(op: Op) -> str:
 
 @dataclass(frozen=True)
 class FileFormat:
-    """A kind of LUT file: what it holds, its reader and its writer.
+    """A kind of LUT file: what it holds, its writer, and its reader where OpenColorIO reads no such files.
 
     forms: the sequences that it holds, first the one that is baked for it; sizes: nodes per axis that it can have,
     where not all; size: of a cube that is baked for it where none is asked for; bits: of integer formats, which round,
-    and clamp to [0, 1]; inputs: where its shaper may have its entries: at even steps of [0, 1], at even steps of any
-    range, or at free knots.
+    and clamp to [0, 1]; inputs: where its shaper may have its entries: at even steps of any range, or at free
+    knots.
     """
 
     name: str
     suffixes: tuple[str, ...]
     forms: tuple[Form, ...]
-    read: Callable[[Path, bytes], Lut]
     write: Callable[[Lut, Path], None]
     sizes: tuple[int, ...] = ()
     size: int = 65
     bits: int | None = None
-    inputs: Literal["unit", "range", "knots"] = "range"
+    inputs: Literal["range", "knots"] = "range"
+    read: Callable[[Path], Lut] | None = None
 
     def require(self, lut: Lut, path: Path) -> None:
         """Raise LutError where this format cannot hold a LUT exactly, and say how to bake for it."""
@@ -199,9 +197,6 @@ class FileFormat:
         curve = lut.shaper
         if curve is None:
             return
-        if self.inputs == "unit" and (curve.low, curve.high) != (0.0, 1.0):
-            spanned = f"this LUT spans {curve.low:g} to {curve.high:g}"
-            raise LutError(f"{path}: {self.name} holds no input beyond 1, {spanned}; {INSTEAD_FOR_SCENES}")
         if self.inputs != "knots" and curve.inputs is not None:
             raise LutError(f"{path}: {self.name} holds no curve at free knots; write a .csp")
 
@@ -210,13 +205,13 @@ _FORMATS: dict[str, FileFormat] = {}
 
 
 def register(file_format: FileFormat) -> FileFormat:
-    """Make a format known by its suffixes, so that `Lut.write` and `read_lut` find it."""
+    """Make a format known by its suffixes, so that `Lut.write` finds it."""
     _FORMATS.update(dict.fromkeys(file_format.suffixes, file_format))
     return file_format
 
 
 def suffixes() -> tuple[str, ...]:
-    """The suffixes of all known formats."""
+    """The suffixes of the formats that are written."""
     return tuple(_FORMATS)
 
 
@@ -228,11 +223,7 @@ def format_of(path: Path) -> FileFormat:
     return known
 
 
-def read_lut(path: str | Path) -> Lut:
-    """Read a LUT file; the suffix says which kind. Raises LutError: file, line, text and cause in one line."""
-    path = Path(path)
-    require_file(path, "a LUT", LutError, 128 << 20)  # a 129³ cube as text takes about 70 MB
-    file_format = format_of(path)
-    with reading(path, f"a {path.suffix.lower()} LUT", LutError):
-        lut = file_format.read(path, path.read_bytes())
-        return replace(lut, metadata={"format": file_format.name, **lut.metadata})
+def own_reader(path: Path) -> Callable[[Path], Lut] | None:
+    """The reader of a format that OpenColorIO does not know, by the suffix of a path; else None."""
+    known = _FORMATS.get(path.suffix.lower())
+    return None if known is None else known.read

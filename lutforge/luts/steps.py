@@ -5,21 +5,21 @@ cube of both can only come near. A refinish of a physical model becomes two cube
 """
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 
-from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.bake import bake, joined
-from lutforge.luts.ops import Cube, Curve, Range
-from lutforge.luts.sequence import MAX_SIZE, Lut
-from lutforge.luts.shaper import SHAPER_SIZE, node_levels
+from lutforge.luts.ops import Cube, Matrix, Op, Range
+from lutforge.luts.sequence import Lut
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.highlights import CLIPPED
-from lutforge.model.lattice import Lattice, grid
-from lutforge.model.transform import Clip, ColourFunction, KeepNeutral, Stage, Transform, through_stages
+from lutforge.model.highlights import NeutralHighlights
+from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.transform import Clip, ColourFunction, Stage, Transform, through_stages
+
+HIGHLIGHT_SIZE = 49
+"""Nodes per axis of the cube that keeps white neutral."""
 
 
 def bake_steps(
@@ -38,7 +38,7 @@ def bake_steps(
     def baked(step: ColourFunction) -> Lut:
         return bake(step, size=size, interpolation=interpolation)
 
-    if isinstance(transform, Transform) and any(isinstance(stage, KeepNeutral) for stage in transform.stages):
+    if isinstance(transform, Transform) and any(isinstance(stage, NeutralHighlights) for stage in transform.stages):
         return Lut(joined(grading_lut(transform, baked).ops), title, comments)
     steps = _steps(transform) if isinstance(transform, Transform) else [transform]
     return Lut(joined([op for step in steps for op in baked(step).ops]), title, comments)
@@ -54,54 +54,43 @@ def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
     """A refinish for photographs, from the baked steps of its two styles: white stays neutral.
 
     baked: returns the LUT of a step that is the same under all white balances: of JPEG → linear, or of white-balanced
-    RAW → JPEG. Only the cube of the first is computed anew, so that a picture with a white balance of
-    its own costs milliseconds. It gets one node more per axis, where white begins: below it
-    colours are the model's. Raises LutError on a transform that keeps no neutrals.
+    RAW → JPEG. Only what is between them is computed anew, so that a picture with a white balance of its own costs
+    milliseconds. Raises LutError on a transform that keeps no neutrals.
     """
     if transform.is_identity:
         return Lut((Range(),))
-    (first, between), linearize, render = grading_steps(transform)
-    front, cube, encoded = _with_node(baked(linearize), 1.0 - CLIPPED)
-    balanced = first.kept(encoded, through_stages(between, cube.values))
-    return Lut((front, Cube(balanced, cube.interpolation), *baked(render).ops))
+    linearize, between, highlights, render = grading_steps(transform)
+    front = baked(linearize)
+    cube = front.cube
+    if cube is None:
+        raise LutError(f"LUT: a cube is wanted, not {front.summary}")
+    ahead, behind = front.ops[: front.ops.index(cube)], front.ops[front.ops.index(cube) :]
+    values = through_stages(between, Lut(behind)(grid(uniform_levels(cube.size))))
+    raised = _raised(highlights, float((values / highlights.white).max()))
+    return Lut((*ahead, Cube(values, cube.interpolation), *raised, *baked(render).ops))
 
 
-def grading_steps(transform: Transform) -> tuple[tuple[KeepNeutral, tuple[Stage, ...]], Transform, Transform]:
-    """What a refinish for photographs does between its two baked steps, and these: JPEG → linear, linear → JPEG.
+def _raised(highlights: NeutralHighlights, reach: float) -> tuple[Op, ...]:
+    """Highlights as a cube of light relative to white, up to `reach`.
+
+    On even axes of light, interpolated in tetrahedra, what is not raised passes exactly, and so does the least channel.
+    White is a node.
+    """
+    cells = HIGHLIGHT_SIZE - 1
+    scale = cells / np.floor(cells / max(reach, 1.0)) * highlights.white
+    values = highlights(grid(uniform_levels(HIGHLIGHT_SIZE)) * scale)
+    return Matrix(np.diag(1.0 / scale)), Range(), Cube(values, "tetrahedral")
+
+
+def grading_steps(transform: Transform) -> tuple[Transform, tuple[Stage, ...], NeutralHighlights, Transform]:
+    """The parts of a refinish for photographs: JPEG → linear, from there to balanced light, highlights, and the render.
 
     Raises LutError on a transform that keeps no neutrals.
     """
-    first = transform.stages[0]
-    if not isinstance(first, KeepNeutral):
+    stages = transform.stages
+    at = next((at for at, stage in enumerate(stages) if isinstance(stage, NeutralHighlights)), None)
+    highlights = None if at is None else stages[at]
+    if at is None or not isinstance(highlights, NeutralHighlights):
         raise LutError("LUT: photographs are graded by a refinish that keeps clipped neutrals")
-    cut = 1 + next(at for at, stage in enumerate(first.stages) if isinstance(stage, Lattice | GamutMap))
-    return (first, first.stages[cut:]), Transform(first.stages[:cut]), Transform(transform.stages[1:])
-
-
-@lru_cache(4)  # while a slider moves it is the same step
-def _with_node(lut: Lut, level: float) -> tuple[Curve, Cube, Array]:
-    """A shaper and cube with a node level more per axis, near `level`, where there is none and room for one.
-
-    Returned with the inputs (N, N, N, 3) at the nodes.
-    """
-    curve, cube = lut.shaper, lut.cube
-    if cube is None:
-        raise LutError(f"LUT: a shaper and a cube are wanted, not {lut.summary}")
-    behind = lut.ops[lut.ops.index(cube) :]
-    size = cube.size
-    if curve is None:  # the evenly spaced levels lie on its entries
-        entries = (size - 1) * ((SHAPER_SIZE - 1) // (size - 1)) + 1
-        curve = Curve(np.repeat(np.linspace(0.0, 1.0, entries)[:, None], 3, axis=1))
-    last = len(curve.outputs) - 1
-    at = curve.outputs[int(np.floor(level * last))]  # (3,), along the axes of the cube
-    even = np.linspace(0.0, 1.0, size)
-    axes = [even if np.any(np.abs(even - place) < 1e-9) else np.sort(np.append(even, place)) for place in at]
-    count = len(axes[0])
-    if count > MAX_SIZE or any(len(axis) != count for axis in axes):
-        same = Cube(Lut(behind)(grid((even, even, even))), cube.interpolation)
-        return curve, same, grid(node_levels(curve, same))
-    places = np.linspace(0.0, 1.0, count)
-    outputs = np.stack([np.interp(curve.outputs[:, c], axes[c], places) for c in range(3)], axis=1)
-    values = Lut(behind)(grid((axes[0], axes[1], axes[2])))
-    front, finer = Curve(outputs, curve.low, curve.high), Cube(values, cube.interpolation)
-    return front, finer, grid(node_levels(front, finer))
+    cut = 1 + next(at for at, stage in enumerate(stages) if isinstance(stage, Lattice | GamutMap))
+    return Transform(stages[:cut]), stages[cut:at], highlights, Transform(stages[at + 1 :])

@@ -1,90 +1,29 @@
 """Read a LUT file back and measure how far it is from what it should be.
 
-OpenColorIO reads the file; our own reader reads formats that OpenColorIO does not, with the interpolation asked for.
-colour-science reads the same file where it can, and two readers that disagree are an error. Files are compared at the
-same points every time, of which more lie where the LUT bends.
+OpenColorIO reads the file, or our own reader where it does not know the format, with the interpolation asked for. Files
+are compared at the same points every time, of which more lie where the LUT bends.
 """
 
 from __future__ import annotations  # so that help() shows the names of types
 
-import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lutforge.arrays import Array, Single
 from lutforge.colour.colour_difference import delta_e_2000
-from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.formats import spi
 from lutforge.luts.ops import Cube, Matrix
-from lutforge.luts.processor import evaluate, file_processor
-from lutforge.luts.programs import OCIO_READS
+from lutforge.luts.processor import evaluate
 from lutforge.luts.reader_habits import Colour
-from lutforge.luts.sequence import Lut, read_lut
+from lutforge.luts.reading import file_processor, read_lut
+from lutforge.luts.sequence import Lut, own_reader
 from lutforge.luts.shaper import node_levels
 from lutforge.model.transform import ColourFunction
 from lutforge.sobol import sobol
-
-SUFFIXES = (".cube", ".csp", ".spi1d", ".spi3d")
-"""What colour-science 0.4 reads; its reader of CLF is a package of its own, which refuses OCIO's namespace."""
-
-
-def second_reading(path: Path, x: Array, method: Interpolation) -> Array | None:
-    """What colour-science makes of colours (n, 3); None where it does not read such files. Raises LutError."""
-    # It reads line by line: a 65³ .cube of 11 MB takes about a second.
-    if path.suffix.lower() not in SUFFIXES or path.stat().st_size > 24 << 20:
-        return None
-    import colour  # imported here: it takes a second
-
-    names = {"trilinear": "table_interpolation_trilinear", "tetrahedral": "table_interpolation_tetrahedral"}
-    interpolator = getattr(colour.algebra, names[method])
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it warns of tables that it converts to its own domain
-            sequence: Any = colour.read_LUT(str(path), method=_method(path))
-            stages = list(sequence) if isinstance(sequence, colour.LUTSequence) else [sequence]
-            y = np.asarray(x, dtype=np.float64)
-            for stage in stages:
-                three = isinstance(stage, colour.LUT3D)
-                y = np.asarray(stage.apply(y, interpolator=interpolator) if three else stage.apply(y))
-    except (ValueError, TypeError, IndexError, KeyError, AttributeError, AssertionError, RuntimeError) as error:
-        raise LutError(f"{path}: colour-science cannot read it: {error}") from error
-    return y
-
-
-def disagreement(paths: Sequence[Path], x: Array, first: Array, method: Interpolation) -> float | None:
-    """The largest difference of a channel between the first reader's outputs and colour-science's, on some of `x`.
-
-    paths: a file, or those that are used one after the other. None where colour-science does not read such files.
-    Raises LutError where the two disagree.
-    """
-    some = np.linspace(0, len(x) - 1, min(4096, len(x))).astype(np.int64)
-    second: Array | None = x[some]
-    for path in paths:
-        second = None if second is None else second_reading(path, second, method)
-    if second is None:
-        return None
-    difference = np.abs(second - first[some]).max(axis=1)
-    worst = int(np.argmax(difference))
-    if not difference[worst] <= 1e-3:  # float32 in one of them, and a spline through the knots of a .csp
-        raise LutError(
-            f"{paths[-1]}: OpenColorIO and colour-science read it differently, by {difference[worst]:.2g} at "
-            f"{np.round(x[some][worst], 4).tolist()}: do not trust this file"
-        )
-    return float(difference[worst])
-
-
-def _method(path: Path) -> str | None:
-    """The Resolve reader for a .cube with a shaper; colour-science would guess, by trying one after the other."""
-    if path.suffix.lower() != ".cube":
-        return None
-    with path.open("rb") as file:
-        head = file.read(4096)
-    return "Resolve Cube" if b"LUT_1D_SIZE" in head and b"LUT_3D_SIZE" in head else "Iridas Cube"
 
 
 def sample_points(lut: Lut, count: int = 32768) -> Array:
@@ -120,8 +59,7 @@ class FileError:
 
     mean, p99, max: Euclidean norm of the RGB difference (1 = full scale).
     mean_de00, max_de00: CIEDE2000 with both taken for encoded sRGB; None for outputs that are not for a
-    display. worst: the input (r, g, b) at which the difference is the largest. second: the largest difference of a
-    channel between two readers of the file; None where there is one only.
+    display. worst: the input (r, g, b) at which the difference is the largest.
     """
 
     mean: float
@@ -131,14 +69,11 @@ class FileError:
     max_de00: float | None
     samples: int
     worst: Colour
-    second: float | None = None
 
     def __str__(self) -> str:
         text = f"mean {self.mean:.2g}, 99 % {self.p99:.2g}, max {self.max:.2g}"
         if self.mean_de00 is not None and self.max_de00 is not None:
             text += f"; ΔE00 mean {self.mean_de00:.2g}, max {self.max_de00:.2g}"
-        if self.second is not None:
-            text += f"; colour-science agrees within {self.second:.1g}"
         return text
 
 
@@ -159,8 +94,7 @@ def verify(
     # Rounded to float32 first: both sides get the very same input.
     x = sample_points(lut or read_lut(path)).astype(np.float32).astype(np.float64)
     got = _read_back(path, method)(x)
-    second = disagreement(_files(path), x, got.astype(np.float64), method)
-    return replace(compare(x, got, reference(x), display_referred), second=second)
+    return compare(x, got, reference(x), display_referred)
 
 
 def _files(path: Path) -> list[Path]:
@@ -171,7 +105,7 @@ def _files(path: Path) -> list[Path]:
 
 def _read_back(path: Path, method: Interpolation) -> Callable[[Array], Single]:
     """What a reader of the file makes of colours (n, 3)."""
-    if path.suffix.lower() in OCIO_READS:
+    if own_reader(path) is None:
         processors = [file_processor(file, method) for file in _files(path)]
 
         def values_of(x: Array) -> Single:

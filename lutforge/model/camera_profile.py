@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -12,7 +11,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError
-from lutforge.model.highlights import white_as_grey
+from lutforge.model.highlights import neutral_highlights as highlights_between
 from lutforge.model.profile_data import PhysicalModel, ProfileData
 from lutforge.model.profile_file import read_profile, save_profile
 from lutforge.model.raw_transfer import RawTransfer
@@ -23,14 +22,13 @@ from lutforge.model.transform import (
     Encode,
     EncodeRgb,
     Gain,
-    KeepNeutral,
     MatrixStage,
     RawToRaw,
     Stage,
     Transform,
 )
-from lutforge.model.white_balance import resolve, temperature_of, tinted
-from lutforge.settings import Kelvin, Multipliers, Selector, checked_tint, parse_selector, require_exposure
+from lutforge.model.white_balance import resolve, shifted, temperature_of
+from lutforge.settings import Kelvin, Multipliers, Selector, Shift, parse_selector, require_exposure, split_shift
 
 ModelName = Literal["lattice", "rbf"]
 MODELS: tuple[ModelName, ...] = get_args(ModelName)
@@ -52,14 +50,22 @@ class CameraProfile(ProfileData):
         return replace(selector, white_balance=self._known_balance(selector.white_balance))
 
     def _known_balance(self, balance: str | Kelvin | Multipliers) -> str | Kelvin | Multipliers:
-        """The white balance as it is, or the multipliers of a known one with a tint: "daylight+10"."""
-        tint = re.fullmatch(r"(.+?)([+-]\d+(?:\.\d+)?)", balance) if isinstance(balance, str) else None
-        if tint is None or balance in self.white_balances or tint[1] not in self.white_balances:
+        """The white balance as it is, or the multipliers of a known one with a step: "daylight+10", "auto+500K"."""
+        step = split_shift(balance) if isinstance(balance, str) and balance not in self.white_balances else None
+        if step is None or step[0] not in self.white_balances:
             resolve(balance, self.white_balances, self.matrix)
             return balance
-        named = np.array(self.white_balances[tint[1]].multipliers)
-        r, g, b = tinted(named, checked_tint(float(tint[2])), self.white_balances, self.matrix)
-        return Multipliers((float(r), float(g), float(b)))
+        return self.shifted(self.white_balances[step[0]].factors, step[1])
+
+    def shifted(self, factors: Array, shift: Shift) -> Multipliers:
+        """Tw (3,) moved by a step along or across the locus of natural light; its gain stays.
+
+        Raises SettingsError where no natural light is so far off.
+        """
+        if self.raw_space != "raw" and shift != Shift():
+            raise SettingsError(f"{self.camera}: colour temperatures need RAW, and the profile is of {self.developer}")
+        r, g, b = (float(value) for value in shifted(factors, shift, self.white_balances, self.matrix))
+        return Multipliers((r / g, 1.0, b / g), g)
 
     def multipliers(self, text: str | Selector) -> Array:
         """Tw (3,) that a selector asks for: white-balance multipliers times the gain of the setting."""
@@ -213,8 +219,8 @@ def match(
     render = target_camera.render_balanced(target, model)
     if not neutral_highlights:
         return Transform((*balanced, *render.stages))
-    white = white_as_grey(render, Transform(balanced)(np.ones(3)), 2.0**ev, target_camera.matrix)
-    return Transform((KeepNeutral(balanced, white, target_camera.matrix), *render.stages))
+    highlights = highlights_between(Transform(balanced), render, 2.0**ev, target_camera.matrix, render.highest())
+    return Transform((*balanced, highlights, *render.stages))
 
 
 def _same_setting(camera: CameraProfile, one: Selector, other: Selector) -> bool:

@@ -1,11 +1,18 @@
-"""The gamut map h, or h⁻¹: radial basis functions φ(r) = r with a linear polynomial (thesis 4.2.3, equation 4.7).
+"""The gamut map h, or h⁻¹: radial basis functions with a linear polynomial (thesis 4.2.3, equation 4.7).
 
 On linear values, as the thesis has it, or on an even scale, on which dark colours lie as far apart as they look:
 e(x) = ±((|x| + ε)^(1/2.4) − ε^(1/2.4)) / c with c such that e(1) = 1.
+
+The thesis's function is φ(r) = r. The other one is the covariance of kriging (`calibration.physical.kriging`), a sum of
+three that fade (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, section 4.2.1), with t = r/ℓ:
+φ(r) = 0.2 exp(−t) + 0.8 (1 + 8t) exp(−8t) + 10 exp(−3 t²). The first is rough and reaches far; its limit for long ℓ is
+φ(r) = r. The second is smooth and reaches an eighth as far. The third is what a polynomial trend would be, and goes on
+smoothly beyond the samples. Distances along the grey axis count 0.7 times.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +25,13 @@ from lutforge.threads import run, shares
 BLOCK = 64
 """Centres per block of the evaluation."""
 POWER = 1 / 2.4
+
+Kernel = Literal["linear", "kriging"]
+KERNELS: tuple[Kernel, ...] = get_args(Kernel)
+REACH = 4.8
+"""ℓ of the kriging kernel, on the even scale."""
+ALONG_GREY = 0.7
+"""How much a distance along the grey axis counts: exposure changes what a gamut map does less than hue and chroma."""
 
 
 def to_even(linear: ArrayLike, offset: float) -> Array:
@@ -85,6 +99,71 @@ def _evaluate(
         y[n, 0], y[n, 1], y[n, 2] = total0, total1, total2
 
 
+@compiled(fastmath=True)
+def _falling(x: float) -> float:
+    """exp(−x), as the 16th power of a polynomial, which a compiler can vectorize; constant beyond x = 5.6."""
+    t = min(x / 16.0, 0.35)
+    root: float = 1.0 - t * (1.0 - t / 2.0 * (1.0 - t / 3.0 * (1.0 - t / 4.0 * (1.0 - t / 5.0 * (1.0 - t / 6.0)))))
+    for _ in range(4):
+        root *= root
+    return root
+
+
+@compiled(fastmath=True)
+def _kriging(square: float) -> float:
+    """φ of a squared distance, in the kernel of kriging."""
+    part = square / (REACH * REACH)
+    ratio = np.sqrt(part)
+    far = _falling(ratio)
+    near = far * far
+    near *= near
+    near *= near
+    value: float = 0.2 * far + 0.8 * (1.0 + 8.0 * ratio) * near + 10.0 * _falling(3.0 * part)
+    return value
+
+
+@compiled(fastmath=True)
+def _evaluate_kriging(
+    x: Array, flat: Array, polynomial: Array, centres: Array, coefficients: Array, y: Array, first: int, last: int
+) -> None:
+    """y = a·[1, x] + Σ λ φ(‖flat − c‖); centres, coefficients: (3, m)."""
+    p = polynomial
+    for n in range(first, last):
+        x0, x1, x2 = x[n, 0], x[n, 1], x[n, 2]
+        f0, f1, f2 = flat[n, 0], flat[n, 1], flat[n, 2]
+        sum0, sum1, sum2 = 0.0, 0.0, 0.0
+        for i in range(centres.shape[1]):
+            value = _kriging((f0 - centres[0, i]) ** 2 + (f1 - centres[1, i]) ** 2 + (f2 - centres[2, i]) ** 2)
+            sum0 += coefficients[0, i] * value
+            sum1 += coefficients[1, i] * value
+            sum2 += coefficients[2, i] * value
+        y[n, 0] = sum0 + p[0, 0] + p[1, 0] * x0 + p[2, 0] * x1 + p[3, 0] * x2
+        y[n, 1] = sum1 + p[0, 1] + p[1, 1] * x0 + p[2, 1] * x1 + p[3, 1] * x2
+        y[n, 2] = sum2 + p[0, 2] + p[1, 2] * x0 + p[2, 2] * x1 + p[3, 2] * x2
+
+
+@compiled(fastmath=True)
+def _covariance(flat: Array, covariance: Array, first: int, last: int) -> None:
+    """Fill rows of the lower triangle of φ between points (n, 3); flat: (3, n)."""
+    for n in range(first, last):
+        row, f0, f1, f2 = covariance[n], flat[0, n], flat[1, n], flat[2, n]
+        for i in range(n + 1):
+            row[i] = _kriging((f0 - flat[0, i]) ** 2 + (f1 - flat[1, i]) ** 2 + (f2 - flat[2, i]) ** 2)
+
+
+def kriging_covariance(even: Array) -> Array:
+    """The lower triangle (n, n) of the kriging kernel between points (n, 3) of the even scale; 0 above."""
+    flat = np.ascontiguousarray(flattened(even).T)
+    covariance = np.zeros((len(even), len(even)))
+    run(lambda first, last: _covariance(flat, covariance, first, last), shares(len(even), 200))
+    return covariance
+
+
+def flattened(even: Array) -> Array:
+    """Points (n, 3) of the even scale with their brightness scaled by ALONG_GREY, as the kriging kernel takes them."""
+    return np.asarray(even - (1.0 - ALONG_GREY) * even.mean(axis=-1, keepdims=True))
+
+
 def _spatial_order(points: Array) -> NDArray[np.intp]:
     """An order in which neighbours are near each other: Morton's (bits of the three coordinates interleaved)."""
     span = np.maximum(np.ptp(points, axis=0), 1e-30)
@@ -98,16 +177,18 @@ def _spatial_order(points: Array) -> NDArray[np.intp]:
 
 @dataclass(frozen=True, eq=False)
 class GamutMap:
-    """h_c(X) = Σ_i λ_ci ‖X − X_i‖ + a_cᵀ [1, X], or on the even scale: h(X) = e⁻¹(Σ_i λ_i ‖e(X) − e(X_i)‖ + …).
+    """h_c(X) = Σ_i λ_ci φ(‖X − X_i‖) + a_cᵀ [1, X], or on the even scale: h(X) = e⁻¹(Σ_i λ_i φ(‖e(X) − e(X_i)‖) + …).
 
     centres: X_i (n, 3), linear; coefficients: λ (n, 3); polynomial: a (4, 3), rows constant, x, y, z; offset: ε of the
-    even scale, 0 for none. Raises ProfileError where the shapes disagree or a number is not finite.
+    even scale, 0 for none; kernel: the function φ of the distance. Raises ProfileError where the shapes disagree, a
+    number is not finite or the kernel is unknown.
     """
 
     centres: Array
     coefficients: Array
     polynomial: Array
     offset: float = 0.0
+    kernel: Kernel = "linear"
 
     def __post_init__(self) -> None:
         count = len(self.centres)
@@ -118,6 +199,8 @@ class GamutMap:
                 raise ProfileError("gamut map: a number is not finite")
         if not 0.0 <= self.offset <= 1.0:
             raise ProfileError(f"gamut map: the offset of its scale, {self.offset}, is not within 0 … 1")
+        if self.kernel not in KERNELS:
+            raise ProfileError(f"gamut map: unknown kernel {self.kernel!r}")
 
     @property
     def is_identity(self) -> bool:
@@ -129,11 +212,21 @@ class GamutMap:
         points = np.asarray(x, dtype=np.float64)
         flat = np.ascontiguousarray(to_even(points.reshape(-1, 3), self.offset))
         polynomial, mapped = np.ascontiguousarray(self.polynomial), np.empty_like(flat)
-        run(
-            lambda first, last: _evaluate(flat, polynomial, *self._blocks, mapped, first, last),
-            shares(len(flat), 2_000),  # points that are worth a thread
-        )
+
+        def evaluate(first: int, last: int) -> None:
+            if self.kernel == "linear":
+                _evaluate(flat, polynomial, *self._blocks, mapped, first, last)
+            else:
+                _evaluate_kriging(flat, flattened(flat), polynomial, *self._columns, mapped, first, last)
+
+        run(evaluate, shares(len(flat), 2_000))  # points that are worth a thread
         return from_even(mapped, self.offset).reshape(points.shape)
+
+    @cached_property
+    def _columns(self) -> tuple[Array, Array]:
+        """What `_evaluate_kriging` takes: centres and coefficients, (3, n)."""
+        centres = flattened(to_even(self.centres, self.offset))
+        return np.ascontiguousarray(centres.T), np.ascontiguousarray(self.coefficients.T)
 
     @cached_property
     def _blocks(self) -> tuple[Array, Array, Single, Single]:

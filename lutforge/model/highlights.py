@@ -2,18 +2,27 @@
 
 A code below 255 is a measurement. White is only a lower bound of the light: the sensor saturates, and cameras and RAW
 developers clip after white balance. If white were taken for the least light that clips, a change of white balance would
-turn it into the colour of the ratio of the two white balances.
+turn it into the colour of the ratio of the two white balances. So white is rendered as grey, and what is darker rises
+towards that grey by at most `RISE` codes for each code that the picture is nearer to white: one code decides nothing.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array, Mask
+from lutforge.interpolation import apply_curve
 
 CLIPPED = 0.5 / 255.0
 """An encoded channel this near to 0 or 1 is clipped: half a code of an 8-bit file."""
+
+RISE = 4.0
+"""Codes by which the output rises at most towards white per code of the source's least channel, beyond the model."""
+
+STEPS = 4096
+"""Entries of the table of `NeutralHighlights`."""
 
 
 def clipped(encoded: ArrayLike) -> Mask:
@@ -23,30 +32,57 @@ def clipped(encoded: ArrayLike) -> Mask:
     return mask
 
 
-def neutral_where_clipped(
-    encoded: Array, balanced: Array, white: ArrayLike = 1.0, to_linear: Array | None = None
-) -> Array:
-    """Return balanced linear colours (…, 3), made neutral where the source `encoded` is white or black.
+@dataclass(frozen=True, eq=False)
+class NeutralHighlights:
+    """Balanced light of a picture, raised where it comes near to burnt-out white, which ends as grey.
 
-    Where all channels are at 255 the colour is raised to `white`, one level or (3,), or to the least multiple of it
-    that lowers no channel. It is raised gradually over the last half code, because a lookup table cannot jump. Where
-    all channels are at 0 they are lowered to the smallest. Other colours do not change.
-
-    to_linear: (3, 3), rows sum to 1, to the linear light of the output, of which no channel is lowered either.
+    white: (3,), the balanced light that the model gives for white; floor: (n, 3), the least linear light of the output
+    at n even steps, from 0 to 1, of the least channel relative to white; to_linear: (3, 3), balanced light to that of
+    the output; highest: where balanced light is clipped before it is rendered.
     """
-    r, g, b = encoded[..., 0], encoded[..., 1], encoded[..., 2]
-    least = np.minimum(np.minimum(r, g), b)
-    some = (least > 1.0 - CLIPPED) | (np.maximum(np.maximum(r, g), b) <= CLIPPED)
-    kept, least = balanced.copy(), least[some][:, None]
-    burnt = np.clip((least - (1.0 - CLIPPED)) / CLIPPED, 0.0, 1.0)
-    own, whites = balanced[some], np.broadcast_to(np.asarray(white, dtype=np.float64), 3)
-    ratios = own / whites
-    if to_linear is not None:
-        ratios = np.concatenate([ratios, (own @ to_linear.T) / (to_linear @ whites)], axis=-1)
-    raised = np.maximum(ratios.max(axis=-1, keepdims=True), 1.0) * whites
-    dark = least <= CLIPPED
-    kept[some] = np.where(dark, own.min(axis=-1, keepdims=True), own + burnt * (raised - own))
-    return kept
+
+    white: Array
+    floor: Array
+    to_linear: Array
+    highest: float = 1.0
+
+    def __call__(self, balanced: Array) -> Array:
+        """Balanced linear light (…, 3) → the same, no channel of the output lower."""
+        least = np.min(balanced / self.white, axis=-1, keepdims=True)
+        wanted = apply_curve(self.floor, np.repeat(np.clip(least, 0.0, 1.0), 3, axis=-1))
+        missing = np.maximum(wanted - np.minimum(balanced, self.highest) @ self.to_linear.T, 0.0)
+        return np.asarray(balanced + missing @ np.linalg.inv(self.to_linear).T)
+
+
+def neutral_highlights(
+    to_balanced: Callable[[Array], Array],
+    render: Callable[[Array], Array],
+    level: float,
+    to_linear: Array,
+    highest: float = 1.0,
+) -> NeutralHighlights:
+    """Return what keeps white neutral between the two halves of a refinish.
+
+    to_balanced: encoded source → balanced light; render: balanced light → encoded output; level: balanced light of
+    white, if it is no brighter than what just saturates; to_linear, highest: as of `NeutralHighlights`.
+    """
+    codes = np.linspace(0.0, 1.0, 256)
+    ramp = to_balanced(codes[:, None].repeat(3, axis=1))
+    white = np.maximum(ramp[-1], 1e-6)
+    grey = white_as_grey(render, np.minimum(ramp[-1], highest), level, to_linear)
+
+    # Which level of grey light makes which code of the output, and which source code has which light.
+    levels = np.linspace(0.0, 1.0, 1024) ** 2
+    shown = np.maximum.accumulate(render(levels[:, None] * grey).min(axis=1))
+    least = np.maximum.accumulate((ramp / white).min(axis=1))
+    source = np.interp(np.linspace(0.0, 1.0, STEPS), least, codes)
+    output = shown[-1] - RISE * (1.0 - source)
+
+    rising = np.concatenate([[True], np.diff(shown) > 1e-6])
+    light = np.interp(np.abs(output), shown[rising], levels[rising]) * np.maximum(np.abs(output), 1.0) ** 3
+    floor = (np.sign(output) * light)[:, None] * (to_linear @ grey)
+    floor[-1] = to_linear @ grey
+    return NeutralHighlights(white, floor, to_linear, highest)
 
 
 def white_as_grey(render: Callable[[Array], Array], bare: Array, least: float, to_linear: Array) -> Array:
@@ -55,8 +91,8 @@ def white_as_grey(render: Callable[[Array], Array], bare: Array, least: float, t
     Light that is neutral by the multipliers need not be rendered neutral: the camera's own white balance may differ, or
     its style may be warm. No channel of the grey is darker than the rendering of neutral light at the level of white,
     or of `bare`, the light (3,) that the model without this correction gives for white. least: the least level;
-    to_linear: as for `neutral_where_clipped`. The light differs from neutral by at most a quarter, because a toned
-    style has no grey. Where the sensor saturates it is neutral.
+    to_linear: from balanced light to the linear light of the output, (3, 3). The light differs from neutral by at most
+    a quarter, because a toned style has no grey. Where the sensor saturates it is neutral.
     """
     level = max(least, float(bare.max()), float((to_linear @ bare).max()))
     light = np.full(3, level)

@@ -19,7 +19,6 @@ class Lattice:
 
     levels: three strictly increasing (N,) float64 arrays; values: (N_r, N_g, N_b, 3) float64. output_curve:
     (m, 3), behind the interpolated values, at m even steps from 0 to 1, or None; it is not the camera response f.
-    plain: the same function fitted without an output curve, for files that can hold none.
     Raises ProfileError where the shapes disagree, a level does not increase, an output curve falls, or a number is not
     finite or absurd.
     """
@@ -28,7 +27,6 @@ class Lattice:
     values: Array
     interpolation: Interpolation = "trilinear"
     output_curve: Array | None = None
-    plain: "Lattice | None" = None
 
     def __post_init__(self) -> None:
         shape = (*(len(axis) for axis in self.levels), 3)
@@ -49,8 +47,9 @@ class Lattice:
                 raise ProfileError("lattice: the output curve falls, or holds what is not a number")
             if np.abs(table).max() > 1e4:
                 raise ProfileError(f"lattice: an output curve of {np.abs(table).max():.3g} is no colour")
-        if self.plain is not None and (self.plain.output_curve is not None or self.plain.plain is not None):
-            raise ProfileError("lattice: the plain form has an output curve")
+
+    def __repr__(self) -> str:
+        return f"Lattice({'×'.join(map(str, self.size))}, {self.interpolation})"
 
     def __call__(self, x: ArrayLike) -> Array:
         """Evaluate at `x` (…, 3), clamped to the domain; returns (…, 3) float64."""
@@ -125,3 +124,9 @@ def snap_levels(levels: Array, shaper_size: int) -> Array:
     points = np.maximum.accumulate(points - order) + order
     points = np.minimum.accumulate((np.minimum(points, steps) - order)[::-1])[::-1] + order
     return points / steps
+
+
+def snapped(levels: Levels, shaper_size: int) -> Levels:
+    """Node levels of three axes on the grid of the shaper that files will hold them in. Raises LutError."""
+    r, g, b = (snap_levels(axis, shaper_size) for axis in levels)
+    return (r, g, b)

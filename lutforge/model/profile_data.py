@@ -13,7 +13,6 @@ from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
-from lutforge.model.shot_tone import ShotTone
 from lutforge.model.white_balance import WhiteBalance
 
 
@@ -92,9 +91,7 @@ class ProfileData:
     shots: the names that it was calibrated from; options: how, as plain JSON values. raw_camera: the reference camera
     whose RAW stood in for a camera without RAW (4.9), else ""; raw_transfer: Tc (3, 3), which takes that camera's RAW
     to this camera's, as far as it can be known. falloffs: what JPEGs are brighter towards the corners than the
-    middle, for which the styles stand, by lens setting. diagnoses: what in the samples no camera makes. tones: what the
-    camera did to single shots beyond its fixed rendering; those that depart locally take no part in it. encoders: of
-    the JPEGs that it was calibrated from (`JpegHeader.encoder`).
+    middle, for which the styles stand, by lens setting. diagnoses: what in the samples no camera makes.
     Raises ProfileError where there is no style or no white balance, a name is not one line of text, or the matrix is
     singular.
     """
@@ -109,9 +106,7 @@ class ProfileData:
     raw_camera: str = ""
     falloffs: tuple[Falloff, ...] = ()
     diagnoses: tuple[Diagnosis, ...] = ()
-    tones: tuple[ShotTone, ...] = ()
     raw_transfer: Array | None = None
-    encoders: tuple[str, ...] = ()
 
     @property
     def developer(self) -> str:

@@ -24,12 +24,10 @@ from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PhysicalModel, PictureStyle, ProfileData
 from lutforge.model.response import Response
-from lutforge.model.shot_tone import ShotTone
 from lutforge.model.white_balance import WhiteBalance
 
-FORMAT_VERSION = 6
-"""2: lattices may have a response. 3: gamut maps may be on an even scale. 4: white balances have a gain. 5:
-there may be falloffs, and tones of shots. 6: of a camera without RAW there is the matrix from the reference's RAW."""
+FORMAT_VERSION = 7
+"""The one version that is read: profiles are quickly calibrated again."""
 
 
 def save_profile(profile: ProfileData, path: str | Path) -> None:
@@ -51,8 +49,6 @@ def save_profile(profile: ProfileData, path: str | Path) -> None:
         "shots": list(profile.shots),
         "options": dict(profile.options),
         "notes": list(profile.notes),
-        "encoders": list(profile.encoders),
-        "tones": [asdict(tone) for tone in profile.tones],
         "falloffs": [_falloff_to_json(falloff) for falloff in profile.falloffs],
         "diagnoses": [asdict(diagnosis) for diagnosis in profile.diagnoses],
     }
@@ -88,6 +84,7 @@ def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -
                 "matrix": model.matrix.tolist(),
                 "arrays": base,
                 "offsets": [gamut_map.offset for gamut_map in maps.values()],
+                "kernels": [gamut_map.kernel for gamut_map in maps.values()],
             }
         )
     return result
@@ -106,8 +103,6 @@ def _lattice_to_json(lattice: Lattice, prefix: str, arrays: dict[str, Array]) ->
     if lattice.output_curve is not None:
         entry["response"] = f"{prefix}_response"
         arrays[entry["response"]] = lattice.output_curve
-    if lattice.plain is not None:
-        entry["plain"] = _lattice_to_json(lattice.plain, f"{prefix}_plain", arrays)
     return entry
 
 
@@ -120,7 +115,7 @@ def read_profile(path: str | Path) -> ProfileData:
         raise ProfileError(f"{path}: not a LutForge profile, which is a zip file")
     with reading(path, "a LutForge profile", ProfileError), zipfile.ZipFile(path) as archive:
         document = _read_document(archive)
-        options = document.get("options", {})
+        options = document["options"]
         if not isinstance(options, dict):
             raise ProfileError("damaged profile, its options are no table")
 
@@ -128,27 +123,21 @@ def read_profile(path: str | Path) -> ProfileData:
             return _read_array(archive, name)
 
         styles = {str(name): _style_from_json(entry, array) for name, entry in document["styles"].items()}
-        matrix, transfer = document["matrix"], document.get("raw_transfer")
-        if document["version"] < 6 and document.get("raw_camera"):
-            # Each white balance had a model of its own, which starts from the reference's RAW.
-            matrix = next(model.matrix for style in styles.values() for model in style.physical)
-            transfer = np.eye(3)
+        transfer = document["raw_transfer"]
         return ProfileData(
             camera=str(document["camera"]),
-            matrix=np.array(matrix, dtype=np.float64),
+            matrix=np.array(document["matrix"], dtype=np.float64),
             white_balances={str(name): _balance(entry) for name, entry in document["white_balances"].items()},
             styles=styles,
-            shots=tuple(str(shot) for shot in document.get("shots", [])),
+            shots=tuple(str(shot) for shot in document["shots"]),
             options=options,
-            notes=tuple(str(note) for note in document.get("notes", [])),
-            encoders=tuple(str(encoder) for encoder in document.get("encoders", [])),
-            raw_camera=str(document.get("raw_camera", "")),
+            notes=tuple(str(note) for note in document["notes"]),
+            raw_camera=str(document["raw_camera"]),
             raw_transfer=None if transfer is None else np.array(transfer, dtype=np.float64),
-            tones=tuple(_tone(entry) for entry in document.get("tones", [])),
-            falloffs=tuple(_falloff(entry) for entry in document.get("falloffs", [])),
+            falloffs=tuple(_falloff(entry) for entry in document["falloffs"]),
             diagnoses=tuple(
-                Diagnosis(str(entry["cause"]), str(entry["evidence"]), str(entry["advice"]), bool(entry["whole_set"]))
-                for entry in document.get("diagnoses", [])
+                Diagnosis(str(entry["cause"]), str(entry["evidence"]), str(entry["advice"]))
+                for entry in document["diagnoses"]
             ),
         )
 
@@ -156,7 +145,10 @@ def read_profile(path: str | Path) -> ProfileData:
 def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
     names = archive.namelist()
     if "profile.json" not in names:
-        raise ProfileError("not a LutForge profile (it holds no profile.json)")
+        raise ProfileError(
+            "not a LutForge profile (it holds no profile.json)"
+            + ("; it is a table of samples" if "raw_r.npy" in names else "")
+        )
     if len(names) > 4096 or archive.getinfo("profile.json").file_size > 16 << 20:
         raise ProfileError("refused, it is far larger than any profile")
     document = json.loads(archive.read("profile.json"))
@@ -165,8 +157,9 @@ def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
     version = document.get("version")
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         raise ProfileError(f"damaged profile, its version is {version!r:.60}; calibrate again, or find a good copy")
-    if version > FORMAT_VERSION:
-        raise ProfileError(f"profile version {version}; this LutForge reads up to {FORMAT_VERSION}: update it")
+    if version != FORMAT_VERSION:
+        advice = "update it" if version > FORMAT_VERSION else "calibrate again"
+        raise ProfileError(f"profile version {version}; this LutForge reads version {FORMAT_VERSION}: {advice}")
     return document
 
 
@@ -190,7 +183,7 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> Array:
 
 def _balance(entry: Mapping[str, Any]) -> WhiteBalance:
     r, g, b = (float(value) for value in entry["multipliers"])
-    return WhiteBalance((r, g, b), entry["kelvin"], float(entry.get("spread", 0.0)), float(entry.get("gain", 1.0)))
+    return WhiteBalance((r, g, b), entry["kelvin"], float(entry["spread"]), float(entry["gain"]))
 
 
 def _falloff_to_json(falloff: Falloff) -> dict[str, Any]:
@@ -206,17 +199,6 @@ def _falloff(entry: Mapping[str, Any]) -> Falloff:
     return Falloff((a, b, c), (x, y), str(entry["lens"]), focal_mm, aperture)
 
 
-def _tone(entry: Mapping[str, Any]) -> ShotTone:
-    a, b, c = (float(value) for value in entry["coefficients"])
-    exposure, shadows, highlights, size = (
-        float(entry[name]) for name in ("exposure", "shadows", "highlights", "local")
-    )
-    dark, bright = (tuple(float(value) for value in part) for part in entry["maps"])
-    common, local = (float(value) for value in entry["significance"])
-    shot, style = str(entry["shot"]), str(entry["style"])
-    return ShotTone(shot, style, (a, b, c), exposure, shadows, highlights, size, (dark, bright), (common, local))
-
-
 def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:
     lattices: dict[Direction, Lattice] = {}
     coverage: dict[Direction, Array] = {}
@@ -230,7 +212,7 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
             if "expected" in stored:
                 expected[direction] = array(stored["expected"])
     physical = []
-    for model in entry.get("physical", []):
+    for model in entry["physical"]:
         base = model["arrays"]
         forward, back = (
             GamutMap(
@@ -238,22 +220,24 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
                 array(f"{base}_{side}_coefficients"),
                 array(f"{base}_{side}_polynomial"),
                 float(offset),
+                kernel,
             )
-            for side, offset in zip(("gamut_map", "inverse_gamut_map"), model.get("offsets", (0.0, 0.0)), strict=True)
+            for side, offset, kernel in zip(
+                ("gamut_map", "inverse_gamut_map"), model["offsets"], model["kernels"], strict=True
+            )
         )
         matrix = np.array(model["matrix"], dtype=np.float64)
         response = Response(array(f"{base}_response"))
         physical.append(PhysicalModel(tuple(model["white_balances"]), matrix, response, forward, back))
-    errors = {str(name): float(value) for name, value in entry.get("errors", {}).items()}
+    errors = {str(name): float(value) for name, value in entry["errors"].items()}
     return PictureStyle(lattices.get("render"), lattices.get("linearize"), tuple(physical), errors, coverage, expected)
 
 
-def _lattice_from_json(stored: Mapping[str, Any], array: Callable[[str], Array], nested: bool = False) -> Lattice:
-    plain = _lattice_from_json(stored["plain"], array, nested=True) if "plain" in stored and not nested else None
+def _lattice_from_json(stored: Mapping[str, Any], array: Callable[[str], Array]) -> Lattice:
     if stored["interpolation"] not in INTERPOLATIONS:
         raise ProfileError(f"unknown interpolation {stored['interpolation']!r}")
     r, g, b = (array(name) for name in stored["levels"])
-    if stored.get("domain", [0.0, 1.0]) != [0.0, 1.0] or any(axis[0] != 0 or axis[-1] != 1 for axis in (r, g, b)):
+    if stored["domain"] != [0.0, 1.0] or any(axis[0] != 0 or axis[-1] != 1 for axis in (r, g, b)):
         raise ProfileError("damaged profile, the node levels of a lattice do not run from 0 to 1")
     response = array(stored["response"]) if "response" in stored else None
-    return Lattice((r, g, b), array(stored["values"]), stored["interpolation"], response, plain)
+    return Lattice((r, g, b), array(stored["values"]), stored["interpolation"], response)

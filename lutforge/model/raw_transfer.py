@@ -22,7 +22,6 @@ from lutforge.model.transform import ColourFunction, checked_colours
 
 FORMAT = "lutforge-raw-transfer"
 FORMAT_VERSION = 2
-"""2 where there is a root polynomial, which older programs would leave out; else 1."""
 
 OPPONENT = np.array([[1.0, -0.5, -0.5], [0.0, np.sqrt(0.75), -np.sqrt(0.75)]])
 """The plane of hues, seen along the neutral axis."""
@@ -140,7 +139,7 @@ class RawTransfer:
         wedges = self.wedges
         document = {
             "format": FORMAT,
-            "version": 1 if self.roots is None else FORMAT_VERSION,
+            "version": FORMAT_VERSION,
             "software": f"LutForge {__version__}",
             "source": self.source,
             "target": self.target,
@@ -148,9 +147,8 @@ class RawTransfer:
             "neutral": None if self.neutral is None else self.neutral.tolist(),
             "wedges": None if wedges is None else {"hues": wedges.hues.tolist(), "images": wedges.images.tolist()},
             "error": self.error,
+            "roots": None if self.roots is None else self.roots.tolist(),
         }
-        if self.roots is not None:
-            document["roots"] = self.roots.tolist()
         with atomic_path(path) as temporary:
             temporary.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
@@ -162,11 +160,11 @@ def load_transfer(path: str | Path) -> RawTransfer:
         document = json.loads(Path(path).read_text(encoding="utf-8"))
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise ProfileError(f"{path}: not a RAW transfer; make one with `lutforge transfer`")
-        if not isinstance(document["version"], int) or document["version"] > FORMAT_VERSION:
-            raise ProfileError(f"{path}: version {document['version']}; this LutForge reads up to {FORMAT_VERSION}")
+        if document["version"] != FORMAT_VERSION:
+            raise ProfileError(f"{path}: version {document['version']}; this LutForge reads version {FORMAT_VERSION}")
 
         def array(name: str) -> Array | None:
-            return None if document.get(name) is None else np.array(document[name], dtype=np.float64)
+            return None if document[name] is None else np.array(document[name], dtype=np.float64)
 
         neutral, matrix, stored = array("neutral"), np.array(document["matrix"], dtype=np.float64), document["wedges"]
         wedges = None

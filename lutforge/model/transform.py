@@ -13,7 +13,7 @@ from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import RgbSpace
 from lutforge.errors import ImageError
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.highlights import neutral_where_clipped
+from lutforge.model.highlights import NeutralHighlights
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 
@@ -127,28 +127,18 @@ class RawToRaw:
         return self.transfer(x)
 
 
-@dataclass(frozen=True, eq=False)
-class KeepNeutral:
-    """Encoded colours through `stages`, with what is white or black in the source kept neutral.
-
-    white, to_linear: as of `neutral_where_clipped`.
-    """
-
-    stages: "tuple[Stage, ...]"
-    white: float | Array = 1.0
-    to_linear: Array | None = None
-
-    def __call__(self, x: Array) -> Array:
-        """Encoded (…, 3) → white-balanced linear."""
-        return self.kept(x, through_stages(self.stages, x))
-
-    def kept(self, encoded: Array, balanced: Array) -> Array:
-        """Keep neutrals of encoded colours (…, 3) that are through the stages already."""
-        return neutral_where_clipped(encoded, balanced, self.white, self.to_linear)
-
-
 Stage = (
-    Gain | MatrixStage | Clip | Encode | Decode | EncodeRgb | DecodeRgb | Lattice | GamutMap | RawToRaw | KeepNeutral
+    Gain
+    | MatrixStage
+    | Clip
+    | Encode
+    | Decode
+    | EncodeRgb
+    | DecodeRgb
+    | Lattice
+    | GamutMap
+    | RawToRaw
+    | NeutralHighlights
 )
 """Any stage: (…, 3) → (…, 3), float64. A lattice is h of the thesis, chapter 5; a gamut map h of chapter 4."""
 

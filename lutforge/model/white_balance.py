@@ -18,7 +18,7 @@ from lutforge.colour.colour_temperature import (
     white_of,
 )
 from lutforge.errors import ProfileError, SettingsError
-from lutforge.settings import LARGEST_MULTIPLIER, Kelvin, Multipliers
+from lutforge.settings import LARGEST_MULTIPLIER, Kelvin, Multipliers, Shift
 
 NAMED_KELVIN = {
     "tungsten": 3200.0,
@@ -29,6 +29,9 @@ NAMED_KELVIN = {
     "shade": 7000.0,
 }
 """Correlated colour temperatures that cameras mean by their settings, in kelvin."""
+
+BY_MATRIX = (2500.0, 10000.0)
+"""Temperatures between which the matrix serves wherever it is anchored, in kelvin."""
 
 LIGHT_SOURCES = {
     "daylight": 1,
@@ -86,8 +89,8 @@ def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, White
     Raises SettingsError, listing the known settings, where the profile cannot answer.
     """
     match white_balance:
-        case Multipliers(rgb):
-            return np.array(rgb)
+        case Multipliers(rgb, gain):
+            return gain * np.array(rgb)
         case Kelvin(kelvin, 0.0) if f"{kelvin:g}k" in known:
             return known[f"{kelvin:g}k"].factors
         case Kelvin(kelvin, tint):
@@ -102,14 +105,22 @@ def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, White
             return known[name].factors
 
 
-def tinted(multipliers: Array, tint: float, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
-    """The multipliers of a light `tint` further from the locus than the one that `multipliers` make neutral.
+def shifted(multipliers: Array, shift: Shift, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:
+    """The multipliers of a light that is a step from the one that `multipliers` make neutral.
 
-    Raises SettingsError where the profile knows no temperature at all.
+    Where the profile knows no temperature at all, that light is taken for daylight of 5200 K: a step in mired changes
+    multipliers nearly alike from everywhere. Raises SettingsError where no natural light is so far off.
     """
-    from_xyz, kelvin = _camera_from_xyz(known, matrix), temperature_of(multipliers, known, matrix).kelvin
-    change = multipliers_of(white(kelvin, tint), from_xyz) / multipliers_of(locus(kelvin), from_xyz)
-    return np.asarray(multipliers * change)
+    if _on_the_locus(known):
+        from_xyz = _camera_from_xyz(known, matrix)
+    else:
+        from_xyz = camera_from_xyz(matrix, multipliers / multipliers[1], NAMED_KELVIN["daylight"])
+    kelvin, tint = temperature_and_tint(white_of(multipliers, from_xyz))
+    mired = 1e6 / (kelvin + shift.kelvin) + shift.mired if kelvin + shift.kelvin > 0 else 0.0
+    if not 1e6 / HOTTEST <= mired <= 1e6 / COOLEST:
+        raise SettingsError(f"no natural light lies so far from the picture's {kelvin:.0f}K, {tint:+.0f}")
+    change = multipliers_of(white(1e6 / mired, tint + shift.tint), from_xyz)
+    return np.asarray(multipliers * change / multipliers_of(white(kelvin, tint), from_xyz))
 
 
 def temperature_of(multipliers: Array, known: Mapping[str, WhiteBalance], matrix: Array) -> Kelvin:
@@ -124,17 +135,18 @@ def temperature_of(multipliers: Array, known: Mapping[str, WhiteBalance], matrix
 def temperature_range(known: Mapping[str, WhiteBalance]) -> tuple[float, float]:
     """The lowest and highest temperature in kelvin that a selector may ask for.
 
-    Raises SettingsError where there are not two settings to interpolate between.
+    Raises SettingsError where no setting's temperature is known.
     """
     mireds = [1e6 / kelvin for kelvin, _ in _on_the_locus(known)]
-    if len(set(mireds)) < 2:
+    if not mireds:
         raise SettingsError(
-            "a colour temperature needs two white balances of known temperature to interpolate between; "
-            f"this profile knows {', '.join(sorted(known))}: name multipliers instead, such as standard/2.1,1,1.4, or "
-            "calibrate with shots on two named settings, such as daylight and tungsten"
+            f"this profile knows {', '.join(sorted(known))}, of no known colour temperature: name multipliers instead, "
+            "such as standard/2.1,1,1.4, shift a picture's own, such as as-shot+500K, or calibrate from RAW files of a "
+            "camera that LibRaw knows, or with a shot on a named setting, such as daylight"
         )
     margin = 30.0  # mired beyond the outermost known white balance
-    return 1e6 / (max(mireds) + margin), 1e6 / max(min(mireds) - margin, 1e6 / HOTTEST)
+    low, high = 1e6 / (max(mireds) + margin), 1e6 / max(min(mireds) - margin, 1e6 / HOTTEST)
+    return min(low, BY_MATRIX[0]), max(high, BY_MATRIX[1])
 
 
 def _at_temperature(kelvin: float, tint: float, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:

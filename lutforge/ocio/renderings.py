@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array
 from lutforge.errors import ConfigError
@@ -17,7 +18,8 @@ from lutforge.inverse.round_trip import measure, rounded_up
 from lutforge.luts.bake import bake
 from lutforge.luts.sequence import Lut
 from lutforge.model.coverage import uncovered
-from lutforge.model.transform import Gain, KeepNeutral, Transform
+from lutforge.model.highlights import CLIPPED
+from lutforge.model.transform import ColourFunction, Gain, Transform
 from lutforge.ocio.cameras import Camera
 from lutforge.ocio.lut_files import compact
 from lutforge.ocio.names import UniqueNames, file_stem
@@ -84,6 +86,9 @@ def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
             yield Rendering(camera, name, balances, stem, render, linearize)
 
 
+BEYOND = 4.0
+"""Light of white in a config, two stops above saturation: no two white balances of a camera part a channel by more."""
+
 STEPS = 4
 """How often `baked` tells what it does, at most."""
 
@@ -105,17 +110,17 @@ def baked(
         said.append(f"render LUT against the model: {_error(render, rendering.render)}")
         luts[rendering.render_file] = replace(render, comments=tuple(said))
     if rendering.linearize is not None:
-        model, trip = rendering.linearize, ""
+        model: ColourFunction = rendering.linearize
+        trip = ""
         if rendering.render is None or render.cube is None:  # a response alone is its own exact inverse
-            linearize = bake(model, title=f"{title} linearize")
+            linearize = bake(rendering.linearize, title=f"{title} linearize")
             linearize = linearize if linearize.cube is None else compact(linearize)
         else:
             tell("inverting it")
-            inverse = inverse_of(BakedRender.of(render), model, options)
-            # White lies two stops above saturation: no two white balances of a camera part a channel by more, so that
-            # behind any of them it still is white.
-            inverse.values[-1, -1, -1] = 4.0
-            model = Transform((KeepNeutral(model.stages, 4.0),))
+            inverse = inverse_of(BakedRender.of(render), rendering.linearize, options)
+            inverse.values[-1, -1, -1] = BEYOND
+            calibrated = model
+            model = lambda x: _with_white(x, calibrated(x))  # noqa: E731 - of this branch alone
             linearize = compact(inverse.as_lut(f"{title} linearize"))
             style = rendering.camera.profile.styles[rendering.style]
             tell("measuring what comes back")
@@ -127,7 +132,14 @@ def baked(
     return BakedRendering(luts, "; ".join(said))
 
 
-def _error(lut: Lut, transform: Transform, made_by: Transform | None = None) -> str:
+def _with_white(encoded: ArrayLike, light: Array) -> Array:
+    """Return light (…, 3) of encoded colours, with burnt-out white `BEYOND` saturation, as the last half code rises."""
+    least = np.min(np.asarray(encoded), axis=-1, keepdims=True)
+    burnt = np.clip((least - (1.0 - CLIPPED)) / CLIPPED, 0.0, 1.0)
+    return np.asarray(light + burnt * (BEYOND - light))
+
+
+def _error(lut: Lut, transform: ColourFunction, made_by: Transform | None = None) -> str:
     """Measure a LUT against its transform: RGB norm, rounded up.
 
     max: over its whole input, the rim and the darks, and over the colours that another transform makes of these; mean:

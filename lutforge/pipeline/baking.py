@@ -11,13 +11,13 @@ from lutforge import __version__
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import LutError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
-from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, write_dcp
-from lutforge.kits.dcp_read import read_dcp
-from lutforge.kits.kit import look_of
+from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, read_dcp, write_dcp
+from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, read_icc, scene_linear, write_icc
+from lutforge.kits.kit import look_of, setting_of
 from lutforge.luts.bake import bake_forms
 from lutforge.luts.formats.clf import ACES_ID
 from lutforge.luts.formats.clf import KINDS as PROCESS_LISTS
-from lutforge.luts.input_and_output import input_and_output_of
+from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, input_and_output_of
 from lutforge.luts.programs import files_for, program_named, target_of
 from lutforge.luts.sequence import Lut, format_of
 from lutforge.luts.steps import bake_steps
@@ -26,8 +26,11 @@ from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.pipeline.transforms import DescribedTransform, TransformRequest, choose_transform
 from lutforge.progress import Progress, silent, telling_of_compilation
+from lutforge.shots.maker_settings import ADOBE_RGB as ADOBE_RGB_STYLE
 
-CAMERA_PROFILE = ".dcp"
+CAMERA_PROFILES = (".icc", ".icm", ".dcp")
+
+BALANCED = "input: camera RAW behind its white balance, which the RAW developer sets: one profile for all of a style"
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ def bake_files(
     tolerance: float | None = None,
     interpolation: str | None = None,
     stages: bool = False,
+    colours: bool = False,
     progress: Progress = silent,
 ) -> BakedFiles:
     """Bake a transform of a profile to LUT files, and measure each as its readers see it.
@@ -67,7 +71,7 @@ def bake_files(
     outputs: their suffixes pick the formats; program: the one that will read them, which names them where there are
     none. size: nodes per axis; tolerance: instead, the ΔE00 that 99 % of colours keep within. interpolation: how the
     reader interpolates. stages: each step a cube of its own (.clf, .ctf), which is how a refinish or match is
-    written where nothing else is asked for.
+    written where nothing else is asked for. colours: of an ICC profile, the look without its tone curve, scene-linear.
     Raises SettingsError, LutError, ProfileError, and LutForgeError where nothing can be written: all before the work.
     """
     method = None if interpolation is None else one_of("interpolation", interpolation, INTERPOLATIONS)
@@ -78,14 +82,21 @@ def bake_files(
     inputs = [path for path in (profile, wanted.look, *wanted.transfers) if isinstance(path, str | Path)]
     paths = [check_output(path, inputs=inputs) for path in outputs]
     camera = as_profile(profile)
+    if wanted.target is not None and any(path.suffix.lower() in CAMERA_PROFILES for path in paths):
+        wanted = replace(wanted, target=setting_of(camera, wanted.target))
     chosen = choose_transform(camera, wanted)
     camera_profiles = _camera_profiles(paths, camera, chosen, program)
+    if colours and not (paths and all(path.suffix.lower() in CAMERA_PROFILES[:2] for path in paths)):
+        raise SettingsError("--colours goes with an ICC profile: -o look.icc")
     if camera_profiles and set(paths) <= set(camera_profiles):
-        return BakedFiles(tuple(_bake_camera_profile(camera, wanted, path) for path in camera_profiles), ())
+        baked = (_bake_camera_profile(camera, wanted, path, colours) for path in camera_profiles)
+        return BakedFiles(tuple(baked), (BALANCED,))
     _require_feeds(program, camera, chosen, wanted.target)
     named, notes = _files([path for path in paths if path not in camera_profiles], program, chosen.title, stages)
     kind = chosen.kind
-    ends = input_and_output_of(kind, camera.raw_space if chosen.space == "raw" else chosen.space)
+    source_style = (wanted.source or "").partition("/")[0]
+    encoded = ADOBE_RGB if source_style.endswith(ADOBE_RGB_STYLE) else ENCODED
+    ends = input_and_output_of(kind, camera.raw_space if chosen.space == "raw" else chosen.space, encoded)
     scenes = kind == "render" and chosen.space != "raw" and rgb_space(chosen.space).is_linear
     targets = [target_of(path, reader, size, method, scenes) for path, reader in named.items()]
     comments = (f"LutForge {__version__}", *ends.comments, *chosen.comments)
@@ -101,7 +112,7 @@ def bake_files(
             steps = bake_steps(chosen.transform, size, interpolation=method, title=chosen.title, comments=comments)
             for at in np.flatnonzero(stepwise):
                 luts.insert(int(at), steps)
-    files = [_bake_camera_profile(camera, wanted, path) for path in camera_profiles]
+    files = [_bake_camera_profile(camera, wanted, path, colours) for path in camera_profiles]
     for path, lut in zip(named, _with_aces_id(luts, chosen), strict=True):
         error = verify(lut.write(path), chosen.transform, lut, display_referred=kind != "linearize")
         files.append(BakedFile(path, f"{lut.summary}, {lut.interpolation}", error))
@@ -149,39 +160,43 @@ def _how_to_load(path: Path, program: str | None) -> tuple[str, ...]:
 def _camera_profiles(
     paths: Sequence[Path], camera: CameraProfile, chosen: DescribedTransform, program: str | None
 ) -> list[Path]:
-    """Return the outputs that are DNG camera profiles, each once.
+    """Return the outputs that are ICC or DNG camera profiles, each once.
 
     Raises LutError where none can hold what is asked for, or the program does not read it.
     """
-    found = [path for path in dict.fromkeys(paths) if path.suffix.lower() == CAMERA_PROFILE]
+    found = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
     for path in found[:1]:
         if camera.developer:
             raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.developer}")
         if (chosen.kind, chosen.space) != ("render", "raw"):
             raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
-        if program is not None and CAMERA_PROFILE not in program_named(program).reads:
-            raise LutError(f"{path}: {program} does not read {CAMERA_PROFILE} files")
+    for path in found:
+        if program is not None and path.suffix.lower().replace(".icm", ".icc") not in program_named(program).reads:
+            raise LutError(f"{path}: {program} does not read {path.suffix.lower()} files")
     return found
 
 
 def _require_feeds(program: str | None, camera: CameraProfile, chosen: DescribedTransform, target: str | None) -> None:
     """Raise SettingsError, with the command that helps, where a program never feeds to a LUT what a render takes."""
     if program is not None and chosen.kind == "render" and program_named(program).develops:
-        word = program.lower()
-        helps = f"make a kit for it, lutforge kit camera.npz --to {target} --for {word} -o kit"
-        if not camera.developer and CAMERA_PROFILE not in program_named(program).reads:  # nor has it a kit of RAW
-            helps = f"lutforge calibrate SHOT… --developer {word} -o developed.npz, then lutforge kit developed.npz"
+        helps = f"make a kit for it, lutforge kit camera.npz --to {target} --for {program.lower()} -o kit"
         raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {helps}")
 
 
-def _bake_camera_profile(camera: CameraProfile, wanted: TransformRequest, path: Path) -> BakedFile:
-    """Write a DNG camera profile of a look, read it back, and compare it with the model behind white balance."""
+def _bake_camera_profile(camera: CameraProfile, wanted: TransformRequest, path: Path, colours: bool) -> BakedFile:
+    """Write a camera profile of a look, read it back, and compare it with the model behind white balance."""
     look = look_of(camera, wanted.target or "")
-    write_dcp(fit_dng_profile(look), path)
-    written = read_dcp(path)
     x = np.random.default_rng(0).random((1 << 14, 3))
-    error = compare(x, written(x).astype(np.float32), np.clip(look.render(x), 0.0, 1.0))
-    return BakedFile(path, f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}", error)
+    exact = look.render(x)
+    if path.suffix.lower() == ".dcp":
+        write_dcp(fit_dng_profile(look), path)
+        written, summary = read_dcp(path)(x), f"DNG camera profile, look table {' × '.join(map(str, DIVISIONS))}"
+    else:
+        write_icc(fit_icc_profile(look, VARIANTS[colours]), path)
+        written, summary = read_icc(path)(x), f"ICC profile, {NODES}³ nodes, to Lab"
+        exact = rgb_space("srgb").encode(scene_linear(look)(x)) if colours else exact
+    error = compare(x, written.astype(np.float32), np.clip(exact, 0.0, 1.0))
+    return BakedFile(path, summary, error)
 
 
 def _files(

@@ -9,7 +9,6 @@ from lutforge.evaluation.evaluate import evaluate as evaluate_profile
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import Paths
-from lutforge.pipeline.raw_substitutes import raw_substitute_of
 from lutforge.pipeline.sample_origin import require_same_origin
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress, silent, telling_of_compilation
@@ -33,7 +32,7 @@ def evaluate(
     """
     camera = as_profile(profile)
     if not isinstance(samples, SampleSet):
-        samples = gather_samples(samples, substitute=raw_substitute_of(camera)).samples
+        samples = gather_samples(samples).samples
     require_same_origin(camera, samples)
     with telling_of_compilation(progress) as telling:
         return evaluate_profile(camera, with_setting_names(samples), telling, tables=tables, sizes=sizes)

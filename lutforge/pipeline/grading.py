@@ -26,8 +26,9 @@ class Grading:
     the STYLE/WB or colour space wanted, as-shot to keep either; ev: exposure change in stops. look: the profile of the
     camera whose look is wanted; transfers: RAW → RAW from other cameras to that one. interpolation: for LUTs that name
     none. suffix: of another format. workers: threads, by default one per core. frames: of sequences; recursive: folders
-    with their subfolders. masks: a folder for the confidence of each grade. resume: skip what an earlier run did.
-    scheduler: the address of a Dask cluster. quality: of JPEG files, 1 … 100, by default that of a JPEG's source.
+    with their subfolders. resume: skip what an earlier run did. scheduler: the address of a Dask cluster. quality: of
+    JPEG files, 1 … 100, by default that of a JPEG's source. space: pictures become linear light in this colour space,
+    in .exr; exposure: "exif" divides that by the stated exposures.
     """
 
     words: tuple[Path, ...]
@@ -42,10 +43,11 @@ class Grading:
     workers: int | None = None
     frames: str | None = None
     recursive: bool = False
-    masks: Path | None = None
     resume: bool = False
     scheduler: str | None = None
     quality: int | None = None
+    space: str | None = None
+    exposure: str | None = None
 
     def __post_init__(self) -> None:
         if self.words and is_picture(self.words[0]):
@@ -56,6 +58,17 @@ class Grading:
             raise SettingsError(f"--workers {self.workers}: at least one thread is needed")
         if self.quality is not None and not 1 <= self.quality <= 100:
             raise SettingsError(f"--quality {self.quality}: JPEG has 1 to 100")
+        if self.exposure is not None:
+            one_of("exposure", self.exposure, ("exif",))
+        if self.space is None:
+            if self.exposure is not None:
+                raise SettingsError("--exposure goes with --space: it scales linear light")
+        elif not _is_profile(self.words[0]):
+            raise SettingsError("--space goes with profiles (.npz)")
+        elif self.look is not None or self.transfers:
+            raise SettingsError("--as goes without --space: light of a scene is of no camera")
+        elif self.suffix is not None and self.suffix.lower().lstrip(".") != "exr":
+            raise SettingsError(f"--suffix {self.suffix}: linear light is written as .exr")
 
     @property
     def grades(self) -> tuple[Path, ...]:
@@ -79,7 +92,11 @@ class Grading:
         path, *others = self.grades
         if _is_profile(path):
             from lutforge.apply.profile_recipe import ProfileRecipe
+            from lutforge.apply.scene_recipe import SceneRecipe
 
+            if self.space is not None:
+                by_exposure = self.exposure is not None
+                return SceneRecipe(self.grades, self.space, self.source, self.target, self.ev, by_exposure)
             return ProfileRecipe(self.grades, self.source, self.target, self.ev, self.look, self.transfers)
         if self.look is not None or self.transfers or others:
             raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
@@ -102,8 +119,7 @@ class Grading:
     @cached_property
     def inputs(self) -> Inputs:
         """The images to grade. Raises ImageError or SettingsError."""
-        leave_out = [self.folder] if self.masks is None else [self.folder, self.masks]
-        return find_inputs(self.images, self.frames, self.recursive, leave_out, raw=_is_profile(self.words[0]))
+        return find_inputs(self.images, self.frames, self.recursive, [self.folder], raw=_is_profile(self.words[0]))
 
     @property
     def missing(self) -> tuple[Failure, ...]:
@@ -124,6 +140,8 @@ class Grading:
         """The oiiotool lines that grade as `run` would, for a POSIX shell, or why there is none."""
         from lutforge.apply.oiiotool_commands import oiiotool_commands
 
+        if self.space is not None:
+            raise SettingsError("--print-commands goes without --space: oiiotool cannot mark what is clipped")
         yield from oiiotool_commands(
             self.recipe, plan_jobs(self.inputs.images, self.folder, self.suffix), self.folder / "luts"
         )
@@ -135,8 +153,9 @@ class Grading:
         Raises LutForgeError where nothing can be graded; then nothing is written.
         """
         recipe, inputs = self.recipe, self.inputs.images
+        suffix = self.suffix if self.space is None else ".exr"
         result = apply_batch(
-            recipe, inputs, self.folder, self.suffix, workers=self.workers, progress=progress, masks=self.masks,
+            recipe, inputs, self.folder, suffix, workers=self.workers, progress=progress,
             resume=self.resume, scheduler=self.scheduler, quality=self.quality,
         )  # fmt: skip
         return replace(result, failed=(*result.failed, *self.missing), notes=(*self.inputs.notes, *result.notes))
@@ -155,6 +174,8 @@ def apply(
     target: str | None = None,
     ev: float = 0.0,
     look: str | Path | None = None,
+    space: str | None = None,
+    exposure: str | None = None,
     suffix: str | None = None,
     workers: int | None = None,
 ) -> BatchResult:
@@ -173,4 +194,6 @@ def apply(
         None if look is None else Path(look),
         suffix=suffix,
         workers=workers,
+        space=space,
+        exposure=exposure,
     ).run()

@@ -12,12 +12,14 @@ from lutforge.errors import ImageError
 from lutforge.images.heif import HEIF_SUFFIXES, is_heif, read_heif
 from lutforge.model.diagnosis import told
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
+from lutforge.samples.table import is_table, read_samples
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
 
 # What reads one kind of file is imported where it reads it: inspecting should not wait for the others.
 if TYPE_CHECKING:
     from lutforge.model.camera_profile import CameraProfile
 
+CAMERA_PROFILES = (".dcp", ".icc", ".icm")
 PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr", ".webp", *HEIF_SUFFIXES})
 Rows = Iterator[tuple[str, str]]
 
@@ -50,14 +52,14 @@ def inspect(path: str | Path) -> Inspection:
     path, suffix = Path(path), Path(path).suffix.lower()
     if path.is_dir():
         raise ImageError(f"{path}: no RAW file, picture, sample table or profile in this folder")
+    if suffix in TABLE_SUFFIXES and is_table(path):
+        return Inspection(path, tuple(_table(path)))
     if suffix in PROFILE_SUFFIXES:
         from lutforge.model.camera_profile import load_profile
 
         profile = load_profile(path)
         return Inspection(path, tuple(_profile(profile)), profile)
-    if suffix in TABLE_SUFFIXES:
-        rows = _table(path)
-    elif suffix in PICTURE_SUFFIXES:
+    if suffix in PICTURE_SUFFIXES:
         rows = _picture(path)
     elif suffix in _lut_suffixes():
         rows = _lut(path)
@@ -70,11 +72,12 @@ def _shot(path: Path) -> Rows:
     from lutforge.shots.read import read_shot
 
     shot = read_shot(path)
-    data, place = shot.metadata, shot.registration
+    data, place = shot.metadata, shot.placement.registration
     yield "camera", data.camera
     yield "picture style", data.style
     yield "white balance", f"{data.white_balance}, multipliers {_numbers(data.multipliers)}"
-    yield "exposure", f"{data.exposure_s:.5g} s, ISO {data.iso:g}"
+    time = f"1/{1 / data.exposure_s:.0f}" if 0 < data.exposure_s < 0.3 else f"{data.exposure_s:.3g}"
+    yield "exposure", f"{time} s, ISO {data.iso:g}"
     height, width = shot.jpeg.shape[:2]
     yield "JPEG", f"{width} × {height}, {shot.jpeg_source}"
     yield (
@@ -82,6 +85,8 @@ def _shot(path: Path) -> Rows:
         f"{place.scale:.4f} RAW pixels per JPEG pixel, offset {place.offset_x:.1f}, {place.offset_y:.1f}, "
         f"correlation {place.correlation:.3f}",
     )
+    if shot.lens_note:
+        yield "lens", shot.lens_note
     yield "use", "a RAW/JPEG pair: sample, calibrate, evaluate"
     yield from (("note", text) for text in data.notes)
 
@@ -107,8 +112,6 @@ def _picture(path: Path) -> Rows:
 
 
 def _table(path: Path) -> Rows:
-    from lutforge.samples.table import read_samples
-
     samples = read_samples(path)
     for name, values in (
         ("camera", samples.camera),
@@ -143,11 +146,16 @@ def _profile(profile: "CameraProfile") -> Rows:
 
 
 def check(path: str | Path) -> list[str]:
-    """Say what is in a LUT file or a DNG camera profile, who reads it, and what will go wrong. Raises LutError."""
-    if Path(path).suffix.lower() == ".dcp":
-        from lutforge.kits.dcp_read import dcp_lines
+    """Say what is in a LUT file or a camera profile, who reads it, and what will go wrong. Raises LutError."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".dcp":
+        from lutforge.kits.dcp import dcp_lines
 
         return dcp_lines(path)
+    if suffix in (".icc", ".icm"):
+        from lutforge.kits.icc import icc_lines
+
+        return icc_lines(path)
     from lutforge.luts.check import check_lut, report_lines
 
     return report_lines(check_lut(path))
@@ -158,7 +166,10 @@ def _lut(path: Path) -> Rows:
         # Readers stand before a colon; what is in the file after a number, or in columns.
         name, *text = re.split(r"(?<!^\d)(?:: |\s{2,})|(?<=^\d\.) ", line.strip(), maxsplit=1)
         yield name, text[0] if text else ""
-    yield "use", "a camera profile: a RAW developer" if path.suffix.lower() == ".dcp" else "a LUT: apply, check"
+    yield (
+        "use",
+        "a camera profile: a RAW developer" if path.suffix.lower() in CAMERA_PROFILES else "a LUT: apply, check",
+    )
 
 
 def _lut_suffixes() -> frozenset[str]:
@@ -167,7 +178,9 @@ def _lut_suffixes() -> frozenset[str]:
 
     from lutforge.luts.sequence import suffixes
 
-    return frozenset({".dcp", *suffixes(), *(f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats())})
+    return frozenset(
+        {*CAMERA_PROFILES, *suffixes(), *(f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats())}
+    )
 
 
 def _numbers(multipliers: "np.ndarray[tuple[int, ...], np.dtype[np.float64]] | tuple[float, ...] | None") -> str:

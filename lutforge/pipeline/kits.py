@@ -1,31 +1,26 @@
 """Use case: a profile → a kit, the folder that makes one program show the camera's look; and the check of a kit."""
 
-import re
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from lutforge import __version__
 from lutforge.atomic_write import scratch_folder
 from lutforge.colour.colour_difference import delta_e_2000
-from lutforge.developers.developer import run_command
 from lutforge.errors import LutForgeError, SettingsError, ShotError
-from lutforge.images.development import Development
+from lutforge.images.development import Development, run_command
 from lutforge.images.read import read_image
-from lutforge.kits.art import ArtKit
 from lutforge.kits.blender import BlenderKit
 from lutforge.kits.darktable import DarktableKit
-from lutforge.kits.kit import Kit, Look, look_of
-from lutforge.kits.lightroom import LightroomKit
-from lutforge.kits.lumix import LumixKit
-from lutforge.kits.nuke import NukeKit
+from lutforge.kits.kit import Kit, Look, look_of, write_develop_script
+from lutforge.kits.lumix import LumixKit, lumix_kit
+from lutforge.kits.others import OTHER_KITS
 from lutforge.kits.rawtherapee import RawTherapeeKit
-from lutforge.kits.resolve import ResolveKit
-from lutforge.kits.srgb_cubes import SRGB_CUBE_KITS
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import check_output, one_of
-from lutforge.pipeline.raw_substitutes import DEVELOPERS
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import extract
 from lutforge.samples.tiles import cell_size
@@ -34,22 +29,20 @@ from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
 
 KITS: dict[str, Kit] = {
-    kit.program: kit
-    for kit in (
-        DarktableKit(), RawTherapeeKit(), ArtKit(), LightroomKit(), ResolveKit(), NukeKit(), BlenderKit(),
-        *SRGB_CUBE_KITS, LumixKit(),
-    )
-}  # fmt: skip
+    kit.program: kit for kit in (DarktableKit(), RawTherapeeKit(), BlenderKit(), LumixKit(), *OTHER_KITS)
+}
 """The programs that `--for` names."""
 
-SCRIPT = "develop.sh"
+SCRIPT, MANIFEST = "develop.sh", "kit.json"
 
 
 @dataclass(frozen=True)
 class KitCheck:
     """How far a kit's program is from the camera's JPEG on one shot: ΔE00 (CIE 2000) of its flat tiles.
 
-    tiles: how many were compared; p95: the 95th percentile.
+    tiles: how many were compared; p95: the 95th percentile; codes: the mean absolute difference of 8-bit values.
+    calibrated: the profile was calibrated from this shot,
+    which flatters it.
     """
 
     shot: str
@@ -57,19 +50,38 @@ class KitCheck:
     mean: float
     p95: float
     maximum: float
+    codes: float
+    calibrated: bool = False
 
 
-def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str | None = None) -> Path:
-    """Write a kit: LUT or camera profile, the preset that places it, a README, and develop.sh where it can be run.
+def write_kit(
+    profile: CameraProfile,
+    to: str,
+    folder: str | Path,
+    program: str | None = None,
+    *,
+    base: str | None = None,
+    look: CameraProfile | str | Path | None = None,
+    progress: Progress = silent,
+) -> Path:
+    """Write a kit: camera profile or LUT, the preset that places it, a README, and develop.sh where it can be run.
 
-    program: as `--for` names it; without one, the program that developed the profile's pictures, else RawTherapee,
-    whose camera profile others read. folder: must be new, empty, or an older kit, which is replaced.
-    Raises SettingsError where the profile's pairs are not what the program feeds to a LUT, LutForgeError where the
-    folder holds other files.
+    to: STYLE/WB, or STYLE; "all" for every style. program: as `--for` names it; RawTherapee without one. folder: must
+    be new, empty, or an older kit, which is replaced. base: for Lumix bodies, the style that the LUT lies on; look: the
+    profile whose style `to` is, where it is not the camera's own.
+    Raises SettingsError where the profile's pairs are not what the program takes, or on options that do not go
+    together, LutForgeError where the folder holds other files.
     """
-    look = look_of(profile, to)
-    kit = KITS[one_of("kit", program or _own_program(look), KITS)]
-    _require_source(kit, look)
+    name = one_of("kit", program or "rawtherapee", KITS)
+    if (base is not None or look is not None) and name != "lumix":
+        raise SettingsError(f"--base and --as go with --for lumix, not with {name}")
+    if look is not None and base is None:
+        raise SettingsError("--as goes with --base STYLE, the style of the camera that the LUT lies on")
+    kit = KITS[name] if base is None else lumix_kit(profile, base)
+    shown = profile if look is None else as_profile(look)
+    looks = [look_of(shown, each) for each in (shown.styles if to.lower() == "all" else [to])]
+    for each in looks:
+        _require_source(kit, each)
     target = Path(folder).resolve()  # behind a link stays what it leads to
     if target.exists() and not _may_be_replaced(target):
         raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
@@ -77,8 +89,20 @@ def write_kit(profile: CameraProfile, to: str, folder: str | Path, program: str 
     with scratch_folder(beside=target) as scratch:
         filled = scratch / "kit"
         filled.mkdir()
-        steps = kit.write(look, filled)
-        (filled / "README.md").write_text(_readme(kit, look, steps, filled), encoding="utf-8")
+        steps = []
+        for number, each in enumerate(looks):
+            progress(each.title, number / len(looks))
+            steps.append(kit.write(each, filled))
+        script = kit.script()
+        if script is not None:
+            write_develop_script(filled / SCRIPT, script, looks[0].file_name)
+        files = sorted(["README.md", MANIFEST, *(path.name for path in filled.iterdir())])
+        (filled / "README.md").write_text(_readme(kit, looks, steps, files), encoding="utf-8")
+        manifest = {
+            "lutforge": __version__, "program": kit.program, "camera": shown.camera, "files": files,
+            "styles": [each.style for each in looks], "shots": list(shown.shots),
+        }  # fmt: skip
+        (filled / MANIFEST).write_text(json.dumps(manifest, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         if target.exists():
             target.replace(scratch / "old")
         filled.replace(target)
@@ -102,21 +126,23 @@ def check_kit(
 ) -> tuple[list[KitCheck], list[str]]:
     """Develop RAW files with a kit's own program, and compare them with the camera's JPEGs.
 
-    Returns what was measured, and notes: what the kit's script noted, and a line for each shot that could not be
-    measured. Raises LutForgeError where the kit runs no program, ShotError where no shot could be measured.
+    Returns what was measured, and a note for each shot that could not be measured. Raises LutForgeError where the kit
+    runs no program, ShotError where no shot could be measured.
     """
     script = Path(folder) / SCRIPT
     if not script.is_file():
         raise LutForgeError(f"{folder}: holds no {SCRIPT}: its program cannot be run from the command line")
-    files = discover(shots)
+    files, calibrated = discover(shots), set(_manifest(Path(folder)).get("shots", []))
     checks: list[KitCheck] = []
     notes: list[str] = []
     for index, file in enumerate(files):
         progress(file.name, index / len(files))
         try:
-            check, said = _checked(script, file)
-            checks.append(check)
-            notes += [text for text in said if text not in notes]
+            with scratch_folder() as scratch:
+                output = scratch / "developed.tif"
+                run_command([str(script.resolve()), str(file.resolve()), str(output)], script.name, file, output)
+                check = compare_with_jpeg(file, output)
+            checks.append(replace(check, calibrated=file.stem in calibrated))
         except LutForgeError as error:
             notes.append(str(error))
     progress("done", 1.0)
@@ -148,83 +174,60 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
     inside = np.isfinite(shown).all(axis=1)
     if not inside.any():
         raise ShotError(f"{raw}: no flat tiles to compare")
-    difference = delta_e_2000(np.clip(shown[inside], 0.0, 1.0), samples.srgb[inside])
-    return KitCheck(
-        raw.name, len(difference), float(difference.mean()), float(np.quantile(difference, 0.95)),
-        float(difference.max()),
-    )  # fmt: skip
+    seen, wanted = np.clip(shown[inside], 0.0, 1.0), samples.srgb[inside]
+    difference, codes = delta_e_2000(seen, wanted), 255 * float(np.abs(seen - wanted).mean())
+    mean, p95, most = float(difference.mean()), float(np.quantile(difference, 0.95)), float(difference.max())
+    return KitCheck(raw.name, len(difference), mean, p95, most, codes)
 
 
-def _checked(script: Path, raw: Path) -> tuple[KitCheck, list[str]]:
-    """Compare one file; and what the kit's script noted."""
-    with scratch_folder() as folder:
-        output = folder / "developed.tif"
-        said = run_command([str(script.resolve()), str(raw.resolve()), str(output)], script.name, raw, output)
-        notes = [line.removeprefix("note: ") for line in said.splitlines() if line.startswith("note: ")]
-        return compare_with_jpeg(raw, output), notes
-
-
-def _own_program(look: Look) -> str:
-    """The program that a kit is for where none is named."""
-    if look.space == "raw":
-        return "rawtherapee"
-    program = look.developer.split(" ")[0]
-    if program not in KITS:  # pictures that were exported say nothing of their program
-        raise SettingsError(f"the profile is of {look.developer}: name the program that made them with --for")
-    return program
+def _manifest(folder: Path) -> dict[str, list[str]]:
+    """What a folder's manifest lists by name; nothing of a folder without one."""
+    try:
+        data = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    lists = data.items() if isinstance(data, dict) else ()
+    return {name: [str(each) for each in values] for name, values in lists if isinstance(values, list)}
 
 
 def _may_be_replaced(folder: Path) -> bool:
-    """Whether a folder is empty, or holds a kit and nothing but what its README names."""
+    """Whether a folder is empty, or holds a kit and nothing but what its manifest lists."""
     if not folder.is_dir():
         return False
     names = {path.name for path in folder.iterdir()}
-    if not names:
-        return True
-    readme = folder / "README.md"
-    text = readme.read_text(encoding="utf-8", errors="replace") if readme.is_file() else ""
-    listed = re.findall(r"^Files: (.*)\. Tried with: ", text, flags=re.MULTILINE)
-    return len(listed) == 1 and names == {"README.md", *listed[0].split(", ")}
+    return not names or names == set(_manifest(folder).get("files", []))
 
 
-def _readme(kit: Kit, look: Look, steps: Sequence[str], folder: Path) -> str:
+def _readme(kit: Kit, looks: Sequence[Look], steps: Sequence[Sequence[str]], files: Sequence[str]) -> str:
     """One page: what it is, what to do, what it was tried with."""
+    look = looks[0]
     made = f"pictures that {look.developer} developed" if look.developer else "RAW files"
+    styles = ", ".join(each.style for each in looks)
     lines = [
-        f"# {look.camera}, style {look.style}: for {kit.title}",
+        f"# {look.camera}, {'styles' if len(looks) > 1 else 'style'} {styles}: for {kit.title}",
         "",
         f"The camera's own JPEG look, calibrated on pairs of {made} and the camera's JPEGs by LutForge.",
         "",
-        *(f"{number}. {step}" for number, step in enumerate(steps, 1)),
+        *(f"{number}. {step}" for number, step in enumerate(steps[0], 1)),
         "",
     ]
-    if (folder / SCRIPT).is_file():
-        lines += ["On the command line: `./develop.sh RAW OUT.tif` (sRGB, 16 bit).", ""]
-    files = ", ".join(sorted(path.name for path in folder.iterdir()))
-    return "\n".join([*lines, f"Files: {files}. Tried with: {kit.tried}.", ""])
+    if len(looks) > 1:
+        lines += [f"The files of the other styles are used alike: {', '.join(each.title for each in looks[1:])}.", ""]
+    if SCRIPT in files:
+        lines += ["On the command line: `./develop.sh RAW OUT.tif [LOOK]` (sRGB, 16 bit).", ""]
+    return "\n".join([*lines, f"Files: {', '.join(files)}. Tried with: {kit.tried}.", ""])
 
 
 def _require_source(kit: Kit, look: Look) -> None:
     """Raise SettingsError, with the command that helps, where a profile's pairs are not what a kit can be made from."""
-    if kit.source == "developed" and look.space == "raw":
+    if kit.source == "raw" and look.space != "raw":
         raise SettingsError(
-            f"{kit.title} feeds no camera RAW to a LUT: calibrate on what it develops, "
-            f"lutforge calibrate SHOT… --developer {kit.program} -o camera.npz"
+            f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.developer}: "
+            "lutforge calibrate SHOT… -o camera.npz"
         )
     if look.space != "raw" and look.white_balance.lower() not in look.profile.white_balances:
         own = ", ".join(f"{look.style}/{name}" for name in look.profile.white_balances)
         raise SettingsError(
             f"the profile is of {look.developer}, whose white balance is in it already: instead of "
             f"{look.white_balance} name one of its own, {own}"
-        )
-    if kit.source == "raw" and look.space != "raw":
-        raise SettingsError(
-            f"a kit for {kit.title} needs a profile of RAW files; this one is of {look.developer}: "
-            "lutforge calibrate SHOT… -o camera.npz"
-        )
-    developer = look.developer.split(" ")[0]
-    if kit.program in DEVELOPERS and developer in DEVELOPERS and kit.program != developer:
-        raise SettingsError(
-            f"{kit.title} develops otherwise than {look.developer}, which the profile is of: "
-            f"lutforge calibrate SHOT… --developer {kit.program} -o camera.npz"
         )

@@ -8,7 +8,7 @@ from lutforge.atomic_write import require_writable
 from lutforge.errors import LutForgeError, SettingsError
 
 PROFILE_SUFFIXES = (".npz",)
-TABLE_SUFFIXES = (".csv", ".parquet")
+TABLE_SUFFIXES = (".csv", ".npz")
 
 
 def check_output(output: str | Path, suffixes: Sequence[str] = (), inputs: Iterable[str | Path] = ()) -> Path:

@@ -1,51 +1,30 @@
-"""Use case: calibrate on pictures instead of RAW: those that a RAW developer makes, or any rendering of the frames."""
+"""Use case: calibrate on pictures instead of RAW: what a program exported, or any rendering of the frames."""
 
 from pathlib import Path
 
 from lutforge.colour.rgb_spaces import rgb_space
-from lutforge.developers.darktable import Darktable
-from lutforge.developers.developer import Developer, develop, program_version, read_developed
-from lutforge.developers.rawtherapee import RawTherapee
 from lutforge.errors import SettingsError, ShotError
-from lutforge.images.development import Development
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.images.development import Development, read_developed
 from lutforge.pipeline.sampling import RawSubstitute, SampledShots, sample_each
 from lutforge.progress import Progress, silent
 from lutforge.shots.pair import read_pair
 from lutforge.shots.shot import Shot
 from lutforge.threads import cores
 
-DEVELOPERS: dict[str, Developer] = {developer.name: developer for developer in (Darktable(), RawTherapee())}
-"""Programs that `--developer` runs."""
-
 PAIRED_SUFFIXES = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 """Kinds of pictures that are paired, the best first."""
 
 
-def raw_substitute(
-    developer: str | None = None, developed: str | Path | None = None, developed_space: str | None = None
-) -> RawSubstitute | None:
+def raw_substitute(developed: str | Path | None, developed_space: str | None) -> RawSubstitute | None:
     """Return the function that gives the picture to use instead of a RAW file; None where the RAW itself is used.
 
-    developer: a program that is run on each RAW file. developed: a folder of pictures, one a shot with its stem, in
-    developed_space. Raises SettingsError on words that do not fit, ShotError where the program is missing.
+    developed: a folder of pictures, one a shot with its stem, encoded in developed_space. Raises SettingsError where
+    one is given without the other.
     """
-    if developed is None and developed_space is not None:
-        raise SettingsError("--developed-space names the space of the pictures in --developed: give both")
-    if developer is None and developed is None:
+    if developed is None and developed_space is None:
         return None
-    if developer is not None and developed is not None:
-        raise SettingsError("give --developer or --developed, not both")
-    if developer is not None:
-        program = DEVELOPERS.get(developer.lower())
-        if program is None:
-            raise SettingsError(
-                f'"{developer}" is not run by LutForge; it runs {", ".join(DEVELOPERS)}. Export pictures from other '
-                "programs, and give them with --developed DIR --developed-space SPACE"
-            )
-        program_version(program)  # so that a missing program is found before any work
-        return lambda raw: develop(program, raw)
-    assert developed is not None
+    if developed is None:
+        raise SettingsError("--developed-space names the space of the pictures in --developed: give both")
     if developed_space is None:
         raise SettingsError("--developed needs --developed-space, the space that its pictures are encoded in")
     space = rgb_space(developed_space).name
@@ -58,12 +37,6 @@ def raw_substitute(
         return read_developed(picture, space)
 
     return read
-
-
-def raw_substitute_of(profile: CameraProfile) -> RawSubstitute | None:
-    """What stands in the place of RAW for a profile: what its program develops. None for RAW, or exported pictures."""
-    program = profile.developer.split(" ")[0]
-    return raw_substitute(program) if program in DEVELOPERS else None
 
 
 def sample_pairs(

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.outputs import Paths, check_output
-from lutforge.pipeline.raw_substitutes import raw_substitute_of
 from lutforge.pipeline.sample_origin import require_same_origin
 from lutforge.pipeline.sampling import SampledShots, gather_samples
 from lutforge.progress import Progress, part, silent, telling_of_compilation
@@ -34,7 +33,7 @@ def report(
     check_report_output(output, figures)
     sampled = SampledShots(samples) if isinstance(samples, SampleSet) else samples
     if sampled is not None and not isinstance(sampled, SampledShots):
-        sampled = gather_samples(sampled, progress, substitute=raw_substitute_of(as_profile(profile)))
+        sampled = gather_samples(sampled, progress)
     camera = as_profile(profile)
     if sampled is not None:
         require_same_origin(camera, sampled.samples)

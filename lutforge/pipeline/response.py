@@ -5,7 +5,7 @@ from __future__ import annotations  # so that help() shows the names of types
 import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,16 +15,17 @@ from lutforge import child_processes
 from lutforge.arrays import Array
 from lutforge.atomic_write import scratch_folder
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
-from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_bracket
 from lutforge.calibration.physical.unsaturated import BETA
-from lutforge.developers.developer import run_command
 from lutforge.errors import CalibrationError, ShotError
+from lutforge.images.development import run_command
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.response_profile import profile_of_response
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
 from lutforge.progress import Progress, silent
+from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.metadata import UNKNOWN
 from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
 
@@ -72,6 +73,7 @@ def write_response(
     with open_bracket(bracket, exposure_s, camera) as opened:
         fit = _fit(opened.files, opened.exposure_s, 1.0 if all_colours else BETA, progress)
     profile = profile_of_response(fit.response, opened.camera, opened.style, opened.white_balance, opened.names)
+    profile = replace(profile, notes=(*profile.notes, *fit.told))
     profile.save(output)
     return FittedResponse(profile, fit, dict(zip(opened.names, opened.exposure_s, strict=True)))
 
@@ -105,7 +107,10 @@ def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, ca
             files = [file for path in bracket for file in _pictures(path)]
         times = stated_exposures(files) if exposure_s is None else exposure_s
         check_exposures(files, times)
-        settings = read_picture_settings(files[0])
+        of_files = [read_picture_settings(file) for file in files]
+        settings, cameras = of_files[0], sorted({each.camera for each in of_files if each.camera})
+        if len(cameras) > 1:
+            raise CalibrationError(f"pictures of {len(cameras)} cameras ({', '.join(cameras[:4])}): give those of one")
         yield OpenBracket(
             tuple(files),
             tuple(times),
@@ -116,6 +121,10 @@ def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, ca
 
 
 def _fit(files: Sequence[Path], times: Sequence[float], beta: float, progress: Progress) -> BracketFit:
+    return fit_bracket(_pairs(files, times, progress), beta)
+
+
+def _pairs(files: Sequence[Path], times: Sequence[float], progress: Progress) -> ExposurePairs:
     check_exposures(files, times)
 
     def pixels() -> Iterator[Array]:
@@ -127,7 +136,31 @@ def _fit(files: Sequence[Path], times: Sequence[float], beta: float, progress: P
             yield image[..., :3].astype(np.float64)
         progress("fitting", 0.8)
 
-    return fit_bracket(pairs_of_bracket([file.name for file in files], pixels(), times), beta)
+    return pairs_of_bracket([file.name for file in files], pixels(), times)
+
+
+def bracket_samples(
+    files: Sequence[Path], exposure_s: Sequence[float], camera: str, progress: Progress = silent
+) -> tuple[SampleSet, ExposurePairs]:
+    """The colours that two exposures of a bracket share, each once by shot, without RAW (NaN), and their pairs.
+
+    Raises CalibrationError where the exposures are not stated, or share nothing flat and unclipped; ImageError.
+    """
+    pairs = _pairs(files, exposure_s, progress)
+    cells = int(max(pairs.first_row.max(), pairs.second_row.max())) + 1
+    place = np.concatenate([pairs.first_shot * cells + pairs.first_row, pairs.second_shot * cells + pairs.second_row])
+    _, kept, row = np.unique(place, return_index=True, return_inverse=True)
+    inside = np.concatenate([pairs.first, pairs.second])[kept]
+    srgb = np.clip(inside * (pairs.white - pairs.black) + pairs.black, 0.0, 1.0)
+    shot, count = place[kept] // cells, len(kept)
+    by_name = {file.name: time for file, time in zip(files, exposure_s, strict=True)}
+    names, nothing = np.array(pairs.shots), np.full((count, 3), np.nan)
+    cameras = np.full(count, camera or "camera")
+    samples = SampleSet(
+        cameras, np.full(count, "standard"), np.full(count, "auto"), names[shot], (place[kept] % cells).astype(np.str_),
+        np.array([by_name[name] for name in pairs.shots])[shot], nothing, srgb, np.ones((count, 3)), cameras,
+    )  # fmt: skip
+    return samples, replace(pairs, first_row=row[: len(pairs)], second_row=row[len(pairs) :])
 
 
 def check_exposures(files: Sequence[Path], times: Sequence[float]) -> None:

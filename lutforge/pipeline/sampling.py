@@ -19,7 +19,8 @@ from lutforge.threads import cores
 if TYPE_CHECKING:  # tables are read without what decodes RAW files
     from lutforge.images.development import Development
     from lutforge.samples.extract import ShotSamples
-    from lutforge.shots.shot import Placement, Shot
+    from lutforge.shots.geometry import Placement
+    from lutforge.shots.shot import Shot
 
 RawSubstitute = Callable[[Path], "Development"]
 """A function of a RAW file that gives the picture to use instead of it, as a program developed it."""
@@ -42,7 +43,7 @@ class SampledShots:
 def sample(paths: Paths, progress: Progress = silent) -> SampleSet:
     """Sample the colours that RAW files share with their camera's JPEGs.
 
-    paths: RAW files, folders of them, or sample tables (.csv, .parquet), in any mixture. The JPEG is the one beside the
+    paths: RAW files, folders of them, or sample tables (.csv, .npz), in any mixture. The JPEG is the one beside the
     RAW file, else the preview embedded in it.
     Raises ShotError where no shot is usable, SampleError where a table is malformed.
     """
@@ -173,14 +174,12 @@ def gather_samples(
     """
     given = list({path.resolve(): path for path in map(Path, several(paths))}.values())
     if not given:
-        raise SampleError("nothing given: name sample tables (.csv, .parquet) or RAW files")
+        raise SampleError("nothing given: name sample tables (.csv, .npz) or RAW files")
     tables = [path for path in given if path.suffix.lower() in TABLE_SUFFIXES]
     others = [path for path in given if path not in tables]
-    if profiles := [path for path in others if path.suffix.lower() == ".npz"]:
-        raise SampleError(f"{profiles[0]}: a camera profile; name sample tables (.csv, .parquet) or RAW files instead")
     parts = []
     if tables:
-        from lutforge.samples.table import read_samples  # loads Polars
+        from lutforge.samples.table import read_samples
 
         parts = [read_samples(path) for path in tables]
     if others:

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.evaluate import scene_tones
+from lutforge.evaluation.evaluate import scene_departures
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.falloff import falloff_of
-from lutforge.model.shot_tone import ShotTone
 from lutforge.pipeline.outputs import Paths
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress, silent
@@ -28,7 +27,7 @@ class SceneInspection:
 
 
 def inspect_scene(profile: CameraProfile | str | Path, shots: Paths, progress: Progress = silent) -> SceneInspection:
-    """Compare shots with a profile's rendering: lens falloff, exposure, tone, and what differs from place to place.
+    """Compare three shots or more with a profile's rendering: lens falloff, exposure, contrast, saturation.
 
     shots: RAW files, folders, or sample tables. Departures that chance explains are not told.
     Raises CalibrationError where the shots hold none of the profile's styles.
@@ -43,19 +42,11 @@ def inspect_scene(profile: CameraProfile | str | Path, shots: Paths, progress: P
             f"({', '.join(camera.styles)})"
         )
     samples = samples.select(known)
-    tones = {tone.shot: tone for tone in scene_tones(camera, samples)}
+    departures = {departure.shot: departure.cells for departure in scene_departures(camera, samples)}
     rows = []
     for name, shot in samples.by_shot():
         falloff = falloff_of(camera.falloffs, str(shot.lens[0]), float(shot.focal_mm[0]), float(shot.aperture[0]))
         corners = "–" if falloff is None else f"{falloff.corner_ev:+.2f} EV"
-        rows.append((name, corners, *_scene_cells(tones.get(name))))
-    header = ("shot", "corners", "exposure", "shadows", "highlights", "from place to place", "odds by chance")
+        rows.append((name, corners, *departures.get(name, ("–",) * 3)))
+    header = ("shot", "corners", "exposure, EV", "contrast", "saturation")
     return SceneInspection(Table(f"Beyond the rendering of {profile}", header, rows), gathered.left_out)
-
-
-def _scene_cells(tone: ShotTone | None) -> tuple[str, ...]:
-    """The columns of one shot behind its falloff."""
-    if tone is None:
-        return ("–",) * 5
-    sizes = (f"{value:+.2f} EV" if tone.stops else "–" for value in (tone.exposure, tone.shadows, tone.highlights))
-    return (*sizes, f"±{tone.local:.2f} EV" if tone.local else "–", f"{min(tone.significance):.1g}")

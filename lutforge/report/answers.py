@@ -9,6 +9,7 @@ from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import linearizing_error
 from lutforge.model.diagnosis import told
+from lutforge.model.response_profile import is_response_alone
 from lutforge.report.page import Block, BulletList, Section, Text
 from lutforge.report.tables import Table
 
@@ -35,6 +36,7 @@ def answers(
         *map(Text, told(profile.diagnoses)),
         *(Text(f"The samples are of {name}, not of {profile.camera}: so are the errors.") for name in strangers),
         *(Text(_how_good(name, *found)) for name, found in errors.items()),
+        *(Text(note) for note in profile.notes if is_response_alone(profile)),
     )
     uses = Table("", ("job", "fit for it?", "why", "command"), tuple(_uses(own, evaluation, errors)))
     return (

@@ -1,15 +1,13 @@
 """Two cameras, or two styles of one, side by side: what each makes of the same light."""
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 from lutforge.arrays import Array
 from lutforge.colour.colour_difference import delta_e_2000, srgb_to_lab
-from lutforge.colour.srgb import srgb_encode
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.transform import Transform
-from lutforge.report.figures import MAP
+from lutforge.report.drawing import Drawing, Line, Panel, Raster
 from lutforge.report.page import Picture, Report, Section
 from lutforge.report.tables import Table
 from lutforge.simulate.camera import nikon_d5100
@@ -89,27 +87,18 @@ def _codes(encoded: Array) -> str:
     return " ".join(f"{255 * value:.0f}" for value in np.clip(encoded, 0, 1))
 
 
-def _chart_figure(a: Array, b: Array) -> Figure:
+def _chart_figure(a: Array, b: Array) -> Drawing:
+    """Draw a patch of the chart as two halves, within dark lines."""
     halves = np.stack([a.reshape(4, 6, 3), b.reshape(4, 6, 3)], axis=2).reshape(4, 12, 3)
-    figure = Figure(figsize=(9, 6.1), layout="constrained")
-    axis = figure.subplots()
-    axis.imshow(np.clip(halves, 0, 1), extent=(0, 6, 4, 0), interpolation="nearest")
-    for line in range(1, 6):
-        axis.axvline(line, color=srgb_encode(np.full(3, 0.01)), linewidth=6)
-    for line in range(1, 4):
-        axis.axhline(line, color=srgb_encode(np.full(3, 0.01)), linewidth=6)
-    axis.set_axis_off()
-    return figure
+    dark = "#191919"
+    lines = [Line(np.full(2, x), np.array([0.0, 4.0]), dark, width=6.0) for x in range(1, 6)]
+    lines += [Line(np.array([0.0, 6.0]), np.full(2, y), dark, width=6.0) for y in range(1, 4)]
+    return Drawing(((Panel("", (Raster(halves, (6, 4)), *lines), bare=True, equal=True),),), 6.1)
 
 
-def _picture_figure(a: Array, b: Array, apart: Array) -> Figure:
-    figure = Figure(figsize=(13, 3.2), layout="constrained")
-    axes = figure.subplots(1, 3)
-    for axis, picture in zip(axes, (a, b), strict=False):
-        axis.imshow(np.clip(picture, 0, 1))
-    figure.colorbar(
-        axes[2].imshow(apart, cmap=MAP, vmin=0, vmax=max(float(apart.max()), 1.0)), ax=axes[2], label="ΔE00"
-    )
-    for axis in axes:
-        axis.set_axis_off()
-    return figure
+def _picture_figure(a: Array, b: Array, apart: Array) -> Drawing:
+    """Draw a picture through both, and how far they are apart."""
+    scale = (0.0, max(float(apart.max()), 1.0))
+    panels = [Panel("", (Raster(picture),), bare=True, equal=True) for picture in (a, b)]
+    panels.append(Panel("", (Raster(apart),), bare=True, equal=True, scale=scale, scale_name="ΔE00"))
+    return Drawing((tuple(panels),), 3.2, 13.0)

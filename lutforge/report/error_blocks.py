@@ -7,7 +7,7 @@ import numpy as np
 
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.brightness_transfer import judge, transfer_functions
-from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import uniform_lattice_errors
@@ -17,16 +17,19 @@ from lutforge.evaluation.expected_error import by_distance, held_out_errors
 from lutforge.evaluation.linearization import response_deltas
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
-from lutforge.report.error_maps import error_maps_figure, maps_of_shot
+from lutforge.report.error_maps import maps_of_shot
 from lutforge.report.figures import (
+    ENDS,
     brightness_transfer_figure,
     chromaticity_figure,
     error_boxes,
     error_by_colour_figure,
+    gamut_figure,
+    lattice_figure,
+    levels_on_errors,
+    plane_figure,
     response_figure,
 )
-from lutforge.report.gamut_slices import gamut_figure
-from lutforge.report.lattice_figures import DIRECTIONS, lattice_figure, levels_on_errors, plane_destinations
 from lutforge.report.page import Block, Picture, Text
 from lutforge.report.tables import TITLES, Table, error_table, more_tables
 from lutforge.samples.extract import ShotSamples
@@ -111,7 +114,7 @@ def error_map_pictures(
         maps = maps_of_shot(profile, evaluation, name, files[name])
         held = "not seen by the fits" if maps.held_out else "the fit had seen it"
         caption = f"{name}, {maps.setting}; {held}; mean error of the shot's samples {row.figures.mean:.4f}."
-        yield Picture(f"error_map_{setting_name(name)}", error_maps_figure(maps), caption)
+        yield Picture(f"error_map_{setting_name(name)}", maps.drawing, caption)
 
 
 def sample_blocks(samples: SampleSet, accounts: Sequence[ShotSamples]) -> Iterator[Block]:
@@ -141,12 +144,27 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
         yield Text(f"{name}: {verdict.told}.")
         header = ("f is fitted to", "red", "green", "blue")
         rows = tuple((what, *(f"{value:.4f}" for value in each)) for what, each in response_deltas(pairs).items())
-        yield Table(f"{name}: linearization error of f over pairs of exposures (1 = full scale)", header, rows)
+        caption = f"{name}: linearization error of f over pairs of exposures, unsaturated colours (1 = full scale)"
+        yield Table(caption, header, rows)
+        yield from _shutters(name, style.samples, pairs)
         caption = (
             f"{name}: JPEG values of one exposure against another's, with f(k f⁻¹(I)); crosses leave it. Dashed: an f "
             "that is fitted to all colours, outliers too."
         )
         yield Picture(f"brightness_transfer_{name}", brightness_transfer_figure(functions), caption)
+
+
+def _shutters(name: str, samples: SampleSet, pairs: ExposurePairs) -> Iterator[Block]:
+    """Tabulate how exact the exposure times of the files are, beside RAW, which is linear (thesis 3.1)."""
+    stated = np.array([np.nanmedian(samples.exposure_s[samples.shot == shot]) for shot in pairs.shots])
+    if not np.all(stated > 0):
+        return
+    error = pairs.shot_exposure - np.log(stated)
+    rows = [
+        (shot, f"{time:.3g} s" if time >= 0.3 else f"1/{1 / time:.3g} s", f"{ratio:.3f}")
+        for shot, time, ratio in zip(pairs.shots, stated, np.exp(error - np.median(error)), strict=True)
+    ]
+    yield Table(f"{name}: exposures of the shots, as RAW tells them", ("shot", "stated", "true / stated"), rows)
 
 
 def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data: StyleData | None) -> Iterator[Block]:
@@ -162,7 +180,7 @@ def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data:
         )
         yield Picture(f"gamut_map_{name}", gamut_figure(maps), text)
     for direction, lattice in style.lattices.items():
-        source, target = DIRECTIONS[direction]
+        source, target = ENDS[direction]
         caption = f"{direction}: nodes lie densely where the function bends; those without samples continue the model."
         yield Picture(f"lattice_{direction}_{name}", lattice_figure(style, [direction]), caption)
         if data is not None:
@@ -172,6 +190,6 @@ def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data:
             yield Picture(f"levels_{direction}_{name}", levels_on_errors(lattice, histograms, source), caption)
         yield Picture(
             f"planes_{direction}_{name}",
-            plane_destinations(lattice, target),
+            plane_figure(lattice, target, dict.fromkeys(range(3), 0.4)),
             f"{direction}: where three planes of nodes go.",
         )

@@ -1,11 +1,11 @@
 """Error maps of real shots, in both directions, by fits that never saw the shot (thesis, Figs. 5.5 and 5.6)."""
 
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import options_from_json
@@ -16,10 +16,9 @@ from lutforge.evaluation.evaluation import Evaluation
 from lutforge.evaluation.held_out import Predictions, with_compared
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, lattice_name
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.directions import Both
 from lutforge.model.falloff import Falloff, falloff_of
 from lutforge.progress import Progress
-from lutforge.report.figures import ERROR_SCALE, MAP
+from lutforge.report.drawing import ERROR_SCALE, Drawing, Lines, Panel, Raster
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
 from lutforge.samples.extract import places_in_picture
 from lutforge.samples.sample_set import SampleSet
@@ -33,41 +32,17 @@ DIRECTIONS = (("RAW → JPEG", ERROR_SCALE), ("JPEG → RAW", 0.3 * ERROR_SCALE)
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorRow:
-    """The errors of one direction as they are drawn, up to a scale, beside a picture of what predicts them."""
-
-    title: str
-    scale: float
-    name: str
-    picture: Array
-    errors: Mapping[str, Array]
-
-
-@dataclass(frozen=True, eq=False)
 class ErrorMaps:
-    """The errors of one shot, pixel by pixel.
+    """The errors of one shot, pixel by pixel, by method: norm of RGB, of RAW with white balance.
 
-    picture: the camera's JPEG, upright (h, w, 3), encoded; raw: the white-balanced RAW, stretched and encoded, grey
-    where there is none; errors: by method the RGB error (h, w), of RAW with white balance, NaN where clipped or outside
-    the RAW; held_out: whether the fits had not seen the shot.
+    drawing: a row for each direction, of the camera's JPEG and of its RAW, balanced and stretched, each before the maps
+    of what predicts it; grey where it is clipped or outside the RAW. held_out: whether the fits had not seen the shot.
     """
 
     shot: str
     setting: str
-    picture: Array
-    raw: Array
-    errors: Both[Mapping[str, Array]]
+    drawing: Drawing
     held_out: bool
-
-    @property
-    def rows(self) -> tuple[ErrorRow, ...]:
-        """What is drawn of them: a row for each direction."""
-        pictures = (("the camera's JPEG", self.picture), ("the RAW,\nbalanced, stretched", self.raw))
-        render, linearize = (
-            ErrorRow(*drawn, *picture, errors)
-            for drawn, picture, errors in zip(DIRECTIONS, pictures, self.errors, strict=True)
-        )
-        return render, linearize
 
 
 def error_maps(
@@ -99,12 +74,46 @@ def error_maps(
         found[usable] = np.linalg.norm(np.clip(predicted, 0, 1) - measured, axis=1)
         return np.rot90(found, turns)
 
-    rendered = {name: error(predictions.render(name, balanced, fold), encoded) for name in methods}
-    linearized = {name: error(predictions.linearize(name, encoded, fold), balanced) for name in methods}
+    errors = (
+        {name: error(predictions.render(name, balanced, fold), encoded) for name in methods},
+        {name: error(predictions.linearize(name, encoded, fold), balanced) for name in methods},
+    )
+    pictures = {"the camera's JPEG": jpeg.mean / 255.0, "the RAW, balanced, stretched": scene}
+    height, width = np.rot90(jpeg.mean, turns).shape[:2]
+    rows: list[tuple[Panel, ...]] = []
+    moved = moved_by_lens(shot, turns)
+    down, across = (np.arange(size) + 0.5 for size in moved.shape[:2])
+    x, y = np.meshgrid(across * width / max(len(across), 1), height - down * height / max(len(down), 1))
+    start = np.stack([x, y], axis=-1).reshape(-1, 2)
+    ends = np.stack([start, start + width * moved.reshape(-1, 2) * (1, -1)], axis=1)
+    for (direction, scale), (title, picture), found in zip(DIRECTIONS, pictures.items(), errors, strict=True):
+        arrows, note = ((Lines(list(ends), "#ffffff"),), shot.lens_note) if not rows and len(ends) else ((), "")
+        shown = (Raster(np.rot90(picture, turns)), *arrows)
+        panels = [Panel(title, shown, textwrap.fill(note, 40), bare=True, equal=True)]
+        for method, each in found.items():
+            name = f"{direction}\n{method}: mean {np.nanmean(each):.4f}"
+            panels.append(Panel(name, (Raster(each),), bare=True, equal=True, scale=(0.0, scale), scale_name=" "))
+        rows.append(tuple(panels))
+    drawing = Drawing(tuple(rows), 11 / len(rows[0]) * height / width + 0.6, 11.0)
     setting = f"{samples.style[own[0]]}/{samples.white_balance[own[0]]}"
-    held_out = bool(predictions.held_out[own].all())
-    pictures = (np.rot90(jpeg.mean / 255.0, turns), np.rot90(scene, turns))
-    return ErrorMaps(shot.name, setting, *pictures, Both(rendered, linearized), held_out)
+    return ErrorMaps(shot.name, setting, drawing, bool(predictions.held_out[own].all()))
+
+
+def moved_by_lens(shot: Shot, turns: int) -> Array:
+    """How far places were drawn from where the upright JPEG shows them, nothing where the camera corrected nothing.
+
+    (rows, columns, 2), x and y as shares of the picture's width, of places on an even grid.
+    """
+    place = shot.placement.registration
+    if place.distortion is None:
+        return np.zeros((0, 0, 2))
+    height, width = shot.jpeg.shape[:2]
+    across, down = np.meshgrid((np.arange(12) + 0.5) * width / 12, (np.arange(8) + 0.5) * height / 8)
+    places = np.stack([across, down], axis=-1)
+    moved = np.rot90((place.on_raw(places) - place.straight(places)) / place.scale, turns)
+    for _ in range(turns % 4):
+        moved = moved[..., ::-1] * (1, -1)
+    return np.asarray(moved / (width if turns % 2 == 0 else height))
 
 
 def own_method(profile: CameraProfile, evaluation: Evaluation) -> str:
@@ -148,23 +157,3 @@ def maps_of_file(
     evaluation = evaluate(profile, samples.select(samples.style == style), progress)
     progress("error maps", 0.9)
     return maps_of_shot(profile, evaluation, shot, raw_file)
-
-
-def error_maps_figure(maps: ErrorMaps) -> Figure:
-    """The photograph, and beside it the errors of each method, a row and a scale for each direction."""
-    height, width = maps.picture.shape[:2]
-    columns = 1 + len(maps.errors.render)
-    figure = Figure(figsize=(11, 22 / columns * height / width + 1.2), layout="compressed")
-    axes = figure.subplots(2, columns, squeeze=False)
-    for row, shown in zip(axes, maps.rows, strict=True):
-        row[0].imshow(np.clip(shown.picture, 0, 1))
-        row[0].set_title(shown.name.replace("\n", " "), fontsize=8)
-        for axis, (method, error) in zip(row[1:], shown.errors.items(), strict=True):
-            drawn = axis.imshow(error, cmap=MAP, vmin=0, vmax=shown.scale, interpolation="nearest")
-            axis.set_facecolor("0.85")
-            axis.set_title(f"{shown.title}\n{method}: mean {np.nanmean(error):.4f}", fontsize=8)
-        figure.colorbar(drawn, ax=row, shrink=0.8, extend="max", aspect=20, pad=0.01)
-    for axis in axes.flat:
-        axis.set(xticks=[], yticks=[])
-        axis.spines[:].set_visible(False)
-    return figure

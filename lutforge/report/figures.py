@@ -1,45 +1,45 @@
-"""What all figures share, and those of samples, errors and responses."""
+"""What each figure of a profile, its samples and its errors shows."""
 
-from collections.abc import Sequence
-from io import StringIO
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
 from lutforge.arrays import Array
-from lutforge.atomic_write import atomic_path
+from lutforge.calibration.physical.bracket import BracketFit
 from lutforge.calibration.physical.brightness_transfer import TransferFunction
 from lutforge.colour.colour_difference import srgb_to_lab
-from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_encode
+from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode, srgb_encode
 from lutforge.evaluation.errors_table import ErrorFigures
+from lutforge.model.directions import Direction
 from lutforge.model.emor import mean_response
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PictureStyle
+from lutforge.report.drawing import (
+    CHANNELS,
+    ERROR_SCALE,
+    GREY,
+    Arrows,
+    Bars,
+    Dots,
+    Drawing,
+    Labels,
+    Line,
+    Lines,
+    Mark,
+    Panel,
+    Raster,
+    thinned,
+)
 
-CHANNELS = (("R", "#c23b22", "-"), ("G", "#2e8b57", "--"), ("B", "#2f5fb3", ":"))
-"""Name, colour and line style: the line style tells the channels apart where the colours do not."""
-MAP = "cividis"
-"""The colour scale of maps: even in lightness, the same to colour-blind eyes."""
-ERROR_SCALE = 0.1
-"""The error that is drawn brightest, as a norm of RGB, 1 = full scale."""
+ENDS = {"render": ("RAW after white balance", "JPEG"), "linearize": ("JPEG", "RAW after white balance")}
+"""Per direction: what goes in, what comes out."""
+LUMINANCE = SRGB_TO_XYZ[1]
+"""Weights of linear sRGB's channels in Y."""
 
 
-def save_png(figure: Figure, path: str | Path, dpi: float = 100) -> None:
-    """Write a figure as PNG, whole or not at all."""
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=dpi, format="png")
-
-
-def to_svg(figure: Figure) -> str:
-    """A figure as an <svg> element, without an XML head, the same bytes each time."""
-    # Text stays text, and ids are made from the content alone.
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "lutforge"}), StringIO() as buffer:
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, dpi=144)
-        text = buffer.getvalue()
-    return text[text.index("<svg") :]
+# --- Samples and errors ----------------------------------------------------------------------------------------------
 
 
 def chromaticity_outlines() -> tuple[Array, Array]:
@@ -51,110 +51,255 @@ def chromaticity_outlines() -> tuple[Array, Array]:
     return np.vstack([spectrum, spectrum[:1]]), np.vstack([primaries, primaries[:1]])
 
 
-def chromaticity_figure(encoded: Array) -> Figure:
+def chromaticity_figure(encoded: Array) -> Drawing:
     """JPEG colours (n, 3) in the CIE 1931 xy diagram, each in its own colour, and L* over chroma beside it."""
-    import colour
-
-    chosen = encoded[_thinned(len(encoded))]
-    xy = colour.XYZ_to_xy(colour.models.eotf_sRGB(chosen) @ SRGB_TO_XYZ.T)
+    chosen = encoded[thinned(len(encoded))]
     spectrum, triangle = chromaticity_outlines()
     lab = srgb_to_lab(chosen)
-    figure = Figure(figsize=(9, 3.8), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    left.plot(*spectrum.T, color="0.5", linewidth=0.8, label="spectrum")
-    left.plot(*triangle.T, color="black", linewidth=0.8, label="sRGB")
-    left.scatter(*xy.T, c=chosen, s=5, linewidths=0, rasterized=True)
-    left.set(title="chromaticity", xlabel="x", ylabel="y", aspect="equal")
-    left.legend(frameon=False)
-    right.scatter(np.hypot(lab[:, 1], lab[:, 2]), lab[:, 0], c=chosen, s=5, linewidths=0, rasterized=True)
-    right.set(title="lightness and chroma", xlabel="C*", ylabel="L*", ylim=(0, 100))
-    return figure
-
-
-def error_by_colour_figure(encoded: Array, error: Array) -> Figure:
-    """Held-out error (n,) of JPEG colours (n, 3) over a* b* and over lightness: which colours are predicted badly."""
-    order = np.argsort(error)
-    chosen = order[_thinned(len(order))]  # the largest errors on top
-    lab = srgb_to_lab(encoded[chosen])
-    figure = Figure(figsize=(9, 3.8), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    drawn = left.scatter(
-        lab[:, 1], lab[:, 2], c=error[chosen], s=7, cmap=MAP, vmin=0, vmax=ERROR_SCALE, linewidths=0, rasterized=True
+    diagram = (
+        Line(spectrum[:, 0], spectrum[:, 1], width=0.8, label="spectrum"),
+        Line(triangle[:, 0], triangle[:, 1], colour="#000000", width=0.8, label="sRGB"),
+        Dots(chromaticities(srgb_decode(chosen)), chosen, size=3),
     )
-    left.set(title="error over hue and chroma", xlabel="a* (green – red)", ylabel="b* (blue – yellow)", aspect="equal")
-    right.scatter(lab[:, 0], error[chosen], c=encoded[chosen], s=7, linewidths=0, rasterized=True)
-    right.set(title="error over lightness", xlabel="L*", ylabel="RGB error, 1 = full scale", ylim=(0, None))
-    figure.colorbar(drawn, ax=left, extend="max", shrink=0.8)
-    return figure
+    chroma = np.column_stack([np.hypot(lab[:, 1], lab[:, 2]), lab[:, 0]])
+    return Drawing(
+        ((
+            Panel("chromaticity", diagram, "x", "y", equal=True),
+            Panel("lightness and chroma", (Dots(chroma, chosen, size=3),), "C*", "L*", y_range=(0, 100)),
+        ),),
+        3.8,
+    )  # fmt: skip
 
 
-def _thinned(count: int) -> NDArray[np.intp]:
-    """Choose at most 6,000 rows of `count`, at random: the figure stays small, and points no longer hide each other."""
-    return np.sort(np.random.default_rng(0).permutation(count)[:6000])
+def error_over_hue(title: str, encoded: Array, error: Array) -> Panel:
+    """Errors (n,) of JPEG colours (n, 3) over a* and b*, the largest on top."""
+    order = np.argsort(error)
+    chosen = order[thinned(len(order))]
+    dots = Dots(srgb_to_lab(encoded[chosen])[:, 1:], values=error[chosen], size=4)
+    x, y = "a* (green – red)", "b* (blue – yellow)"
+    return Panel(title, (dots,), x, y, equal=True, scale=(0.0, ERROR_SCALE), scale_name="RGB error, 1 = full scale")
 
 
-def error_boxes(directions: Sequence[tuple[str, Sequence[tuple[str, ErrorFigures]]]], own: str) -> Figure:
+def error_by_colour_figure(encoded: Array, error: Array) -> Drawing:
+    """Held-out error (n,) of JPEG colours (n, 3) over a* b* and over lightness: which colours are predicted badly."""
+    chosen = np.argsort(error)[thinned(len(error))]
+    dots = Dots(np.column_stack([srgb_to_lab(encoded[chosen])[:, 0], error[chosen]]), encoded[chosen], size=4)
+    lightness = Panel("error over lightness", (dots,), "L*", "RGB error, 1 = full scale")
+    return Drawing(((error_over_hue("error over hue and chroma", encoded, error), lightness),), 3.8)
+
+
+def error_boxes(directions: Sequence[tuple[str, Sequence[tuple[str, ErrorFigures]]]], own: str) -> Drawing:
     """Draw errors as boxes on a logarithmic scale. directions: a title and figures by method; `own` is in colour."""
-    rows = max(len(methods) for _, methods in directions)
-    figure = Figure(figsize=(9, 1.0 + 0.36 * rows), layout="constrained")
-    for axis, (title, methods) in zip(figure.subplots(1, len(directions), squeeze=False)[0], directions, strict=True):
-        for position, (name, values) in enumerate(reversed(methods)):
-            colour = "#2f5fb3" if name == own else "0.6"
-            axis.plot((values.q3, values.maximum), (position, position), color=colour, linewidth=0.8)
-            axis.barh(position, values.q3 - values.q1, left=values.q1, height=0.55, color=colour, alpha=0.75)
-            axis.plot((values.median, values.median), (position - 0.27, position + 0.27), color="white", linewidth=1.5)
-            axis.plot(values.mean, position, "D", color="black", markersize=4)
-            axis.plot(values.maximum, position, "|", color=colour, markersize=9)
-            axis.text(values.mean, position + 0.33, f"{values.mean:.4f}", ha="center", va="bottom", fontsize=7)
-        axis.set_yticks(range(len(methods)), [name for name, _ in reversed(methods)])
-        axis.set(title=title, xscale="log", xlabel="RGB error, 1 = full scale")
-        axis.set_ylim(-0.6, len(methods) - 0.2)
-        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
-        axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
-        axis.xaxis.set_minor_formatter(NullFormatter())
-        axis.grid(axis="x", color="0.9", linewidth=0.6)
-        axis.set_axisbelow(True)
-    return figure
+    panels = []
+    for title, methods in directions:
+        names, figures = zip(*reversed(methods), strict=True)
+        marks: list[Mark] = []
+        for place, (name, each) in enumerate(zip(names, figures, strict=True)):
+            colour = "#2f5fb3" if name == own else "#999999"
+            left, right, low, high = (np.array([value]) for value in (each.q1, each.q3, place - 0.27, place + 0.27))
+            marks += [
+                Line(np.array([each.q3, each.maximum]), np.full(2, place), colour, width=0.8),
+                Bars(left, right, low, high, colour),
+                Line(np.full(2, each.median), np.array([place - 0.27, place + 0.27]), "#ffffff"),
+                Dots(np.array([[each.maximum, place]]), colour, marker="dash", size=10),
+            ]
+        means = np.array([[each.mean, place] for place, each in enumerate(figures)])
+        marks += [
+            Dots(means, "#000000", marker="diamond", size=5),
+            Labels(means + np.array([0, 0.33]), [f"{mean:.4f}" for mean, _ in means]),
+        ]
+        heights = (-0.6, len(methods) - 0.2)
+        panels.append(
+            Panel(title, tuple(marks), "RGB error, 1 = full scale", y_range=heights, log=True, rows=tuple(names))
+        )
+    return Drawing((tuple(panels),), 1.0 + 0.36 * max(len(methods) for _, methods in directions))
 
 
-def response_figure(style: PictureStyle) -> Figure:
-    """f per channel over the linear value and over stops below saturation, with EMoR's mean and sRGB's curve."""
-    linear = np.concatenate([np.linspace(0, 1, 513)[1:], 2.0 ** np.linspace(-8, 0, 257)])
-    linear.sort()
-    curves, mean, srgb = style.tones(linear), mean_response(linear), srgb_encode(linear)
-    figure = Figure(figsize=(9, 3.4), layout="constrained")
-    for axis, x, label in zip(
-        figure.subplots(1, 2),
-        (linear, np.log2(linear)),
-        ("linear value, 1 = saturation", "stops below saturation"),
-        strict=True,
-    ):
-        axis.plot(x, mean, color="0.35", linewidth=0.8, dashes=(1, 1.5), label="mean of 201 responses (EMoR)")
-        axis.plot(x, srgb, color="0.65", linewidth=1.2, label="sRGB")
-        for channel, (name, colour, line) in enumerate(CHANNELS):
-            axis.plot(x, curves[:, channel], line, color=colour, label=name)
-        axis.set(xlabel=label, ylabel="JPEG value")
-    figure.axes[1].set_xlim(-8, 0)
-    figure.axes[0].legend(frameon=False, loc="lower right")
-    return figure
+def residuals_figure(named: Mapping[str, Array]) -> Drawing:
+    """Draw the distribution of RGB distances (n,) between JPEG and rendering, by what rendered; NaN counts nowhere."""
+    edges, bars = np.linspace(0.0, 0.15, 61), []
+    for (name, distance), colour in zip(named.items(), (GREY, CHANNELS[2][1]), strict=False):
+        known = distance[np.isfinite(distance)]
+        share = np.histogram(np.minimum(known, edges[-1]), edges)[0] / max(len(known), 1)
+        bars.append(Bars(edges[:-1], edges[1:], np.zeros(60), share, colour, name))
+    x = "RGB distance between the JPEG and what is rendered"
+    return Drawing(((Panel("Residuals", tuple(bars), x, "share of samples", (0.0, 0.15)),),))
 
 
-def brightness_transfer_figure(functions: Sequence[TransferFunction]) -> Figure:
+def brightness_transfer_figure(functions: Sequence[TransferFunction]) -> Drawing:
     """JPEG values of the longer exposure over those of the shorter, per channel, with τ of each ratio (thesis, 3.1).
 
     Dashed: τ of a response that was fitted without the removal of outliers (Fig. 4.2).
     """
-    figure = Figure(figsize=(9, 3.4), layout="constrained")
-    for channel, axis in enumerate(figure.subplots(1, 3)):
+    colours = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+    panels = []
+    for channel, (name, _, _) in enumerate(CHANNELS):
+        marks: list[Mark] = []
         for index, function in enumerate(functions):
-            colour = f"C{index % 10}"
-            for rows, marker in ((~function.outlier, "."), (function.outlier, "x")):
-                x, y = function.first[rows, channel], function.second[rows, channel]
-                some = _thinned(len(x))
-                axis.plot(x[some], y[some], marker, color=colour, markersize=3, alpha=0.5, rasterized=True)
+            colour = colours[index % len(colours)]
+            for rows, marker in ((~function.outlier, "circle"), (function.outlier, "x")):
+                points = np.column_stack([function.first[rows, channel], function.second[rows, channel]])
+                marks.append(Dots(points[thinned(len(points))], colour, marker=marker, size=2))
             even = np.linspace(0, 1, len(function.curve))
-            axis.plot(even, function.curve[:, channel], color=colour, label=f"{function.stops:+.1f} stops")
-            axis.plot(even, function.of_all[:, channel], "--", color=colour, linewidth=0.8)
-        axis.set(title=CHANNELS[channel][0], xlabel="shorter exposure", ylabel="longer exposure", aspect="equal")
-    figure.axes[0].legend(frameon=False, fontsize=8)
-    return figure
+            label = f"{function.stops:+.1f} stops" if channel == 0 else ""
+            marks.append(Line(even, function.curve[:, channel], colour, label=label))
+            marks.append(Line(even, function.of_all[:, channel], colour, "dashed", 0.8))
+        panels.append(Panel(name, tuple(marks), "shorter exposure", "longer exposure", equal=True))
+    return Drawing((tuple(panels),))
+
+
+def response_figure(style: PictureStyle) -> Drawing:
+    """f per channel over the linear value and over stops below saturation, with EMoR's mean and sRGB's curve."""
+    linear = np.concatenate([np.linspace(0, 1, 513)[1:], 2.0 ** np.linspace(-8, 0, 257)])
+    linear.sort()
+    curves, mean, srgb = style.tones(linear), mean_response(linear), srgb_encode(linear)
+    panels = []
+    for x, label, reach in (
+        (linear, "linear value, 1 = saturation", (0.0, 1.0)),
+        (np.log2(linear), "stops below saturation", (-8.0, 0.0)),
+    ):
+        marks: list[Mark] = [
+            Line(x, mean, GREY, "dotted", 1.0, "mean of 201 responses (EMoR)"), Line(x, srgb, label="sRGB", width=1.0)
+        ]  # fmt: skip
+        marks += [Line(x, curves[:, c], colour, dash, 2.0, name) for c, (name, colour, dash) in enumerate(CHANNELS)]
+        what = "The response f" if style.physical else "The grey axis of the lattice"
+        panels.append(Panel(what, tuple(marks), label, "JPEG value", reach, (0.0, 1.02)))
+    return Drawing((tuple(panels),))
+
+
+# --- The gamut map ---------------------------------------------------------------------------------------------------
+
+
+def cube_edges() -> Array:
+    """The twelve edges of sRGB's cube by their linear ends, (12, 2, 3)."""
+    corners = np.array([[r, g, b] for r in (0.0, 1.0) for g in (0.0, 1.0) for b in (0.0, 1.0)])
+    ends = [(i, j) for i in range(8) for j in range(i) if np.abs(corners[i] - corners[j]).sum() == 1]
+    return np.asarray(corners[np.array(ends)])
+
+
+def slice_grid(luminance: float, rings: int = 17, points: int = 16) -> Array:
+    """Cover the slice of the sRGB cube at a luminance 0 < Y < 1 with a grid (rings, n, 3) of linear colours.
+
+    The first ring is the grey of this luminance, the last the slice's outline, closed, with `points` on each side.
+    """
+    first, second = cube_edges().transpose(1, 0, 2)
+    low, high = first @ LUMINANCE - luminance, second @ LUMINANCE - luminance
+    cut = (low < 0) != (high < 0)
+    share = (low[cut] / (low[cut] - high[cut]))[:, None]
+    corners = first[cut] + share * (second[cut] - first[cut])
+    around = corners - luminance  # from the grey
+    corners = corners[np.argsort(np.arctan2(around[:, 0] - around[:, 1], around[:, 2] - around[:, 1]))]
+    along = np.arange(points)[:, None, None] / points
+    sides = corners + along * (np.roll(corners, -1, axis=0) - corners)  # (points, corners, 3)
+    outline = np.vstack([sides.transpose(1, 0, 2).reshape(-1, 3), corners[:1]])
+    return luminance + np.linspace(0.0, 1.0, rings)[:, None, None] * (outline - luminance)
+
+
+def centres_near(gamut_map: GamutMap, luminance: float) -> Array:
+    """The control points (m, 3) of h that lie near this luminance."""
+    return np.asarray(gamut_map.centres[np.abs(gamut_map.centres @ LUMINANCE - luminance) < 0.04])
+
+
+def gamut_figure(maps: Mapping[str, GamutMap], levels: Sequence[float] = (0.08, 0.25, 0.5)) -> Drawing:
+    """h as slices of constant luminance: arrows from the colour before it to the one after (Fig. 4.4), a row a map.
+
+    They are drawn over R − Y and B − Y in linear sRGB, coloured by how far h moves the colour.
+    """
+    axis = np.linspace(0.0, 1.0, 25)
+    red, blue = (values.ravel() for values in np.meshgrid(axis, axis, indexing="ij"))
+    rows, top = [], 0.02
+    for name, gamut_map in maps.items():
+        drawn = []
+        for level in levels:
+            green = (level - LUMINANCE[0] * red - LUMINANCE[2] * blue) / LUMINANCE[1]
+            before = np.stack([red, green, blue], axis=1)[(green >= 0) & (green <= 1)]
+            after = gamut_map(before) if len(before) else before
+            change = np.linalg.norm(after - before, axis=1)
+            top = max(top, float(change.max(initial=0.0)))
+            marks = (
+                Arrows(_on_plane(before), _on_plane(after), change),
+                Dots(_on_plane(centres_near(gamut_map, level)), CHANNELS[0][1], size=2),
+                Dots(np.zeros((1, 2)), GREY, marker="cross", size=8),
+            )
+            drawn.append(Panel(f"{name}, Y = {level:.2f}", marks, "R − Y", "B − Y", equal=True))
+        rows.append(drawn)
+    name = "change, linear, 1 = full scale"
+    return Drawing(tuple(tuple(replace(one, scale=(0.0, top), scale_name=name) for one in row) for row in rows), 3.1)
+
+
+def _on_plane(colours: Array) -> Array:
+    return np.asarray(colours[:, [0, 2]] - (colours @ LUMINANCE)[:, None])
+
+
+# --- The lattice -----------------------------------------------------------------------------------------------------
+
+
+def lattice_figure(style: PictureStyle, directions: Sequence[Direction]) -> Drawing:
+    """Node levels, grey axis and coverage of a style's lattices, a row for each direction.
+
+    Node levels are drawn against the cube coordinate: where the curve is flat, nodes are dense. Coverage is log10 of
+    1 + the summed weight of the samples at the nodes, seen along the blue axis.
+    """
+    grey, rows = np.linspace(0, 1, 512), []
+    for direction in directions:
+        lattice, (source, target) = style.lattices[direction], ENDS[direction]
+        values, levels, curves = lattice(np.repeat(grey[:, None], 3, axis=1)), [], []
+        for channel, (name, colour, dash) in enumerate(CHANNELS):
+            nodes = lattice.levels[channel]
+            levels.append(Line(np.linspace(0, 1, len(nodes)), nodes, colour, dash, label=name))
+            curves.append(Line(grey, values[:, channel], colour, dash, label=name))
+        row = [
+            Panel("node levels", tuple(levels), "cube coordinate", source),
+            Panel("grey axis", tuple(curves), source, target),
+        ]
+        covered = style.coverage.get(direction)
+        if covered is not None:
+            seen = np.log10(1 + covered.sum(axis=2)).T[::-1]
+            title = f"nodes with samples, {float((covered > 0).mean()):.0%} of all"
+            x, y = "red node, share", "green node, share"
+            row.append(Panel(title, (Raster(seen, (1, 1)),), x, y, equal=True, scale=(0, max(seen.max(), 1e-6))))
+        rows.append(tuple(row))
+    return Drawing(tuple(rows), 3.0)
+
+
+def levels_on_errors(lattice: Lattice, histograms: tuple[Array, Array, Array], source: str) -> Drawing:
+    """Node levels over the histogram of the uniform lattice's squared errors, per axis (thesis, Fig. 5.4).
+
+    histograms: per axis (bins,) over [0, 1], bins a multiple of 200.
+    """
+    edges, panels = np.linspace(0.0, 1.0, 201), []
+    for levels, histogram, (name, colour, _) in zip(lattice.levels, histograms, CHANNELS, strict=True):
+        density = histogram.reshape(200, -1).sum(axis=1)
+        marks = (
+            Bars(edges[:-1], edges[1:], np.zeros(200), density / max(float(density.max()), 1e-12), colour),
+            Lines([np.array([[level, -0.14], [level, -0.02]]) for level in levels]),
+        )
+        panels.append(Panel(name, marks, source, "error of even nodes", y_range=(-0.2, 1.05)))
+    return Drawing((tuple(panels),), 2.6)
+
+
+def plane_figure(lattice: Lattice, target: str, levels: Mapping[int, float]) -> Drawing:
+    """Draw the outputs of planes of nodes as nets in the other two channels (Fig. A.13). levels: by input channel."""
+    panels = []
+    for channel, level in levels.items():
+        held = int(np.argmin(np.abs(lattice.levels[channel] - level)))
+        first, second = (index for index in range(3) if index != channel)
+        net = np.take(lattice.values, held, axis=channel)[..., [first, second]]
+        marks = Lines(list(net), CHANNELS[second][1]), Lines(list(net.transpose(1, 0, 2)), CHANNELS[first][1])
+        title = f"nodes at {CHANNELS[channel][0]} = {lattice.levels[channel][held]:.3f}"
+        x, y = (f"{target}, {CHANNELS[along][0]}" for along in (first, second))
+        panels.append(Panel(title, marks, x, y, equal=True))
+    return Drawing((tuple(panels),), 3.2)
+
+
+def bracket_figure(fit: BracketFit) -> Drawing:
+    """The response of a bracket, per channel, over sRGB's own curve."""
+    linear = np.linspace(0.0, 1.0, 257)
+    grey = np.repeat(linear[:, None], 3, axis=1)
+    values = fit.response.encode(grey)
+    lines = [
+        Line(linear, srgb_encode(linear), label="sRGB", width=1.0),
+        *(Line(linear, values[:, c], colour, dash, 2.0, name) for c, (name, colour, dash) in enumerate(CHANNELS)),
+    ]
+    title, labels = "The response f", ("linear value, 1 = saturation", "JPEG value")
+    return Drawing(((Panel(title, tuple(lines), *labels, (0.0, 1.0), (0.0, 1.02)),),))

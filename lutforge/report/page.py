@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from lutforge.atomic_write import atomic_path
 from lutforge.progress import Progress, silent
-from lutforge.report.figures import save_png, to_svg
+from lutforge.report.drawing import Drawing
+from lutforge.report.matplotlib_figure import figure_of, save_png, to_svg
 from lutforge.report.tables import Table
 
 
@@ -37,9 +38,14 @@ class Picture:
     """A figure; name: of its files, where the figures are written apart."""
 
     name: str
-    figure: Figure
+    drawing: Drawing
     caption: str
     kind: Literal["picture"] = "picture"
+
+    @cached_property
+    def figure(self) -> Figure:
+        """The figure as matplotlib draws it."""
+        return figure_of(self.drawing)
 
     @cached_property
     def svg(self) -> str:

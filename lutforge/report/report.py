@@ -6,8 +6,8 @@ from pathlib import Path
 import matplotlib
 
 from lutforge.calibration.options import options_from_json
+from lutforge.calibration.shots.departures import Departure
 from lutforge.calibration.style_data import StyleData
-from lutforge.evaluation.error_shares import ErrorShares
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.methods import LATTICE
 from lutforge.model.camera_profile import CameraProfile
@@ -23,7 +23,7 @@ from lutforge.report.error_blocks import (
 )
 from lutforge.report.error_maps import own_method
 from lutforge.report.page import BulletList, Report, Section
-from lutforge.report.scene_blocks import falloff_blocks, tone_blocks
+from lutforge.report.scene_blocks import departure_blocks, falloff_blocks
 from lutforge.report.tables import balance_table, matrix_table
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
@@ -47,12 +47,11 @@ def build_report(
     judged: list[Section] = []
     shown: list[Section] = []
     data: dict[str, StyleData] = {}
-    tones = profile.tones
-    shares: tuple[ErrorShares, ...] = ()
+    departures: tuple[Departure, ...] = ()
     if samples is not None:
         evaluation = evaluate(profile, samples, part(progress, 0.0, 0.8))
         own = own_method(profile, evaluation)
-        tones, shares = evaluation.tones, evaluation.shares
+        departures = evaluation.departures
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         notes = tuple(dict.fromkeys((*notes, *evaluation.notes)))
         progress("error maps", 0.8)
@@ -66,7 +65,7 @@ def build_report(
         for name, style in profile.styles.items()
     ]
     said = Section("Notes", (BulletList(notes),) if notes else ())
-    lens = Section("Lens and scene", (*falloff_blocks(profile.falloffs), *tone_blocks(tones, shares)))
+    lens = Section("Lens and scene", (*falloff_blocks(profile.falloffs), *departure_blocks(departures)))
     settings = Section("White balances and matrix", (balance_table(profile), matrix_table(profile)))
     sections = tuple(section for section in (said, *judged, lens, settings, *models, *shown) if section.blocks)
     progress("done", 1.0)

@@ -3,14 +3,12 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from lutforge.evaluation.error_shares import ErrorShares
+from lutforge.calibration.shots.departures import Departure
 from lutforge.model.falloff import Falloff
-from lutforge.model.shot_tone import ShotTone
+from lutforge.report.drawing import Drawing, Line, Panel
 from lutforge.report.page import Block, Picture
-from lutforge.report.tables import Table, share_table
-from lutforge.settings import setting_name
+from lutforge.report.tables import Table
 
 
 def falloff_blocks(falloffs: Sequence[Falloff]) -> Iterator[Block]:
@@ -31,46 +29,22 @@ def falloff_blocks(falloffs: Sequence[Falloff]) -> Iterator[Block]:
     )
 
 
-def tone_blocks(tones: Sequence[ShotTone], shares: Sequence[ErrorShares]) -> Iterator[Block]:
-    """The shots that depart, maps of those that depart locally, and what the error consists of."""
-    if tones:
-        rows = tuple(
-            (
-                *(tone.shot, tone.style),
-                *(f"{value:+.2f}" for value in (tone.exposure, tone.shadows, tone.highlights)),
-                *(f"{tone.local:.2f}", f"{min(tone.significance):.1g}"),
-            )
-            for tone in tones
+def departure_blocks(departures: Sequence[Departure]) -> Iterator[Block]:
+    """A table of the shots that depart from the fixed rendering; nothing where there are none."""
+    if departures:
+        yield Table(
+            "Shots that depart from the fixed rendering, with standard errors",
+            ("shot", "exposure, EV", "contrast", "saturation"),
+            [(each.shot, *each.cells) for each in departures],
         )
-        header = ("shot", "style", "exposure", "shadows", "highlights", "from place to place", "odds by chance")
-        yield Table("What the camera did to single shots beyond its fixed rendering, in EV", header, rows)
-    for tone in tones:
-        if tone.local:
-            caption = f"{tone.shot}: brightened by so many EV, from place to place. The shot is left out of the fit."
-            yield Picture(f"local_tone_{setting_name(tone.shot)}", _local_figure(tone), caption)
-    if shares:
-        yield share_table(shares)
 
 
-def _local_figure(tone: ShotTone) -> Figure:
-    figure = Figure(figsize=(6, 2.4), layout="compressed")
-    reach, drawn = max(abs(value) for part in tone.maps for value in part), None
-    axes = figure.subplots(1, 2)
-    for axis, part, title in zip(axes, tone.maps, ("dark tones", "bright tones"), strict=True):
-        drawn = axis.imshow(np.reshape(part, (3, 3)), cmap="RdBu", vmin=-reach, vmax=reach, aspect=2 / 3)
-        axis.set(xticks=[], yticks=[])
-        axis.set_title(title, fontsize=9)
-    if drawn is not None:
-        figure.colorbar(drawn, ax=axes, label="EV")
-    return figure
-
-
-def _falloff_figure(falloffs: Sequence[Falloff]) -> Figure:
+def _falloff_figure(falloffs: Sequence[Falloff]) -> Drawing:
+    """Draw the falloffs over the distance from their centres."""
     radius = np.linspace(0.0, 1.0, 101)
-    figure = Figure(figsize=(6, 3.4), layout="constrained")
-    axis = figure.subplots()
-    for falloff in falloffs:
-        axis.plot(radius, falloff.stops(np.column_stack([radius, 0 * radius]) + falloff.centre), label=falloff.setting)
-    axis.set(xlabel="distance from the centre, half the diagonal = 1", ylabel="EV", ylim=(0, None))
-    axis.legend(frameon=False, loc="upper left")
-    return figure
+    along = np.column_stack([radius, 0 * radius])
+    lines = tuple(
+        Line(radius, falloff.stops(along + falloff.centre), f"C{index % 10}", label=falloff.setting)
+        for index, falloff in enumerate(falloffs)
+    )
+    return Drawing(((Panel("", lines, "distance from the centre, half the diagonal = 1", "EV"),),), 3.4, 6.0)

@@ -3,13 +3,12 @@
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from lutforge.arrays import Pixels
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.report.figures import ERROR_SCALE, MAP, save_png
-from lutforge.report.lattice_figures import lattice_figure
+from lutforge.report.drawing import ERROR_SCALE, Drawing, Panel, Raster
+from lutforge.report.figures import lattice_figure
+from lutforge.report.matplotlib_figure import figure_of, save_png
 
 
 def refinish_sheet(
@@ -20,28 +19,22 @@ def refinish_sheet(
     Pixels: (h, w, 3), encoded, the same size.
     """
     height, width = before.shape[:2]
-    figure = Figure(figsize=(12, 12 * height / width + 0.9), layout="constrained")
     error = np.linalg.norm(after.astype(np.float64) - wanted, axis=-1)
-    axes = figure.subplots(2, 2).ravel()
-    for axis, image, title in zip(axes, (before, after, wanted), titles, strict=False):
-        _picture(axis, title).imshow(np.clip(image, 0, 1), interpolation="antialiased")
-    panel = _picture(axes[3], f"RGB error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}")
-    drawn = panel.imshow(error, cmap=MAP, vmin=0, vmax=ERROR_SCALE)
-    scale = panel.inset_axes((0.66, 0.93, 0.31, 0.035))
-    figure.colorbar(drawn, cax=scale, orientation="horizontal", ticks=[0, ERROR_SCALE])
-    scale.tick_params(colors="white", labelsize=9)
-    save_png(figure, path)
+    told = f"RGB error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}"
+    panels = [
+        Panel(title, (Raster(np.asarray(image, dtype=np.float64)),), bare=True, equal=True)
+        for title, image in zip(titles, (before, after, wanted), strict=True)
+    ]
+    panels.append(
+        Panel(told, (Raster(error),), bare=True, equal=True, scale=(0.0, ERROR_SCALE), scale_name="norm of RGB")
+    )
+    rows = (tuple(panels[:2]), tuple(panels[2:]))
+    save_png(figure_of(Drawing(rows, 6 * height / width + 0.4, 12.0)), path)
 
 
 def calibration_sheet(profile: CameraProfile, style: str, path: str | Path) -> None:
     """Node levels of both lattices, the grey axis through them, and where samples support the nodes, as one PNG."""
     chosen = profile.styles[style]
-    figure = lattice_figure(chosen, list(chosen.lattices))
+    figure = figure_of(lattice_figure(chosen, list(chosen.lattices)))
     figure.suptitle(f"{profile.camera}, style {style}: above render, below linearize")
     save_png(figure, path, dpi=133)
-
-
-def _picture(axis: Axes, title: str) -> Axes:
-    axis.set_title(title, fontsize=11)
-    axis.set_axis_off()
-    return axis

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from lutforge.calibration.physical.bracket import BracketFit
-    from lutforge.evaluation.error_shares import ErrorShares
     from lutforge.evaluation.evaluation import Evaluation, EvaluationRow
     from lutforge.model.camera_profile import CameraProfile
 
@@ -92,6 +91,7 @@ def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> T
 
 def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
     """Tabulate an evaluation's errors of RAW, over exposure pairs and of refinishing, where there are such."""
+    from lutforge.evaluation.edited import EDITS
     from lutforge.evaluation.errors_table import FIGURES
 
     tables = (
@@ -99,6 +99,14 @@ def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
             "JPEG → RAW before white balance: RMSE (1 = saturation)",
             ("style", "method", "held out", "n", "RMSE", "R", "G", "B"), evaluation.raw,
             lambda row: (row.style, row.method, _yes(row.held_out), str(row.count), *_four(row.rmse, *row.rmse_rgb)),
+            own,
+        ),
+        _by_method(
+            "JPEGs made linear, then exposed and balanced anew: mean ΔE00 to the same edit of the RAW",
+            ("style", "method", "held out", "n", *EDITS), evaluation.edited,
+            lambda row: (
+                row.style, row.method, _yes(row.held_out), str(row.count), *(f"{value:.2f}" for value in row.de00)
+            ),
             own,
         ),
         _by_method(
@@ -116,14 +124,6 @@ def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
         ),
     )  # fmt: skip
     yield from (table for table in tables if table.rows)
-
-
-def share_table(shares: Sequence[ErrorShares]) -> Table:
-    """Tabulate what the error of rendered colours consists of."""
-    from lutforge.evaluation.error_shares import SHARES
-
-    title = "What the error of rendered colours consists of: RMSE (1 = full scale), whose squares add up"
-    return Table(title, SHARES, [row.cells for row in shares])
 
 
 def _by_method(

@@ -53,6 +53,19 @@ def clipping(jpeg: Extremes, raw: Extremes, saturation: Array) -> Clipping:
     return Clipping({reason: np.any(channels, axis=-1) for reason, channels in clips.items()})
 
 
+def one_sided(jpeg: Extremes, raw: Extremes, saturation: Array) -> tuple[Mask, Mask]:
+    """Masks (…, 3) of channels that are all black, or all white, in the JPEG, in areas where that is all that clips.
+
+    Their RAW is whole, and at least one channel of the JPEG is: such an area tells that the rendering of its light lies
+    at that end or beyond. saturation: as for `clipping`.
+    """
+    black, white = jpeg.maximum <= 1, jpeg.minimum >= 254
+    whole = (jpeg.minimum > 1) & (jpeg.maximum < 254)
+    of_raw = (raw.minimum > 0) & (raw.maximum < 0.98 * saturation)
+    told = np.all((black | white | whole) & of_raw, axis=-1) & np.any(black | white, axis=-1) & np.any(whole, axis=-1)
+    return black & told[..., None], white & told[..., None]
+
+
 def unclipped_colours(encoded: Array, raw: Array) -> Mask:
     """Return the mask (n,) of colours no channel of which is clipped.
 

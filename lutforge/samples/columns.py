@@ -4,7 +4,6 @@ import math
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 
 from lutforge.arrays import Array
 from lutforge.errors import SampleError
@@ -15,10 +14,10 @@ SRGB_COLUMNS = ("srgb_r", "srgb_g", "srgb_b")
 WB_COLUMNS = ("wb_r", "wb_g", "wb_b")
 REQUIRED_COLUMNS = (*TEXT_COLUMNS, "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS)
 POSITION_COLUMNS = ("x", "y")
-LENS_COLUMNS = ("focal_mm", "aperture")
-ORIGIN_COLUMNS = ("raw_space", "developer", "encoder")
-OPTIONAL_COLUMNS = (*WB_COLUMNS, "raw_camera", *POSITION_COLUMNS, "lens", *LENS_COLUMNS, *ORIGIN_COLUMNS)
-NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *LENS_COLUMNS)
+SHOT_COLUMNS = ("focal_mm", "aperture", "d65_r", "d65_b")
+ORIGIN_COLUMNS = ("raw_space", "developer")
+OPTIONAL_COLUMNS = (*WB_COLUMNS, "raw_camera", *POSITION_COLUMNS, "lens", *SHOT_COLUMNS, *ORIGIN_COLUMNS)
+NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS)
 
 ROUNDING = 1e-6
 """How far a colour may lie outside its range through rounding; it is set to the end of the range."""
@@ -29,11 +28,6 @@ MULTIPLIER_RANGE = (1e-3, 1e3)
 MAX_ROWS = 50_000_000
 MAX_TEXT = 200
 """Characters in a cell."""
-
-
-def column_type(name: str) -> pl.DataType:
-    """Return the type of a column by its name."""
-    return pl.Float64() if name in NUMBER_COLUMNS else pl.String()
 
 
 def wanted_columns(path: Path, names: list[str]) -> list[str]:
@@ -101,6 +95,8 @@ def row_problem(cells: dict[str, str]) -> str | None:
     for name, cell in cells.items():
         if len(cell) > MAX_TEXT:
             return f"{name} holds {len(cell)} characters; a cell has at most {MAX_TEXT}"
+        if "\0" in cell:
+            return f"{name} holds a byte of zero, which is not text; write the table anew"
         problem = _number_problem(name, cell) if name in NUMBER_COLUMNS else None
         if not cell and name in TEXT_COLUMNS and name != "patch":
             problem = f"{name} is empty; write the {name.replace('_', ' ')} of the sample"

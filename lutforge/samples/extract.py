@@ -1,7 +1,7 @@
 """Colour samples of one shot: chart patches and flat tiles, with an account of what was left out and why."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import srgb_encode
 from lutforge.samples.chart import detector_note, find_chart, sample_chart
-from lutforge.samples.clipping import Extremes, clipping, saturation_levels
+from lutforge.samples.clipping import Extremes, clipping, one_sided, saturation_levels
 from lutforge.samples.even_choice import choose_evenly
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.tiles import LEVELS, agreement, cell_size, flatness, jpeg_cells
@@ -29,12 +29,14 @@ OUTCOMES = ("kept", "clipped", "outside the RAW", "not flat", "RAW and JPEG disa
 class ShotCells:
     """A shot in small, upright, a pixel a cell: 8-bit JPEG and RAW (h, w, 3), RAW balanced and encoded as in a JPEG.
 
-    outcome: (h, w) what became of each cell, an index into OUTCOMES.
+    outcome: (h, w) what became of each cell, an index into OUTCOMES. picture: the whole JPEG (h, w, 3), reduced to some
+    500 pixels.
     """
 
     jpeg: NDArray[np.uint8]
     raw: NDArray[np.uint8]
     outcome: NDArray[np.uint8]
+    picture: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,8 @@ class ShotSamples:
     """The samples of one shot and the account of its areas.
 
     tiles, patches: kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a
-    line each. cells: the shot's means over a coarse grid.
+    line each. cells: the shot's means over a coarse grid; places: (n, 2) of the samples in the upright JPEG, x and y
+    as shares of its width and height.
     """
 
     shot: str
@@ -53,6 +56,7 @@ class ShotSamples:
     rejected: dict[str, int]
     notes: tuple[str, ...]
     cells: ShotCells | None = None
+    places: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def kept(self) -> int:
@@ -78,13 +82,14 @@ def extract(shot: Shot) -> ShotSamples:
     few = len(tiles.samples) < FEW_TILES
     patches = _patches(shot, saturation, searched=few)
     clipped = {key: tiles.clipped.get(key, 0) + patches.clipped.get(key, 0) for key in tiles.clipped}
-    notes = [*tiles.notes, *patches.notes]
+    notes = [*filter(None, [shot.lens_note]), *tiles.notes, *patches.notes]
     samples = concatenate([patches.samples, tiles.samples])
     if len(samples) == 0:
         notes.insert(0, _why_nothing(clipped, tiles.rejected))
     return ShotSamples(
-        shot.name, samples, len(tiles.samples), len(patches.samples), clipped, tiles.rejected, tuple(notes), tiles.cells
-    )
+        shot.name, samples, len(tiles.samples), len(patches.samples), clipped, tiles.rejected, tuple(notes),
+        tiles.cells, np.vstack([patches.places, tiles.places]),
+    )  # fmt: skip
 
 
 def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
@@ -96,32 +101,41 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     inside: Mask = np.isfinite(raw.mean[..., 0])
     clip = clipping(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation)
     usable = inside & ~clip.any
-    flat = flatness(jpeg, raw, shot.metadata.multipliers, usable)
+    black, white = one_sided(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation)
+    at_an_end = inside & np.any(black | white, axis=-1)
+    flat = flatness(jpeg, raw, shot.metadata.multipliers, usable, usable | at_an_end)
     agrees = agreement(jpeg, raw)
-    is_flat = flat.level < len(LEVELS) - 1
+    is_flat = usable & (flat.level < len(LEVELS) - 1)
     notes = ["many hot pixels: left out by medians"] if hot else []
     if np.count_nonzero(is_flat & agrees) < FEW_TILES:
-        relaxed = (flat.level < len(LEVELS)) & agrees
+        relaxed = usable & (flat.level < len(LEVELS)) & agrees
         if np.count_nonzero(relaxed) > np.count_nonzero(is_flat & agrees):
             notes.append("few flat tiles: limits relaxed")
-            is_flat = flat.level < len(LEVELS)
-    rows, columns = np.nonzero(is_flat & agrees)
-    centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
-    places = places_in_picture(shot, centres)
-    kept = choose_evenly(jpeg.mean[rows, columns], places, flat.level[rows, columns], flat.roughness[rows, columns])
+            is_flat = usable & (flat.level < len(LEVELS))
+    codes = np.where(white, 255.0, np.where(black, 0.0, jpeg.mean))
+    parts = []
+    for chosen in (is_flat & agrees, at_an_end & (flat.level < len(LEVELS) - 1) & agrees):
+        rows, columns = np.nonzero(chosen)
+        centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
+        places = places_in_picture(shot, centres)
+        kept = choose_evenly(codes[rows, columns], places, flat.level[rows, columns], flat.roughness[rows, columns])
+        parts.append((rows[kept], columns[kept], centres[kept], places[kept]))
+    rows, columns, centres, places = (np.concatenate(part) for part in zip(*parts, strict=True))
     rejected = {
         "outside the RAW": int(np.count_nonzero(~inside)),
         "not flat": int(np.count_nonzero(usable & ~is_flat)),
         "RAW and JPEG disagree": int(np.count_nonzero(is_flat & ~agrees)),
-        "colour already covered": len(rows) - len(kept),
+        "colour already covered": int(np.count_nonzero(is_flat & agrees)) - len(parts[0][0]),
     }
     outcome = np.select([~inside, clip.any, ~is_flat, ~agrees], [2, 1, 3, 4], 5).astype(np.uint8)
-    rows, columns = rows[kept], columns[kept]
     outcome[rows, columns] = 0
     names = [f"tile_{x * cell:04d}_{y * cell:04d}" for y, x in zip(rows, columns, strict=True)]
-    samples = _sample_set(shot, names, raw.mean[rows, columns], jpeg.mean[rows, columns], places[kept])
+    samples = _sample_set(shot, names, raw.mean[rows, columns], codes[rows, columns], places)
     small = _cells(shot, jpeg.mean, raw.mean, outcome)
-    return ShotSamples(shot.name, samples, len(samples), 0, clip.counts(inside), rejected, tuple(notes), small)
+    left_out = clip.counts(inside & (outcome != 0))
+    return ShotSamples(
+        shot.name, samples, len(samples), 0, left_out, rejected, tuple(notes), small, _upright(shot, centres)
+    )
 
 
 def _cells(shot: Shot, jpeg: Array, raw: Array, outcome: NDArray[np.uint8]) -> ShotCells:
@@ -130,7 +144,19 @@ def _cells(shot: Shot, jpeg: Array, raw: Array, outcome: NDArray[np.uint8]) -> S
     balanced = np.clip(np.nan_to_num(raw) * multipliers, 0.0, 1.0)
     turns = -TURNS.get(shot.raw.flip, 0)
     jpeg8, raw8 = (np.rint(values).astype(np.uint8) for values in (jpeg, 255 * srgb_encode(balanced)))
-    return ShotCells(np.rot90(jpeg8, turns), np.rot90(raw8, turns), np.rot90(outcome, turns))
+    height, width = shot.jpeg.shape[:2]
+    step = max(1, round(max(height, width) / 500))
+    whole = shot.jpeg[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
+    picture = np.rint(whole.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
+    return ShotCells(*(np.rot90(each, turns) for each in (jpeg8, raw8, outcome, picture)))
+
+
+def _upright(shot: Shot, centres: Array) -> Array:
+    """Places in the JPEG (n, 2), in pixels, as shares of the width and height of the upright picture."""
+    places = centres / shot.jpeg.shape[1::-1]
+    for _ in range(TURNS.get(shot.raw.flip, 0)):  # numpy.rot90 to the right
+        places = np.column_stack([1.0 - places[:, 1], places[:, 0]])
+    return np.asarray(places)
 
 
 def _patches(shot: Shot, saturation: Array, searched: bool) -> ShotSamples:
@@ -145,7 +171,9 @@ def _patches(shot: Shot, saturation: Array, searched: bool) -> ShotSamples:
     names = [f"chart_{index + 1:02d}" for index in kept]
     centres: Array = chart.patches().mean(axis=1)[kept]
     samples = _sample_set(shot, names, sampled.raw[kept], sampled.codes[kept], places_in_picture(shot, centres))
-    return ShotSamples(shot.name, samples, 0, len(kept), sampled.clipping.counts(), {}, ())
+    return ShotSamples(
+        shot.name, samples, 0, len(kept), sampled.clipping.counts(), {}, (), places=_upright(shot, centres)
+    )
 
 
 def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, places: Array) -> SampleSet:
@@ -167,17 +195,18 @@ def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, places: 
         lens=np.full(count, metadata.lens),
         raw_space=np.full(count, "" if shot.development is None else shot.development.space),
         developer=np.full(count, "" if shot.development is None else shot.development.developer),
-        encoder=np.full(count, shot.encoder),
         focal_mm=np.full(count, metadata.focal_mm),
         aperture=np.full(count, metadata.aperture),
+        d65_r=np.full(count, math.nan if metadata.d65 is None else metadata.d65[0]),
+        d65_b=np.full(count, math.nan if metadata.d65 is None else metadata.d65[2]),
     )
 
 
 def places_in_picture(shot: Shot, centres: Array) -> Array:
     """Places in the JPEG (n, 2) as places in the RAW's visible area, from its centre, half its diagonal = 1."""
-    registration = shot.registration
-    size = np.array(shot.raw.pixels.shape[1::-1]) * shot.raw.pixel_size
-    places = registration.scale * centres + (registration.offset_x, registration.offset_y)
+    height, width, pixel_size = shot.placement.raw
+    size = np.array([width, height]) * pixel_size
+    places = shot.placement.registration.on_raw(centres)
     return np.clip((places - size / 2) / (np.linalg.norm(size) / 2), -1.0, 1.0)
 
 

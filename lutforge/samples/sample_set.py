@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import SampleError
+from lutforge.samples.columns import first_problem
 from lutforge.settings import setting_name
 
 Text = NDArray[np.str_]
@@ -22,11 +23,11 @@ class SampleSet:
     wb: the white-balance multipliers with green = 1; NaN where unknown. exposure_s: NaN where unknown.
     raw_camera: the camera that the RAW is of; equal to `camera` unless a reference camera's RAW stands in.
     position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
-    where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown.
+    where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. d65_r,
+    d65_b: (n,), what neutralizes light D65 on this camera as its maker or LibRaw has it, green = 1; NaN where unknown.
     raw_space, developer: where a program's pictures stand in the place of the RAW, their linear RGB space and the
-    program; "" for RAW. encoder: of the JPEG (`JpegHeader.encoder`), "" where unknown. The columns from `position` on
-    may be left out; they are unknown then. `from_arrays` fills in more. Raises SampleError where the columns differ in
-    length.
+    program; "" for RAW. The columns from `position` on may be left out; they are unknown then. `from_arrays` fills in
+    more. Raises SampleError where the columns differ in length.
     """
 
     camera: Text
@@ -43,13 +44,14 @@ class SampleSet:
     lens: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     focal_mm: Array = field(default_factory=lambda: np.zeros(0))
     aperture: Array = field(default_factory=lambda: np.zeros(0))
+    d65_r: Array = field(default_factory=lambda: np.zeros(0))
+    d65_b: Array = field(default_factory=lambda: np.zeros(0))
     raw_space: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
     developer: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
-    encoder: Text = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
 
     def __post_init__(self) -> None:
         count = len(self.camera)
-        for name in ("position", "lens", "focal_mm", "aperture", "raw_space", "developer", "encoder"):
+        for name in ("position", "lens", "focal_mm", "aperture", "d65_r", "d65_b", "raw_space", "developer"):
             column = getattr(self, name)
             if len(column) == 0 < count:  # left out: unknown in every row
                 unknown = np.full(
@@ -81,8 +83,6 @@ class SampleSet:
         raw, srgb: (n, 3); wb: (3,) or (n, 3); the others a value or (n,); each as the class describes it.
         Raises SampleError where a column does not fit the number of samples, and on the first that no table may hold.
         """
-        from lutforge.samples.columns import first_problem  # loads polars, which only tables and this need
-
         linear, encoded = _as_numbers("raw", raw), _as_numbers("srgb", srgb)  # not repeated: each sample has its own
         count = len(np.atleast_1d(linear))
         if count == 0:

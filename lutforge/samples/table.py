@@ -1,67 +1,68 @@
-"""Sample tables on disk: samples.csv and samples.parquet, read with validation, written atomically."""
+"""Sample tables on disk: samples.csv, and samples.npz for large ones, read with validation, written atomically."""
 
+import csv
 import math
+import zipfile
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
-import polars as pl
+from numpy.lib import format as npy
+from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
 from lutforge.errors import SampleError
 from lutforge.samples.columns import (
-    LENS_COLUMNS,
+    MAX_ROWS,
     MAX_TEXT,
     NUMBER_COLUMNS,
     ORIGIN_COLUMNS,
     POSITION_COLUMNS,
     RAW_COLUMNS,
     RAW_RANGE,
+    REQUIRED_COLUMNS,
+    SHOT_COLUMNS,
     SRGB_COLUMNS,
     TEXT_COLUMNS,
     WB_COLUMNS,
     is_valid,
     row_problem,
+    wanted_columns,
 )
-from lutforge.samples.read_csv import first_csv_problem, read_csv
-from lutforge.samples.read_parquet import read_parquet, write_parquet
-from lutforge.samples.sample_set import SampleSet, Text
+from lutforge.samples.sample_set import SampleSet
+
+MAX_HEADER = 1 << 16
+ROWS_AT_A_TIME = 50_000
+"""Rows of a .csv whose cells are kept as text until their columns are arrays."""
+
+Columns = dict[str, NDArray[Any]]
+"""Arrays (n,) of text or float64 by the names of their columns."""
 
 
 def read_samples(path: str | Path) -> SampleSet:
-    """Read a sample table, .csv or .parquet.
+    """Read a sample table, .csv or .npz (one array a column).
 
     Columns may stand in any order, unknown ones are ignored. Optional are `wb_*`, `raw_camera`, `x` and `y`, `lens`,
-    `focal_mm`, `aperture`, `raw_space`, `developer`, `encoder`; an empty cell of these, or of the exposure, means
-    unknown. RAW lies in [-0.05, 1], sRGB in [0, 1]; multipliers are scaled to green = 1. Raises SampleError, which
-    names file, line or row, column and text.
+    `focal_mm`, `aperture`, `raw_space`, `developer`; an empty cell of these, or of the exposure, means unknown.
+    RAW lies in [-0.05, 1], sRGB in [0, 1]; multipliers are scaled to green = 1. Raises SampleError, which names file,
+    line or row, column and text.
     """
     path = Path(path)
     suffix = _suffix(path)
     require_file(path, "a sample table", SampleError, most=8 << 30)
     with reading(path, "a sample table", SampleError):
-        return _read(path, suffix)
-
-
-def _read(path: Path, suffix: str) -> SampleSet:
-    frame = read_csv(path) if suffix == ".csv" else read_parquet(path)
-    if frame.height == 0:
-        raise SampleError(f"{path}: a header but no samples; add one sample a line")
-    if any(series.dtype == pl.String and (series.str.len_chars().max() or 0) > MAX_TEXT for series in frame):  # type: ignore[operator]  # the maximum of lengths is an integer
-        raise _first_problem(path, frame)
-    named = (name for name in TEXT_COLUMNS if name != "patch")
-    if any(frame[name].null_count() for name in named):
-        raise _first_problem(path, frame)
-    texts = {series.name: _text_array(series) for series in frame if series.name not in NUMBER_COLUMNS}
-    numbers = {series.name: _number_array(series) for series in frame if series.name in NUMBER_COLUMNS}
-    if not is_valid(numbers):
-        raise _first_problem(path, frame)
-    return _sample_set(texts, numbers)
+        columns = _read_csv(path) if suffix == ".csv" else _read_npz(path)
+        if not len(columns["camera"]):
+            raise SampleError(f"{path}: a header but no samples; add one sample a line")
+        return _sample_set(columns)
 
 
 def write_samples(path: str | Path, samples: SampleSet) -> None:
-    """Write a sample table, .csv (UTF-8, 10 decimals) or .parquet (float64), atomically.
+    """Write a sample table, .csv (UTF-8, 10 decimals) or .npz (float64, one array a column), atomically.
 
     Optional columns of which nothing is known are left out, and `raw_camera` where no reference camera stands in.
     Raises SampleError on another suffix or an empty set, LutForgeError where the folder cannot be written to.
@@ -70,103 +71,244 @@ def write_samples(path: str | Path, samples: SampleSet) -> None:
     suffix = _suffix(path)
     if len(samples) == 0:
         raise SampleError(f"{path}: there are no samples to write")
-    frame = _frame(samples)
+    columns = _columns(samples)
     with atomic_path(path) as temporary:
         if suffix == ".csv":
-            colours = pl.col(*(name for name in frame.columns if name in NUMBER_COLUMNS and name != "exposure_s"))
-            frame = frame.with_columns(colours.round(10), pl.col("exposure_s").round_sig_figs(12))
-            frame.write_csv(temporary, line_terminator="\n")
+            _write_csv(temporary, columns)
         else:
-            write_parquet(frame, temporary)
+            with temporary.open("wb") as file:
+                np.savez_compressed(file, **cast(dict[str, Any], columns))
+
+
+def is_table(path: str | Path) -> bool:
+    """Return whether a file is a sample table: any .csv, and an .npz that holds no profile."""
+    path = Path(path)
+    if path.suffix.lower() != ".npz" or not zipfile.is_zipfile(path):
+        return path.suffix.lower() == ".csv"
+    with reading(path, "a sample table", SampleError), zipfile.ZipFile(path) as archive:
+        return "raw_r.npy" in (name.strip().lower() for name in archive.namelist())
 
 
 def _suffix(path: Path) -> str:
     suffix = path.suffix.lower()
-    if suffix not in (".csv", ".parquet"):
-        raise SampleError(f"{path}: a sample table is a .csv or .parquet file")
+    if suffix not in (".csv", ".npz"):
+        raise SampleError(f"{path}: a sample table is a .csv or .npz file")
     return suffix
 
 
-def _number_array(series: pl.Series) -> Array:
-    values: Array = series.fill_null(math.nan).to_numpy()
-    return values
-
-
-def _text_array(series: pl.Series) -> Text:
-    """Names repeat: each distinct one is converted once."""
-    series = series.fill_null("")
-    if series.name == "patch":
-        return np.array(series.to_list(), dtype=np.str_)
-    distinct = series.unique(maintain_order=True)
-    names = np.array(distinct.to_list(), dtype=np.str_)
-    repeated: Text = names[series.cast(pl.Enum(distinct)).to_physical().to_numpy()]
-    return repeated
-
-
-def _first_problem(path: Path, frame: pl.DataFrame) -> SampleError:
-    if path.suffix.lower() == ".csv":
-        return first_csv_problem(path, "holds values that cannot be read")
-    for row, cells in enumerate(frame.iter_rows(named=True), start=1):
-        text = {name: "" if value is None else str(value) for name, value in cells.items()}
-        if problem := row_problem(text):
-            return SampleError(f"{path}: row {row}: {problem}")
-    return SampleError(f"{path}: holds values that cannot be read; write it anew")
-
-
-def _sample_set(texts: dict[str, Text], numbers: dict[str, Array]) -> SampleSet:
+def _sample_set(columns: Columns) -> SampleSet:
     def stack(names: tuple[str, ...]) -> Array:
-        return np.stack([numbers[name] for name in names], axis=1)
+        return np.stack([columns[name] for name in names], axis=1)
 
-    camera = texts["camera"]
-    raw_camera = texts.get("raw_camera", camera)
-    wb = stack(WB_COLUMNS) if "wb_g" in numbers else np.full((len(camera), 3), math.nan)
+    camera = columns["camera"]
+    raw_camera = columns.get("raw_camera", camera)
+    wb = stack(WB_COLUMNS) if "wb_g" in columns else np.full((len(camera), 3), math.nan)
     nothing = np.zeros(0, dtype=np.str_)
     return SampleSet(
         camera=camera,
-        style=texts["style"],
-        white_balance=texts["white_balance"],
-        shot=texts["shot"],
-        patch=texts["patch"],
-        exposure_s=numbers["exposure_s"],
+        style=columns["style"],
+        white_balance=columns["white_balance"],
+        shot=columns["shot"],
+        patch=columns["patch"],
+        exposure_s=columns["exposure_s"],
         raw=np.clip(stack(RAW_COLUMNS), *RAW_RANGE),
         srgb=np.clip(stack(SRGB_COLUMNS), 0.0, 1.0),
         wb=wb / wb[:, 1:2],
         raw_camera=camera if raw_camera is camera else np.where(raw_camera == "", camera, raw_camera),
-        position=stack(POSITION_COLUMNS) if "x" in numbers else np.zeros((0, 2)),
-        lens=texts.get("lens", nothing),
-        raw_space=texts.get("raw_space", nothing),
-        developer=texts.get("developer", nothing),
-        encoder=texts.get("encoder", nothing),
-        focal_mm=numbers.get("focal_mm", np.zeros(0)),
-        aperture=numbers.get("aperture", np.zeros(0)),
+        position=stack(POSITION_COLUMNS) if "x" in columns else np.zeros((0, 2)),
+        lens=columns.get("lens", nothing),
+        raw_space=columns.get("raw_space", nothing),
+        developer=columns.get("developer", nothing),
+        focal_mm=columns.get("focal_mm", np.zeros(0)),
+        aperture=columns.get("aperture", np.zeros(0)),
+        d65_r=columns.get("d65_r", np.zeros(0)),
+        d65_b=columns.get("d65_b", np.zeros(0)),
     )
 
 
-def _frame(samples: SampleSet) -> pl.DataFrame:
-    columns: dict[str, pl.Series] = {}
-    for name in TEXT_COLUMNS:
-        columns[name] = _series(getattr(samples, name))
-    columns["exposure_s"] = pl.Series(samples.exposure_s)
+def _columns(samples: SampleSet) -> Columns:
+    columns: Columns = {name: getattr(samples, name) for name in TEXT_COLUMNS}
+    columns["exposure_s"] = samples.exposure_s
     groups: list[tuple[tuple[str, ...], Array]] = [(RAW_COLUMNS, samples.raw), (SRGB_COLUMNS, samples.srgb)]
     if np.isfinite(samples.wb).any():
         groups.append((WB_COLUMNS, samples.wb))
     if np.isfinite(samples.position).any():
         groups.append((POSITION_COLUMNS, samples.position))
-    lens = {name: getattr(samples, name)[:, None] for name in LENS_COLUMNS}
+    lens = {name: getattr(samples, name)[:, None] for name in SHOT_COLUMNS}
     groups.extend(((name,), values) for name, values in lens.items() if np.isfinite(values).any())
     for names, values in groups:
-        columns |= {name: pl.Series(np.ascontiguousarray(values[:, i])) for i, name in enumerate(names)}
+        columns |= {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(names)}
     if np.any(samples.raw_camera != samples.camera):
-        columns["raw_camera"] = _series(samples.raw_camera)
+        columns["raw_camera"] = samples.raw_camera
     for name in ("lens", *ORIGIN_COLUMNS):
         if np.any(getattr(samples, name) != ""):
-            columns[name] = _series(getattr(samples, name))
-    return pl.DataFrame(columns).with_columns(pl.selectors.float().fill_nan(None))
+            columns[name] = getattr(samples, name)
+    return columns
 
 
-def _series(values: Text) -> pl.Series:
+def _write_csv(path: Path, columns: Columns) -> None:
+    cells: list[list[str]] = []
+    for name, values in columns.items():
+        if name not in NUMBER_COLUMNS:
+            cells.append(values.tolist())
+        elif name == "exposure_s":
+            cells.append(["" if math.isnan(value) else f"{value:.12g}" for value in values.tolist()])
+        else:
+            cells.append(["" if math.isnan(value) else repr(value) for value in np.round(values, 10).tolist()])
+    # A file name that is not UTF-8 is not text either: its bytes are written as escapes.
+    with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*cells, strict=True))
+
+
+def _read_npz(path: Path) -> Columns:
+    """The wanted columns, every header judged before memory is taken for its array."""
+    if not zipfile.is_zipfile(path):
+        raise SampleError(f"{path}: not a NumPy file (.npz); write it anew, or save the table as .csv")
+    with zipfile.ZipFile(path) as archive:
+        entries = archive.namelist()
+        if "profile.json" in entries:
+            raise SampleError(f"{path}: a camera profile; name sample tables (.csv, .npz) or RAW files instead")
+        names = [entry.removesuffix(".npy").strip().lower() for entry in entries]
+        wanted = wanted_columns(path, names)
+        columns: Columns = {}
+        rows = None
+        for name in wanted:
+            columns[name] = _read_column(archive, entries[names.index(name)], name, rows)
+            rows = len(columns[name])
+    texts = (columns[name] for name in TEXT_COLUMNS if name != "patch")
+    if not is_valid({name: columns[name] for name in wanted if name in NUMBER_COLUMNS}) or any(
+        np.any(text == "") for text in texts
+    ):
+        for row, values in enumerate(zip(*columns.values(), strict=True), start=1):
+            cells = ["" if value != value else str(value) for value in values]
+            if problem := row_problem(dict(zip(columns, cells, strict=True))):
+                raise SampleError(f"{path}: row {row}: {problem}")
+        raise SampleError(f"{path}: holds values that cannot be read; write it anew")
+    return columns
+
+
+def _read_column(archive: zipfile.ZipFile, entry: str, name: str, rows: int | None) -> NDArray[Any]:
+    with archive.open(entry) as stream:
+        if npy.read_magic(stream) != (1, 0):
+            raise SampleError(f"column {name} has an unknown header; write it by numpy.savez_compressed")
+        shape, _, dtype = npy.read_array_header_1_0(stream)
+        kinds, width = ("fiu", 8) if name in NUMBER_COLUMNS else ("U", 4 * MAX_TEXT)
+        if dtype.kind not in kinds or dtype.itemsize > width:
+            wanted = "numbers" if name in NUMBER_COLUMNS else f"text of at most {MAX_TEXT} characters"
+            raise SampleError(f"column {name} holds {dtype}; write it as {wanted}")
+        if len(shape) != 1 or (rows is not None and shape[0] != rows):
+            raise SampleError(f"column {name} has shape {shape}; each column holds one value a row")
+        if shape[0] > MAX_ROWS:
+            raise SampleError(f"{shape[0]} rows, more than {MAX_ROWS}; split the table")
+        size = shape[0] * dtype.itemsize
+        if archive.getinfo(entry).file_size != stream.tell() + size:
+            raise SampleError(f"column {name} is not as long as it says; write it anew")
+        values: NDArray[Any] = np.frombuffer(stream.read(), dtype)
+    return values.astype(np.float64 if name in NUMBER_COLUMNS else dtype.newbyteorder("="), copy=False)
+
+
+def _read_csv(path: Path) -> Columns:
+    """The wanted columns, text and float64 (NaN: an empty cell)."""
+    header = _csv_header(path)
+    places = {name: header.index(name) for name in wanted_columns(path, header)}
+    parts: dict[str, list[NDArray[Any]]] = {name: [np.zeros(0, _kind(name))] for name in places}
+    rows = 0
+    records = _csv_records(path)
+    while part := list(islice(records, ROWS_AT_A_TIME)):
+        columns = _columns_of([record for _, record in part], len(header), places)
+        if columns is None:
+            problems = ((line, _record_problem(record, len(header), places)) for line, record in part)
+            line, problem = next((each for each in problems if each[1]), (part[0][0], "holds what cannot be read"))
+            raise SampleError(f"{path}: line {line}: {problem}")
+        for name, values in columns.items():
+            parts[name].append(values)
+        rows += len(part)
+        if rows > MAX_ROWS:
+            raise SampleError(f"{path}: more than {MAX_ROWS} rows; split the table")
+    return {name: np.concatenate(values) for name, values in parts.items()}
+
+
+def _kind(name: str) -> type:
+    return np.float64 if name in NUMBER_COLUMNS else np.str_
+
+
+def _columns_of(records: list[list[str]], width: int, places: dict[str, int]) -> Columns | None:
+    """The columns of some records; None where one of them is refused by `_record_problem`."""
+    if any(len(record) != width for record in records):
+        return None
+    cells = list(zip(*records, strict=True))
+    columns: Columns = {}
+    for name, place in places.items():
+        texts = cells[place]
+        if max(map(len, texts)) > MAX_TEXT or "\0" in (whole := "\n".join(texts)):
+            return None
+        if name not in NUMBER_COLUMNS:
+            columns[name] = np.array([text.strip() for text in texts], dtype=np.str_)
+            if name in TEXT_COLUMNS and name != "patch" and np.any(columns[name] == ""):
+                return None
+            continue
+        if "_" in whole or not whole.isascii():
+            return None
+        try:
+            columns[name] = np.array([float(text) if text and not text.isspace() else math.nan for text in texts])
+        except ValueError:
+            return None
+    numbers = {name: values for name, values in columns.items() if name in NUMBER_COLUMNS}
+    return columns if is_valid(numbers) else None
+
+
+def _record_problem(record: list[str], width: int, places: dict[str, int]) -> str | None:
+    if len(record) != width:
+        return (
+            f"{len(record)} cells where the header has {width}; write one cell a column, and quote text that holds a"
+            " comma"
+        )
+    return row_problem({name: record[place].strip() for name, place in places.items()})
+
+
+def _csv_header(path: Path) -> list[str]:
+    """The column names, lower case, checked to be those of a comma-separated text file."""
+    with path.open("rb") as file:
+        head = file.read(MAX_HEADER)
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in head:
+        line_number = head.partition(b"\0")[0].count(b"\n") + 1
+        raise SampleError(f"{path}: line {line_number}: not UTF-8 text; save the table as a comma-separated UTF-8 file")
+    line, newline, _ = head.partition(b"\n")
+    if not newline and b"\r" in line:
+        raise SampleError(f"{path}: lines end with CR alone; save the table with LF or CRLF line ends")
+    if not newline and len(head) == MAX_HEADER:
+        raise SampleError(f"{path}: line 1: no header within {MAX_HEADER} bytes; is this a sample table?")
     try:
-        return pl.Series(values.tolist(), dtype=pl.String)
-    except UnicodeEncodeError:  # a file name that is not UTF-8, so not text either
-        names = (str(value).encode("utf-8", "backslashreplace").decode() for value in values)
-        return pl.Series(list(names), dtype=pl.String)
+        text = line.decode("utf-8-sig").rstrip("\r")
+        header = [name.strip().lower() for name in next(csv.reader([text], strict=True), [])]
+    except UnicodeDecodeError as error:
+        raise SampleError(
+            f"{path}: line 1: byte {error.start + 1} is not UTF-8; save the table as comma-separated UTF-8"
+        ) from error
+    except csv.Error as error:
+        raise SampleError(f"{path}: line 1: header cannot be read ({error}); write plain column names") from error
+    for sign, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) < len(REQUIRED_COLUMNS) <= text.count(sign) + 1:
+            raise SampleError(f"{path}: line 1: separated by {name}; save it comma separated, with decimal points")
+    return header
+
+
+def _csv_records(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Each record after the header with the number of the line it starts on; empty rows are skipped."""
+    line = 1
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file)
+            next(reader)
+            line = reader.line_num + 1
+            for record in reader:
+                if any(record) and any(cell.strip() for cell in record):
+                    yield line, record
+                line = reader.line_num + 1
+    except UnicodeDecodeError as error:
+        raise SampleError(f"{path}: after line {line}: not UTF-8 text; save the table as a UTF-8 file") from error
+    except csv.Error as error:
+        problem = f"{path}: after line {line}: not CSV ({error}); save the table as comma-separated text"
+        raise SampleError(problem) from error

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Codes, Mask
 from lutforge.samples.clipping import Extremes
 from lutforge.shots.cells import REACH, CellStatistics, greatest, statistics_under
-from lutforge.shots.shot import Registration
+from lutforge.shots.geometry import Registration
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,14 @@ def jpeg_cells(jpeg: Codes | NDArray[np.uint16], cell: int, hot: bool = False) -
     return JpegCells(mean, std, extremes, cell * cell)
 
 
-def flatness(jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, usable: Mask) -> Flatness:
-    """Judge every cell; those not usable (clipped, outside the RAW) do not show the noise and have no level.
+def flatness(
+    jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, usable: Mask, judged: Mask | None = None
+) -> Flatness:
+    """Judge the cells of a mask, all usable ones by default; those not usable (clipped) do not show the noise.
 
     multipliers: (3,) white balance, so that steps in RAW count like steps in a JPEG; None: grey world.
     """
+    judged = usable if judged is None else judged
     level = np.full(usable.shape, len(LEVELS), dtype=np.intp)
     if not usable.any():
         return Flatness(level, np.full(usable.shape, np.inf))
@@ -110,10 +113,10 @@ def flatness(jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, us
         limits = LEVELS[index]
         flat = (jpeg_structure <= limits.jpeg) & (raw_structure <= limits.raw) & (step <= limits.step)
         flat &= around <= 2.5 * limits.jpeg
-        level[usable & flat] = index
+        level[judged & flat] = index
     strict = LEVELS[0]
     shares = np.stack([jpeg_structure / strict.jpeg, raw_structure / strict.raw, step / strict.step])
-    return Flatness(level, np.where(usable, shares.max(axis=0), np.inf))
+    return Flatness(level, np.where(judged, shares.max(axis=0), np.inf))
 
 
 def agreement(jpeg: JpegCells, raw: CellStatistics) -> Mask:

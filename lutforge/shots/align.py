@@ -1,16 +1,17 @@
-"""Registration of a camera's JPEG on its RAW: one scale and an offset.
+"""Registration of a camera's JPEG on its RAW: one scale and an offset, and what the camera straightened.
 
 They are found by search, and refined below a tenth of a pixel.
 
 The two pictures differ by a tone curve and a colour matrix, so what is compared is their local structure:
 luma, gamma-compressed, band-passed, and divided by its local contrast. A coarse search (`cross_correlation`) proposes
 places. The one where the RAW's colours explain the JPEG's best is taken, if no other does nearly as well, and refined
-coarse to fine (`lucas_kanade`). Each step works on the coarsest copies that serve it (`pyramid`); the RAW is always
+coarse to fine (`lucas_kanade`), and ends with how the lens bent what the JPEG shows straight (`geometry`), where
+that is beyond chance. Each step works on the coarsest copies that serve it (`pyramid`); the RAW is always
 averaged over exactly the area of a JPEG pixel.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,11 +19,13 @@ from lutforge.arrays import Codes
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots.cross_correlation import search
-from lutforge.shots.lucas_kanade import moved_to_fit
-from lutforge.shots.predicted_colours import explained, predicted_luma
+from lutforge.shots.geometry import Distortion, Placement, Registration
+from lutforge.shots.lucas_kanade import Fit, fringes, moved_to_fit
+from lutforge.shots.predicted_colours import explained
 from lutforge.shots.pyramid import RawPyramid, ReducedJpeg
-from lutforge.shots.shot import Placement, Registration, unreduced
 
+SIGNIFICANT = 30.0
+"""Evidence for a distortion from which on it is believed: the 17 pictures of six cameras without one show up to 18."""
 MIN_CORRELATION = 0.5
 """Below this, structure does not agree: another scene, or a picture too blurred or noisy to register."""
 
@@ -75,7 +78,7 @@ def register_rotated(
             "the JPEG lies on the RAW nearly as well at a second place, or turned; register it by another picture: one "
             "with more structure, as the camera wrote it"
         )
-    registration = _refined(pyramid, found[0].jpeg, found[0].start)
+    registration = _with_lens(pyramid, found[0].jpeg, _refined(pyramid, found[0].jpeg, found[0].start))
     if not registration.correlation >= MIN_CORRELATION:
         raise ShotError(_NO_MATCH.format(f"correlation {registration.correlation:.2f}, needed {MIN_CORRELATION}"))
     return np.ascontiguousarray(np.rot90(jpeg, found[0].turn)), registration
@@ -103,7 +106,15 @@ def _as_expected(raw: RawImage, pyramid: RawPyramid, jpeg: Codes, expected: Plac
         for side in (0, length)
     ]
     near = np.abs(moved).max() < level.factor / 2
-    registration = _fitted(pyramid, reduced, start) if near else _refined(pyramid, reduced, found.start)
+    if not near:
+        registration = _with_lens(pyramid, reduced, _refined(pyramid, reduced, replace(found.start, distortion=None)))
+    elif start.distortion is None:
+        registration = _with_lens(pyramid, reduced, _fit(pyramid, reduced, start).place)
+    else:
+        registration = _fit(pyramid, reduced, start).place
+        residual = _fit(pyramid, reduced, registration, 5, 1)
+        if residual.evidence(residual.step[3:], 3) > SIGNIFICANT:  # another focal length
+            registration = _with_lens(pyramid, reduced, replace(registration, distortion=None))
     return registration if registration.correlation >= MIN_CORRELATION else None
 
 
@@ -133,22 +144,61 @@ class _Candidate:
 def _judged(pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration, turn: int) -> _Candidate:
     """A place that the coarse search found, moved to where it fits best on a coarse copy, and how well it does."""
     level = jpeg.coarsest
-    place = _fitted(pyramid, level, start)
-    scaled = unreduced(place, 1 / level.factor)
-    return _Candidate(jpeg, place, turn, start.scale, explained(pyramid.for_scale(scaled.scale), level, scaled))
+    place = _fit(pyramid, level, start).place
+    scaled = place.reduced(level.factor)
+    raw = pyramid.for_scale(scaled.scale)
+    pixels, local = scaled.straightened(raw.pixels, raw.pixel_size, level.weight.shape)
+    return _Candidate(jpeg, place, turn, start.scale, explained(replace(raw, pixels=pixels), level, local))
 
 
 def _refined(pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration) -> Registration:
     """Refine on ever finer copies of the JPEG."""
     found = start
     for times in range(jpeg.halvings, -1, -1):
-        found = _fitted(pyramid, jpeg.halved(times), found)
+        found = _fit(pyramid, jpeg.halved(times), found).place
     return found
 
 
-def _fitted(pyramid: RawPyramid, level: ReducedJpeg, start: Registration) -> Registration:
-    """Refine on one copy of the JPEG; in coordinates of the whole JPEG, as `start`."""
-    scaled = unreduced(start, 1 / level.factor)
-    raw = pyramid.for_scale(scaled.scale)
-    luma = predicted_luma(raw, level, scaled)
-    return unreduced(moved_to_fit(luma, raw.pixel_size, level, scaled), level.factor)
+def _with_lens(pyramid: RawPyramid, jpeg: ReducedJpeg, straight: Registration) -> Registration:
+    """Add how the lens bent what the camera straightened, and the fringes that it took away: what is beyond chance.
+
+    Both are looked for on the coarsest copy, where chance has never reached the limit.
+    """
+    size = np.array(pyramid.finest.pixels.shape[1::-1]) * pyramid.finest.pixel_size
+    flat = Distortion(float(size[0]) / 2, float(size[1]) / 2, float(np.linalg.norm(size)) / 2)
+    place = replace(straight, distortion=flat)
+    fit = _fit(pyramid, jpeg.coarsest, place, 5, 1)
+    bent = fit.evidence(fit.step[3:], 3) > SIGNIFICANT
+    if bent:
+        for times in range(jpeg.halvings, -1, -1):
+            fit = _fit(pyramid, jpeg.halved(times), fit.place, 5)
+        lens = fit.place.distortion or flat
+        bent = fit.evidence(np.array([lens.k1, lens.k2]), 3) > SIGNIFICANT
+        place = fit.place if bent else place
+    larger = _fringes(pyramid, jpeg.coarsest, place)
+    coloured = larger.evidence(larger.step[:2], 0) > SIGNIFICANT
+    if not bent and not coloured:
+        return straight
+    for _ in range(2 if coloured else 0):
+        larger = _fringes(pyramid, jpeg.halved(max(jpeg.halvings - 1, 0)), place)
+        lens, (red, blue) = place.distortion or flat, (float(share) for share in larger.step[:2])
+        place = replace(place, distortion=replace(lens, red=lens.red + red, blue=lens.blue + blue))
+    if bent:
+        fit = _fit(pyramid, jpeg, place, 7)
+        lens = fit.place.distortion or flat
+        if fit.evidence(np.array([lens.x - flat.x, lens.y - flat.y]), 5) > SIGNIFICANT:
+            return fit.place
+    return _fit(pyramid, jpeg, place, 5 if bent else 3).place
+
+
+def _fringes(pyramid: RawPyramid, level: ReducedJpeg, place: Registration) -> Fit:
+    """By what shares red and blue are drawn larger, on one copy of the JPEG."""
+    scaled = place.reduced(level.factor)
+    return fringes(pyramid.for_scale(scaled.scale), level, scaled)
+
+
+def _fit(pyramid: RawPyramid, level: ReducedJpeg, start: Registration, count: int = 3, steps: int = 8) -> Fit:
+    """Move a place to where it fits best on one copy of the JPEG; in coordinates of the whole JPEG, as `start`."""
+    scaled = start.reduced(level.factor)
+    fit = moved_to_fit(pyramid.for_scale(scaled.scale), level, scaled, count, steps)
+    return replace(fit, place=fit.place.reduced(1 / level.factor))

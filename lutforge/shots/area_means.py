@@ -7,7 +7,7 @@ import numpy as np
 from lutforge.arrays import Array, Codes, Pixels, Single
 from lutforge.compiled import compiled
 from lutforge.shots.cells import cell_edges
-from lutforge.shots.shot import Registration
+from lutforge.shots.geometry import Registration
 
 
 def cells_of_jpeg(

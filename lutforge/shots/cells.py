@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Codes, Pixels, Single
 from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.images.raw import RawImage
-from lutforge.shots.shot import Registration, Shot
+from lutforge.shots.geometry import Registration
+from lutforge.shots.shot import Shot
 
 Number = TypeVar("Number", Array, Single)
 REACH = 2.4

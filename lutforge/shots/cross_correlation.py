@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Single
 from lutforge.shots.area_means import block_mean, on_jpeg_pixels
+from lutforge.shots.geometry import Registration
 from lutforge.shots.local_structure import share, structure
 from lutforge.shots.pyramid import COARSE_SIDE, RawLevel, RawPyramid, ReducedJpeg
-from lutforge.shots.shot import Registration, unreduced
 
 OVERLAP = 0.8
 """The share of a JPEG that must lie on the RAW."""
@@ -44,7 +44,7 @@ def search(raw: RawPyramid, jpeg: ReducedJpeg, scale: float | None = None) -> li
     level = raw.for_scale(scales.min())
     found = [_match(level, pattern, float(scale)) for scale in scales]
     best = max(found, key=lambda places: places[0].correlation)
-    return [unreduced(place, whole) for place in best]
+    return [place.reduced(1 / whole) for place in best]
 
 
 def _rows_to_spare(mask: Single) -> int:

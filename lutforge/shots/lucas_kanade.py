@@ -1,10 +1,10 @@
-"""Refinement of a registration below a tenth of a pixel: Gauss–Newton steps on scale and offset.
+"""Refinement of a registration below a tenth of a pixel: Gauss–Newton steps on scale, offset and distortion.
 
 They minimize the squared difference of the two pictures' local structure (Lucas & Kanade 1981,
 https://www.ijcai.org/Proceedings/81-2/Papers/017.pdf).
 """
 
-import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -12,85 +12,174 @@ import scipy
 from lutforge.arrays import Array, Single
 from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.shots.area_means import on_jpeg_pixels
-from lutforge.shots.local_structure import share, structure
-from lutforge.shots.pyramid import ReducedJpeg
-from lutforge.shots.shot import Registration
+from lutforge.shots.geometry import Registration
+from lutforge.shots.local_structure import DEVIATION, blurred, share, structure
+from lutforge.shots.predicted_colours import least_squares, predicted_luma, quadratic_terms
+from lutforge.shots.pyramid import RawLevel, ReducedJpeg
+
+BLOCKS = 64
+"""Blocks along the longer side, over which gradients are summed up: a displacement is the same all over one."""
+
+PARTS = 6
+"""Parts a side of the picture whose pulls tell how sure a fit is: structure of one part is hardly that of another."""
 
 
-def moved_to_fit(raw_luma: Single, pixel_size: float, jpeg: ReducedJpeg, start: Registration) -> Registration:
-    """Return the place near `start` where the structures of RAW and JPEG agree best; in the JPEG's coordinates.
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Where a place has moved. step: of the last iteration; covariance: of the parameters, by the picture's parts."""
 
-    raw_luma: the luma that the camera would make of the RAW, (h, w); pixel_size: of its pixels.
+    place: Registration
+    step: Array
+    covariance: Array
+
+    def evidence(self, values: Array, first: int) -> float:
+        """How much two values, of the parameters from `first` on, are beyond chance: of chance alone, 2 on average.
+
+        Wald's statistic, of a covariance that the parts of the picture tell (White 1980,
+        https://doi.org/10.2307/1912934).
+        """
+        return float(values @ np.linalg.solve(self.covariance[first : first + 2, first : first + 2], values))
+
+
+def moved_to_fit(raw: RawLevel, jpeg: ReducedJpeg, start: Registration, count: int = 3, steps: int = 8) -> Fit:
+    """Move to the place near `start` where the structures of RAW and JPEG agree best; in the JPEG's coordinates.
+
+    count: how many parameters of `Registration.moved` are fitted: 3, 5 or 7.
     """
-    weight = jpeg.weight
-    height, width = weight.shape
+    weight, place = jpeg.weight, start
+    middle = raw.pixel_size * np.array(raw.pixels.shape[1::-1]) / 2
     whole, within = share(weight), _eroded(weight)
     target = structure(jpeg.luma, weight, whole)
-    found = start
-    for _ in range(8):
-        plane, cover = on_jpeg_pixels(raw_luma, pixel_size, found, (height, width))
+    block = max(8, max(weight.shape) // BLOCKS)
+    down, across = (np.arange(side // block) * block + block / 2 for side in weight.shape)
+    centres = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    part = (PARTS * centres / weight.shape[::-1]).astype(int) @ (1, PARTS)
+    parts = (np.arange(PARTS**2)[:, None] == part).astype(np.float64)
+    step, covariance = np.zeros(count), np.zeros((count, count))
+    for index in range(steps):
+        if index == 0 or count > 3:
+            pixels, local = place.straightened(raw.pixels, raw.pixel_size, weight.shape)
+            luma = predicted_luma(replace(raw, pixels=pixels), jpeg, local)
+            corner = place.offset_x - local.offset_x, place.offset_y - local.offset_y
+        local = Registration(place.scale, place.offset_x - corner[0], place.offset_y - corner[1], 0.0)
+        plane, cover = on_jpeg_pixels(luma, raw.pixel_size, local, (weight.shape[0], weight.shape[1]))
         inside = bool(cover.all())
         mask = weight if inside else weight * cover
         moving = structure(plane, mask, whole if inside else share(mask))
         own = float(np.vdot(target * mask, target))
         product = float(np.vdot(moving * mask, target))
-        norm = math.sqrt(float(np.vdot(moving * mask, moving)) * own) + 1e-12
-        found = Registration(found.scale, found.offset_x, found.offset_y, product / norm)
-        sums, gain = np.zeros((4, 4)), np.float32(product / (own + 1e-12))
-        _add_products(moving, gain * target, within if inside else _eroded(mask), sums)
-        normal = sums + np.triu(sums, 1).T + 1e-9 * np.eye(4)
-        try:
-            step = np.linalg.solve(normal[:3, :3], normal[:3, 3]).astype(np.float64)
-        except np.linalg.LinAlgError:
+        norm = np.sqrt(float(np.vdot(moving * mask, moving)) * own) + 1e-12
+        place = replace(place, correlation=product / norm)
+        sums = np.zeros((len(down), len(across), 5))
+        wanted = np.float32(product / (own + 1e-12)) * target
+        _add_products(moving, wanted, within if inside else _eroded(mask), block, sums)
+        shifts = place.shifts(centres, count)
+        gradients = sums[..., [0, 1, 1, 2]].reshape(-1, 2, 2) @ shifts
+        normal = parts @ (shifts.swapaxes(1, 2) @ gradients).reshape(-1, count * count)
+        pull = parts @ (shifts.swapaxes(1, 2) @ sums[..., 3:].reshape(-1, 2, 1))[..., 0]
+        prior, away = np.zeros(count), np.zeros(count)
+        if count > 3 and (lens := place.distortion) is not None:
+            variance = DEVIATION**2 * float(np.square((moving - wanted) * mask).sum()) / (float(mask.sum()) + 1e-12)
+            prior[3:] = variance / np.square([0.3, 0.3, 0.02 * lens.radius, 0.02 * lens.radius])[: count - 3]
+            away[3:] = np.array([lens.k1, lens.k2, lens.x - middle[0], lens.y - middle[1]])[: count - 3]
+        step, covariance = _solved(normal.reshape(-1, count, count), pull, prior, prior * away)
+        change = np.abs(shifts @ step).max()
+        if not np.isfinite(change) or change > 12:
             break
-        if not np.all(np.isfinite(step)) or abs(step[0]) > 0.05 or np.abs(step[1:]).max() > 8:
+        place = place.moved(step)
+        if change < 2e-3:
             break
-        found = _moved(found, step, height, width)
-        if abs(step[0]) * width < 2e-3 and np.abs(step[1:]).max() < 2e-3:
-            break
-    return found
+    return Fit(place, step, covariance)
+
+
+def fringes(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> Fit:
+    """A step of the shares by which red and blue are drawn larger than green where the JPEG shows them of one size.
+
+    The JPEG's codes are compared with what the RAW's channels make of them: what moves with one channel is its own.
+    """
+    lens, shape = place.distortion, jpeg.weight.shape
+    assert lens is not None
+    pixels, local = place.straightened(raw.pixels, raw.pixel_size, shape)
+    roots = np.sqrt(np.maximum(pixels, 0) * raw.gains)
+    planes, cover = zip(
+        *(on_jpeg_pixels(roots[..., channel], raw.pixel_size, local, shape) for channel in range(3)), strict=True
+    )
+    r, g, b = planes
+    mask = (jpeg.weight * cover[0]).ravel()
+    some = np.flatnonzero(mask > 0.5)[:: max(1, int((mask > 0.5).sum()) // 20_000)]
+    terms = np.stack(list(quadratic_terms(r, g, b)), axis=-1)
+    weights = least_squares(
+        terms.reshape(-1, 10)[some].astype(np.float64), jpeg.codes.reshape(-1, 3)[some].astype(np.float64)
+    ).astype(np.float32)
+    predicted = terms @ weights
+    by_red = weights[1] + 2 * r[..., None] * weights[4] + g[..., None] * weights[7] + b[..., None] * weights[9]
+    by_blue = weights[3] + 2 * b[..., None] * weights[6] + g[..., None] * weights[8] + r[..., None] * weights[9]
+    y, x = (np.arange(side, dtype=np.float32) + 0.5 for side in shape)
+    x, y = x - (lens.x - place.offset_x) / place.scale, y[:, None] - (lens.y - place.offset_y) / place.scale
+    down, across = np.gradient(predicted, axis=(0, 1))
+    moves = [
+        slope * (np.gradient(plane, axis=1) * x + np.gradient(plane, axis=0) * y)[..., None]
+        for slope, plane in ((by_red, r), (by_blue, b))
+    ]
+    columns = np.stack([*moves, across * x[..., None] + down * y[..., None], across, down], axis=-1)
+    residual = jpeg.codes - predicted
+    near = share(mask.reshape(shape))
+    for channel in range(3):
+        residual[..., channel] -= blurred(residual[..., channel] * mask.reshape(shape)) / near
+    columns *= mask.reshape(shape)[..., None, None]
+    normal, pull = [], []
+    for rows in np.array_split(np.arange(shape[0]), PARTS):
+        for some in np.array_split(np.arange(shape[1]), PARTS):
+            own = columns[np.ix_(rows, some)].reshape(-1, 5).astype(np.float64)
+            normal.append(own.T @ own)
+            pull.append(own.T @ residual[np.ix_(rows, some)].ravel())
+    return Fit(place, *_solved(np.stack(normal), np.stack(pull), np.zeros(5), np.zeros(5)))
+
+
+def _solved(normal: Array, pull: Array, prior: Array, drawn: Array) -> tuple[Array, Array]:
+    """A Gauss–Newton step (n,), and its covariance by the parts of the picture (White 1980, a sandwich).
+
+    normal: (parts, n, n) normal matrices; pull: (parts, n) right sides; prior, drawn: (n,) weight of a prior of the
+    parameters, and that times how far they are from it.
+    """
+    total = normal.sum(axis=0) + np.diag(prior)
+    unit = 1 / np.sqrt(np.diag(total) + 1e-30)
+    inverse = unit[:, None] * np.linalg.pinv(total * np.outer(unit, unit)) * unit
+    step = inverse @ (pull.sum(axis=0) - drawn)
+    scores = pull - normal @ step
+    return step, inverse @ (scores.T @ scores) @ inverse * len(pull) / (len(pull) - len(step))
 
 
 @compiled(fastmath=REASSOCIATED)
-def _add_products(moving: Single, target: Single, weight: Single, sums: Array) -> None:
-    """Add up the products (4, 4) of the changes by scale, by x and by y with each other and with what is to change.
+def _add_products(moving: Single, target: Single, weight: Single, side: int, sums: Array) -> None:
+    """Fill the products (H, W, 5) of the gradient with itself, xx, xy, yy, and with what is to change, x, y, by blocks.
 
     The gradient is of the mean of both pictures (h, w): an unbiased, faster converging step (Benhimane & Malis 2004,
     https://doi.org/10.1109/IROS.2004.1389474).
     """
-    height, width = moving.shape
-    terms = np.empty((4, width - 2), np.float32)
-    y, middle, quarter = np.float32((1 - height) / 2), np.float32((width - 3) / 2), np.float32(0.25)
-    for row in range(1, height - 1):
-        y += np.float32(1)
+    down, across = sums.shape[:2]
+    width = across * side
+    terms, quarter = np.zeros((3, width), np.float32), np.float32(0.25)
+    for row in range(1, min(down * side, moving.shape[0] - 1)):
         above, here, below = moving[row - 1], moving[row], moving[row + 1]
         over, wanted, under = target[row - 1], target[row], target[row + 1]
-        for x in range(width - 2):
-            share = weight[row, x + 1]
-            by_x = quarter * share * (here[x + 2] - here[x] + wanted[x + 2] - wanted[x])
-            by_y = quarter * share * (below[x + 1] - above[x + 1] + under[x + 1] - over[x + 1])
-            terms[0, x] = by_x * (np.float32(x) - middle) + by_y * y
-            terms[1, x], terms[2, x], terms[3, x] = by_x, by_y, share * (wanted[x + 1] - here[x + 1])
-        for one in range(3):
-            for other in range(one, 4):
-                total = np.float32(0)
-                for x in range(width - 2):
-                    total += terms[one, x] * terms[other, x]
-                sums[one, other] += total
+        for x in range(1, min(width, moving.shape[1] - 1)):
+            share = quarter * weight[row, x]
+            terms[0, x] = share * (here[x + 1] - here[x - 1] + wanted[x + 1] - wanted[x - 1])
+            terms[1, x] = share * (below[x] - above[x] + under[x] - over[x])
+            terms[2, x] = weight[row, x] * (wanted[x] - here[x])
+        for block in range(across):
+            xx = xy = yy = by_x = by_y = np.float32(0)
+            for x in range(block * side, (block + 1) * side):
+                xx += terms[0, x] * terms[0, x]
+                xy += terms[0, x] * terms[1, x]
+                yy += terms[1, x] * terms[1, x]
+                by_x += terms[0, x] * terms[2, x]
+                by_y += terms[1, x] * terms[2, x]
+            own = sums[row // side, block]
+            own[0], own[1], own[2], own[3], own[4] = own[0] + xx, own[1] + xy, own[2] + yy, own[3] + by_x, own[4] + by_y
 
 
 def _eroded(mask: Single) -> Single:
     """The least of each pixel's mask and of its eight neighbours': where a gradient is of the picture alone."""
     return np.asarray(scipy.ndimage.minimum_filter(mask, 3))
-
-
-def _moved(found: Registration, step: Array, height: int, width: int) -> Registration:
-    """Apply a step (relative scale, x, y in JPEG pixels) taken about the JPEG's centre."""
-    cx, cy = width / 2, height / 2
-    scale = found.scale * (1 + float(step[0]))
-    return Registration(
-        scale,
-        found.offset_x + found.scale * (cx + float(step[1])) - scale * cx,
-        found.offset_y + found.scale * (cy + float(step[2])) - scale * cy,
-        found.correlation,
-    )

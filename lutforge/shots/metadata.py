@@ -26,7 +26,7 @@ class ShotMetadata:
 
     style, white_balance: lower-case words ("standard", "vivid", …; "auto", "daylight", …; "unknown").
     multipliers: (3,) with green = 1, None where unknown. exposure_s, iso, focal_mm, aperture (f-number): NaN where
-    unknown. lens: its name, "" where unknown. notes: what the user should know, a line each.
+    unknown. lens: its name, "" where unknown. d65: as of `RawImage`. notes: what the user should know, a line each.
     """
 
     make: str
@@ -40,6 +40,7 @@ class ShotMetadata:
     lens: str = ""
     focal_mm: float = math.nan
     aperture: float = math.nan
+    d65: Array | None = None
 
     @property
     def camera(self) -> str:
@@ -80,6 +81,7 @@ def read_metadata(path: Path, raw: RawImage, jpeg: Path | None) -> ShotMetadata:
         lens=raw.lens or _lens(found),
         focal_mm=raw.focal_mm,
         aperture=raw.aperture,
+        d65=raw.d65,
     )
 
 

@@ -17,9 +17,10 @@ from lutforge.arrays import Array, Codes
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import read_image
+from lutforge.shots.geometry import Registration
 from lutforge.shots.metadata import read_metadata
 from lutforge.shots.picture_settings import camera_of, stated_exposure
-from lutforge.shots.shot import Registration, Shot
+from lutforge.shots.shot import Shot
 from lutforge.shots.tags import tags
 
 LONGEST = 1600

@@ -33,4 +33,4 @@ def read_pair(picture: Path, development: Development) -> Shot:
     codes = np.rint(np.clip(read_image(picture).pixels[..., :3], 0.0, 1.0) * 255).astype(np.uint8)
     turned, registration = register_rotated(left, codes)
     metadata = read_metadata(picture, left, None)
-    return Shot(picture.stem, picture, left, turned, str(picture), metadata, registration, development)
+    return Shot(picture.stem, picture, left, turned, str(picture), metadata, registration, development).straightened()

@@ -121,7 +121,7 @@ class ReducedJpeg:
         """It, turned by half a turn."""
         return ReducedJpeg(self.codes[::-1, ::-1], self.weight[::-1, ::-1], self.factor)
 
-    @property
+    @cached_property
     def coarsest(self) -> "ReducedJpeg":
         """It, about as small as for the coarse search."""
         return self.halved(self.halvings)

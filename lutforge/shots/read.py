@@ -21,9 +21,10 @@ from lutforge.images.read import read_image
 from lutforge.shots.align import register_rotated
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, jpeg_beside
 from lutforge.shots.editors import edited_notes
+from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.maker_settings import in_adobe_rgb
 from lutforge.shots.metadata import read_metadata
-from lutforge.shots.shot import Placement, Registration, Shot
+from lutforge.shots.shot import Shot
 from lutforge.shots.tags import tags, tags_of
 
 EMBEDDED = "embedded preview"
@@ -57,7 +58,7 @@ def read_shot(
     candidates = sorted(_candidates(path), key=lambda candidate: len(candidate[1]))
     for index, (source, edited) in enumerate(candidates):
         try:
-            jpeg, fine, registration, converted, encoder = _registered(raw, path, source, expected())
+            jpeg, fine, registration, converted = _registered(raw, path, source, expected())
         except (ImageError, ShotError) as error:
             reasons.append(str(error))
             continue
@@ -65,7 +66,8 @@ def read_shot(
         reasons += [f"{other}: {note}" for other, notes in candidates[index + 1 :] for note in notes]
         notes = (*edited, *converted, *(f"passed over: {reason}" for reason in reasons))
         metadata = replace(metadata, notes=metadata.notes + notes)
-        return Shot(path.stem, path, raw, jpeg, source, metadata, registration, development, fine=fine, encoder=encoder)
+        shot = Shot(path.stem, path, raw, jpeg, source, metadata, registration, development, fine=fine)
+        return shot.straightened()
     size = (
         "" if development is None else "; the picture in the RAW's place, {1} × {0}, must be the whole frame, uncropped"
     )
@@ -82,7 +84,7 @@ def _decoded(path: Path) -> RawImage:
         if path.suffix.lower() in RAW_SUFFIXES or error.__cause__ is None:
             raise
         raise ImageError(
-            f"{path}: not a RAW file that LibRaw can read; a table of samples is a .csv or .parquet file"
+            f"{path}: not a RAW file that LibRaw can read; a table of samples is a .csv or .npz file"
         ) from None
 
 
@@ -95,13 +97,13 @@ def _candidates(path: Path) -> list[tuple[str, tuple[str, ...]]]:
 
 def _registered(
     raw: RawImage, path: Path, source: str, expected: Placement | None
-) -> tuple[Codes, NDArray[np.uint16] | None, Registration, tuple[str, ...], str]:
-    """The picture in 8 and, where it has more, in 16 bits, as the sensor lies; its registration; notes; its encoder."""
+) -> tuple[Codes, NDArray[np.uint16] | None, Registration, tuple[str, ...]]:
+    """The picture in 8 and, where it has more, in 16 bits, as the sensor lies; its registration; notes."""
     if source == EMBEDDED and raw.preview is None:
         raise ShotError(raw.preview_note)
     heif = read_heif(Path(source)) if source != EMBEDDED and is_heif(Path(source)) else None
     if heif is not None:
-        jpeg, fine, profile, encoder = heif.codes8, heif.codes if heif.bits > 8 else None, heif.icc, ""
+        jpeg, fine, profile = heif.codes8, heif.codes if heif.bits > 8 else None, heif.icc
     else:
         try:
             data = raw.preview if source == EMBEDDED and raw.preview is not None else Path(source).read_bytes()
@@ -111,7 +113,6 @@ def _registered(
         header = read_header(data)
         # A camera's Adobe RGB is a style of its own.
         profile = header.icc if header is not None and not in_adobe_rgb(tags_of(data)) else b""
-        encoder = "" if header is None else header.encoder
     notes = []
     if heif is not None and heif.hdr:
         notes.append(f"the HEIF is encoded for HDR ({heif.hdr}): its codes are calibrated as they are")
@@ -129,7 +130,7 @@ def _registered(
     if fine is not None:
         turn = next(turn for turn in range(4) if np.array_equal(np.rot90(jpeg, turn), turned))
         fine = np.ascontiguousarray(np.rot90(fine, turn))
-    return turned, fine, registration, tuple(notes), encoder
+    return turned, fine, registration, tuple(notes)
 
 
 def _decode(data: bytes, source: str) -> NDArray[np.uint8]:

@@ -1,6 +1,6 @@
 """A shot: one RAW image, the JPEG that the camera made of it, and how the two lie on each other."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,39 +8,8 @@ from numpy.typing import NDArray
 
 from lutforge.images.development import Development
 from lutforge.images.raw import RawImage
+from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.metadata import ShotMetadata
-
-
-@dataclass(frozen=True)
-class Registration:
-    """x_raw = scale * x_jpeg + offset_x, and the same for y.
-
-    Both count from the picture's top left corner: pixel i covers [i, i + 1], its centre is i + 0.5. RAW
-    coordinates are full-resolution pixels of the visible area, whatever the size of the decoded array.
-    correlation: of the two pictures' local structure, after registration, in [−1, 1].
-    """
-
-    scale: float
-    offset_x: float
-    offset_y: float
-    correlation: float
-
-
-def unreduced(found: Registration, factor: float) -> Registration:
-    """Convert from coordinates of a JPEG reduced by `factor` to its own; 1 / factor goes the other way."""
-    return Registration(found.scale / factor, found.offset_x, found.offset_y, found.correlation)
-
-
-@dataclass(frozen=True)
-class Placement:
-    """The place of JPEGs of one size on RAW images of one size, which is the same in all shots of a camera.
-
-    raw: height and width of the decoded array, and its pixels' size; jpeg: height and width, as the sensor lies.
-    """
-
-    raw: tuple[int, int, float]
-    jpeg: tuple[int, int]
-    registration: Registration
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +19,8 @@ class Shot:
     name: the file's stem. jpeg: (h, w, 3) uint8. jpeg_source: "embedded preview", or the path of the file
     beside it. development: the picture that stands in the RAW's place, where a program developed it. raw_camera: the
     other camera that the RAW is of, or "". fine: the same picture, 0 … 65535, where its file has more than 8 bits.
-    encoder: of the JPEG (`JpegHeader.encoder`), "" where unknown.
+    drawn: where the JPEG lies on the RAW as the lens drew it, where the camera straightened the JPEG: raw is then
+    straightened, too, and the registration is of the JPEG on that.
     """
 
     name: str
@@ -63,10 +33,40 @@ class Shot:
     development: Development | None = None
     raw_camera: str = ""
     fine: NDArray[np.uint16] | None = None
-    encoder: str = ""
+    drawn: Placement | None = None
 
     @property
     def placement(self) -> Placement:
-        """The place of the JPEG on the RAW, at which other shots of the camera can be sought first."""
+        """The place of the JPEG on the RAW as the lens drew it, at which other shots can be sought first."""
+        if self.drawn is not None:
+            return self.drawn
         height, width = self.raw.pixels.shape[:2]
         return Placement((height, width, self.raw.pixel_size), self.jpeg.shape[:2], self.registration)
+
+    @property
+    def lens_note(self) -> str:
+        """What the camera corrected of the lens in its JPEG, in words for a user; "" where nothing."""
+        lens = self.placement.registration.distortion
+        if lens is None:
+            return ""
+        height, width = self.jpeg.shape[:2]
+        corners = np.array([[0, 0], [width, 0], [0, height], [width, height]])
+        at_corners = self.placement.registration.straight(corners)
+        drawn = np.linalg.norm(lens.drawn(at_corners) - (lens.x, lens.y), axis=1)
+        share = float(np.mean(drawn / np.linalg.norm(at_corners - (lens.x, lens.y), axis=1))) - 1
+        shape = (
+            "mustache"
+            if lens.k1 * lens.k2 < 0 and abs(share) < abs(lens.k1) / 4
+            else ("barrel", "pincushion")[share > 0]
+        )
+        parts = [f"{shape} distortion of {100 * share:+.1f} % in the corners"] if lens.k1 or lens.k2 else []
+        if lens.red or lens.blue:
+            parts.append(f"red {100 * lens.red:+.2f} % and blue {100 * lens.blue:+.2f} % beside green")
+        return "corrected in the JPEG, and followed: " + ", ".join(parts)
+
+    def straightened(self) -> "Shot":
+        """The shot with a RAW as straight as its JPEG, where the registration says how the lens bent it."""
+        if self.registration.distortion is None:
+            return self
+        pixels, place = self.registration.straightened(self.raw.pixels, self.raw.pixel_size, self.jpeg.shape)
+        return replace(self, raw=replace(self.raw, pixels=pixels), registration=place, drawn=self.placement)

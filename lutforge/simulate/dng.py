@@ -50,7 +50,7 @@ def write_dng(
     profile_name: the picture style. preview_jpeg: a whole JPEG file. orientation: 1 … 8 (TIFF). Raises ImageError on
     an illegal argument.
     """
-    matrix = np.linalg.inv(SRGB_TO_XYZ) if color_matrix is None else np.asarray(color_matrix, dtype=np.float64)
+    matrix = np.asarray(np.linalg.inv(SRGB_TO_XYZ) if color_matrix is None else color_matrix, dtype=np.float64)
     neutral = np.asarray(as_shot_neutral, dtype=np.float64)
     _validate(path, mosaic, black, white, cfa, orientation)
     _validate_numbers(path, np.array([exposure_s, f_number, *neutral.ravel()]), matrix, iso, light_source, saturation)

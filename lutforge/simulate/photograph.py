@@ -3,7 +3,7 @@
 JPEGs have 8 bits and the Exif tags that say how they were made.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -15,11 +15,12 @@ import rawpy
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.model.falloff import Falloff
 from lutforge.model.white_balance import LIGHT_SOURCES
+from lutforge.shots.geometry import Distortion
 from lutforge.simulate.camera import SimulatedCamera
 from lutforge.simulate.dng import write_dng
 from lutforge.simulate.scene import Scene
@@ -93,7 +94,7 @@ class CameraSettings:
     preview_scale: size of the embedded JPEG relative to the full one. sharpening: strength of an unsharp
     mask, 0 is off. push_ev: brightening in the development, in stops. orientation: how the camera was held
     (TIFF 1, 3, 6 or 8); pixels stay as the sensor has them. falloff: what the lens loses, which the development brings
-    back.
+    back. distortion: how the lens bends the scene, which the development straightens and scales to fill the JPEG.
     """
 
     style: str = "standard"
@@ -108,6 +109,7 @@ class CameraSettings:
     push_ev: float = 0.0
     orientation: int = 1
     falloff: Falloff | None = None
+    distortion: Distortion | None = None
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,8 @@ def photograph(
     irradiance = scene.irradiance(camera, light or settings.white_balance, settings.exposure_s)
     if settings.falloff is not None:
         irradiance /= settings.falloff.gain(*irradiance.shape[:2])[..., None].astype(np.float32)
+    if settings.distortion is not None:
+        irradiance = _with_fringes(irradiance, settings.distortion)
     rng = np.random.default_rng([seed, crc32(name.encode())])
     mosaic = capture(camera, irradiance, rng, settings.iso)
     picture = develop(camera, mosaic, settings)
@@ -200,11 +204,42 @@ def rendered(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: Came
     if settings.falloff is not None:
         raw *= settings.falloff.gain(*mosaic.shape)[..., None].astype(np.float32)
     raw = raw[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
+    if settings.distortion is not None:
+        raw = _straightened(raw, settings.distortion)
     encoded = camera.render(raw, settings.style, settings.white_balance, settings.push_ev)
     if settings.sharpening:
         blurred = ndimage.gaussian_filter(encoded, (1.0, 1.0, 0.0), mode="nearest")
         encoded = np.clip(encoded + settings.sharpening * (encoded - blurred), 0.0, 1.0)
     return encoded
+
+
+def _straightened(raw: Pixels, lens: Distortion) -> Pixels:
+    """What the lens drew, its borders cropped (h, w, 3), as large as it fills the picture when it is straight."""
+    height, width = raw.shape[:2]
+    size = np.array([width, height])
+    middle, lens = size / 2, replace(lens, x=lens.x - BORDER, y=lens.y - BORDER // 2)
+    grid = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
+    edges = np.concatenate([grid[0], grid[-1], grid[:, 0], grid[:, -1]])
+    zooms = np.linspace(0.8, 1.25, 901)
+    fits = [bool(np.all(np.abs(lens.drawn(middle + zoom * (edges - middle)) - middle) <= size / 2)) for zoom in zooms]
+    straight = middle + zooms[np.flatnonzero(fits)[-1]] * (grid - middle)
+    places = lens.drawn(straight) - (lens.x, lens.y)
+    channels = []
+    for channel, magnified in enumerate((1 + lens.red, 1.0, 1 + lens.blue)):
+        x, y = np.moveaxis(magnified * places + (lens.x, lens.y), -1, 0)
+        channels.append(ndimage.map_coordinates(raw[..., channel], [y - 0.5, x - 0.5], mode="nearest"))
+    return np.stack(channels, axis=-1)
+
+
+def _with_fringes(irradiance: Pixels, lens: Distortion) -> Pixels:
+    """Irradiance (h, w, 3) with red and blue as much larger than green as the lens draws them."""
+    y, x = np.mgrid[: irradiance.shape[0], : irradiance.shape[1]] + 0.5
+    planes = [irradiance[..., 0], irradiance[..., 1], irradiance[..., 2]]
+    for channel, larger in ((0, lens.red), (2, lens.blue)):
+        if larger:
+            places = [lens.y + (y - lens.y) / (1 + larger) - 0.5, lens.x + (x - lens.x) / (1 + larger) - 0.5]
+            planes[channel] = ndimage.map_coordinates(planes[channel], places, mode="nearest")
+    return np.stack(planes, axis=-1)
 
 
 def shrink(picture: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:

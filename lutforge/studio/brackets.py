@@ -10,25 +10,32 @@ import numpy as np
 
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading
-from lutforge.errors import ImageError, ShotError
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs
+from lutforge.errors import CalibrationError, ImageError, ShotError
 from lutforge.pipeline.charts import FittedChart, KnownChart, write_input_transform
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
-from lutforge.pipeline.response import FittedResponse, parse_times, write_response
+from lutforge.pipeline.response import FittedResponse, bracket_samples, parse_times, write_response
 from lutforge.progress import Progress
 from lutforge.samples.chart_kinds import chart_kind, parse_corners
+from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.discover import discover, raw_beside
 from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
-from lutforge.studio.shot_pictures import picture_bytes, thumbnail
+from lutforge.studio.pictures import picture_bytes, thumbnail
 
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """Pictures without RAW. exposure_s: relative, NaN where not stated; small: JPEGs of them; camera: "" if unknown."""
+    """Pictures without RAW. exposure_s: relative, NaN where not stated; small: JPEGs of them; camera: "" if unknown.
+
+    samples, pairs: the JPEG colours that two exposures share, None where the exposures are not stated or nothing is.
+    """
 
     files: tuple[Path, ...]
     exposure_s: tuple[float, ...]
     small: tuple[bytes, ...]
     camera: str
+    samples: SampleSet | None = None
+    pairs: ExposurePairs | None = None
 
     def __str__(self) -> str:
         count, known = len(self.files), np.array(self.exposure_s)
@@ -62,9 +69,11 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Bracket | None:
         progress(file.name, index / len(files))
         with reading(file.name, "a picture", ImageError):
             small.append(thumbnail(picture_bytes(file)))
-    return Bracket(
-        tuple(files), tuple(map(stated_exposure, files)), tuple(small), read_picture_settings(files[0]).camera
-    )
+    times, camera = tuple(map(stated_exposure, files)), read_picture_settings(files[0]).camera
+    found: tuple[SampleSet | None, ExposurePairs | None] = (None, None)
+    with suppress(CalibrationError):  # which Fit response then tells, with what to do
+        found = bracket_samples(files, times, camera, progress)
+    return Bracket(tuple(files), times, tuple(small), camera, *found)
 
 
 @dataclass(frozen=True)

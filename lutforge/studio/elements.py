@@ -1,27 +1,20 @@
-"""What pages are made of: controls by their labels, tables, text that is only text, plots that can be saved."""
+"""What pages are made of: controls by their labels, tables, and HTML in which all that comes from files is text."""
 
 from collections.abc import Iterable
 from html import escape
 from typing import Any
 
-import numpy as np
 import panel as pn
 import panel_material_ui as pmui
-from bokeh.models import CustomAction, CustomJS, Range1d
-from bokeh.plotting import figure
 
 from lutforge.report.tables import Table
 
 NOTHING = {"–": ""}
 """The options of a list from which nothing can be chosen yet."""
-LINE = "#8c8c8c"
-"""A grey that stands out from the plots of both themes."""
-CHANNELS = (("Red", "#e0503c", "solid"), ("Green", "#2f9e63", "dashed"), ("Blue", "#4f83e0", "dotted"))
-"""Name, colour and line style of each channel: the style tells them apart where the colours do not."""
-FILL = {"sizing_mode": "stretch_both", "margin": 0}
 WIDE = {"sizing_mode": "stretch_width", "margin": (4, 8)}
 TOGETHER = {"sizing_mode": "stretch_width", "margin": 0}
 """Layout of controls that stand together in a column."""
+NARROW: dict[str, Any] = {"sizing_mode": "fixed", "width": 230}
 
 TEXT = """
 :host { font: 0.875rem/1.4 system-ui, sans-serif; color: var(--mui-palette-text-primary); }
@@ -30,21 +23,40 @@ th, td { text-align: right; padding: 2px 8px; border-bottom: 1px solid var(--mui
   font-variant-numeric: tabular-nums; }
 th { font-weight: 600; } th:first-child, td:first-child { text-align: left; }
 h2 { font-size: 0.9375rem; margin: 6px 0 2px; } p { margin: 3px 0; }
-code { font-size: 0.8125rem; overflow-wrap: anywhere; }
+code { font-size: 0.8125rem; overflow-wrap: anywhere; white-space: pre-wrap; }
 a { color: inherit; }
+.pictures { display: flex; gap: 6px; background: #767676; height: 12rem; justify-content: center; }
+.pictures img { flex: 1 1 0; min-width: 0; height: 100%; object-fit: contain; }
+.out { opacity: 0.3; }
+i.colour { display: inline-block; width: 0.9em; height: 0.9em; margin-right: 0.4em; vertical-align: -0.1em;
+  outline: 1px solid var(--mui-palette-divider); }
 """
 
 
-def text(html: str = "", **options: Any) -> pn.pane.HTML:
-    """A pane of HTML that is made here; whatever comes from files goes through `escape`."""
-    return pn.pane.HTML(html, stylesheets=[TEXT], **{**WIDE, **options})
+class Html(str):
+    """HTML that was made here, from texts that were escaped."""
 
 
-def table(shown: Table) -> str:
+def html(form: str, *values: object) -> Html:
+    """HTML of a form with {} in the places of values; each value is escaped, unless it is HTML already."""
+    return Html(form.format(*(value if isinstance(value, Html) else escape(str(value)) for value in values)))
+
+
+def paragraphs(*lines: object) -> Html:
+    """A paragraph a line, each escaped."""
+    return Html("".join(html("<p>{}</p>", line) for line in lines))
+
+
+def text(shown: Html | None = None, **options: Any) -> pn.pane.HTML:
+    """A pane of HTML, made by `html`."""
+    return pn.pane.HTML(shown or "", stylesheets=[TEXT], **{**WIDE, **options})
+
+
+def table(shown: Table) -> Html:
     """An HTML table; all cells are escaped."""
-    head = "".join(f"<th scope='col'>{escape(cell) or '&nbsp;'}</th>" for cell in shown.header)
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in shown.rows)
-    return f"<h2>{escape(shown.caption)}</h2><table><tr>{head}</tr>{body}</table>"
+    head = "".join(html("<th scope='col'>{}</th>", cell or Html("&nbsp;")) for cell in shown.header)
+    body = "".join("<tr>" + "".join(html("<td>{}</td>", cell) for cell in row) + "</tr>" for row in shown.rows)
+    return html("<h2>{}</h2><table><tr>{}</tr>{}</table>", shown.caption, Html(head), Html(body))
 
 
 def slider(label: str, value: float, start: float, end: float, step: float = 0.01, **more: Any) -> pmui.FloatSlider:
@@ -55,6 +67,11 @@ def slider(label: str, value: float, start: float, end: float, step: float = 0.0
     return made
 
 
+def limits(label: str, reach: tuple[float, float], step: float) -> pmui.RangeSlider:
+    """A slider with two ends."""
+    return pmui.RangeSlider(label=label, value=reach, start=reach[0], end=reach[1], step=step, size="small", **WIDE)
+
+
 def select(label: str, options: Any, **more: Any) -> pmui.Select:
     """A list to choose from."""
     return pmui.Select(label=label, options=options, size="small", **{**WIDE, "margin": (8, 8), **more})
@@ -63,6 +80,11 @@ def select(label: str, options: Any, **more: Any) -> pmui.Select:
 def entry(label: str, **more: Any) -> pmui.TextInput:
     """A line to write into."""
     return pmui.TextInput(label=label, size="small", **{**WIDE, "margin": (8, 8), **more})
+
+
+def checkbox(label: str, value: bool = False) -> pmui.Checkbox:
+    """A box to tick."""
+    return pmui.Checkbox(label=label, value=value, **WIDE)
 
 
 def written(line: pmui.TextInput) -> str:
@@ -78,52 +100,11 @@ def offer(choice: pmui.Select, names: Iterable[str]) -> None:
         choice.value = known[0] if known else ""
 
 
-def ticks(label: str, options: Any = None, **more: Any) -> pmui.CheckBoxGroup:
+def ticks(label: str) -> pmui.CheckBoxGroup:
     """A list of which any can be ticked."""
-    return pmui.CheckBoxGroup(label=label, options=options or [], **{**WIDE, **more})
+    return pmui.CheckBoxGroup(label=label, options=[], **WIDE)
 
 
-def sections(**parts: Any) -> pmui.Accordion:
+def sections(parts: dict[str, Any]) -> pmui.Accordion:
     """Controls by the titles of folds, closed at first."""
-    named = [(title.replace("_", " "), part) for title, part in parts.items()]
-    return pmui.Accordion(*named, disable_gutters=True, **{**WIDE, "margin": (4, 4)})
-
-
-_SAVE_SVG = """
-const view = Bokeh.index.find_one_by_id(drawing.id);
-view.export("svg").to_blob().then((blob) => {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = `${(drawing.title.text || "plot").replace(/[^\\w-]+/g, "_")}.svg`;
-  link.click();
-});
-"""
-
-
-def plot(title: str, tools: str = "pan,wheel_zoom,box_zoom,reset,save", **options: Any) -> Any:
-    """An empty Bokeh figure that fills its place and is saved as PNG or SVG by its tools."""
-    # Ranges are set by `frame`: an empty plot has no range of its own.
-    ranges = {"x_range": Range1d(0, 1), "y_range": Range1d(0, 1), **options}
-    drawing = figure(
-        title=title, tools=tools, toolbar_location="right", sizing_mode="stretch_both", min_width=160, min_height=140,
-        min_border=4, **ranges,
-    )  # fmt: skip
-    drawing.toolbar.logo = None
-    svg = CustomJS(args={"drawing": drawing}, code=_SAVE_SVG)
-    drawing.add_tools(CustomAction(description="Save as SVG", icon="text_align_left", callback=svg))
-    return drawing
-
-
-def frame(drawing: Any, x: tuple[float, float], y: tuple[float, float]) -> None:
-    """The plot's ranges, now and after its reset."""
-    for axis, (low, high) in ((drawing.x_range, x), (drawing.y_range, y)):
-        axis.update(start=low, end=high, reset_start=low, reset_end=high)
-
-
-def extent(values: Any, margin: float = 0.04) -> tuple[float, float]:
-    """A range that holds all values, with a margin; (0, 1) where there are none."""
-    if len(values) == 0:
-        return 0.0, 1.0
-    low, high = float(np.min(values)), float(np.max(values))
-    space = margin * max(high - low, 1e-3)
-    return low - space, high + space
+    return pmui.Accordion(*parts.items(), disable_gutters=True, **{**WIDE, "margin": (4, 4)})

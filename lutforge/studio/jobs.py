@@ -17,8 +17,6 @@ from typing import Any, Literal
 from lutforge.errors import LutForgeError, one_line
 from lutforge.progress import Progress
 
-State = Literal["running", "done", "failed", "cancelled"]
-
 
 @cache
 def _context() -> Any:
@@ -26,9 +24,7 @@ def _context() -> Any:
     if os.name != "posix":
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(
-        ["lutforge.studio.fits", "lutforge.studio.workspace_file", "lutforge.studio.photographs"]
-    )
+    context.set_forkserver_preload(["lutforge.studio.workspace_file", "lutforge.studio.pictures"])
     return context
 
 
@@ -36,7 +32,7 @@ def _context() -> Any:
 class JobReport:
     """Where a job stands. share: 0 … 1; message: the step, or one line of what went wrong."""
 
-    state: State
+    state: Literal["running", "done", "failed", "cancelled"]
     message: str = ""
     share: float = 0.0
     result: Any = None
@@ -49,55 +45,46 @@ class Job:
     """
 
     def __init__(self, title: str, function: Callable[..., Any], *arguments: Any) -> None:
-        self.title = title
-        self._report = JobReport("running", "starting")
+        self.title, self.report = title, JobReport("running", "starting")
         self._lock = threading.Lock()
         self._process: Any = None
         self._thread = threading.Thread(target=self._watch, args=(function, arguments), daemon=True)
         self._thread.start()
 
-    @property
-    def report(self) -> JobReport:
-        """The latest."""
-        return self._report
-
     def cancel(self) -> None:
         """End the process; its result, if there is one on the way, is dropped."""
+        self._tell(JobReport("cancelled", "cancelled"))
         with self._lock:
-            if self._report.state == "running":
-                self._report = JobReport("cancelled", "cancelled")
             if self._process is not None:
                 self._process.terminate()
 
     def wait(self, seconds: float | None = None) -> JobReport:
         """The report once the job has ended, or after so many seconds."""
         self._thread.join(seconds)
-        return self._report
+        return self.report
 
     def _watch(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
         receive, send = _context().Pipe(duplex=False)
         process = _context().Process(target=_work, args=(send, function, arguments), daemon=True)
         with self._lock:
-            if self._report.state != "running":
+            if self.report.state != "running":
                 return
             process.start()
             self._process = process
         send.close()
         try:
-            while self._report.state == "running":
+            while self.report.state == "running":
                 self._tell(receive.recv())
         except (EOFError, OSError):
-            self._tell(
-                JobReport("failed", f"{self.title}: the calculation ended without a result, perhaps out of memory")
-            )
+            self._tell(JobReport("failed", "the calculation ended without a result, perhaps out of memory"))
         finally:
             receive.close()
             process.join()
 
     def _tell(self, report: JobReport) -> None:
         with self._lock:
-            if self._report.state == "running":
-                self._report = report
+            if self.report.state == "running":
+                self.report = report
 
 
 def _work(send: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:

@@ -9,12 +9,12 @@ import panel as pn
 
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.white_balance import NAMED_KELVIN, temperature_range
+from lutforge.model.white_balance import temperature_range
 from lutforge.progress import silent
-from lutforge.settings import Selector
-from lutforge.studio.elements import NOTHING, TOGETHER, WIDE, entry, select, slider, text, written
-from lutforge.studio.look.view import LookView
-from lutforge.studio.photographs import (
+from lutforge.settings import Selector, Shift
+from lutforge.studio.elements import NOTHING, TOGETHER, WIDE, entry, paragraphs, select, slider, text, written
+from lutforge.studio.look_view import LookView
+from lutforge.studio.pictures import (
     IMAGE_SUFFIXES,
     Photograph,
     bake_all,
@@ -25,7 +25,7 @@ from lutforge.studio.photographs import (
     look_lut,
     open_photograph,
 )
-from lutforge.studio.session import ChosenLook, Session
+from lutforge.studio.session import ChosenLook, Session, usual_setting
 from lutforge.studio.workspace import WorkspaceError
 
 AS_SHOT, BY_TEMPERATURE, BY_MULTIPLIERS = "as shot", "by temperature", "by multipliers"
@@ -40,7 +40,8 @@ class SettingControl:
     """
 
     def __init__(self, title: str, asks: bool = False) -> None:
-        self.unknown = {UNKNOWN: ""} if asks else {}
+        self.profile: CameraProfile
+        self.has_tint, self.unknown = False, {UNKNOWN: ""} if asks else {}
         self.style = select(f"{title}: style", self.unknown or NOTHING)
         self.balance = select(f"{title}: white balance", self.unknown or NOTHING)
         self.kelvin = slider(f"{title}: temperature, K", 5200, 2000, 10000, 50)
@@ -52,33 +53,38 @@ class SettingControl:
     def offer(self, profile: CameraProfile) -> None:
         """Offer the settings of a profile; what is chosen stays where it has that.
 
-        A control that does not ask begins at the style "standard", and at the white balance that is nearest daylight.
+        A control that does not ask begins at the camera's usual setting.
         """
+        self.profile = profile
         try:
             kelvins = None if profile.raw_camera else temperature_range(profile.white_balances)
         except SettingsError:
             kelvins = None
+        self.has_tint = kelvins is not None
         others = [AS_SHOT, *([BY_TEMPERATURE] if kelvins else []), *([] if profile.raw_camera else [BY_MULTIPLIERS])]
-        styles = sorted(profile.styles, key=lambda name: name.lower() != "standard")
-        daylight, known = NAMED_KELVIN["daylight"], profile.white_balances
-        nearest = min(known, key=lambda name: abs((known[name].kelvin or NAMED_KELVIN.get(name, 0.0)) - daylight))
-        for widget, values, usual in (
-            (self.style, styles, styles[0]), (self.balance, [*profile.white_balances, *others], nearest)
-        ):  # fmt: skip
-            options = {**self.unknown, **{value: value for value in values}}
-            first = "" if self.unknown else usual
-            chosen = widget.value if widget.value in values else first
-            widget.options, widget.value = options, chosen
+        offered = (
+            sorted(profile.styles, key=lambda name: name.lower() != "standard"),
+            [*profile.white_balances, *others],
+        )
+        for widget, values, usual in zip(
+            (self.style, self.balance), offered, usual_setting(profile).split("/"), strict=True
+        ):
+            chosen = widget.value if widget.value in values else "" if self.unknown else usual
+            widget.options, widget.value = {**self.unknown, **{value: value for value in values}}, chosen
         if kelvins is not None:
             low, high = round(kelvins[0] + 50, -2), round(kelvins[1] - 50, -2)
             self.kelvin.param.update(start=low, end=high, value=min(max(self.kelvin.value, low), high))
-        self.tint.disabled = bool(profile.raw_camera)
         self.enable()
 
     def enable(self) -> None:
         """Enable the controls that set the white balance, and disable the others; the layout stays as it is."""
         self.kelvin.disabled = self.balance.value != BY_TEMPERATURE
         self.multipliers.disabled = self.balance.value != BY_MULTIPLIERS
+        self.tint.disabled = not self.has_tint
+        if self.balance.value == BY_MULTIPLIERS and not written(self.multipliers):
+            gains = self.profile.multipliers(usual_setting(self.profile))
+            begin = ",".join(f"{gain:.4g}" for gain in gains / gains[1])
+            self.multipliers.param.update(value=begin, value_input=begin)
 
     def set(self, selector: Selector) -> None:
         """Set the settings of a photograph: by its preset, where it has one of those offered, else as it was shot."""
@@ -92,19 +98,21 @@ class SettingControl:
         return bool(self.style.value and self.balance.value)
 
     def text(self, taken: Selector | None) -> str:
-        """The selector, STYLE/WB. Raises WorkspaceError where it is not complete."""
-        tint = f"{self.tint.value:+g}" if self.tint.value else ""
-        if self.balance.value == AS_SHOT:
-            if taken is None:
-                raise WorkspaceError("the photograph does not tell its white balance: choose one")
-            if tint and not isinstance(taken.white_balance, str):
-                raise WorkspaceError("a tint goes with a named white balance or a temperature")
-            return f"{Selector(self.style.value, taken.white_balance)}{tint}"
-        if self.balance.value == BY_TEMPERATURE:
-            return f"{self.style.value}/{self.kelvin.value:g}K{tint}"
-        if self.balance.value == BY_MULTIPLIERS:
-            return f"{self.style.value}/{(self.multipliers.value or '').strip()}"
-        return f"{self.style.value}/{self.balance.value}{tint}"
+        """The selector, STYLE/WB. Raises WorkspaceError where it is not complete, SettingsError."""
+        style, tint = self.style.value, 0.0 if self.tint.disabled else self.tint.value
+        if self.balance.value == AS_SHOT and taken is None:
+            raise WorkspaceError("the photograph does not tell its white balance: choose one")
+        plain = {
+            AS_SHOT: "" if taken is None else f"{taken.white_balance}",
+            BY_TEMPERATURE: f"{self.kelvin.value:g}K",
+            BY_MULTIPLIERS: written(self.multipliers),
+        }.get(self.balance.value, self.balance.value)
+        if not tint:
+            return f"{style}/{plain}"
+        if "," not in plain and not (self.balance.value == AS_SHOT and plain.lower().endswith("k")):
+            return f"{style}/{plain}{tint:+g}"  # a name or a temperature takes its tint in words
+        moved = self.profile.shifted(self.profile.multipliers(f"{style}/{plain}"), Shift(tint=tint))
+        return f"{style}/" + ",".join(f"{value:.6g}" for value in moved.rgb)
 
 
 class LookPage:
@@ -122,13 +130,14 @@ class LookPage:
         self.ev = slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
         session.watch(self._choose_look, self.ev, *self.wanted.widgets)
         session.watch(self._change, *self.source.widgets)
-        self.told = text()
+        self.words = text()
         self.view = LookView(raw_name="RAW, by the model")
         self.view.param.watch(session.guarded(lambda event: self._choose(event.new)), "chosen")
         self.main = self.view
-        self._tell = session.rested(self._told)  # the page's words wait while the picture moves
+        self._look = ChosenLook()
+        self._tell_soon = session.rested(self._told)  # the page's words wait while the picture moves
         self.controls = [
-            self.listed, self.path, opening, self.told, self.wanted.layout, self.ev, self.source.layout,
+            self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
         ]  # fmt: skip
 
     def refresh(self) -> None:
@@ -136,7 +145,7 @@ class LookPage:
         names = self.session.folders.files(IMAGE_SUFFIXES)
         self.listed.options = {**NOTHING, **{name: name for name in names}}
         if not self.session.has_profile:
-            self.told.object = "<p>Compute a model, or open a profile.</p>"
+            self.words.object = paragraphs("Compute a model, or open a profile.")
             return
         for control in (self.wanted, self.source):
             control.offer(self.session.profile)
@@ -191,10 +200,10 @@ class LookPage:
 
     def _told(self) -> None:
         """The words of the look, and the other photographs with it."""
-        look = self.session.look
+        look = self._look
         unknown = "" if self.shown is None else "From what it was taken as, which is to be chosen below, to "
         taken = f"From {look.source} to " if look.source else unknown or "Wanted: "
-        self.told.object = f"<p>{taken}{look.target}, {look.ev:+g} EV.</p>"
+        self.words.object = paragraphs(f"{taken}{look.target}, {look.ev:+g} EV.")
         if self.shown is not None:
             strip = [(each.path.name, graded(each.small, self._lut_of(each))) for each in self.opened.values()]
             self.view.film(strip, list(self.opened).index(self.shown.path))
@@ -207,13 +216,16 @@ class LookPage:
         )
         try:
             look = ChosenLook(source[0], self.wanted.text(photograph.selector), float(self.ev.value))
-            return None if not look.source or self._slow_steps(look) else look_lut(self.session.profile, look)
+            return None if not look.source or self._slow_steps(look) else self._lut(look)
         except (SettingsError, WorkspaceError):
             return None
 
+    def _lut(self, look: ChosenLook) -> Any:
+        return look_lut(self.session.profile, look.source, look.target, look.ev)
+
     def _slow_steps(self, look: ChosenLook) -> tuple[Any, ...]:
         profile = self.session.profile
-        return grades_of(profile).slow_steps(change_of(profile, look).transform)
+        return grades_of(profile).slow_steps(change_of(profile, look.source, look.target, look.ev).transform)
 
     def _grade(self) -> None:
         """The photograph as the controls say."""
@@ -224,19 +236,20 @@ class LookPage:
         try:
             look = ChosenLook(self.source.text(taken) if known else "", self.wanted.text(taken), float(self.ev.value))
             slow = self._slow_steps(look) if known else ()
-            if slow and (self.session.short_job is None or pn.state.curdoc is None):
+            if slow and (not self.session.is_busy or pn.state.curdoc is None):
                 self._start(BAKING, lambda luts: self._baked(slow, luts), bake_all, slow)
             if slow:
                 return
-            lut = look_lut(profile, look) if known else None
+            lut = self._lut(look) if known else None
         except SettingsError as error:
             raise WorkspaceError(str(error)) from error
         self.view.grade(lut, f"{look.target}{f' {look.ev:+g} EV' if look.ev else ''}" if known else "as it is")
         self._inspect(profile, profile.selector(look.source) if known else None)
         if self.shown is not None and known:
             self.sources[self.shown.path] = look.source, [widget.value for widget in self.source.widgets]
-        self.session.look = look
-        self._tell()
+        self.session.chosen = look
+        self._look = look
+        self._tell_soon()
 
     def _baked(self, steps: tuple[Any, ...], luts: tuple[Any, ...]) -> None:
         for step, lut in zip(steps, luts, strict=True):

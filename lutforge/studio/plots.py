@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.model.response import Response
+from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode
+from lutforge.studio.bokeh_figure import hex_colours
 from lutforge.studio.workspace import Workspace
 
 Rows = NDArray[np.intp]
@@ -18,13 +19,15 @@ PLOTS = {
     "srgb_raw": "sRGB against RAW",
     "saturation": "Saturation against brightness",
     "transformed": "Transformed RAW against sRGB",
-    "both_linear": "Transformed RAW against linearized sRGB",
+    "rendering": "RAW → sRGB: transformed RAW against linearized sRGB",
+    "linearizing": "sRGB → RAW: transformed RAW against linearized sRGB",
     "linearization": "Linearization",
 }
+OF_PAIRS = ("srgb_btf", "raw_btf", "linearization")
 COLOURS = ("exposure pair", "own colour", "shot", "residual")
-_NONE: tuple[Array, ...] = ()
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#5b5b5b", "#8c6d31")
 """Okabe and Ito's colours, told apart by colour-blind eyes, and three more."""
+DIAGONAL = (np.array([[0.0, 1.0], [0.0, 1.0]]),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,70 +53,58 @@ class Points:
 
     def select(self, keep: Mask) -> "Points":
         """The points of a mask (n,)."""
-        if keep.all():
-            return self
         parts = {name: getattr(self, name)[keep] for name in ("x", "y", "row", "partner", "pair")}
-        return replace(self, **parts)
+        return self if keep.all() else replace(self, **parts)
 
 
 def points(workspace: Workspace, plot: str, channel: int) -> Points:
-    """The points of one plot and channel, all of them."""
-    if plot in ("srgb_btf", "raw_btf", "linearization"):
-        return _of_pairs(workspace, plot, channel)
-    return _of_samples(workspace, plot, channel)
-
-
-def _of_samples(workspace: Workspace, plot: str, channel: int) -> Points:
-    samples, fitted, response = workspace.samples, workspace.fitted, workspace.response
-    row = np.arange(len(samples))
-    pair = pair_of_rows(workspace)
-    if plot == "srgb_raw":
-        return Points(
-            samples.raw[:, channel], samples.srgb[:, channel], row, row, pair, "RAW, before white balance", "sRGB"
-        )
-    if plot == "saturation":
-        return Points(samples.srgb.max(axis=1), workspace.chroma, row, row, pair, "largest channel, sRGB", "saturation")
-    if fitted is None:
-        return _nothing("fit a model first: this plot shows what it makes of the RAW values")
-    if plot == "transformed":
-        curve, label = _NONE, "RAW as the lattice renders it"
-        if response is not None:
-            inverse = response.inverse[:, channel]
-            curve = (np.stack([inverse, np.linspace(0.0, 1.0, len(inverse))]),)
-            label = "transformed RAW, before the response"
-        return _finite(
-            Points(fitted.transformed[:, channel], samples.srgb[:, channel], row, row, pair, label, "sRGB", curve)
-        )
-    line = (np.array([[0.0, 1.0], [0.0, 1.0]]),)
-    x, y = fitted.scene[:, channel], fitted.linearized[:, channel]
-    return _finite(Points(x, y, row, row, pair, "transformed RAW", "linearized sRGB", line))
-
-
-def _of_pairs(workspace: Workspace, plot: str, channel: int) -> Points:
-    pairs, fitted, response = workspace.pairs, workspace.fitted, workspace.response
-    if pairs is None:
-        return _nothing("no two shots show the same patches at different exposures")
-    pairs = pairs.without(workspace.unticked)
-    first, second = pairs.first_row, pairs.second_row
-    number = pairs.of_shots
-    if plot == "srgb_btf":
-        curve = _NONE
-        if response is not None:
-            # Times are read off to a hundredth of a stop: what differs by less is one ratio.
-            ratios = np.unique(np.rint(100 * pairs.log_ratio / np.log(2)))
-            curve = tuple(_brightness_transfer(response, channel, 2.0 ** (stops / 100)) for stops in ratios.tolist())
-        x, y = pairs.first[:, channel], pairs.second[:, channel]
-        return Points(x, y, first, second, number, "sRGB, shorter exposure", "sRGB, longer exposure", curve)
-    if plot == "raw_btf":
-        x, y = pairs.raw_first[:, channel], pairs.raw_second[:, channel]
-        return _finite(Points(x, y, first, second, number, "RAW, shorter exposure", "RAW, longer exposure"))
-    if fitted is None:
-        return _nothing("fit a model first: this plot shows what it linearizes")
-    ratio = np.exp(pairs.log_ratio)
-    x, y = ratio * fitted.linearized[first, channel], fitted.linearized[second, channel]
-    line = (np.array([[0.0, 1.0], [0.0, 1.0]]),)
-    labels = ("k · linearized, shorter exposure", "linearized, longer exposure")
-    return _finite(Points(x, y, first, second, number, *labels, line))
+    """All points of one plot and channel that are known."""
+    samples, pairs = workspace.samples, workspace.pairs
+    predicted = None if workspace.fitted is None else workspace.fitted.predicted
+    if predicted is None and plot in ("transformed", "rendering", "linearizing", "linearization"):
+        return _nothing("fit a model first: this plot shows what it makes of the values")
+    if plot in OF_PAIRS:
+        if pairs is None:
+            return _nothing("no two shots show the same patches at different exposures")
+        pairs = pairs.without(workspace.unticked)
+        rows, number = (pairs.first_row, pairs.second_row), pairs.of_shots
+    else:
+        rows, number = (np.arange(len(samples)),) * 2, pair_of_rows(workspace)
+    curves: tuple[Array, ...] = DIAGONAL if plot in ("rendering", "linearizing", "linearization") else ()
+    match plot:
+        case "srgb_btf":
+            assert pairs is not None
+            curves = _brightness_transfers(workspace, pairs.log_ratio, channel)
+            at, labels = (pairs.first, pairs.second), ("sRGB, shorter exposure", "sRGB, longer exposure")
+        case "raw_btf":
+            assert pairs is not None
+            at, labels = (pairs.raw_first, pairs.raw_second), ("RAW, shorter exposure", "RAW, longer exposure")
+        case "linearization":
+            assert pairs is not None and predicted is not None
+            ratio = np.exp(pairs.log_ratio)[:, None]
+            at = ratio * predicted.linearized[rows[0]], predicted.linearized[rows[1]]
+            labels = ("k · linearized, shorter exposure", "linearized, longer exposure")
+        case "srgb_raw":
+            at, labels = (samples.raw, samples.srgb), ("RAW, before white balance", "sRGB")
+        case "saturation":
+            largest = samples.srgb.max(axis=1, keepdims=True).repeat(3, axis=1)
+            at = largest, workspace.columns["saturation"][:, None].repeat(3, axis=1)
+            labels = ("largest channel, sRGB", "saturation")
+        case "transformed":
+            assert predicted is not None and workspace.fitted is not None
+            at, labels = (predicted.transformed, samples.srgb), ("transformed RAW, before the response", "sRGB")
+            even = np.linspace(0.0, 1.0, 257)
+            style = next(iter(workspace.fitted.profile.styles.values()))
+            curves = (np.stack([even, style.tones(even)[:, channel]]),)
+        case _:
+            assert predicted is not None
+            both = (predicted.transformed, predicted.decoded), (predicted.scene, predicted.linearized)
+            at, labels = both[plot == "linearizing"], ("transformed RAW", "linearized sRGB")
+    x, y = at[0][:, channel], at[1][:, channel]
+    shown = Points(x, y, *rows, number, *labels, curves)
+    known = np.isfinite(x) & np.isfinite(y)
+    missing = "" if known.any() else "no sample has these values"
+    return replace(shown.select(known), missing=missing)
 
 
 def _nothing(missing: str) -> Points:
@@ -121,15 +112,16 @@ def _nothing(missing: str) -> Points:
     return Points(none, none, rows, rows, rows, missing=missing)
 
 
-def _finite(all_points: Points) -> Points:
-    return all_points.select(np.isfinite(all_points.x) & np.isfinite(all_points.y))
-
-
-def _brightness_transfer(response: Response, channel: int, ratio: float) -> Array:
-    """(2, 256): f(k f⁻¹(I)) over I, the brightness transfer function of pairs of one exposure ratio k."""
+def _brightness_transfers(workspace: Workspace, log_ratio: Array, channel: int) -> tuple[Array, ...]:
+    """(2, 256) each: f(k f⁻¹(I)) over I, the brightness transfer functions of the ratios k of exposure pairs."""
+    response = workspace.response
+    if response is None:
+        return ()
     encoded = np.linspace(0.0, 1.0, 256)
-    grey = np.repeat(encoded[:, None], 3, axis=1)
-    return np.stack([encoded, response.encode(ratio * response.linearize(grey))[:, channel]])
+    linear = response.linearize(np.repeat(encoded[:, None], 3, axis=1))
+    # Times are read off to a hundredth of a stop: what differs by less is one ratio.
+    ratios = np.unique(np.rint(100 * log_ratio / np.log(2))).tolist()
+    return tuple(np.stack([encoded, response.encode(2.0 ** (ratio / 100) * linear)[:, channel]]) for ratio in ratios)
 
 
 def pair_of_rows(workspace: Workspace) -> Rows:
@@ -139,6 +131,31 @@ def pair_of_rows(workspace: Workspace) -> Rows:
     if pairs is not None:
         number[pairs.second_row] = number[pairs.first_row] = pairs.of_shots
     return number
+
+
+def colours_in_space(workspace: Workspace, shown: str) -> tuple[Array, Rows]:
+    """Linear sRGB (n, 3) of the JPEG, of the transformed RAW, or of both, and the samples that they are of.
+
+    shown: "JPEG colours", "transformed RAW" or "both".
+    """
+    parts = [] if shown == "transformed RAW" else [srgb_decode(np.clip(workspace.samples.srgb, 0.0, 1.0))]
+    if shown != "JPEG colours" and workspace.fitted is not None:
+        parts.append(workspace.fitted.predicted.scene)
+    linear = np.concatenate([*parts, np.zeros((0, 3))])
+    known = np.isfinite(linear).all(axis=1)
+    return linear[known], np.tile(np.arange(len(workspace.samples)), len(parts))[known]
+
+
+def in_chromaticity_diagram(workspace: Workspace, shown: str) -> Points:
+    """The points of `colours_in_space` in CIE 1931 xy."""
+    linear, row = colours_in_space(workspace, shown)
+    x, y = chromaticities(linear).T
+    return Points(x, y, row, row, np.full(len(row), -1, dtype=np.intp), "x", "y")
+
+
+def tristimulus(linear: Array) -> Array:
+    """CIE X, Z, Y (…, 3) of linear sRGB, Y of white 1, in the order of axes of which the last is up."""
+    return np.asarray((linear @ SRGB_TO_XYZ.T)[..., [0, 2, 1]])
 
 
 def drawn(count: int, always: Rows | None = None, most: int = 4000) -> Rows:
@@ -157,8 +174,10 @@ def colours(workspace: Workspace, all_points: Points, chosen: Rows, by: str) -> 
     if by == "own colour":
         return hex_colours(workspace.samples.srgb[row])
     if by == "residual":
+        import matplotlib as mpl
+
         scale = np.clip(workspace.residual[row] / 0.1, 0.0, 1.0)  # what is further off is of one colour
-        return hex_colours(_cividis(np.nan_to_num(scale)))
+        return hex_colours(np.asarray(mpl.colormaps["cividis"](np.nan_to_num(scale)))[..., :3])
     if by == "shot":
         _, number = np.unique(workspace.samples.shot, return_inverse=True)
         return [PALETTE[index % len(PALETTE)] for index in number[row]]
@@ -166,18 +185,6 @@ def colours(workspace: Workspace, all_points: Points, chosen: Rows, by: str) -> 
     place = np.searchsorted(present[present >= 0], all_points.pair[chosen])
     paired = all_points.pair[chosen] >= 0
     return [PALETTE[at % len(PALETTE)] if known else "#9a9a9a" for at, known in zip(place, paired, strict=True)]
-
-
-def _cividis(share: Array) -> Array:
-    import matplotlib as mpl
-
-    return np.asarray(mpl.colormaps["cividis"](share))[..., :3]
-
-
-def hex_colours(rgb: Array) -> list[str]:
-    """Encoded colours (n, 3) in [0, 1] as "#rrggbb"."""
-    codes = np.rint(np.clip(rgb, 0.0, 1.0) * 255).astype(np.int64)
-    return [f"#{value:06x}" for value in (codes[:, 0] << 16) | (codes[:, 1] << 8) | codes[:, 2]]
 
 
 def inside_polygon(x: Array, y: Array, corners_x: Sequence[float], corners_y: Sequence[float]) -> Mask:
@@ -193,8 +200,7 @@ def inside_polygon(x: Array, y: Array, corners_x: Sequence[float], corners_y: Se
 def rows_at(all_points: Points, where: Mask, count: int) -> Mask:
     """(count,) the samples that the points of a mask stand for."""
     rows = np.zeros(count, dtype=np.bool_)
-    rows[all_points.row[where]] = True
-    rows[all_points.partner[where]] = True
+    rows[all_points.row[where]] = rows[all_points.partner[where]] = True
     return rows
 
 

@@ -1,12 +1,14 @@
 """Serve the studio: one session a visitor, on this computer alone unless told otherwise."""
 
+import secrets
 import socket
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import panel as pn
-from tornado.web import ErrorHandler
+from tornado.httputil import HTTPHeaders, HTTPServerRequest
+from tornado.web import ErrorHandler, OutputTransform
 
 from lutforge.errors import LutForgeError
 from lutforge.studio.folders import Folders
@@ -39,6 +41,40 @@ def _refuse_other_hosts(application: Any, hosts: list[str]) -> None:
         return find(request, **options)
 
     application.find_handler = find_handler
+
+
+class ContentSecurityPolicy(OutputTransform):
+    """Lets a page run its own scripts alone: no script that stands in a name, and nothing from another place.
+
+    Bokeh's and Panel's own code is made of strings ('unsafe-eval') and modules of blobs; its scripts in the page get
+    the page's number (nonce), which no text that is shown can know. https://www.w3.org/TR/CSP3/
+    """
+
+    def __init__(self, request: HTTPServerRequest) -> None:
+        self.host = request.host
+
+    def transform_first_chunk(
+        self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool
+    ) -> tuple[int, HTTPHeaders, bytes]:
+        """Number the scripts of a page, and state the policy."""
+        number = secrets.token_urlsafe(16)
+        if headers.get("Content-Type", "").startswith("text/html"):
+            chunk = chunk.replace(b"<script", f'<script nonce="{number}"'.encode())
+            if "Content-Length" in headers:
+                headers["Content-Length"] = str(len(chunk))
+        headers["Content-Security-Policy"] = "; ".join(
+            (
+                "default-src 'self'",
+                f"script-src 'self' 'unsafe-eval' blob: 'nonce-{number}'",
+                "style-src 'self' 'unsafe-inline'",
+                "img-src 'self' data: blob:",
+                "font-src 'self' data:",
+                f"connect-src 'self' ws://{self.host} blob: data:",
+                "worker-src 'self' blob:",
+                "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+            )
+        )
+        return status_code, headers, chunk
 
 
 def _free_port(address: str) -> int:
@@ -87,6 +123,7 @@ def serve(
             f"{address}:{port}: cannot serve here ({error.strerror or error}); choose another --port"
         ) from error
     _refuse_other_hosts(server._tornado, origins(address, port))
+    server._tornado.transforms.append(ContentSecurityPolicy)
     warm_up()
     url = f"http://{address}:{server.port}/"
     server.io_loop.add_callback(lambda: ready(url))

@@ -1,22 +1,52 @@
-"""Shots: files are dropped or chosen, sampled, looked at, and left out or taken in with a click."""
+"""Shots: files by dropping, by a list or by their path; what each shot gave; brackets and their responses."""
 
+from collections.abc import Iterator
 from dataclasses import replace
-from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 
-from lutforge.studio.bracket_view import BracketView
-from lutforge.studio.elements import FILL, NOTHING, WIDE, entry, select, text, written
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.falloff import falloff_of
+from lutforge.pipeline.charts import FittedChart
+from lutforge.pipeline.response import FittedResponse
+from lutforge.report.figures import bracket_figure
+from lutforge.report.tables import response_table
+from lutforge.samples.chart_kinds import chart_names
+from lutforge.samples.extract import OUTCOMES, ShotSamples
+from lutforge.samples.sample_set import SampleSet
+from lutforge.studio.bokeh_figure import FILL, Figures
+from lutforge.studio.brackets import BracketRequest, fit_request
+from lutforge.studio.elements import (
+    NOTHING,
+    TOGETHER,
+    WIDE,
+    Html,
+    checkbox,
+    entry,
+    html,
+    paragraphs,
+    select,
+    table,
+    text,
+    written,
+)
+from lutforge.studio.pictures import framed, jpeg_url, swatches
 from lutforge.studio.session import Session
-from lutforge.studio.shot_pictures import LEGEND, ShotGrid, cards
-from lutforge.studio.workspace import WorkspaceError
+from lutforge.studio.workspace import Workspace, WorkspaceError
 from lutforge.studio.workspace_file import OPENED_SUFFIXES
 
-SHOWN = ("JPEG and RAW", "tiles")
+SHOWN = ("JPEG and RAW", "samples, framed", "tiles")
+OUTCOME_COLOURS = ("#ffffff", "#e69f00", "#111111", "#8c8c8c", "#cc79a7", "#4f83e0")
+"""The colour of each outcome of a tile, in the order of `OUTCOMES`."""
+EMPTY = (
+    "No shots yet. To calibrate a camera takes five photographs or more, each as RAW with its JPEG, inside the RAW "
+    "file or beside it; without RAW, JPEGs of one scene at several exposures."
+)
 
 
 class ShotsPage:
@@ -24,30 +54,45 @@ class ShotsPage:
 
     def __init__(self, session: Session) -> None:
         self.session = session
+        self._drawn: tuple[object, ...] | None = None
         self._dropped: TemporaryDirectory[str] | None = None
-        self._drawn: object = None
-        self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, **WIDE)
+        self.boxes: dict[str, pmui.Checkbox] = {}
+        self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, sizing_mode="stretch_width")
         self.drop.param.watch(session.guarded(lambda event: self._take()), "value")
         self.listed = select("Folder or file", NOTHING)
         self.path = entry("or its path")
         self.shown = select("Shown", list(SHOWN))
         session.watch(self.refresh, self.shown)
-        self.notes = text()
-        self.grid, self.bracket = ShotGrid(**FILL), BracketView(session)
-        self.grid.param.watch(session.guarded(lambda event: self._left_out()), "out")
+        self.notes, self.legend = text(), text()
+        self.grid = pn.FlexBox(sizing_mode="stretch_width")
         sample = session.button("Sample", self._open, variant="contained", **WIDE)
         again = session.button("List again", self.list_files, variant="text", **WIDE)
-        self.controls = [
-            self.drop, self.listed, self.path, sample, again, self.bracket.controls, self.shown, self.notes
-        ]  # fmt: skip
-        self.main = pn.Column(self.bracket.layout, self.grid, **FILL)
+        self.chart = select("Chart in the pictures", {"none": "", **{name: name for name in chart_names()}})
+        self.light = entry("Light on the chart", value="D50")
+        self.corners = entry("Its corners, where it is not found", placeholder="x,y x,y x,y x,y")
+        self.times = entry("Exposure times, where not stated", placeholder="1/60,1/30,1/15")
+        self.all_colours = checkbox("Count saturated colours, too")
+        session.watch(self._enable, self.chart)
+        fit = session.button("Fit response", self._fit, variant="contained", **WIDE)
+        self.bracket = pn.Column(
+            self.chart, self.light, self.corners, self.times, self.all_colours, fit, visible=False, **TOGETHER
+        )
+        self.controls = [self.drop, self.listed, self.path, sample, again, self.bracket, self.shown, self.notes]
+        self.curves, self.findings = Figures(), text(sizing_mode="stretch_both", styles={"overflow": "auto"})
+        self.response = pn.Row(self.curves.layout, self.findings, visible=False, **{**FILL, "min_height": 260})
+        scrolled = pn.Column(self.legend, self.grid, **{**FILL, "styles": {"overflow": "auto"}})
+        self.main = pn.Column(self.response, scrolled, **FILL)
+        self._enable()
         self.list_files()
 
     def list_files(self) -> None:
         """The folders with shots, and the files that can be opened, as they are now."""
         folders = self.session.folders
-        names = (*folders.with_shots(), *folders.files(OPENED_SUFFIXES))
-        self.listed.options = {**NOTHING, **{name: name for name in names}}
+        shots, files = folders.with_shots(), folders.files(OPENED_SUFFIXES)
+        named = {f"{folders.roots[0].name}, this folder" if name == "." else name: name for name in (*shots, *files)}
+        chosen = self.listed.value
+        self.listed.options = {**NOTHING, **named}
+        self.listed.value = chosen if chosen in named.values() else "." if "." in shots else ""
 
     def _open(self) -> None:
         named = written(self.path) or self.listed.value
@@ -72,36 +117,139 @@ class ShotsPage:
         self.path.value = self.listed.value = ""
         self.session.open((Path(self._dropped.name),))
 
-    def _left_out(self) -> None:
-        if self.session.opened.bracket is not None:
-            self.session.pictures_out = tuple(self.grid.out)
-        if self.session.history is None:
-            return
-        workspace, out = self.session.workspace, frozenset(self.grid.out)
-        if out != workspace.out:
-            self.session.change(replace(workspace, out=out))
-            self.session.say(f"{len(out)} shots left out" if out else "all shots take part")
+    # --- brackets ----------------------------------------------------------------------------------------------------
+
+    def _enable(self) -> None:
+        self.light.disabled = self.corners.disabled = not self.chart.value
+        self.all_colours.disabled = bool(self.chart.value)
+
+    def _fit(self) -> None:
+        bracket = self.session.opened.bracket
+        assert bracket is not None
+        files = tuple(file for file in bracket.files if file.name not in self.session.pictures_out)
+        times, light, corners = map(written, (self.times, self.light, self.corners))
+        request = BracketRequest(files, times, self.all_colours.value, self.chart.value, light, corners)
+        if len(request.files) < 2:
+            raise WorkspaceError("a response needs two pictures or more: take some in again")
+
+        def done(fitted: FittedResponse | FittedChart) -> None:
+            if self.session.opened.bracket is bracket:
+                self.session.take_response(request, fitted)
+
+        self.session.start("response", done, fit_request, request)
+
+    def _show_response(self) -> None:
+        """The response that was fitted to a bracket, with its table and what there is to say."""
+        self.bracket.visible = self.session.opened.bracket is not None
+        self.response.visible = self.session.response is not None
+        if self.session.response is not None:
+            fit = self.session.response[1].fit
+            self.curves.show(bracket_figure(fit))
+            notes = paragraphs(*fit.told, fit.verdict.told, *self.session.profile.notes)
+            self.findings.object = html("{}{}", notes, table(response_table(fit)))
+
+    # --- what is shown -----------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
-        """The shots of the workspace."""
-        self.bracket.refresh()
-        self.shown.visible = self.session.opened.bracket is None
-        if self.session.history is None:
-            bracket, self._drawn = self.session.opened.bracket, None
-            self.grid.shots = [] if bracket is None else self.bracket.cards(bracket)
-            self.grid.out, self.grid.legend = list(self.session.pictures_out), []
-            self.notes.object = "" if bracket is None else f"<p>{escape(str(bracket))}.</p>"
-            return
-        workspace = self.session.workspace
-        profile = self.session.profile if self.session.has_profile else None
-        drawn = (workspace.samples, profile, self.shown.value)
+        """Everything, from what the session has opened."""
+        self._show_response()
+        session, bracket = self.session, self.session.opened.bracket
+        workspace = session.workspace if session.history is not None else None
+        profile = session.profile if session.has_profile else None
+        out: object = workspace.outliers if workspace is not None and self.shown.value == SHOWN[1] else None
+        drawn = (bracket, None if workspace is None else workspace.samples, profile, self.shown.value, out)
         if drawn != self._drawn:
             self._drawn = drawn
-            accounts = {account.shot: account for account in self.session.opened.accounts}
-            self.grid.shots = cards(workspace.samples, accounts, profile, self.shown.value)
-            self.grid.legend = LEGEND if self.shown.value == "tiles" and accounts else []
-        if set(self.grid.out) != workspace.out:
-            self.grid.out = sorted(workspace.out)
-        departures = "" if profile is not None else " Falloff and tone are known once a model is computed."
-        failed = "".join(f"<p>not used: {escape(line)}</p>" for line in self.session.opened.left_out[:20])
-        self.notes.object = f"<p>A click on a shot leaves it out, another takes it in.{departures}</p>{failed}"
+            if bracket is not None:
+                cards = self._cards_of_bracket()
+            else:
+                cards = iter(()) if workspace is None else self._cards(workspace, profile)
+            self._draw(dict(cards))
+        left_out = set(session.pictures_out) if bracket is not None else workspace.out if workspace else set()
+        for name, box in self.boxes.items():
+            with session.setting():
+                box.value = name not in left_out
+        failed = paragraphs(*(f"not used: {line}" for line in session.opened.left_out[:20]))
+        untick = "Untick a shot to leave it out. " if self.boxes else ""
+        known = "" if profile is not None or workspace is None else "The falloff is known once a model is computed."
+        self.notes.object = html("{}{}", paragraphs(untick + known if bracket is None else f"{bracket}."), failed)
+        legend = zip(("kept: in its own colour", *OUTCOMES[1:]), OUTCOME_COLOURS, strict=True)
+        marks = [html("<i class=colour style='background:{}'></i>{} &emsp; ", colour, what) for what, colour in legend]
+        self.legend.object = Html("".join(marks)) if self.shown.value == "tiles" and session.opened.accounts else ""
+
+    def _draw(self, cards: dict[str, Html]) -> None:
+        """A card a shot: a box to take it in or leave it out, its pictures, and what is known of it."""
+        self.boxes = {name: checkbox(name, True) for name in cards}
+        self.session.watch(self._leave_out, *self.boxes.values())
+        width = {"styles": {"flex": "1 1 24rem", "max-width": "40rem"}, "margin": 6}
+        self.grid[:] = [
+            pmui.Paper(self.boxes[name], text(card), variant="outlined", **width) for name, card in cards.items()
+        ] or [text(paragraphs(EMPTY))]
+
+    def _leave_out(self) -> None:
+        out = frozenset(name for name, box in self.boxes.items() if not box.value)
+        if self.session.opened.bracket is not None:
+            self.session.pictures_out = tuple(out)
+        if self.session.history is not None and out != self.session.workspace.out:
+            self.session.change(replace(self.session.workspace, out=out))
+            self.session.say(f"{len(out)} shots left out" if out else "all shots take part")
+
+    def _cards(self, workspace: Workspace, profile: CameraProfile | None) -> Iterator[tuple[str, Html]]:
+        accounts = {account.shot: account for account in self.session.opened.accounts}
+        outliers = {
+            str(name): workspace.outliers[workspace.samples.shot == name] for name in set(workspace.samples.shot)
+        }
+        for name, samples in workspace.samples.by_shot():
+            account = accounts.get(name)
+            cells = None if account is None else account.cells
+            if account is None or cells is None:
+                pictures = {"samples": swatches(samples.srgb)}
+            elif self.shown.value == SHOWN[1]:
+                pictures = {"samples, outliers orange": framed(cells.picture, account.places, outliers[name])}
+            elif self.shown.value == SHOWN[2]:
+                colours = np.array([[int(one[at : at + 2], 16) for at in (1, 3, 5)] for one in OUTCOME_COLOURS])
+                mixed = 0.3 * cells.jpeg + 0.7 * colours[cells.outcome]
+                kept = cells.outcome[..., None] == 0
+                pictures = {"tiles": np.where(kept, cells.jpeg, mixed).astype(np.uint8).repeat(4, 0).repeat(4, 1)}
+            else:
+                pictures = {"JPEG": cells.picture, "RAW": cells.raw}
+            urls = {title: jpeg_url(picture) for title, picture in pictures.items()}
+            yield name, card_of(name, urls, facts_of(name, samples, account, profile))
+
+    def _cards_of_bracket(self) -> Iterator[tuple[str, Html]]:
+        """A card a picture: its exposure as stated and as it was."""
+        bracket, response = self.session.opened.bracket, self.session.response
+        assert bracket is not None
+        fitted, least = None if response is None else response[1], np.nanmin([*bracket.exposure_s, np.inf])
+        for file, exposure, small in zip(bracket.files, bracket.exposure_s, bracket.small, strict=True):
+            known = f"exposure × {exposure / least:.4g}, as stated"
+            facts = [known if np.isfinite(exposure) else "exposure not stated"]
+            if fitted is not None and file.name in fitted.fit.exposure_error:
+                facts.append(f"true / stated: {fitted.fit.exposure_error[file.name]:.3f}")
+            if isinstance(fitted, FittedChart):
+                facts += ["chart found here"] if file.name in fitted.found else []
+                facts += [f"white beside the chart: {fitted.level[file.name]:.3g}"] if file.name in fitted.level else []
+            yield file.name, card_of(file.name, {"picture": jpeg_url(small)}, facts)
+
+
+def card_of(name: str, pictures: dict[str, str], facts: list[str]) -> Html:
+    """Pictures by title beside each other, above what is known."""
+    images = [
+        html("<img src='{}' alt='{} of {}' title='{}'>", url, title, name, title) for title, url in pictures.items()
+    ]
+    return html("<div class=pictures>{}</div>{}", Html("".join(images)), paragraphs(*facts))
+
+
+def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile: CameraProfile | None) -> list[str]:
+    """What is known of a shot, a line each: settings, samples and falloff."""
+    time, balance = float(samples.exposure_s[0]), samples.white_balance[0]
+    seconds = "" if not np.isfinite(time) else f", 1/{1 / time:.0f} s" if time < 0.4 else f", {time:g} s"
+    facts = [f"{samples.style[0]}/{balance}{seconds}", f"{len(samples):,} samples"]
+    if account is not None:
+        facts = [facts[0], account.summary.removeprefix(f"{account.shot}: ")]
+    if profile is not None:
+        lens = falloff_of(
+            profile.falloffs, str(samples.lens[0]), float(samples.focal_mm[0]), float(samples.aperture[0])
+        )
+        facts += [f"falloff: corners {lens.corner_ev:+.2f} EV"] if lens is not None else []
+    return facts

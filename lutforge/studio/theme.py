@@ -18,11 +18,13 @@ _COMMON: dict[str, Any] = {
         },
         "MuiInputLabel": {
             "styleOverrides": {
-                "root": {"transition": "none"},
+                "root": {"transition": "none", "color": "inherit"},
                 # On the border of its field at any size of letters; the toolkit's own 9 px are for letters of 16.
                 "outlined": {"&.MuiInputLabel-shrink": {"transform": "translate(14px, -0.5625rem) scale(0.75)"}},
             },
         },
+        # Inherited from the page, which changes its theme at once, where each control takes its own time.
+        **{name: {"styleOverrides": {"root": {"color": "inherit"}}} for name in ("MuiTypography", "MuiInputBase")},
         "MuiSlider": {"styleOverrides": {"thumb": {"transition": "none"}, "track": {"transition": "none"}}},
         "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
         "MuiAppBar": {

@@ -11,10 +11,13 @@ from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.unsaturated import saturation
-from lutforge.errors import LutForgeError
+from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, ModelName
 from lutforge.model.directions import Direction
 from lutforge.model.response import Response
+from lutforge.pipeline.calibration import calibrate, calibrate_stages
+from lutforge.pipeline.predictions import Predicted, node_level_errors, predict
+from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet
 
 MODELS = {"matrix": "Response, matrix and white balance", "rbf": "Gamut map", "lattice": "Lattice"}
@@ -27,26 +30,27 @@ class WorkspaceError(LutForgeError):
 
 
 @dataclass(frozen=True)
-class Filters:
-    """What counts as an outlier of the response.
+class Column:
+    """A column of the table that samples are filtered by. usual: the limits that nobody moved, both within `reach`.
 
-    saturation: colours above it (1: none); darkest, brightest: JPEG values in any channel beyond these; raw_saturated:
-    RAW values from it on; residual: RGB distance between the JPEG and what the model renders (None: any).
+    stage: whether what lies outside is kept from response and matrix alone, as gamut map and lattice need it.
     """
 
-    saturation: float = 1.0
-    darkest: float = 1 / 255
-    brightest: float = 254 / 255
-    raw_saturated: float = 0.98
-    residual: float | None = None
+    title: str
+    reach: tuple[float, float]
+    usual: tuple[float, float]
+    step: float
+    stage: bool = False
 
-    def __post_init__(self) -> None:
-        if not 0 <= self.darkest < self.brightest <= 1:
-            raise WorkspaceError("the clipping limits must rise from dark to bright, between 0 and 1")
-        if not 0 < self.saturation <= 1 or not 0 < self.raw_saturated <= 1:
-            raise WorkspaceError("saturation limits lie above 0, up to 1")
-        if self.residual is not None and not self.residual > 0:
-            raise WorkspaceError("the residual distance is positive")
+
+COLUMNS = {
+    "saturation": Column("Saturation", (0.0, 1.0), (0.0, 1.0), 0.01, stage=True),
+    "darkest": Column("Smallest JPEG code", (0, 255), (1, 255), 1),
+    "brightest": Column("Largest JPEG code", (0, 255), (0, 254), 1),
+    "raw": Column("Largest RAW value", (0.0, 1.0), (0.0, 0.98), 0.01),
+    "residual": Column("Distance from the model, codes", (0.0, 64.0), (0.0, 64.0), 0.5),
+}
+"""By their names; a limit at the end of the reach leaves nothing out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,36 +81,32 @@ class FitTask:
 
 @dataclass(frozen=True, eq=False)
 class FittedModel:
-    """A model, and what it makes of every sample, all (n, 3).
+    """A profile, and what it makes of every sample.
 
-    scene: Ts Tw E; transformed: what stands before the response f, h(Ts Tw E) (a lattice has no f: its JPEG value);
-    predicted: the JPEG value; linearized: the JPEG value backward, to be compared with `scene`. uniform_error: by style
-    and direction, per axis the histogram of the squared error of a uniform lattice, where one was fitted. task: what it
-    was fitted to; None where it comes from a file.
+    level_errors: by style and direction, per axis the histogram of the squared error of a uniform lattice, where one
+    was fitted. task: what it was fitted to; None where it comes from a file.
     """
 
     profile: CameraProfile
-    scene: Array
-    transformed: Array
-    predicted: Array
-    linearized: Array
-    uniform_error: Mapping[tuple[str, Direction], tuple[Array, Array, Array]] = field(default_factory=dict)
+    predicted: Predicted
+    level_errors: Mapping[tuple[str, Direction], tuple[Array, Array, Array]] = field(default_factory=dict)
     task: FitTask | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """One state. samples: as loaded; pairs: their exposure pairs, None where there are none.
+    """One state. samples: as loaded, RAW is NaN where there is none; pairs: of exposures, None where there are none.
 
-    hand: (n,) 1 for rows marked as outliers by hand, −1 for rows kept by hand whatever the filters say, else 0.
-    model: the name of the fitted model that plots and residuals use, "" before the first fit. out: the shots that take
-    no part; unticked: the exposure pairs that do not tell the response, by the names of their shots; own_stages:
-    whether gamut map and lattice stand on the response and matrix that were fitted before.
+    limits: by column what lies outside is an outlier of the response. hand: (n,) 1 for rows marked as outliers by hand,
+    −1 for rows kept by hand whatever the limits say, else 0. model: the name of the fitted model that plots and
+    residuals use, "" before the first fit. out: the shots that take no part; unticked: the exposure pairs that do not
+    tell the response, by the names of their shots; own_stages: whether gamut map and lattice stand on the response and
+    matrix that were fitted before.
     """
 
     samples: SampleSet
     pairs: ExposurePairs | None = None
-    filters: Filters = field(default_factory=Filters)
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     hand: NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
     groups: Mapping[str, Group] = field(default_factory=dict)
     models: Mapping[str, FittedModel] = field(default_factory=dict)
@@ -117,18 +117,21 @@ class Workspace:
     own_stages: bool = True
 
     def __post_init__(self) -> None:
-        if len(self.hand) == 0:
-            object.__setattr__(self, "hand", np.zeros(len(self.samples), dtype=np.int8))
         count = len(self.samples)
+        if len(self.hand) == 0:
+            object.__setattr__(self, "hand", np.zeros(count, dtype=np.int8))
         if self.hand.shape != (count,) or any(group.rows.shape != (count,) for group in self.groups.values()):
             raise WorkspaceError(f"workspace: its marks are not of its {count} samples")
         if self.model and self.model not in self.models:
             raise WorkspaceError(f'workspace: it holds no model "{self.model}"')
+        for name, (low, high) in self.limits.items():
+            if name not in COLUMNS or not COLUMNS[name].reach[0] <= low <= high <= COLUMNS[name].reach[1]:
+                raise WorkspaceError(f"workspace: limits {low} to {high} of {name} mean nothing")
 
-    @cached_property
-    def chroma(self) -> Array:
-        """(n,) saturation of the JPEG colours, as the response fit counts it."""
-        return saturation(self.samples.srgb)
+    @property
+    def has_raw(self) -> bool:
+        """Whether the samples are of a camera with RAW, its own or another's."""
+        return bool(np.isfinite(self.samples.raw).any())
 
     @property
     def fitted(self) -> FittedModel | None:
@@ -148,19 +151,24 @@ class Workspace:
         """(n,) RGB distance between the JPEG and what the model in use renders; 0 before the first fit."""
         if self.fitted is None:
             return np.zeros(len(self.samples))
-        return np.asarray(np.linalg.norm(self.fitted.predicted - self.samples.srgb, axis=1))
+        return np.asarray(np.linalg.norm(self.fitted.predicted.rendered - self.samples.srgb, axis=1))
+
+    @cached_property
+    def columns(self) -> dict[str, Array]:
+        """(n,) by name: the columns of the table that samples are filtered by."""
+        codes = 255 * self.samples.srgb
+        return {
+            "saturation": saturation(self.samples.srgb),
+            "darkest": codes.min(axis=1),
+            "brightest": codes.max(axis=1),
+            "raw": self.samples.raw.max(axis=1),
+            "residual": 255 * self.residual,
+        }
 
     @cached_property
     def filtered(self) -> dict[str, Mask]:
-        """(n,) by filter: the rows that it finds."""
-        limits, srgb, raw = self.filters, self.samples.srgb, self.samples.raw
-        clipped = np.any((srgb < limits.darkest) | (srgb > limits.brightest), axis=1)
-        far = np.zeros(len(srgb), dtype=np.bool_) if limits.residual is None else self.residual > limits.residual
-        return {
-            "saturation": self.chroma > limits.saturation,
-            "clipping": clipped | np.any(raw >= limits.raw_saturated, axis=1),
-            "residual": far,
-        }
+        """(n,) by column: the rows outside its limits."""
+        return {name: _outside(values, COLUMNS[name], self.limits.get(name)) for name, values in self.columns.items()}
 
     @cached_property
     def removed(self) -> Mask:
@@ -174,7 +182,7 @@ class Workspace:
     def outliers(self) -> Mask:
         """(n,): rows that take no part in the fits of response, matrix and white balance.
 
-        They are removed, found by a filter, or in none of the exposure pairs that are ticked, where some are not.
+        They are removed, outside the limits, or in none of the exposure pairs that are ticked, where some are not.
         """
         rows = np.logical_or.reduce([*self.filtered.values(), self.in_no_pair]) & (self.hand >= 0)
         return np.asarray(rows | self.removed)
@@ -193,16 +201,16 @@ class Workspace:
         """(n,): the samples that a fit of this model takes.
 
         The gamut map and the lattice need the saturated colours that are kept from the response (thesis A.3.3), and
-        find for themselves what is clipped: for them the saturation limit does not count, a clipping limit where it was
-        moved, and the residual where it is that of such a model.
+        find for themselves what is clipped: for them a limit counts where it was moved, that of the saturation never,
+        and that of the residual where it is of such a model.
         """
         if model == "matrix":
             return ~self.outliers
-        rows, limits, usual = self.removed, self.filters, Filters()
-        if replace(limits, saturation=usual.saturation, residual=None) != usual:
-            rows = rows | self.filtered["clipping"]
-        if self.model in ("rbf", "lattice"):
-            rows = rows | self.filtered["residual"]
+        rows = self.removed
+        for name, limits in self.limits.items():
+            own = name != "residual" or self.model in ("rbf", "lattice")
+            if own and limits != COLUMNS[name].usual and not COLUMNS[name].stage:
+                rows = rows | self.filtered[name]
         return np.asarray(~rows | ((self.hand < 0) & ~self.removed))
 
     def task(self, kind: str) -> FitTask:
@@ -226,13 +234,9 @@ class Workspace:
             return self.fitting_rows(self.model or "lattice")
         return self.fitted.task.rows
 
-    def mark(self, rows: Mask, outlier: bool) -> "Workspace":
-        """Return the workspace with these rows marked by hand as outliers, or kept by hand."""
-        return replace(self, hand=np.where(rows, np.int8(1 if outlier else -1), self.hand))
-
-    def unmark(self, rows: Mask) -> "Workspace":
-        """Return the workspace without marks by hand on these rows."""
-        return replace(self, hand=np.where(rows, np.int8(0), self.hand))
+    def mark(self, rows: Mask, mark: int) -> "Workspace":
+        """Mark rows by hand: 1 as outliers, −1 to be kept, 0 not at all."""
+        return replace(self, hand=np.where(rows, np.int8(mark), self.hand))
 
     def with_group(self, name: str, rows: Mask) -> "Workspace":
         """Add these rows as a named, active outlier group. Raises WorkspaceError: no name, no rows."""
@@ -261,6 +265,13 @@ class Workspace:
         return replace(self, models={**self.models, name: fitted}, model=name)
 
 
+def _outside(values: Array, column: Column, limits: tuple[float, float] | None) -> Mask:
+    """(n,): the values outside the limits, to a millionth; what is unknown is inside."""
+    low, high = column.usual if limits is None else limits
+    below = (values < low - 1e-6) & (low > column.reach[0])
+    return np.asarray(below | ((values > high + 1e-6) & (high < column.reach[1])))
+
+
 @dataclass(frozen=True, eq=False)
 class History:
     """Workspaces in the order that they were made; arrays that do not change are shared between them."""
@@ -275,12 +286,26 @@ class History:
 
     def undo(self) -> "History":
         """One state back, if there is one."""
-        if not self.past:
-            return self
-        return History(self.past[-1], self.past[:-1], (self.present, *self.future))
+        return History(self.past[-1], self.past[:-1], (self.present, *self.future)) if self.past else self
 
     def redo(self) -> "History":
         """One state on, if there is one."""
-        if not self.future:
-            return self
-        return History(self.future[0], (*self.past, self.present), self.future[1:])
+        return History(self.future[0], (*self.past, self.present), self.future[1:]) if self.future else self
+
+
+def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedModel:
+    """Fit a model to some samples, and let it predict all.
+
+    Raises CalibrationError where they do not determine the model.
+    """
+    if task.rows.sum() < 10:
+        raise CalibrationError(f"{int(task.rows.sum())} samples are left to fit; at least 10 are needed: filter less")
+    chosen = samples.select(task.rows)
+    if task.kind == "matrix":
+        profile = calibrate_stages(chosen, task.options, progress)
+    else:
+        stages = None if task.stages is None else task.stages.profile
+        profile = calibrate(chosen, task.options, progress, stages=stages)
+    progress("predicting all samples", 0.9)
+    errors = node_level_errors(profile, chosen) if task.kind == "lattice" and not profile.raw_camera else {}
+    return FittedModel(profile, predict(profile, samples), errors)

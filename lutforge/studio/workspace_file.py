@@ -18,30 +18,21 @@ from lutforge.atomic_write import atomic_path, scratch_folder
 from lutforge.boundary import reading
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
-from lutforge.errors import CalibrationError, SampleError
+from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.profile_file import save_profile
 from lutforge.pipeline.outputs import TABLE_SUFFIXES
+from lutforge.pipeline.predictions import predict
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet, with_setting_names
-from lutforge.samples.table import read_samples, write_samples
+from lutforge.samples.table import is_table, read_samples, write_samples
 from lutforge.studio.brackets import Bracket, bracket_in
-from lutforge.studio.fits import evaluate_on
-from lutforge.studio.workspace import (
-    MODELS,
-    MOST_GROUPS,
-    Filters,
-    FitTask,
-    FittedModel,
-    Group,
-    Workspace,
-    WorkspaceError,
-)
+from lutforge.studio.workspace import MODELS, MOST_GROUPS, FitTask, FittedModel, Group, Workspace, WorkspaceError
 
 SUFFIX = ".workspace"
-DOCUMENT, SAMPLES, MARKS = "workspace.json", "samples.parquet", "marks.npy"
+DOCUMENT, SAMPLES, MARKS = "workspace.json", "samples.npz", "marks.npy"
 
 
 def save_workspace(workspace: Workspace, path: str | Path) -> None:
@@ -49,10 +40,12 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() != SUFFIX:
         raise WorkspaceError(f"{path}: a workspace file ends in {SUFFIX}")
+    if not workspace.has_raw:
+        raise WorkspaceError("a bracket has no workspace: save its profile, and open the pictures again")
     document = {
         "format": "lutforge-workspace",
-        "version": 2,
-        "filters": vars(workspace.filters),
+        "version": 4,
+        "limits": workspace.limits,
         "groups": [{"name": name, "active": group.active} for name, group in workspace.groups.items()],
         "models": list(workspace.models),
         "model": workspace.model,
@@ -97,9 +90,10 @@ def open_workspace(path: str | Path) -> Workspace:
         for index, (name, profile) in enumerate(profiles.items(), start=1 + len(groups)):
             stages = models.get("matrix") if document["own_stages"] and name != "matrix" else None
             task = FitTask(name, marks[:, index] != 0, options_from_json(profile.options), stages)
-            models[name] = replace(evaluate_on(profile, name, samples), task=task)
+            models[name] = FittedModel(profile, predict(profile, samples), task=task)
         return Workspace(
-            samples, filters=Filters(**document["filters"]), hand=marks[:, 0], groups=groups, models=models,
+            samples, limits={str(name): (float(low), float(high)) for name, (low, high) in document["limits"].items()},
+            hand=marks[:, 0], groups=groups, models=models,
             model=str(document["model"]), options=options_from_json(document["options"]),
             out=frozenset(map(str, document["out"])), own_stages=bool(document["own_stages"]),
             unticked=frozenset((str(one), str(other)) for one, other in document["unticked"]),
@@ -112,8 +106,8 @@ def _document(archive: zipfile.ZipFile) -> dict[str, Any]:
     document = json.loads(archive.read(DOCUMENT))
     if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
         raise WorkspaceError("not a LutForge workspace")
-    if document.get("version") != 2:
-        raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 2")
+    if document.get("version") != 4:
+        raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 4")
     if len(document["groups"]) > MOST_GROUPS or not set(document["models"]) <= set(MODELS):
         raise WorkspaceError("it names models or groups that no workspace has")
     return document
@@ -138,8 +132,8 @@ def _marks(marks: NDArray[Any], document: dict[str, Any]) -> NDArray[np.int8]:
 class Opened:
     """What was opened.
 
-    workspace: None where it was profiles alone; profile_source: the file of the profile; files: by shot its RAW file;
-    accounts: of shots; bracket: pictures without RAW, where that is all.
+    workspace: None where it was profiles alone; profile_source: the file of the profile; accounts: of shots; left_out:
+    why other shots have none; files: by shot its RAW file; bracket: pictures without RAW, where that is all.
     """
 
     workspace: Workspace | None = None
@@ -156,20 +150,19 @@ def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
 
     Raises LutForgeError in one line.
     """
-    if not paths:
-        raise SampleError("nothing given: name a sample table (.csv, .parquet), RAW files, a folder, or a profile")
     if len(paths) == 1 and paths[0].suffix.lower() == SUFFIX:
         progress("reading", 0.0)
         workspace = open_workspace(paths[0])
         return Opened(replace(workspace, pairs=find_pairs(workspace.samples)))
-    source = next((path for path in reversed(paths) if path.suffix.lower() == ".npz"), None)
+    profiles = [path for path in paths if path.suffix.lower() == ".npz" and not is_table(path)]
+    source = profiles[-1] if profiles else None
     profile = None if source is None else load_profile(source)
-    sources = [path for path in paths if path.suffix.lower() != ".npz"]
+    sources = [path for path in paths if path not in profiles]
     if not sources:
         return Opened(profile=profile, profile_source=source)
-    bracket = bracket_in(sources, progress)
-    if bracket is not None:
-        return Opened(bracket=bracket)
+    if (bracket := bracket_in(sources, progress)) is not None:
+        shown = None if bracket.samples is None else Workspace(bracket.samples, bracket.pairs)
+        return Opened(shown, bracket=bracket)
     sampled = gather_samples(sources, progress)
     progress("looking for exposure pairs", 0.95)
     workspace = Workspace(sampled.samples, find_pairs(sampled.samples))
@@ -182,7 +175,7 @@ def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:
     """Add a profile as the fitted model, under the name of the model that it holds."""
     has_lattice = any(style.render is not None for style in profile.styles.values())
     kind = "lattice" if has_lattice and profile.options.get("model") != "rbf" else "rbf"
-    return workspace.with_model(kind, evaluate_on(profile, kind, workspace.samples))
+    return workspace.with_model(kind, FittedModel(profile, predict(profile, workspace.samples)))
 
 
 def find_pairs(samples: SampleSet) -> ExposurePairs | None:
@@ -193,4 +186,4 @@ def find_pairs(samples: SampleSet) -> ExposurePairs | None:
         return None
 
 
-OPENED_SUFFIXES = (*TABLE_SUFFIXES, ".npz", SUFFIX)
+OPENED_SUFFIXES = (*TABLE_SUFFIXES, SUFFIX)

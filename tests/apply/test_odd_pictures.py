@@ -19,6 +19,7 @@ from lutforge.images.read import Image, is_premultiplied, read_image
 from lutforge.images.write import write_image
 from lutforge.luts.input_and_output import input_and_output_of, read_input_and_output
 from lutforge.luts.ops import Cube
+from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.shots.tags import tags
@@ -124,15 +125,13 @@ def test_what_an_earlier_batch_made_is_not_graded_again(tmp_path: Path, cube: Lu
     (tmp_path / "in").mkdir()
     write_picture(tmp_path / "in" / "a.png")
 
-    def graded(out: str, masks: str) -> tuple[BatchResult, tuple[str, ...]]:
-        folders = [tmp_path / "in" / out, tmp_path / "in" / masks]
-        inputs = find_inputs([tmp_path / "in"], recursive=True, leave_out=folders)
-        return apply_batch(cube, inputs.images, folders[0], masks=folders[1]), inputs.notes
+    def graded(out: str) -> tuple[BatchResult, tuple[str, ...]]:
+        folder = tmp_path / "in" / out
+        inputs = find_inputs([tmp_path / "in"], recursive=True, leave_out=[folder])
+        return apply_batch(cube, inputs.images, folder), inputs.notes
 
-    (tmp_path / "in" / "masks").mkdir()
-    write_picture(tmp_path / "in" / "masks" / "a.tif")
-    assert len(graded("first", "masks")[0].done) == 1
-    result, notes = graded("second", "masks")
+    assert len(graded("first")[0].done) == 1
+    result, notes = graded("second")
     assert len(result.done) == 1
     assert notes == (f"{tmp_path / 'in' / 'first'}: left out, it was graded into; name it to grade what is in it",)
     assert len(find_inputs([tmp_path / "in" / "first"]).images) == 1
@@ -154,9 +153,8 @@ def test_raw_files_of_a_folder_are_rendered_unless_their_picture_is_there(tmp_pa
 def test_a_lut_file_says_what_goes_in_and_what_comes_out(tmp_path: Path, suffix: str, kind: str, space: str) -> None:
     ends, levels = input_and_output_of(kind, space), uniform_levels(2)
     Lut((Cube(grid(levels)),), "x", ("LutForge 1", *ends.comments)).write(tmp_path / f"a{suffix}")
-    assert read_input_and_output(tmp_path / f"a{suffix}") == ends
-    assert read_input_and_output(tmp_path / "none") is None
-    assert read_input_and_output(write_cube(tmp_path / "other.cube")) is None
+    assert read_input_and_output(read_lut(tmp_path / f"a{suffix}").comments) == ends
+    assert read_input_and_output(read_lut(write_cube(tmp_path / "other.cube")).comments) is None
 
 
 def test_scene_linear_light_in_eight_bits_is_told(tmp_path: Path) -> None:

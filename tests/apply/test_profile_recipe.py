@@ -133,7 +133,9 @@ def test_every_pair_of_settings_on_a_scene_that_was_held_out(
                 recipe = ProfileRecipe((folder / "camera.npz",), "/".join(source), "/".join(target))
                 given, wanted = (profile.selector("/".join(setting)) for setting in (source, target))
                 chain = recipe.chain(SettingChange(profile, given, profile, wanted))
-                assert sum(isinstance(op, Cube) for op in chain.ops) == 2
+                assert (
+                    sum(isinstance(op, Cube) for op in chain.ops) == 3
+                )  # one of highlights between those of the model
                 after = evaluate(chain.processor(), pictures[source])
                 errors[source, target] = error(pictures[source], after, pictures[target])
     # One draw. Over six draws of the samples and two scenes the median is 0.0032 and the worst pair of a scene
@@ -193,11 +195,9 @@ def test_what_a_picture_does_not_tell_is_refused_with_what_is_known(
     spec.attribute("ImageDescription", "PictureStyle=vivid; WhiteBalance=shade")
     write_image(tmp_path / "other.jpg", pixels, Image(pixels, spec))
     recipe = ProfileRecipe((folder / "camera.npz",), target="vivid/daylight")
-    with pytest.raises(SettingsError, match=r"does not name its camera.*lutforge identify"):
+    with pytest.raises(SettingsError, match=r"does not name its camera.*--from"):
         recipe.grade(tmp_path / "bare.png")
-    with pytest.raises(
-        SettingsError, match=r"does not tell its picture style.*standard, vivid.*--from.*lutforge identify"
-    ):
+    with pytest.raises(SettingsError, match=r"does not tell its picture style.*standard, vivid.*--from"):
         recipe.grade(tmp_path / "named.jpg")
     with pytest.raises(SettingsError, match=r"is of LutForge Other.*--from"):
         recipe.grade(tmp_path / "other.jpg")
@@ -225,22 +225,20 @@ def test_clipped_whites_and_blacks_stay_neutral_and_are_counted(
         assert np.linalg.norm(greys - white, axis=1).min() < 0.001  # one of the greys that the camera makes
         assert np.all(black == 0.0)
         model = profile.refinish("standard/tungsten", "vivid/shade", ev)
-        below = np.random.default_rng(0).integers(1, 247, (500, 3)) / 255  # nothing near 1: the model as it is
+        below = np.random.default_rng(0).integers(1, 247, (500, 3)) / 255  # none near white: the model as it is
+        below[:, 1] = np.minimum(below[:, 1], 0.6)
         np.testing.assert_allclose(chain(below), model(below), atol=1e-9)
         near = np.random.default_rng(1).integers(200, 256, (500, 3)) / 255
-        assert np.abs(chain(near) - model(near)).mean() < 0.005  # one cell from there to 1
+        assert np.abs(chain(near) - model(near)).mean() < 0.005  # within a cell of where they begin to rise
     pixels = read_image(alone(shot, tmp_path)).pixels.copy()
     pixels[:20], pixels[20:30, :, 0] = 1.0, 0.0
     write_image(tmp_path / "clipped.tif", pixels, Image(pixels, read_image(alone(shot, tmp_path)).spec))
     recipe = ProfileRecipe((folder / "camera.npz",), "standard/tungsten", "vivid/shade")
-    result = apply_batch(recipe, [tmp_path / "clipped.tif"], tmp_path / "out", masks=tmp_path / "masks")
+    result = apply_batch(recipe, [tmp_path / "clipped.tif"], tmp_path / "out")
     assert any("clipped" in note for note in result.done[0].notes)
-    mask = read_image(tmp_path / "masks" / "clipped.tif").pixels[..., 0]
-    assert np.all(mask[:30] == 0)
-    assert mask[40:].mean() > 0.5
 
 
-def test_the_mask_of_a_camera_without_raw_is_that_of_the_same_lattices(profile: CameraProfile) -> None:
+def test_the_confidence_of_a_camera_without_raw_is_that_of_the_same_lattices(profile: CameraProfile) -> None:
     without = replace(profile, raw_camera="Reference", raw_transfer=np.diag([0.8, 1.0, 0.9]))
     codes = np.random.default_rng(2).random((500, 3))
     given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/shade")
@@ -255,10 +253,9 @@ def test_a_raw_file_is_rendered_as_the_camera_renders_it(
     profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
 ) -> None:
     recipe = ProfileRecipe((folder / "camera.npz",), target="vivid/daylight")
-    result = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif", masks=tmp_path / "masks")
+    result = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif")
     assert not result.failed
-    assert any("no mask" in note for note in result.notes)
-    again = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif", masks=tmp_path / "masks", resume=True)
+    again = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif", resume=True)
     assert again.skipped == (tmp_path / "out" / "IMG_1.tif",)
     written = read_image(tmp_path / "out" / "IMG_1.tif")
     for name, value in {"Make": "LutForge", "Model": "Simulated D5100", "DateTime": "2015:06:15 12:00:00"}.items():

@@ -76,21 +76,6 @@ def test_data_windows_off_the_origin_stay_where_they_are(tmp_path: Path, grade: 
     np.testing.assert_array_equal(graded.pixels, apply_to_pixels(grade.processor, pixels))
 
 
-def test_a_mask_has_the_confidence_and_the_shape_of_the_image(tmp_path: Path, grade: Grade) -> None:
-    masked = Grade(
-        grade.processor, "x", confidence=LutRecipe(write_cube(tmp_path / "c.cube", 1.0)).grade(tmp_path).processor
-    )
-    write_picture(tmp_path / "a.tif", (100, 60), "uint16", 16, Orientation=6)
-    done = apply_image(masked, tmp_path / "a.tif", tmp_path / "b.tif", 2, tmp_path / "m.tif", 60 * 3 * 16)
-    assert done.mask == tmp_path / "m.tif"
-    mask, source = read_image(tmp_path / "m.tif"), read_image(tmp_path / "a.tif")
-    assert masked.confidence is not None
-    wanted = apply_to_pixels(masked.confidence, source.pixels)[..., :1]
-    np.testing.assert_allclose(mask.pixels, wanted, atol=0.51 / 255)
-    assert mask.spec.get_int_attribute("Orientation") == 6
-    assert apply_image(grade, tmp_path / "a.tif", tmp_path / "b.tif", 1, tmp_path / "n.tif").mask is None
-
-
 def test_a_raw_file_is_graded_upright(tmp_path: Path, shared_data: Path, grade: Grade) -> None:
     from lutforge.images.raw import read_raw
 

@@ -36,8 +36,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_what_is_done_and_valid_is_skipped(tmp_path: Path, pictures: list[Path]) -> None:
     cube, out = write_cube(tmp_path / "look.cube"), tmp_path / "out"
 
-    def run(masks: Path | None = None) -> BatchResult:
-        return apply_batch(LutRecipe(cube), pictures, out, resume=True, masks=masks)
+    def run() -> BatchResult:
+        return apply_batch(LutRecipe(cube), pictures, out, resume=True)
 
     def graded(result: BatchResult) -> list[str]:
         assert not result.failed

@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.chart_matches
 
-The cameras photographed a chart at four exposures under two lights (tests/data/middlebury_charts.parquet); the Nikon
+The cameras photographed a chart at four exposures under two lights (tests/data/middlebury_charts.npz); the Nikon
 D200's RAW stands in for all others'. Prints, for the 90 ordered pairs under each light, how many lie within 0.03 (mean
 distance of RGB on unclipped patches), and the median:
 
@@ -127,7 +127,7 @@ def fixed_map(pair: Pair, other_light: Pair | None = None) -> float:
 
 def main() -> None:
     """Print both tables."""
-    samples = read_samples(Path(__file__).parents[1] / "data" / "middlebury_charts.parquet")
+    samples = read_samples(Path(__file__).parents[1] / "data" / "middlebury_charts.npz")
     parts = {name: samples.select(np.char.startswith(samples.shot, name)) for name in ("light1", "light2")}
     cameras = {name: profiles_and_gains(part) for name, part in parts.items()}
     ways = ("as exposed", "calibration's exposures", "mean level", "best gain", "fixed map of the pair itself")

@@ -17,6 +17,7 @@ import argparse
 import importlib
 import os
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
@@ -32,14 +33,13 @@ import lutforge as lf
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.style_data import style_data
 from lutforge.colour.colour_difference import delta_e_2000
-from lutforge.developers.darktable import NEUTRAL
-from lutforge.developers.developer import run_command
 from lutforge.errors import LutForgeError
 from lutforge.evaluation.methods import LATTICE, fit_baselines
+from lutforge.images.development import run_command
 from lutforge.images.raw import read_raw
+from lutforge.kits.darktable import NEUTRAL
 from lutforge.kits.kit import look_of
-from lutforge.pipeline.kits import check_kit, compare_with_jpeg, write_kit
-from lutforge.pipeline.raw_substitutes import raw_substitute
+from lutforge.pipeline.kits import KitCheck, compare_with_jpeg, write_kit
 from lutforge.pipeline.sampling import gather_samples
 from lutforge.samples.table import write_samples
 from lutforge.simulate.demo import DemoShots, demo_shots
@@ -48,6 +48,14 @@ from tests.benchmarks.accuracy import ROOT
 Array = NDArray[np.float64]
 
 SETTING = "standard/auto"
+CUBE_SIDECAR = """<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
+<rdf:Description rdf:about="" xmlns:darktable="http://darktable.sf.net/" darktable:xmp_version="4"
+darktable:raw_params="0" darktable:history_end="1"><darktable:history><rdf:Seq><rdf:li darktable:num="0"
+darktable:operation="lut3d" darktable:enabled="1" darktable:modversion="1" darktable:params="{}"
+darktable:multi_name="" darktable:multi_priority="0"/></rdf:Seq></darktable:history></rdf:Description>
+</rdf:RDF></x:xmpmeta>
+"""
+"""A history of one step, the module lut 3D of version 1: a path of 512 bytes, Adobe RGB, tetrahedral interpolation."""
 AUTO_MATCHED = "RawTherapee, its default with the auto-matched curve"
 
 
@@ -58,11 +66,11 @@ class Photographs:
     files: tuple[Path, ...]
     keep: Path
 
-    def samples(self, developer: str | None = None) -> lf.SampleSet:
-        """Samples of all photographs: of the RAW files, or of what a program develops of them."""
-        table = self.keep / f"{developer or 'raw'}.csv"
+    def samples(self) -> lf.SampleSet:
+        """Samples of all photographs."""
+        table = self.keep / "raw.csv"
         if not table.exists():
-            write_samples(table, gather_samples(self.files, substitute=raw_substitute(developer)).samples)
+            write_samples(table, gather_samples(self.files).samples)
         return lf.read_samples(table)
 
     def left_out(self) -> "Iterator[LeftOut]":
@@ -77,23 +85,23 @@ class LeftOut:
     raw: Path
     photographs: Photographs
 
-    def parts(self, developer: str | None = None) -> tuple[lf.SampleSet, lf.SampleSet]:
+    def parts(self) -> tuple[lf.SampleSet, lf.SampleSet]:
         """Samples of the others, and its own."""
-        samples = self.photographs.samples(developer)
+        samples = self.photographs.samples()
         own = samples.shot == self.raw.stem
         return samples.select(~own), samples.select(own)
 
     @cache  # noqa: B019 - for the minutes of one run
-    def profile(self, developer: str | None = None) -> lf.CameraProfile:
-        """Calibrated from the others: from their RAW files, or from what a program develops of them."""
-        return lf.calibrate(self.parts(developer)[0])
+    def profile(self) -> lf.CameraProfile:
+        """Calibrated from the others."""
+        return lf.calibrate(self.parts()[0])
 
     def kept(self, name: str) -> Path:
         """The path of a file about this photograph that is kept between runs."""
         return self.photographs.keep / f"{name}-{self.raw.stem}"
 
 
-def darktable_default(shot: LeftOut) -> float:
+def darktable_default(shot: LeftOut) -> KitCheck:
     """darktable as it is installed: its scene-referred workflow."""
 
     def command(output: Path) -> list[str]:
@@ -104,7 +112,7 @@ def darktable_default(shot: LeftOut) -> float:
     return default_picture(shot, "darktable", command)
 
 
-def rawtherapee_default(shot: LeftOut) -> float:
+def rawtherapee_default(shot: LeftOut) -> KitCheck:
     """RawTherapee as it is installed: a curve that is matched to the embedded JPEG of this very photograph."""
 
     def command(output: Path) -> list[str]:
@@ -113,18 +121,18 @@ def rawtherapee_default(shot: LeftOut) -> float:
     return default_picture(shot, "RawTherapee", command)
 
 
-def default_picture(shot: LeftOut, program: str, command: Callable[[Path], list[str]]) -> float:
-    """The mean ΔE00 of what a program makes by a command, which takes the path of the TIFF to write."""
+def default_picture(shot: LeftOut, program: str, command: Callable[[Path], list[str]]) -> KitCheck:
+    """What a program makes by a command, which takes the path of the TIFF to write."""
     picture = shot.kept(f"{program}-default").with_suffix(".tif")
     if not picture.exists():
         with tempfile.TemporaryDirectory() as folder:
             output = Path(folder) / "developed.tif"
             run_command(command(output), program, shot.raw, output)
             shutil.move(output, picture)
-    return compare_with_jpeg(shot.raw, picture).mean
+    return compare_with_jpeg(shot.raw, picture)
 
 
-def darktable_lut_generator(shot: LeftOut) -> float:
+def darktable_lut_generator(shot: LeftOut) -> KitCheck:
     """Its cube of 9³ nodes, its own choice, in the place of ours in the kit for darktable."""
     cube = shot.kept("darktable-lut-generator").with_suffix(".cube")
     if not cube.exists():
@@ -149,10 +157,15 @@ def darktable_lut_generator(shot: LeftOut) -> float:
             subprocess.run([program, *options, str(pairs), str(made)], check=True, capture_output=True, timeout=3600)
             shutil.move(made, cube)
     with tempfile.TemporaryDirectory() as folder:
-        kit = write_kit(shot.profile("darktable"), SETTING, Path(folder) / "kit", "darktable")
-        (own,) = kit.glob("*.cube")
-        shutil.copy(cube, own)
-        return only_check(kit, shot.raw)
+        output, sidecar = Path(folder) / "developed.tif", Path(folder) / "cube.xmp"
+        sidecar.write_text(
+            CUBE_SIDECAR.format(struct.pack("<512sii", cube.name.encode(), 1, 0).hex()), encoding="utf-8"
+        )
+        choices = {**NEUTRAL, "plugins/darkroom/lut3d/def_path": str(cube.parent)}
+        words = [word for key, value in choices.items() for word in ("--conf", f"{key}={value}")]
+        own = ["--icc-type", "SRGB", "--core", "--configdir", f"{folder}/config", "--library", ":memory:", *words]
+        run_command(["darktable-cli", str(shot.raw), str(sidecar), str(output), *own], "darktable", shot.raw, output)
+        return compare_with_jpeg(shot.raw, output)
 
 
 def camera_match(shot: LeftOut) -> float:
@@ -170,22 +183,14 @@ def model(shot: LeftOut) -> float:
     return float(delta_e_2000(np.clip(rendered, 0.0, 1.0), test.srgb).mean())
 
 
-def kit(shot: LeftOut, program: str) -> float:
-    """What a program shows with the kit that is made from its own developments of the others."""
+def kit(shot: LeftOut, program: str, preset: str = "") -> KitCheck:
+    """What a program shows with the kit of the others' RAW files. preset: what is behind the look's name."""
+    look = f"{look_of(shot.profile(), SETTING).file_name}{preset}"
     with tempfile.TemporaryDirectory() as folder:
-        return only_check(write_kit(shot.profile(program), SETTING, Path(folder) / "kit"), shot.raw)
-
-
-def camera_profile_kit(shot: LeftOut) -> float:
-    """What RawTherapee shows with the DNG camera profile of the others' RAW files."""
-    with tempfile.TemporaryDirectory() as folder:
-        return only_check(write_kit(shot.profile(), SETTING, Path(folder) / "kit", "rawtherapee"), shot.raw)
-
-
-def only_check(folder: Path, raw: Path) -> float:
-    """The mean ΔE00 of one file that a kit's program develops."""
-    (check,), _ = check_kit(folder, [raw])
-    return check.mean
+        script = write_kit(shot.profile(), SETTING, Path(folder) / "kit", program) / "develop.sh"
+        output = Path(folder) / "developed.tif"
+        run_command([str(script), str(shot.raw), str(output), look], program, shot.raw, output)
+        return compare_with_jpeg(shot.raw, output)
 
 
 def beside_python(program: str) -> str:
@@ -196,34 +201,39 @@ def beside_python(program: str) -> str:
     return found
 
 
-METHODS: dict[str, Callable[[LeftOut], float]] = {
+METHODS: dict[str, Callable[[LeftOut], KitCheck | float]] = {
     "darktable, its default": darktable_default,
     AUTO_MATCHED: rawtherapee_default,
     "darktable_lut_generator 0.1.5, 9³, in darktable": darktable_lut_generator,
     "camera-match 0.2.0, 17³, on RAW": camera_match,
     "LutForge, its model on RAW": model,
-    "LutForge, kit for darktable": lambda shot: kit(shot, "darktable"),
-    "LutForge, kit for RawTherapee, CLUT": lambda shot: kit(shot, "rawtherapee"),
-    "LutForge, kit for RawTherapee, `.dcp`": camera_profile_kit,
+    "LutForge, kit for darktable, `.icc`": lambda shot: kit(shot, "darktable"),
+    "LutForge, kit for RawTherapee, `.icc`": lambda shot: kit(shot, "rawtherapee", " icc"),
+    "LutForge, kit for RawTherapee, `.dcp`": lambda shot: kit(shot, "rawtherapee"),
 }
 
 
 def photographs_table(photographs: Photographs) -> dict[str, list[float]]:
     """Print and return mean ΔE00 by method and photograph; NaN where a method could not run."""
     shots = list(photographs.left_out())
-    heading(["mean ΔE00 to the camera's JPEG", *(shot.raw.stem.partition("_")[2] for shot in shots), "mean"])
+    heading(
+        ["mean ΔE00 to the camera's JPEG", *(shot.raw.stem.partition("_")[2] for shot in shots), "mean", "8-bit codes"]
+    )
     found: dict[str, list[float]] = {}
     notes = []
     for name, measure in METHODS.items():
-        values = []
+        values, codes = [], []
         for shot in shots:
             try:
-                values.append(measure(shot))
+                check = measure(shot)
+                values.append(check.mean if isinstance(check, KitCheck) else check)
+                codes.append(check.codes if isinstance(check, KitCheck) else float("nan"))
             except (LutForgeError, ImportError, OSError, subprocess.SubprocessError) as error:
                 values.append(float("nan"))
+                codes.append(float("nan"))
                 notes.append(f"{name}, {shot.raw.stem}: {str(error).splitlines()[0]}")
         found[name] = values
-        line(name, [*values, float(np.mean(values))], 2)
+        line(name, [*values, float(np.mean(values)), float(np.mean(codes))], 2)
     for note in notes:
         print(note)
     return found

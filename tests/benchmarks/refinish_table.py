@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.images.read import read_image
+from lutforge.luts.steps import grading_steps
 from lutforge.model.camera_profile import raw_to_balanced
-from lutforge.model.highlights import neutral_where_clipped
 from lutforge.model.transform import through_stages
 from lutforge.samples.sample_set import concatenate
 from lutforge.samples.table import write_samples
@@ -134,11 +134,11 @@ def errors(
                 continue
             selectors = profile.selector("/".join(source)), profile.selector("/".join(target))
             exposed = raw_to_balanced(profile, selectors[0], profile, selectors[1])
-            render = profile.render(selectors[1]).without_gain()
+            _, _, highlights, render = grading_steps(profile.refinish(*selectors))
             usable = before.usable & after.usable
             wanted = after.encoded[usable]
             balanced = through_stages(exposed, before.raw[usable])
-            tile, pixel = rmse(render(neutral_where_clipped(before.encoded[usable], balanced)), wanted)
+            tile, pixel = rmse(render(highlights(balanced)), wanted)
             tile_floor, pixel_floor = rmse(true_render(before.true_raw[usable]), wanted)
             found[source, target] = tile, tile_floor, pixel, pixel_floor
     return found

@@ -27,18 +27,15 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.interpolate import RBFInterpolator
 
-from lutforge.calibration.lattice.continuation import continuation
-from lutforge.calibration.lattice.fit import fit_samples
-from lutforge.calibration.lattice.output_curve import output_curve
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.luts.processor import evaluate, file_processor
+from lutforge.calibration.style_fit import fit_lattices
+from lutforge.luts.processor import evaluate
+from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
-from lutforge.model.lattice import uniform_levels
 from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.solvers.lattice_regression import Regularization, fit_lattice
+from tests.calibration.styles import style_of
 
 Array = NDArray[np.float64]
 Predictor = Callable[[Array], Array]
@@ -48,19 +45,11 @@ SIZES = (9, 13, 17, 24, 33, 49, 65)
 SEEDS = (1, 2, 3, 4, 5)
 LIMIT = float(os.environ.get("LUTFORGE_BENCHMARK_LIMIT", "60"))
 """Seconds that one fit of camera-match may take."""
-LARGEST_MEANS = (
-    ("LutForge", 17, 0.0038),
-    ("LutForge, plain", 17, 0.0050),
-    ("LutForge, plain", 24, 0.0040),
-    ("LutForge, plain", 33, 0.0036),
-)
+LARGEST_MEANS = (("LutForge", 17, 0.0038),)
 LARGEST_RATIO = 1.2
 """Of the maximum to that of radial basis functions."""
 REPEATS, LONG = 7, 1.0
 """Of a fit that is timed, the least counts: so many, but no more once they took so many seconds."""
-NEVER_SLOWER_FROM, MANY = 13, 100_000
-"""Nodes per axis, or samples, from which a fit may not take longer than camera-match's. Below, matrix, response and
-what continues them, which do not shrink with the lattice, are much of the time, and calls of functions the most."""
 
 pytestmark = pytest.mark.skipif("--benchmark-only" not in sys.argv, reason="run with --benchmark-only")
 
@@ -74,11 +63,7 @@ def lattice(folder: Path, options: CalibrationOptions) -> Fit:
     """LutForge's fit, matrix and response included, through a CLF file."""
 
     def fit(x: Array, y: Array) -> Predictor:
-        shots = shot_names(len(x))
-        base = fit_matrix_and_response(x, y)
-        curve = output_curve(base.response)
-        guess = continuation(base, x, y, inverse=False, size=options.size, curve=curve)
-        fitted = fit_samples(x, y, shots, guess, options, clips=True, curve=curve).lattice
+        fitted = fit_lattices(style_of(x, y), options).render
 
         def predict(points: Array) -> Array:
             Lut(lattice_ops(fitted)).write(folder / "fitted.clf")
@@ -149,19 +134,6 @@ def held_out_camera_match(size: int, x: Array, y: Array) -> Array | None:
     return np.array(rows)
 
 
-def before_the_lattice(x: Array, y: Array) -> tuple[float, float]:
-    """Seconds of matrix and response, and of what continues them, on one split's samples: the least of five."""
-    rows = []
-    for _ in range(5):
-        start = time.perf_counter()
-        base = fit_matrix_and_response(x, y)
-        middle = time.perf_counter()
-        continuation(base, x, y, inverse=False)
-        rows.append((middle - start, time.perf_counter() - middle))
-    first, second = np.min(rows, axis=0)
-    return float(first), float(second)
-
-
 def test_published_pairs(benchmark: BenchmarkFixture, shared_data: Path, tmp_path: Path) -> None:
     """The table of the README; LutForge is better than camera-match in every figure and size."""
     published = read_published_model(shared_data / "nus_nikon_d40" / "other_white_balances")
@@ -195,9 +167,8 @@ def test_published_pairs(benchmark: BenchmarkFixture, shared_data: Path, tmp_pat
             ours = CalibrationOptions(size=size)
             lattice(tmp_path, ours)(x[::3], y[::3])  # compiled before it is timed
             note("LutForge", size, held_out(lattice(tmp_path, ours), x, y))
-            note("LutForge, plain", size, held_out(lattice(tmp_path, replace(ours, output_curve=False)), x, y))
             if size <= 33:
-                thesis = replace(ours, preset="thesis", output_curve=False)
+                thesis = replace(ours, preset="thesis")
                 note("thesis preset", size, held_out(lattice(tmp_path, thesis), x, y))
             if peer:
                 note("camera-match", size, held_out_camera_match(size, x, y))
@@ -205,14 +176,11 @@ def test_published_pairs(benchmark: BenchmarkFixture, shared_data: Path, tmp_pat
     print("\n| size | method | mean | 95 % | max | max / RBF's | fit, s |\n|---|---|---|---|---|---|---|")
     benchmark.pedantic(measure, rounds=1)  # type: ignore[no-untyped-call]  # no types
     print(f"\nload {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-    first, second = before_the_lattice(x[: int(0.7 * len(x))], y[: int(0.7 * len(x))])
-    print(f"In LutForge's times: matrix and response {first:.3f} s, the guess that continues them {second:.3f} s")
     for size in SIZES:
         theirs = found.get(("camera-match", size))
-        for form in ("LutForge", "LutForge, plain"):
-            mine = found[form, size]
-            assert mine is not None
-            assert theirs is None or np.all(mine[:3] < theirs[:3]), (form, size)
+        mine = found["LutForge", size]
+        assert mine is not None
+        assert theirs is None or np.all(mine[:3] < theirs[:3]), size
     for form, size, most in LARGEST_MEANS:
         mine = found[form, size]
         assert mine is not None and mine[0] <= most and mine[3] <= LARGEST_RATIO, (form, size)
@@ -221,64 +189,19 @@ def test_published_pairs(benchmark: BenchmarkFixture, shared_data: Path, tmp_pat
         mine, theirs = found["LutForge", size], found.get(("camera-match", size))
         if mine is not None and theirs is not None:
             print(f"{size}³: {mine[-1] / theirs[-1]:.2f} of camera-match's time")
-            assert not idle or size < NEVER_SLOWER_FROM or mine[-1] <= theirs[-1], size
-
-
-@pytest.mark.parametrize("size", [9, 13])
-@pytest.mark.parametrize("count", [2_000, 10_000, 100_000])
-def test_small_lattices(benchmark: BenchmarkFixture, tmp_path: Path, count: int, size: int) -> None:
-    """Both forms beside camera-match in turn, on a simulated camera, in seconds and in processor time; and the floor:
-    what any search for levels and λ adds to."""
-    pytest.importorskip("camera_match")
-    camera = nikon_d5100()
-    x = np.random.default_rng(0).random((count, 3)) ** 2
-    y = camera.render(x / camera.multipliers("daylight"), "standard", "daylight")
-    base = fit_matrix_and_response(x, y)
-    curve = output_curve(base.response)
-    fits: list[Callable[[], object]] = [
-        lambda: camera_match(size)(x, y),
-        lambda: lattice(tmp_path, CalibrationOptions(size=size))(x, y),
-        lambda: lattice(tmp_path, CalibrationOptions(size=size, output_curve=False))(x, y),
-        lambda: fit_matrix_and_response(x, y),
-        lambda: continuation(base, x, y, inverse=False, size=size, curve=curve),
-        lambda: fit_lattice(x, y, uniform_levels(size), Regularization(0.01, 0.01, 0.0, 0.0), tolerance=1e-5),
-    ]
-    seconds = np.full((2, REPEATS, len(fits)), np.inf)
-
-    def measure() -> None:
-        for fit in fits:
-            fit()  # compiled before it is timed
-        for repeat in range(REPEATS):
-            for method, fit in enumerate(fits):
-                start, worked = time.perf_counter(), time.process_time()
-                fit()
-                seconds[:, repeat, method] = time.perf_counter() - start, time.process_time() - worked
-
-    benchmark.pedantic(measure, rounds=1)  # type: ignore[no-untyped-call]  # no types
-    (theirs, *mine, first, second, third), (their_work, *my_work, _, _, _) = seconds.min(axis=1)
-    load = os.getloadavg()[0]
-    print(f"\n{size}³ from {count}: camera-match {theirs:.4f} s", end="")
-    for form, wall, work in zip(("with a curve", "plain"), mine, my_work, strict=True):
-        print(f"; {form} {wall:.4f} s, {wall / theirs:.2f} of its time, {work / their_work:.2f} of its work", end="")
-    print(f"; load {load:.1f}. Floor: matrix and response {first:.4f}, what continues them {second:.4f}", end="")
-    print(f", one fit at given levels {third:.4f} s")
-    if load <= 1.2 * (os.cpu_count() or 1) and (size >= NEVER_SLOWER_FROM or count >= MANY):
-        assert max(mine) <= theirs
+            assert not idle or mine[-1] <= theirs[-1], size
 
 
 @pytest.mark.parametrize(("count", "size", "goal"), [(10_000, 24, 0.5), (1_000_000, 33, 2.0), (1_000_000, 65, 15.0)])
 def test_speed(benchmark: BenchmarkFixture, count: int, size: int, goal: float) -> None:
-    """Samples of a simulated camera, λ and node levels searched."""
+    """Samples of a simulated camera: response, matrix, gamut maps and both lattices."""
     camera = nikon_d5100()
     gain = camera.multipliers("daylight")
     x = np.random.default_rng(0).random((count, 3)) ** 2
     y = camera.render(x / gain, "standard", "daylight")
-    shots = shot_names(count)
-    base = fit_matrix_and_response(x[:5000], y[:5000])
-    guess, curve = continuation(base, x, y, inverse=False), output_curve(base.response)
 
     def fit() -> None:
-        fit_samples(x, y, shots, guess, CalibrationOptions(size=size), clips=True, curve=curve)
+        fit_lattices(style_of(x, y), CalibrationOptions(size=size))
 
     benchmark.pedantic(fit, rounds=3, warmup_rounds=1)  # type: ignore[no-untyped-call]  # no types
     assert benchmark.stats is not None

@@ -11,14 +11,14 @@ from lutforge.simulate.gamut_map import ToneResponse
 
 
 def bracket(
-    response: Callable[[np.ndarray], np.ndarray], shots: int = 7, cells: int = 40, seed: int = 0
+    response: Callable[[np.ndarray], np.ndarray], shots: int = 7, cells: int = 40, seed: int = 0, spacing: float = 1.0
 ) -> tuple[list[float], np.ndarray, list[np.ndarray]]:
-    """Exposure times in steps of a stop, true over stated exposure (3 % off), and images (h, w, 3) of whole codes."""
+    """Exposure times, `spacing` stops apart, true over stated exposure (3 % off), and images of whole codes."""
     rng = np.random.default_rng(seed)
     muted = rng.random((cells, cells, 1)) < 0.6
     colour = np.where(muted, rng.uniform(0.85, 1, (cells, cells, 3)), rng.uniform(0.25, 1, (cells, cells, 3)))
     scene = np.kron(np.exp(rng.uniform(-5.5, 1.5, (cells, cells, 1))) * colour, np.ones((8, 8, 1)))
-    times = [2.0 ** (stop - (shots - 1) / 2) for stop in range(shots)]
+    times = [2.0 ** (spacing * (stop - (shots - 1) / 2)) for stop in range(shots)]
     errors = np.exp(0.03 * rng.standard_normal(shots))
     images = []
     for time, error in zip(times, errors, strict=True):

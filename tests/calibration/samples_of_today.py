@@ -48,11 +48,6 @@ def shadow_stops(samples: SampleSet, ev: float) -> Array:
     return np.asarray(ev / (1.0 + (samples.raw.mean(axis=1) / 0.1) ** 2))
 
 
-def local_stops(samples: SampleSet, ev: float) -> Array:
-    """What a local tone mapper does to a picture that is dark at the right: brightens that side, darkens the other."""
-    return np.asarray(ev * np.tanh(4.0 * samples.position[:, 0]))
-
-
 def with_scene_tone(samples: SampleSet, shots: list[str], stops: Array, camera: SimulatedCamera) -> SampleSet:
     """The samples of a camera that brightens some shots by stops (n,) before it renders them."""
     srgb = samples.srgb.copy()

@@ -12,7 +12,7 @@ from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.response import Response
-from lutforge.pipeline.response import response_from_bracket
+from lutforge.pipeline.response import open_bracket, response_from_bracket
 from tests.calibration.brackets_simulated import CURVES, adapted, bracket, errors_of
 
 
@@ -93,6 +93,39 @@ def test_a_camera_that_adapts_to_the_scene_is_told() -> None:
         seen = images if kind is None else adapted(kind, 0.1, images)
         verdict = judge(pairs_of_bracket([f"{time:g}" for time in times], seen, list(np.multiply(times, errors))))
         assert verdict.fixed == (kind is None)
+
+
+@pytest.mark.parametrize(("shots", "spacing"), [(7, 2.0), (3, 1.0)])
+def test_neighbouring_frames_agree(shots: int, spacing: float) -> None:
+    curve = CURVES["vivid"]
+    times, errors, images = bracket(curve, shots=shots, cells=28, spacing=spacing)
+    fit = fit_bracket(pairs_of_bracket([f"{time:g}" for time in times], images, times))
+    light, codes = np.linspace(0, 1, 10_001), np.linspace(0.15, 0.6, 20)
+    true = np.interp(codes, curve(light), light)
+    for ratio in np.diff(np.log2(np.multiply(times, errors))):
+        inside = true * 2**ratio < 0.85
+        pair = codes[inside], curve(true[inside] * 2**ratio)
+        first, second = (fit.response.linearize(np.stack([side] * 3, axis=1)) for side in pair)
+        assert np.abs(np.median(np.log2(second / first), axis=0) - ratio).max(initial=0.0) < 0.15
+
+
+@pytest.mark.parametrize("kind", ["a time a stop off", "reversed", "automatic exposure"])
+def test_a_bracket_that_no_response_explains_is_refused(kind: str) -> None:
+    times, _, images = bracket(CURVES["standard"], cells=28)
+    if kind == "a time a stop off":
+        times[3] *= 2.0
+    elif kind == "reversed":
+        times = times[::-1]
+    else:
+        images = [images[3]] * len(images)
+    with pytest.raises(CalibrationError, match="check the exposure times"):
+        fit_bracket(pairs_of_bracket([str(place) for place in range(len(times))], images, times))
+
+
+def test_pictures_of_several_cameras_are_refused(shared_data: Path) -> None:
+    files = sorted((shared_data / "chart_jpegs").glob("*.JPG"))
+    with pytest.raises(CalibrationError, match=r"cameras .*: give those of one"), open_bracket(files, [1.0] * 6, ""):
+        pass
 
 
 def test_what_it_cannot_use_it_says(tmp_path: Path, shared_data: Path) -> None:

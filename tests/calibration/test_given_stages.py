@@ -1,18 +1,19 @@
 """Stages that were fitted by themselves: what gamut map and lattice are then fitted with, and what a profile holds."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions, options_from_json
-from lutforge.cli.main import app
 from lutforge.errors import CalibrationError
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
+from lutforge.studio.export_page import calibration_command
 from tests.studio.shots_for_the_studio import chart_samples
 
 
@@ -64,13 +65,16 @@ def test_a_camera_without_raw_takes_given_stages(samples: SampleSet) -> None:
         assert 8 <= len(after.gamut_map.centres) <= 50
 
 
-def test_the_command_line_fits_stages_to_inliers(samples: SampleSet, inliers: SampleSet, tmp_path: Path) -> None:
-    write_samples(tmp_path / "all.parquet", samples)
-    write_samples(tmp_path / "inliers.parquet", inliers)
-    words = ["calibrate", str(tmp_path / "all.parquet"), "--inliers", str(tmp_path / "inliers.parquet"), "--size", "5"]
-    result = CliRunner().invoke(app, [*words, "--beta", "0.25", "-o", str(tmp_path / "theirs.npz")])
-    assert result.exit_code == 0, result.output
+def test_the_studio_s_lines_of_python_make_the_same_profile(
+    samples: SampleSet, inliers: SampleSet, tmp_path: Path
+) -> None:
+    write_samples(tmp_path / "all.npz", samples)
+    write_samples(tmp_path / "inliers.npz", inliers)
     options = CalibrationOptions(size=5, physical=PhysicalOptions(beta=0.25))
+    lines = calibration_command(
+        tmp_path / "all.npz", tmp_path / "inliers.npz", options, tmp_path / "theirs.npz"
+    )  # fmt: skip
+    subprocess.run([sys.executable, "-c", lines], check=True)
     calibrate(samples, options, stages=calibrate_stages(inliers, options)).save(tmp_path / "mine.npz")
     assert (tmp_path / "mine.npz").read_bytes() == (tmp_path / "theirs.npz").read_bytes()
 

@@ -1,4 +1,4 @@
-"""The lattice fit on a simulated camera, whose truth is known, and on samples that say too little."""
+"""Lattices baked of fitted models: a simulated camera, whose truth is known, and samples that say too little."""
 
 import numpy as np
 import pytest
@@ -6,16 +6,14 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # it has no type information
 
 from lutforge import threads as shared
-from lutforge.calibration.lattice.continuation import continuation
-from lutforge.calibration.lattice.fit import fit_samples
-from lutforge.calibration.lattice.output_curve import output_curve
-from lutforge.calibration.lattice.result import LatticeResult
+from lutforge.calibration.lattice.bake import node_coverage
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.style_fit import fit_lattices
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.model.lattice import Lattice
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.solvers import multigrid, normal_equations
+from tests.calibration.styles import style_of
 
 Array = NDArray[np.float64]
 CAMERA = nikon_d5100()
@@ -35,23 +33,15 @@ def colours_in_gamut(count: int, seed: int) -> tuple[Array, Array]:
     return x, render(x)
 
 
-def fit(
-    x: Array, y: Array, size: int, *, inverse: bool = False, shots: int = 10, with_curve: bool = True
-) -> LatticeResult:
-    groups = np.array([f"shot {row % shots}" for row in range(len(x))])
-    base = fit_matrix_and_response(y, x) if inverse else fit_matrix_and_response(x, y)
-    guess = continuation(base, x, y, inverse=inverse)
-    curve = None if inverse else output_curve(base.response)
-    options = CalibrationOptions(size=size, output_curve=with_curve)
-    return fit_samples(x, y, groups, guess, options, clips=not inverse, curve=curve)
+def fit(x: Array, y: Array, size: int, *, shots: int = 10) -> Lattice:
+    return fit_lattices(style_of(x, y, shots), CalibrationOptions(size=size)).render
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("with_curve", [True, False])
-def test_unseen_colours_of_the_simulated_camera(with_curve: bool) -> None:
+def test_unseen_colours_of_the_simulated_camera() -> None:
     x, y = colours_in_gamut(5000, 1)
     unseen, wanted = colours_in_gamut(10_000, 2)
-    lattice = fit(x, y, 33, with_curve=with_curve).lattice
+    lattice = fit(x, y, 33)
     difference = delta_e_2000(np.clip(lattice(unseen), 0, 1), wanted)
     assert difference.mean() <= 0.35
     assert np.quantile(difference, 0.95) <= 0.8
@@ -59,46 +49,35 @@ def test_unseen_colours_of_the_simulated_camera(with_curve: bool) -> None:
 
 
 def test_there_and_back() -> None:
+    """A quarter of what matrix and response alone are off."""
     x, y = colours_in_gamut(5000, 3)
     unseen, encoded = colours_in_gamut(3000, 4)
-    back = fit(y, x, 33, inverse=True).lattice(encoded)
-    error = np.linalg.norm(back - unseen, axis=1)
-    assert error.mean() < 0.003 and np.quantile(error, 0.95) < 0.012
+    style = style_of(x, y)
+    back, plain = fit_lattices(style, CalibrationOptions()).linearize, style.base.linearize
+    error, without = (np.linalg.norm(each(encoded) - unseen, axis=1) for each in (back, plain))
+    assert error.mean() < without.mean() / 4 and np.quantile(error, 0.95) < np.quantile(without, 0.95) / 4
 
 
-@pytest.mark.parametrize("with_curve", [True, False])
-def test_ends_and_grey_axis(with_curve: bool) -> None:
+def test_ends_and_grey_axis() -> None:
     x, y = colours_in_gamut(3000, 5)
     x[:300] = np.random.default_rng(0).uniform(0.005, 0.9, (300, 1))
     y[:300] = render(x[:300])
-    lattice = fit(x, y, 33, with_curve=with_curve).lattice
+    lattice = fit(x, y, 33)
     grey = lattice(AXIS)
     np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-12)
     assert np.ptp(grey, axis=1).max() < 0.02
-    assert np.diff(grey, axis=0).min() >= (-1e-6 if with_curve else -2e-4)
+    assert np.diff(grey, axis=0).min() >= -1e-6
     everywhere = lattice(np.random.default_rng(1).random((20_000, 3)))
     assert everywhere.min() >= 0.0 and everywhere.max() <= 1.0 + 1e-15  # weights sum to 1 within rounding
     assert np.abs(grey - render(AXIS))[10:470].max() < 0.02
 
 
-def test_plain_nodes_leave_their_bounds_only_where_these_cost_accuracy() -> None:
-    """A small lattice that renders clipping needs nodes beyond; a large one does not, at the same error."""
-    x, y = colours_in_gamut(3000, 10)
-    unseen, wanted = colours_in_gamut(3000, 11)
-    for size, inside in ((5, False), (33, True)):
-        lattice = fit(x, y, size, with_curve=False).lattice
-        assert bool(np.all((lattice.values >= 0.0) & (lattice.values <= 1.0))) is inside
-        clamped = Lattice(lattice.levels, np.clip(lattice.values, 0.0, 1.0))
-        error, cut = (np.linalg.norm(np.clip(one(unseen), 0, 1) - wanted, axis=1).mean() for one in (lattice, clamped))
-        assert cut == pytest.approx(error, abs=1e-12) if inside else cut > 1.1 * error
-
-
 def test_coverage_is_where_the_samples_are() -> None:
     x, y = colours_in_gamut(1000, 6)
-    result = fit(x, y, 9)
-    assert result.coverage.shape == (9, 9, 9)
-    assert result.coverage.sum() == pytest.approx(1000)
-    assert np.all(result.coverage >= 0)
+    coverage = node_coverage(fit(x, y, 9), x)
+    assert coverage.shape == (9, 9, 9)
+    assert coverage.sum() == pytest.approx(1000)
+    assert np.all(coverage >= 0)
 
 
 def test_outliers_do_not_bend_the_lattice() -> None:
@@ -107,7 +86,7 @@ def test_outliers_do_not_bend_the_lattice() -> None:
     strays = np.random.default_rng(0).permutation(2000)[:20]
     bad = y.copy()
     bad[strays] = np.random.default_rng(1).random((20, 3))
-    clean, strayed = (np.linalg.norm(fit(x, values, 17).lattice(unseen) - wanted, axis=1).mean() for values in (y, bad))
+    clean, strayed = (np.linalg.norm(fit(x, values, 17)(unseen) - wanted, axis=1).mean() for values in (y, bad))
     assert strayed < 2.0 * clean
 
 
@@ -126,32 +105,30 @@ WEAK = {
 
 
 @pytest.mark.parametrize("size", [9, 33])
-@pytest.mark.parametrize("with_curve", [True, False])
 @pytest.mark.parametrize("name", WEAK)
-def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int, with_curve: bool) -> None:
+def test_weak_samples_give_a_sane_smooth_lattice(name: str, size: int) -> None:
     x = WEAK[name]
     y = np.round(render(x) * 255) / 255
-    lattice = fit(x, y, size, shots=3, with_curve=with_curve).lattice
+    lattice = fit(x, y, size, shots=3)
     assert np.linalg.norm(lattice(x) - y, axis=1).max() < 0.04
     grey = np.clip(lattice(AXIS), 0, 1)
     assert np.diff(grey, axis=0).min() > -2e-3  # between the points that the fit is held at
     assert np.ptp(grey, axis=1).max() < 0.15
     everywhere = lattice(RNG.random((2000, 3)))
-    assert np.all((everywhere >= 0) & (everywhere <= 1)) if with_curve else np.all(np.abs(everywhere - 0.5) < 0.75)
+    assert np.all((everywhere >= 0) & (everywhere <= 1))
     np.testing.assert_allclose(grey[[0, -1]], [[0.0] * 3, [1.0] * 3], atol=1e-12)
 
 
-@pytest.mark.parametrize("inverse", [False, True])
-def test_threads_do_not_change_a_bit(inverse: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     """So many samples that the sums over them, too, are shared between threads."""
     x, y = colours_in_gamut(45_000, 12)
-    found = []
+    fitted = []
     for threads in (1, 2):
         for module in (multigrid, normal_equations, shared):
             monkeypatch.setattr(module, "cores", lambda threads=threads: threads)
         with threadpool_limits(threads, user_api="blas"):
-            source, target = (y, x) if inverse else (x, y)
-            found.append(fit(source, target, 33, inverse=inverse).lattice)  # so many nodes, too
-    np.testing.assert_array_equal(found[0].values, found[1].values)
-    for one, two in zip(found[0].levels, found[1].levels, strict=True):
-        np.testing.assert_array_equal(one, two)
+            fitted.append(fit_lattices(style_of(x, y), CalibrationOptions()))
+    for one, other in zip(*fitted, strict=True):
+        np.testing.assert_array_equal(one.values, other.values)
+        for levels, others in zip(one.levels, other.levels, strict=True):
+            np.testing.assert_array_equal(levels, others)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.calibration.lattice.continuation import continuation
 from lutforge.calibration.physical.matrix_and_response import (
     encoded_residual,
     fit_matrix_and_response,
@@ -75,26 +74,3 @@ def squeeze(linear: Array) -> Array:
     chroma = linear - grey
     size = np.linalg.norm(chroma, axis=1, keepdims=True)
     return np.asarray(grey + chroma * 0.25 / np.maximum(0.25, size))
-
-
-@pytest.mark.parametrize("inverse", [False, True])
-def test_the_continuation_knows_the_gamut_map_and_goes_on(inverse: bool) -> None:
-    rng = np.random.default_rng(5)
-    base = fit_matrix_and_response(*samples(2000, 1))
-    linear = rng.uniform(0.02, 0.8, (3000, 3))
-    x = linear @ np.linalg.inv(MATRIX).T
-    y = encode(squeeze(linear))
-    near = np.linalg.norm(linear - linear.mean(axis=1, keepdims=True), axis=1) < 0.4
-    source, target = (y, x) if inverse else (x, y)
-    guess = continuation(base, source[near], target[near], inverse=inverse)
-    plain = base.linearize(source) if inverse else base.render(source)
-    error = np.linalg.norm(guess(source) - target, axis=1)
-    before = np.linalg.norm(plain - target, axis=1)
-    assert error[near].mean() < 0.7 * before[near].mean()
-    assert error[~near].mean() < 0.7 * before[~near].mean()
-
-
-def test_the_continuation_of_a_plane_of_colours_is_matrix_and_response() -> None:
-    base = fit_matrix_and_response(*samples(2000, 1))
-    grey = np.linspace(0.01, 0.9, 80)[:, None].repeat(3, axis=1)
-    assert continuation(base, grey, encode(grey), inverse=False).correction is None

@@ -12,15 +12,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
-from lutforge.calibration.lattice.continuation import continuation
-from lutforge.calibration.lattice.fit import fit_samples
-from lutforge.calibration.lattice.output_curve import output_curve
-from lutforge.calibration.lattice.result import LatticeResult
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.luts.processor import evaluate, file_processor
+from lutforge.calibration.style_fit import fit_lattices
+from lutforge.luts.processor import evaluate
+from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
+from lutforge.model.lattice import Lattice
+from tests.calibration.styles import style_of
 from tests.real_data import PublishedPairs
 
 Array = NDArray[np.float64]
@@ -36,19 +35,14 @@ def split(d40_pairs: PublishedPairs, seed: int) -> tuple[Array, Array, Array, Ar
     return x[fitted], y[fitted], x[held], y[held]
 
 
-def fit(x: Array, y: Array, options: CalibrationOptions) -> LatticeResult:
+def fit(x: Array, y: Array, options: CalibrationOptions) -> Lattice:
     """Ten shots of mixed colours each."""
-    shots = np.array([f"shot {row % 10}" for row in range(len(x))])
-    base = fit_matrix_and_response(x, y)
-    guess = continuation(base, x, y, inverse=False)
-    curve = output_curve(base.response)
-    return fit_samples(x, y, shots, guess, options, clips=True, curve=curve)
+    return fit_lattices(style_of(x, y), options).render
 
 
 def errors(d40_pairs: PublishedPairs, options: CalibrationOptions, seed: int) -> Array:
     x, y, held_x, held_y = split(d40_pairs, seed)
-    predicted = np.clip(fit(x, y, options).lattice(held_x), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(predicted - held_y, axis=1))
+    return np.asarray(np.linalg.norm(np.clip(fit(x, y, options)(held_x), 0.0, 1.0) - held_y, axis=1))
 
 
 def median_of_means(d40_pairs: PublishedPairs, options: CalibrationOptions, seeds: tuple[int, ...] = SEEDS) -> float:
@@ -89,7 +83,7 @@ def middle_error(
     return float(middle), float(ratio)
 
 
-@pytest.mark.parametrize(("size", "mean"), [(9, 0.0056), (17, 0.0034), (24, 0.0032), (33, 0.0031)])
+@pytest.mark.parametrize(("size", "mean"), [(17, 0.0034), (24, 0.0032), (33, 0.0031)])
 def test_with_a_curve_behind(d40_pairs: PublishedPairs, rbf_maxima: dict[int, float], size: int, mean: float) -> None:
     """The worst errors are no larger than those of radial basis functions, which take as many terms as samples."""
     middle, ratio = middle_error(d40_pairs, rbf_maxima, CalibrationOptions(size=size))
@@ -97,18 +91,12 @@ def test_with_a_curve_behind(d40_pairs: PublishedPairs, rbf_maxima: dict[int, fl
     assert ratio <= 1.2
 
 
-@pytest.mark.parametrize(("size", "mean"), [(17, 0.0043), (24, 0.0037), (33, 0.0031)])
-def test_plain(d40_pairs: PublishedPairs, rbf_maxima: dict[int, float], size: int, mean: float) -> None:
-    middle, ratio = middle_error(d40_pairs, rbf_maxima, CalibrationOptions(size=size, output_curve=False))
-    assert middle <= mean
-    assert ratio <= 1.2
+@pytest.mark.parametrize("where", ["chroma", "hue", "bright"])
+def test_farther_out_than_any_sample(d40_pairs: PublishedPairs, where: str) -> None:
+    """Held out: the most saturated tenth of the pairs, the outer 40 % of each sixth of hues, or the brightest tenth.
 
-
-@pytest.mark.parametrize(
-    ("where", "mean", "most"), [("chroma", 0.0085, 0.055), ("hue", 0.0060, 0.030), ("bright", 0.0105, 0.050)]
-)
-def test_farther_out_than_any_sample(d40_pairs: PublishedPairs, where: str, mean: float, most: float) -> None:
-    """Held out: the most saturated tenth of the pairs, the outer 40 % of each sixth of hues, or the brightest tenth."""
+    There the model goes on better than the thesis's radial basis functions around the same response and matrix do.
+    """
     x, y = d40_pairs.balanced, d40_pairs.encoded
     share = x / x.sum(axis=1, keepdims=True)
     plane = (share - np.median(share, axis=0)) @ np.linalg.svd(np.ones((1, 3)))[2][1:].T
@@ -119,18 +107,15 @@ def test_farther_out_than_any_sample(d40_pairs: PublishedPairs, where: str, mean
         masks = [x.max(axis=1) > np.quantile(x.max(axis=1), 0.9)]
     else:
         masks = [(sixth == one) & (radius > np.quantile(radius[sixth == one], 0.6)) for one in range(-3, 3)]
-    found = []
+    means = []
     for held in masks:
-        predicted = np.clip(fit(x[~held], y[~held], CalibrationOptions(size=17)).lattice(x[held]), 0.0, 1.0)
-        error = np.linalg.norm(predicted - y[held], axis=1)
-        found.append((error.mean(), error.max()))
-    assert tuple(np.mean(found, axis=0) <= (mean, most)) == (True, True), np.mean(found, axis=0)
-
-
-def test_plain_nodes_are_colours(d40_pairs: PublishedPairs) -> None:
-    x, y, _, _ = split(d40_pairs, 1)
-    values = fit(x, y, CalibrationOptions(size=24, output_curve=False)).lattice.values
-    assert values.min() >= 0.0 and values.max() <= 1.0
+        style = style_of(x[~held], y[~held])
+        matrix, response = style.base.matrix, style.base.response
+        linear = RBFInterpolator(x[~held] @ matrix.T, response.linearize(y[~held]), kernel="linear", degree=1)
+        rendered = style.model.render(x[held]), response.encode(linear(x[held] @ matrix.T))
+        means.append([np.linalg.norm(each - y[held], axis=1).mean() for each in rendered])
+    ours, thesis = np.mean(means, axis=0)
+    assert ours < thesis, (ours, thesis)
 
 
 def test_tetrahedral_is_as_good(d40_pairs: PublishedPairs) -> None:
@@ -141,8 +126,7 @@ def test_tetrahedral_is_as_good(d40_pairs: PublishedPairs) -> None:
 @pytest.mark.parametrize(
     ("options", "wanted"),
     [
-        (CalibrationOptions(preset="thesis", size=17, output_curve=False), 0.0056),
-        (CalibrationOptions(size=17, output_curve=False), 0.0050),
+        (CalibrationOptions(preset="thesis", size=17), 0.0056),
         (CalibrationOptions(size=17), 0.0038),
     ],
 )
@@ -151,7 +135,7 @@ def test_through_the_file(
 ) -> None:
     """The CLF, read back and evaluated by OpenColorIO, makes the same errors on held-out colours."""
     x, y, held_x, held_y = split(d40_pairs, 1)
-    lattice = fit(x, y, options).lattice
+    lattice = fit(x, y, options)
     path = tmp_path / "d40.clf"
     Lut(lattice_ops(lattice)).write(path)
     read = evaluate(file_processor(path, "trilinear"), held_x)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.plain_curves import gamma_response
+from lutforge.calibration.physical.curve_basis import gamma_response
 from lutforge.calibration.physical.reference_camera import own_raw
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import CalibrationError, ProfileError

@@ -28,11 +28,11 @@ def test_the_thin_plate_alone_is_minimized() -> None:
 def test_the_uniform_baseline_fits_and_smoothness_helps_it_where_samples_are_few() -> None:
     rng = np.random.default_rng(1)
     x, unseen = rng.random((2000, 3)) ** 2, rng.random((2000, 3)) ** 2
-    options = CalibrationOptions(size=9, preset="thesis", output_curve=False, nonuniform=False)
+    options = CalibrationOptions(size=9, preset="thesis", nonuniform=False)
     errors = []
     for fitted in (fit_uniform(x, np.sqrt(x), options), fit_thesis(x, np.sqrt(x), options, clips=True)):
-        assert np.all(np.isfinite(fitted.lattice.values))
-        errors.append(float(np.linalg.norm(fitted.lattice(unseen) - np.sqrt(unseen), axis=1).mean()))
+        assert np.all(np.isfinite(fitted.values))
+        errors.append(float(np.linalg.norm(fitted(unseen) - np.sqrt(unseen), axis=1).mean()))
     assert errors[1] < errors[0] < 0.1
 
 

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.calibration.physical.blind_white_balance import multipliers_from_colours
-from lutforge.calibration.physical.white_balance import complete_multipliers, named_white_balances
+from lutforge.calibration.physical.white_balance import (
+    complete_multipliers,
+    multipliers_from_colours,
+    named_white_balances,
+)
 from lutforge.errors import CalibrationError
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100

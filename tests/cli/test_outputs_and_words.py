@@ -13,13 +13,11 @@ import pytest
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.cli.bake import PROGRAMS as LISTED
-from lutforge.cli.console import DeveloperName
 from lutforge.cli.kit import kit
 from lutforge.cli.main import main
 from lutforge.luts.programs import PROGRAMS
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.kits import KITS
-from lutforge.pipeline.raw_substitutes import DEVELOPERS
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
 from tests.calibration.samples_of_today import spread_over_picture, with_gamma
@@ -43,7 +41,7 @@ def test_an_output_has_the_suffix_of_its_kind(refused: Refused, tmp_path: Path) 
     for words, says in (
         (("calibrate", "keep.csv", "-o", "keep.csv"), ".npz"),
         (("calibrate", "keep.csv", "-o", "camera"), ".npz"),
-        (("sample", "keep.csv", "-o", "samples.xlsx"), ".csv or .parquet"),
+        (("sample", "keep.csv", "-o", "samples.xlsx"), ".csv or .npz"),
         (("report", "none.npz", "-o", "report.pdf"), ".html"),
         (("import-nus", "folder", "-o", "camera.json"), ".npz"),
     ):
@@ -166,13 +164,12 @@ def test_inspect_shows_what_a_camera_did_to_shots(lutforge: CommandLine, tmp_pat
     samples = spread_over_picture(photograph_patches(nikon_d5100(), chart_140()[:60], stops=(-2, -1, 0)))
     calibrate(samples, CalibrationOptions(size=7)).save(tmp_path / "camera.npz")
     name = str(samples.shot[0])
-    again = replace(with_gamma(samples, [name], 0.85), shot=np.char.add(samples.shot, " again"))
+    again = replace(with_gamma(samples, [name], 0.7), shot=np.char.add(samples.shot, " again"))
     write_samples(tmp_path / "again.csv", again)
     shown = lutforge("inspect", "--scene", "camera.npz", "again.csv", cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
     lines = {line.split(" again")[0].strip(): line for line in shown.stdout.splitlines() if " again" in line}
     assert len(lines) == 15
-    assert [shot for shot, line in lines.items() if "EV" in line] == [name]
     write_samples(tmp_path / "other.csv", replace(again, style=np.full(len(again), "sepia")))
     refusal = lutforge("inspect", "--scene", "camera.npz", "other.csv", cwd=tmp_path)
     assert refusal.returncode == 2 and "not in the profile" in refusal.stderr
@@ -181,8 +178,8 @@ def test_inspect_shows_what_a_camera_did_to_shots(lutforge: CommandLine, tmp_pat
 def test_help_lists_every_program() -> None:
     """The lists stand in the help by hand, since what knows them takes a second to load."""
     parameters = inspect.signature(kit, eval_str=True).parameters
-    for told, known in ((get_args(parameters["program"].annotation), KITS), (get_args(DeveloperName), DEVELOPERS)):
-        assert set(known) <= set(re.findall(r"\w+", told[-1].help))
+    told = get_args(parameters["program"].annotation)
+    assert set(KITS) <= set(re.findall(r"\w+", told[-1].help))
 
 
 def test_a_terminal_gets_no_control_characters_of_a_file(lutforge: CommandLine, tmp_path: Path) -> None:
@@ -205,7 +202,7 @@ def test_files_that_hold_neither_samples_nor_raw_are_told_what_does(
     (tmp_path / name).write_text("camera\tstyle\n" * 20)
     for command in ("calibrate", "sample"):
         said = refused(tmp_path, command, name)
-        assert "not a RAW file" in said and ".csv or .parquet" in said and "damaged" not in said
+        assert "not a RAW file" in said and ".csv or .npz" in said and "damaged" not in said
 
 
 @pytest.mark.parametrize("name", ["x.zip", "x.ocio"])

@@ -6,6 +6,7 @@ import pytest
 
 from lutforge.arrays import Array
 from lutforge.colour.colour_difference import lab_delta_e_2000, srgb_to_lab
+from lutforge.colour.srgb import SRGB_TO_XYZ
 
 
 @pytest.mark.parametrize(
@@ -36,5 +37,5 @@ def test_it_is_that_of_colour_science() -> None:
     encoded = rng.random((10_000, 3))
     space = colour.RGB_COLOURSPACES["sRGB"]
     linear = colour.models.eotf_sRGB(encoded)
-    lab = colour.XYZ_to_Lab(linear @ space.matrix_RGB_to_XYZ.T, space.whitepoint)
+    lab = colour.XYZ_to_Lab(linear @ SRGB_TO_XYZ.T, space.whitepoint)
     np.testing.assert_allclose(srgb_to_lab(encoded), lab, atol=1e-10)

@@ -1,17 +1,16 @@
-"""RGB spaces: encodings are colour-science's, below 0 and above 1 too; matrices OpenColorIO's, too."""
+"""RGB spaces: curves are colour-science's, below 0 and above 1 too; curves and matrices OpenColorIO's, too."""
 
 import colour
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 import pytest
 
+from lutforge.arrays import Array
 from lutforge.colour.chromaticities import CHROMATICITIES
 from lutforge.colour.rgb_spaces import SPACES, matrix_between, rgb_space
 from lutforge.errors import SettingsError
 
 LIGHT = np.concatenate([[-0.01, -0.002, 0.0], np.geomspace(1e-4, 8.0, 40)])
-BY_THEMSELVES = ("Adobe RGB (1998)", "ROMM RGB")
-"""Not computed by colour-science: its gamma gives nothing below 0, its ROMM RGB cuts at 0 and 1."""
 
 
 @pytest.mark.parametrize("name", [name for name, space in SPACES.items() if not space.is_linear and name != "acescc"])
@@ -22,17 +21,59 @@ def test_encoding_and_decoding_are_inverse_and_rise(name: str) -> None:
     assert np.abs(space.decode(encoded) - LIGHT).max() < 1e-4
 
 
-@pytest.mark.parametrize("name", [name for name, space in SPACES.items() if space.transfer])
-def test_encodings_are_colour_sciences(name: str) -> None:
-    space = rgb_space(name)
-    light = LIGHT[LIGHT >= 0]
-    light = light[light <= 1] if space.transfer in BY_THEMSELVES else light
-    known = colour.RGB_COLOURSPACES[space.primaries].cctf_encoding
+CURVES = {
+    space.transfer: name for name, space in SPACES.items()
+    if space.transfer not in ("", "PQ", "HLG", "Adobe RGB (1998)", "ROMM RGB")
+}  # fmt: skip
+"""A space for each curve that colour-science has, too; its ROMM RGB cuts at 0 and 1."""
+
+
+@pytest.mark.parametrize("transfer", CURVES)
+def test_curves_are_colour_sciences(transfer: str) -> None:
+    space = rgb_space(CURVES[transfer])
+    light = LIGHT if transfer != "sRGB" else LIGHT[LIGHT >= 0]
+    function = "Apple Log Profile" if transfer == "Apple Log" else transfer
     with np.errstate(all="ignore"):
-        wanted = (
-            known(light) if space.transfer in BY_THEMSELVES else colour.cctf_encoding(light, function=space.transfer)
-        )
-    assert np.abs(space.encode(light) - wanted).max() < 1e-4
+        encoded = colour.cctf_encoding(light, function=function)
+        decoded = colour.cctf_decoding(encoded, function=function)
+    assert np.abs(space.encode(light) - encoded).max() < 1e-12
+    assert np.abs(space.decode(encoded) - decoded).max() < 1e-5  # the two pieces of D-Log do not quite meet
+
+
+def test_curves_of_rec2100_and_their_diffuse_white() -> None:
+    """BT.2408-7, table 1: diffuse white is 58 % in PQ and 75 % in HLG. OpenColorIO's curves have other scales."""
+    codes = np.linspace(0.02, 0.95, 50)
+    for name, style, white in (
+        ("rec2100-pq", "CURVE - ST-2084_to_LINEAR", 0.58),
+        ("rec2100-hlg", "CURVE - HLG-OETF-INVERSE", 0.75),
+    ):
+        light = rgb_space(name).decode(codes)
+        known = opencolorios(style, codes[:, None].repeat(3, 1))[:, 0] / light
+        assert np.abs(known / known[0] - 1).max() < 1e-4
+        assert rgb_space(name).encode(1.0) == pytest.approx(white, abs=0.0025)
+
+
+@pytest.mark.parametrize(
+    ("name", "style"),
+    [
+        ("apple-log-2", "APPLE_LOG-APPLEWG_to_ACES2065-1"), ("applelog", "APPLE_LOG_to_ACES2065-1"),
+        ("vlog", "PANASONIC_VLOG-VGAMUT_to_ACES2065-1"), ("redlog3g10", "RED_LOG3G10-RWG_to_ACES2065-1"),
+        ("acescct", "ACEScct_to_ACES2065-1"),
+    ],
+)  # fmt: skip
+def test_spaces_are_opencolorios(name: str, style: str) -> None:
+    """Its other built-in spaces of cameras adapt to another white by CAT02, so their matrices differ by 0.5 %."""
+    codes = np.random.default_rng(0).uniform(0.1, 0.9, (2000, 3))
+    light = rgb_space(name).decode(codes) @ matrix_between(rgb_space(name).linear.name, "aces2065-1").T
+    assert np.abs(opencolorios(style, codes) - light).max() < 1e-5 * np.abs(light).max()
+
+
+def opencolorios(style: str, values: Array) -> Array:
+    """What a built-in transform of OpenColorIO makes of values (n, 3)."""
+    processor = OCIO.Config.CreateRaw().getProcessor(OCIO.BuiltinTransform(style))
+    pixels = np.ascontiguousarray(values, dtype=np.float32)
+    processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_NONE).applyRGB(pixels)
+    return pixels.astype(np.float64)
 
 
 @pytest.mark.parametrize("name", SPACES)
@@ -48,7 +89,7 @@ def test_matrices_take_white_to_white_and_back() -> None:
         assert np.abs(there @ back - np.eye(3)).max() < 1e-12
 
 
-@pytest.mark.parametrize("name", [name for name, space in SPACES.items() if space.is_linear])
+@pytest.mark.parametrize("name", [name for name, space in SPACES.items() if space.primaries in colour.RGB_COLOURSPACES])
 def test_matrices_are_those_of_colour_sciences_chromaticities(name: str) -> None:
     first, second = (colour.RGB_COLOURSPACES[rgb_space(each).primaries].copy() for each in ("linear-srgb", name))
     known = CHROMATICITIES[second.name]

@@ -81,7 +81,7 @@ def test_the_full_model_has_the_least_raw_error(plain: Evaluation) -> None:
 def test_delta_is_of_points_that_no_fit_had_seen(plain: Evaluation) -> None:
     assert {"rbf", "f and T, no h", "lattice"} <= {row.method for row in plain.linearization}
     for row in plain.linearization:
-        assert row.pairs > 100
+        assert row.pairs > (20 if row.method.startswith("f of exposures") else 100)  # those are of unsaturated colours
         assert row.held_out != row.method.startswith("f of exposures")  # these are fitted to the very pairs
         # Of vivid's one bracket each shot lies beyond what the others reach.
         if row.method == "rbf" and row.style == "standard":

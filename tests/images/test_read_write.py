@@ -3,18 +3,15 @@
 import shutil
 import subprocess
 import sys
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 from numpy.typing import NDArray
-from PIL import Image as Pillow
 from PIL import ImageCms
 
 from lutforge.errors import ImageError
-from lutforge.images.jpeg_header import read_header
 from lutforge.images.read import Image, is_premultiplied, read_image
 from lutforge.images.write import upright, write_image
 
@@ -227,25 +224,3 @@ def test_oiiotool_reads_what_is_written(tmp_path: Path) -> None:
     out = subprocess.run([tool, "--info", "-v", str(path)], capture_output=True, text=True, check=True).stdout
     assert "64 x   40, 3 channel, half" in out
     assert "Canon PowerShot S40" in out
-
-
-@pytest.mark.parametrize("quality", [1, 30, 50, 85, 92, 100])
-def test_the_tables_of_libjpeg_are_no_camera_s(quality: int) -> None:
-    file = BytesIO()
-    Pillow.new("RGB", (16, 16)).save(file, "JPEG", quality=quality, subsampling=1)
-    header = read_header(file.getvalue())
-    assert header is not None
-    assert header.encoder == "libjpeg"
-
-
-def test_an_encoder_is_told_by_its_tables_and_sampling() -> None:
-    def encoder(step: int, subsampling: int) -> str:
-        file = BytesIO()
-        tables = [[step] * 64, [9] * 64]
-        Pillow.new("RGB", (16, 16)).save(file, "JPEG", qtables=tables, subsampling=subsampling)
-        header = read_header(file.getvalue())
-        assert header is not None
-        return header.encoder
-
-    assert encoder(5, 1) == encoder(5, 1) != "libjpeg"
-    assert len({encoder(5, 1), encoder(6, 1), encoder(5, 2)}) == 3

@@ -1,9 +1,6 @@
 """Second readers of what kits write, by the published descriptions of the formats."""
 
-import hashlib
 import struct
-import xml.etree.ElementTree as ET
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -12,33 +9,6 @@ from numpy.typing import NDArray
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 
 Array = NDArray[np.float64]
-
-SIGNS = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?`'|()[]{}@%$#"
-CRS = "{http://ns.adobe.com/camera-raw-settings/1.0/}"
-
-
-def rgb_table_of(path: Path) -> tuple[Array, tuple[int, int, int]]:
-    """The cube (n, n, n, 3) of an XMP profile, and its codes of primaries, gamma and gamut."""
-    description = next(ET.parse(path).getroot().iter("{http://www.w3.org/1999/02/22-rdf-syntax-ns#}Description"))
-    fingerprint = description.attrib[f"{CRS}RGBTable"]
-    text = description.attrib[f"{CRS}Table_{fingerprint}"]
-    data = bytearray()
-    for start in range(0, len(text), 5):
-        digits = [SIGNS.index(sign) for sign in text[start : start + 5]]
-        word = sum(digit * 85**place for place, digit in enumerate(digits))
-        data += struct.pack("<I", word)[: len(digits) - 1 if len(digits) < 5 else 4]
-    block = zlib.decompress(bytes(data[4:]))
-    assert len(block) == struct.unpack("<I", data[:4])[0]
-    assert hashlib.md5(block).hexdigest().upper() == fingerprint
-    kind, version, dimensions, n = struct.unpack_from("<4I", block)
-    assert (kind, version, dimensions) == (1, 1, 3)
-    samples = np.frombuffer(block, "<u2", 3 * n**3, 16).reshape(n, n, n, 3).astype(np.int64)
-    even = np.array([(i * 65535 + n // 2) // (n - 1) for i in range(n)])
-    identity = np.stack(np.meshgrid(even, even, even, indexing="ij"), axis=-1)
-    primaries, gamma, gamut, least, largest = struct.unpack_from("<3I2d", block, 16 + 6 * n**3)
-    assert (least, largest) == (0.0, 2.0)
-    assert len(block) == 16 + 6 * n**3 + 28
-    return (samples + identity) % 65536 / 65535, (primaries, gamma, gamut)
 
 
 def dcp_tags(path: Path) -> dict[int, Array | str]:

@@ -22,6 +22,7 @@ from lutforge.samples.sample_set import SampleSet
 pytestmark = pytest.mark.slow
 
 GUIDE = Path(__file__).parents[2] / "examples" / "guide"
+PAGES = ["film_luts", "other_programs", *sorted(name for name in KITS if (GUIDE / f"{name}.md").exists())]
 RUNS = {
     "darktable": "darktable-cli", "rawtherapee": "rawtherapee-cli", "blender": "blender", "ffmpeg": "ffmpeg",
     "gimp": "gmic",
@@ -43,7 +44,7 @@ def camera(s40_samples: SampleSet, tmp_path_factory: pytest.TempPathFactory) -> 
     return path
 
 
-@pytest.mark.parametrize("page", sorted(KITS))
+@pytest.mark.parametrize("page", PAGES)
 def test_the_lines_of_a_page_run(page: str, camera: Path, shared_data: Path, tmp_path: Path) -> None:
     lines = command_lines((GUIDE / f"{page}.md").read_text(encoding="utf-8"))
     assert lines
@@ -77,6 +78,11 @@ def prepare(folder: Path, camera: Path, data: Path, lines: str) -> None:
         (folder / "exported").mkdir()
         for raw in folder.glob("IMG_*.CRW"):
             export(raw, folder / "exported" / f"{raw.stem}.tif")
+    if "IMG_*.JPG" in lines:
+        shutil.copy(data / "canon_powershot_s40" / "IMG_0102.JPG", folder)
+    if "film.cube" in lines:
+        corners = [f"{r} {g} {b}" for b in (0, 1) for g in (0, 1) for r in (0, 1)]
+        (folder / "film.cube").write_text("\n".join(["LUT_3D_SIZE 2", *corners, ""]), encoding="utf-8")
     if "IN." in lines:
         even = np.linspace(0, 255, 64).astype(np.uint8)
         picture = np.stack([*np.meshgrid(even, even), np.full((64, 64), 128, np.uint8)], axis=-1)

@@ -15,8 +15,8 @@ from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import SettingsError
 from lutforge.luts.bake import bake
 from lutforge.luts.check import check_lut
-from lutforge.luts.processor import evaluate, file_processor
-from lutforge.luts.sequence import read_lut
+from lutforge.luts.processor import evaluate
+from lutforge.luts.reading import file_processor, read_lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.baking import bake_files
 from lutforge.pipeline.transforms import TransformRequest, transform
@@ -167,10 +167,7 @@ def test_legal_ranges_are_kept(space: str, profile: CameraProfile) -> None:
 @pytest.mark.parametrize("program", ["darktable", "RawTherapee", "art", "lightroom"])
 def test_a_developer_is_not_given_a_lut_of_camera_raw(program: str, profile: CameraProfile, tmp_path: Path) -> None:
     suffix = ".png" if program in ("RawTherapee", "art") else ".cube"
-    command = (
-        "--developer darktable .* lutforge kit developed.npz" if program == "darktable" else "lutforge kit camera.npz"
-    )
-    with pytest.raises(SettingsError, match=command):
+    with pytest.raises(SettingsError, match=r"lutforge kit camera\.npz"):
         bake_files(profile, TransformRequest("render", target=SETTING), [tmp_path / f"look{suffix}"], program=program)
     assert not list(tmp_path.iterdir())
 

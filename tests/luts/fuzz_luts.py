@@ -41,7 +41,7 @@ def seeds(folder: Path) -> dict[str, bytes]:
     lut = lut_of_nodes(levels, grid(uniform_levels(3)) ** 0.5, size=9, comments=("a comment",))
     plain = Lut((Cube(grid(uniform_levels(4)) ** 0.5),), title="title")
     found = {}
-    for name in ("a.clf", "a.ctf", "a.resolve.cube", "a.csp", "a.cub", "a.lut", "a.spi3d", "a.dctl"):
+    for name in ("a.clf", "a.ctf", "a.resolve.cube", "a.csp", "a.spi3d", "a.dctl"):
         lut.write(folder / name)
     for name in ("b.cube", "b.clf", "b.png", "b.tif"):
         plain.write(folder / name)

@@ -1,6 +1,5 @@
 """Baking: a fit, never a sampling; exact where the model is a lattice; curves where the model has them."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,9 @@ from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.luts.bake import bake, bake_forms
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.processor import evaluate, file_processor
+from lutforge.luts.processor import evaluate
 from lutforge.luts.programs import Target
+from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import FORMS, Form, suffixes
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.luts.steps import bake_steps
@@ -113,26 +113,21 @@ def test_a_lattice_is_baked_as_it_stands() -> None:
 
 
 def test_a_lattice_with_a_response_is_kept_by_process_lists(tmp_path: Path) -> None:
-    """Other formats get its plain form, other sizes are fitted; no file leaves [0, 1]."""
+    """Other formats and other sizes are fitted; no file leaves [0, 1]."""
     axis = snap_levels(np.linspace(0, 1, 9), SHAPER_SIZE)
     values = grid((axis, axis, axis)) * 1.3 - 0.15
     even = np.linspace(0.0, 1.0, 4096)[:, None].repeat(3, axis=1)
     table = 2 * even / (1 + even)
-    inside = np.clip(values, 0, 1)
-    plain = Lattice((axis, axis, axis), 2 * inside / (1 + inside), "trilinear")
-    lattice = Lattice((axis, axis, axis), values, "trilinear", table, plain)
+    lattice = Lattice((axis, axis, axis), values, "trilinear", table)
     x = points()
     transform = Transform((Clip(), lattice))
     assert bake(transform, tmp_path / "a.clf").cube is not None
     read = evaluate(file_processor(tmp_path / "a.clf"), x)
     np.testing.assert_allclose(read, transform(x), atol=1e-5)
     assert read.min() >= 0.0 and read.max() <= 1.0
-    bake(transform, tmp_path / "a.csp")
-    np.testing.assert_allclose(evaluate(file_processor(tmp_path / "a.csp", "trilinear"), x), plain(x), atol=1e-5)
     other = bake(transform, size=17)
     assert isinstance(other.ops[-1], Curve) and np.linalg.norm(other(x) - transform(x), axis=1).max() < 0.01
-    alone = Transform((Clip(), replace(lattice, plain=None)))
-    bake(alone, tmp_path / "b.csp")
+    bake(transform, tmp_path / "b.csp")
     fitted = evaluate(file_processor(tmp_path / "b.csp", "trilinear"), x)
     assert np.abs(fitted - transform(x)).mean() < 0.03
 
@@ -183,7 +178,7 @@ def test_stages_at_17_beat_one_cube_at_33(shared_data: Path) -> None:
         assert ours.max() < 0.5 * plain.max()
 
 
-@pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.cub", "a.lut", "a.cube", "a.3dl"])
+@pytest.mark.parametrize("name", ["a.resolve.cube", "a.csp", "a.cube", "a.3dl"])
 def test_each_form_is_a_fit_of_its_own(tmp_path: Path, name: str) -> None:
     """A curve behind the cube, or a shaper, is never lost by sampling what was fitted with it."""
     transform = refinish()
@@ -288,7 +283,7 @@ def test_each_program_gets_its_own_fit(tmp_path: Path) -> None:
 def test_a_program_gets_only_what_it_reads(tmp_path: Path) -> None:
     with pytest.raises(LutError, match="rawtherapee does not read"):
         bake(look, tmp_path / "a.cube", program="rawtherapee")
-    assert set(suffixes()) >= {".clf", ".cube", ".csp", ".3dl", ".cub", ".lut", ".png", ".tif"}
+    assert set(suffixes()) >= {".clf", ".cube", ".csp", ".3dl", ".png", ".tif"}
 
 
 @pytest.mark.parametrize("form", FORMS)

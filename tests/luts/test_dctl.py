@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.errors import LutError
 from lutforge.luts.bake import bake
 from lutforge.luts.ops import Cube, Curve
-from lutforge.luts.processor import evaluate, file_processor
-from lutforge.luts.sequence import Lut, read_lut
+from lutforge.luts.processor import evaluate
+from lutforge.luts.reading import file_processor, read_lut
+from lutforge.luts.sequence import Lut
 
 MACROS = r"""
 #include <math.h>

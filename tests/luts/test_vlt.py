@@ -7,7 +7,7 @@ import pytest
 
 from lutforge.errors import LutError
 from lutforge.luts.bake import bake
-from lutforge.luts.sequence import read_lut
+from lutforge.luts.reading import read_lut
 from tests.luts.test_dctl import look
 
 

@@ -52,5 +52,4 @@ def small_profile(camera: str = "Test One") -> CameraProfile:
         shots=("a", "b"),
         options={"model": "lattice", "size": 5},
         notes=("a note with ü and 中",),
-        encoders=("libjpeg", "0123456789abcdef"),
     )

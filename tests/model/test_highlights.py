@@ -1,58 +1,87 @@
-"""White in the source stays neutral under other settings; every other colour is what the model says."""
+"""White in the source ends neutral under other settings, and one code of the source decides nothing."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
 
 import lutforge as lf
 from lutforge.arrays import Array
-from lutforge.model.highlights import CLIPPED, clipped, neutral_where_clipped, white_as_grey
-from tests.model.profiles_synthetic import small_profile
+from lutforge.luts.steps import bake_steps
+from lutforge.model.camera_profile import ModelName
+from lutforge.model.highlights import clipped, white_as_grey
+from lutforge.model.lattice import Lattice, grid, uniform_levels
+from tests.model.profiles_synthetic import GAMMA, MATRIX, small_profile
+
+TINTS = ((0, 0, 0), (0, 0, -1), (0, -4, -9), (-9, -4, 0), (-4, 0, -4), (0, -6, 0), (0, -20, -40), (-40, -20, 0))
 
 
-def test_white_is_raised_to_one_level_and_a_measured_colour_left_alone() -> None:
-    balanced = np.array([[1.6, 1.0, 0.4], [0.7, 0.6, 0.4], [1.6, 1.0, 0.4], [0.2, 0.9, 0.1]])
-    encoded = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 254 / 255, 245 / 255], [0.4, 1.0, 0.3]])
-    wanted = [[1.6, 1.6, 1.6], [1.0, 1.0, 1.0], [1.6, 1.0, 0.4], [0.2, 0.9, 0.1]]
-    np.testing.assert_allclose(neutral_where_clipped(encoded, balanced), wanted)
-    assert clipped(encoded).all()
-    np.testing.assert_allclose(neutral_where_clipped(encoded[:1], balanced[:1], white=4.0), 4.0)
-
-
-def test_it_sets_in_within_half_a_code_and_leaves_all_else() -> None:
-    encoded = np.linspace(0.9, 1.0, 2001)[:, None] * np.ones(3)
-    balanced = encoded * [1.6, 1.0, 0.4]
-    raised = neutral_where_clipped(encoded, balanced)
-    assert np.all(np.diff(raised, axis=0) >= 0)
-    below = encoded[:, 0] <= 1 - CLIPPED
-    np.testing.assert_array_equal(raised[below], balanced[below])
-    dark = neutral_where_clipped(np.zeros((1, 3)), np.array([[0.02, 0.01, 0.0]]))
-    np.testing.assert_array_equal(dark, 0.0)
-
-
-@pytest.mark.parametrize("ev", [0.0, 0.7])
-def test_white_stays_white_in_a_refinish_and_in_its_file(ev: float) -> None:
+def fine_profile() -> lf.CameraProfile:
+    """The small profile with lattices fine enough for its matrix and response."""
     profile = small_profile()
-    refinish = profile.refinish("standard/tungsten", "standard/daylight", ev, "rbf")
-    bare = profile.refinish("standard/tungsten", "standard/daylight", ev, "rbf", neutral_highlights=False)
-    assert np.ptp(bare(np.ones(3))) > 0.05
-    assert np.ptp(refinish(np.ones(3))) < 0.005
-    assert np.ptp(lf.bake(refinish, size=17)(np.ones(3))) < 0.01
-    middle = np.random.default_rng(0).uniform(0.02, 0.95, (500, 3))
-    np.testing.assert_allclose(refinish(middle), bare(middle), atol=1e-12)
+    levels, even = (np.linspace(0.0, 1.0, 25) ** 2,) * 3, uniform_levels(25)
+    render = Lattice(levels, np.clip(grid(levels) @ MATRIX.T, 0.0, 1.0) ** (1 / GAMMA))
+    linearize = Lattice(even, (grid(even) ** GAMMA) @ np.linalg.inv(MATRIX).T, "tetrahedral")
+    style = replace(profile.styles["standard"], render=render, linearize=linearize, coverage={})
+    return replace(profile, styles={"standard": style})
 
 
-def test_no_channel_of_the_output_becomes_darker_where_a_tinted_grey_becomes_white() -> None:
-    """In the output's linear light, from grey to burnt-out white, under white balances that tint either way."""
-    to_linear = np.array([[1.7, -0.5, -0.2], [-0.3, 1.6, -0.3], [0.0, -0.6, 1.6]])
-    grey = np.linspace(0.5, 1.0, 2001)[:, None].repeat(3, axis=1)
-    below = grey[:, 0] < 1 - CLIPPED
-    for tint in ([2.0, 1.0, 0.5], [0.5, 1.0, 2.0], [1.0, 0.5, 1.0]):
-        balanced = grey**2.2 * tint
-        raised = neutral_where_clipped(grey, balanced, to_linear=to_linear)
-        assert np.all((raised - balanced) @ to_linear.T >= -1e-12)
-        assert np.any((neutral_where_clipped(grey, balanced) - balanced) @ to_linear.T < -0.01)
-        assert np.ptp(raised[-1]) < 1e-12
-        np.testing.assert_array_equal(raised[below], balanced[below])
+def ramps() -> list[Array]:
+    """Greys and tints from code 200 to 255 in steps of one code, each (56, 3)."""
+    return [np.clip(np.arange(200, 256)[:, None] + np.array(tint), 0, 255) / 255 for tint in TINTS]
+
+
+def codes(function: Callable[[Array], Array], colours: Array) -> Array:
+    """What a function makes of colours, in codes."""
+    return np.asarray(255 * np.clip(function(colours), 0.0, 1.0))
+
+
+def largest_step(values: Array) -> float:
+    """The largest change of a channel from one colour to the next."""
+    return float(np.abs(np.diff(values, axis=0)).max())
+
+
+@pytest.mark.parametrize("ev", [-1.0, 0.0, 0.7])
+@pytest.mark.parametrize("model", ["lattice", "rbf"])
+def test_one_code_of_the_source_moves_no_channel_by_more_than_eight(ev: float, model: ModelName) -> None:
+    profile = fine_profile()
+    for source, target in permutations(("standard/daylight", "standard/tungsten", "standard/auto"), 2):
+        refinish = profile.refinish(source, target, ev, model)
+        bare = profile.refinish(source, target, ev, model, neutral_highlights=False)
+        for ramp in ramps():
+            made, without = codes(refinish, ramp), codes(bare, ramp)
+            bound = max(8.0, largest_step(without))  # the rendering itself may be steeper
+            assert largest_step(made) <= bound, (source, target, ramp[-1])
+            if model == "rbf":  # whose matrix and response are the rendering, exactly
+                assert (without - made).max() <= 1.0  # no channel is darker
+        assert np.ptp(codes(refinish, np.ones((1, 3)))) <= 2.0, (source, target)
+
+
+def test_what_is_far_from_white_is_what_the_model_says() -> None:
+    profile = small_profile()
+    refinish = profile.refinish("standard/tungsten", "standard/daylight", 0.7)
+    bare = profile.refinish("standard/tungsten", "standard/daylight", 0.7, neutral_highlights=False)
+    colours = np.random.default_rng(0).uniform(0.02, 0.95, (500, 3))
+    colours[:, 1] = np.minimum(colours[:, 1], 0.6)
+    np.testing.assert_allclose(refinish(colours), bare(colours), atol=1e-12)
+    assert np.ptp(codes(bare, np.ones((1, 3)))) > 10.0
+
+
+def test_a_code_at_either_end_is_clipped() -> None:
+    ends = np.array([[255, 40, 40], [254, 40, 40], [0, 40, 40], [1, 40, 40]]) / 255
+    np.testing.assert_array_equal(clipped(ends), [True, False, True, False])
+
+
+def test_files_follow_near_white() -> None:
+    """The steps of a process list on average within a quarter of a code, one cube behind a shaper within one."""
+    beside = np.concatenate(ramps())
+    for ev in (-1.0, 0.0, 0.7):
+        refinish = small_profile().refinish("standard/tungsten", "standard/daylight", ev)
+        made = codes(refinish, beside)
+        assert np.abs(codes(bake_steps(refinish), beside) - made).mean() <= 0.25
+        assert np.abs(codes(lf.bake(refinish, form="shaper", size=65), beside) - made).mean() <= 1.0
 
 
 def test_white_exposed_down_is_what_the_camera_renders_grey() -> None:

@@ -80,3 +80,7 @@ def test_absurd_node_values_are_refused() -> None:
     values[1, 0, 1, 2] = 1e30
     with pytest.raises(ProfileError, match="no colour"):
         Lattice(uniform_levels(2), values)
+
+
+def test_a_lattice_prints_as_its_size() -> None:
+    assert repr(Lattice(uniform_levels(3), grid(uniform_levels(3)))) == "Lattice(3×3×3, trilinear)"

@@ -14,7 +14,6 @@ import pytest
 from lutforge.errors import LutForgeError, ProfileError
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.profile_file import save_profile
-from lutforge.model.white_balance import WhiteBalance
 from tests.model.profiles_synthetic import small_profile
 
 
@@ -62,7 +61,7 @@ def _with_response() -> CameraProfile:
     name, style = next(iter(profile.styles.items()))
     assert style.render is not None
     table = np.linspace(0.0, 1.0, 65)[:, None] ** np.array([0.4, 0.5, 0.6])
-    render = replace(style.render, output_curve=table, plain=style.render)
+    render = replace(style.render, output_curve=table)
     return replace(profile, styles={**profile.styles, name: replace(style, render=render)})
 
 
@@ -76,9 +75,6 @@ def test_a_response_and_the_plain_form_come_back(tmp_path: Path) -> None:
         x = np.random.default_rng(0).random((100, 3))
         np.testing.assert_array_equal(got(x), wanted(x))
         assert (got.output_curve is None) == (wanted.output_curve is None)
-        if wanted.plain is not None:
-            assert got.plain is not None
-            np.testing.assert_array_equal(got.plain(x), wanted.plain(x))
 
 
 def test_a_falling_response_is_refused(tmp_path: Path) -> None:
@@ -92,52 +88,9 @@ def test_a_falling_response_is_refused(tmp_path: Path) -> None:
     assert "response" in _refused(path)
 
 
-def test_profiles_of_the_first_version_are_read(saved: Path) -> None:
-    _edit(saved, version=1)
-    assert load_profile(saved).camera == small_profile().camera
-
-
-def test_gamut_maps_of_versions_without_an_even_scale_are_on_linear_values(saved: Path) -> None:
-    stored = load_profile(saved).styles["standard"].physical[0]
-    assert (stored.gamut_map.offset, stored.inverse_gamut_map.offset) == (0.01, 0.0)
-    with zipfile.ZipFile(saved) as archive:
-        document = json.loads(archive.read("profile.json"))
-    del document["styles"]["standard"]["physical"][0]["offsets"]
-    _edit(saved, version=2, styles=document["styles"])
-    older = load_profile(saved).styles["standard"].physical[0]
-    assert (older.gamut_map.offset, older.inverse_gamut_map.offset) == (0.0, 0.0)
-
-
-def test_cameras_without_raw_of_version_5_render_as_they_did(tmp_path: Path) -> None:
-    """They held a physical model a white balance, each with its matrix Tz from the reference camera's RAW."""
-    path, small = tmp_path / "camera.npz", small_profile()
-    (daylight,) = small.styles["standard"].physical
-    tungsten = replace(daylight, matrix=daylight.matrix @ np.diag([0.7, 1.0, 1.4]), white_balances=("tungsten",))
-    models = (replace(daylight, white_balances=("daylight",)), tungsten)
-    style = replace(small.styles["standard"], physical=models, render=None, linearize=None, coverage={})
-    balances = {name: WhiteBalance((1.0, 1.0, 1.0)) for name in ("daylight", "tungsten")}
-    older = replace(
-        small,
-        styles={"standard": style},
-        white_balances=balances,
-        raw_camera="Reference",
-        raw_transfer=np.eye(3),
-        options={"model": "rbf"},
-    )
-    save_profile(older, path)
-    _edit(path, version=5, raw_transfer=None)
-    read, raw = load_profile(path), 0.4 * np.random.default_rng(0).random((50, 3))
-    for model in models:
-        expected = model.response.encode(model.gamut_map(raw @ model.matrix.T))
-        np.testing.assert_allclose(read.render(f"standard/{model.white_balances[0]}")(raw), expected, atol=1e-9)
-    codes = np.random.default_rng(1).random((50, 3))
-    selectors = ("standard/tungsten", "standard/daylight")
-    np.testing.assert_allclose(read.refinish(*selectors)(codes), older.refinish(*selectors)(codes), atol=1e-9)
-
-
 def test_everything_comes_back(saved: Path) -> None:
     first, second = small_profile(), load_profile(saved)
-    assert second.camera == first.camera and second.encoders == first.encoders != ()
+    assert second.camera == first.camera
     assert second.shots == first.shots and second.notes == first.notes
     assert dict(second.options) == dict(first.options)
     assert dict(second.white_balances) == dict(first.white_balances)
@@ -156,15 +109,6 @@ def test_everything_comes_back(saved: Path) -> None:
 def test_the_same_profile_gives_the_same_bytes(saved: Path, tmp_path: Path) -> None:
     save_profile(load_profile(saved), tmp_path / "again.npz")
     assert (tmp_path / "again.npz").read_bytes() == saved.read_bytes()
-
-
-def test_a_profile_without_the_newer_fields_still_loads(saved: Path) -> None:
-    with zipfile.ZipFile(saved) as archive:
-        document = json.loads(archive.read("profile.json"))
-    for name in ("raw_camera", "notes", "shots", "options", "encoders"):
-        del document[name]
-    _rewrite(saved, {"profile.json": json.dumps(document).encode()})
-    assert load_profile(saved).raw_camera == ""
 
 
 def test_a_missing_file_says_how_to_make_one(tmp_path: Path) -> None:
@@ -206,9 +150,11 @@ def test_a_missing_array_is_named(saved: Path) -> None:
     assert "style0_render_values" in _refused(saved)
 
 
-def test_a_newer_version_asks_for_an_update(saved: Path) -> None:
+def test_another_version_asks_for_an_update_or_a_calibration(saved: Path) -> None:
     _edit(saved, version=999)
     assert "update" in _refused(saved)
+    _edit(saved, version=1)
+    assert "calibrate again" in _refused(saved)
 
 
 @pytest.mark.parametrize("version", [0, "x", None, True, "1" * 1000])

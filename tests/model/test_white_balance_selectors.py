@@ -1,16 +1,21 @@
 """White balances by name, temperature, tint and multipliers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from lutforge.calibration.physical.white_balance import named_white_balances
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.spectra import WAVELENGTHS, light, surface_reflectances
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.white_balance import WhiteBalance, resolve, temperature_range
+from lutforge.samples.sample_set import SampleSet
 from lutforge.settings import Kelvin, Multipliers
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from tests.apply.test_profile_recipe import samples_of
 
 CAMERA = nikon_d5100()
 MATRIX = CAMERA.matrix
@@ -65,11 +70,65 @@ def test_a_named_setting_takes_a_tint() -> None:
     profile = CameraProfile("Test", MATRIX, KNOWN, {"standard": PictureStyle()})
     tinted = profile.multipliers("standard/daylight+20")
     np.testing.assert_allclose(tinted, profile.multipliers("standard/5200K+20"), rtol=1e-3)
-    np.testing.assert_array_equal(profile.multipliers("standard/daylight+0"), KNOWN["daylight"].multipliers)
+    np.testing.assert_allclose(profile.multipliers("standard/daylight+0"), KNOWN["daylight"].multipliers)
     with pytest.raises(SettingsError, match="unknown white balance"):
         profile.selector("standard/moonlight+20")
     with pytest.raises(SettingsError, match="tint"):
         profile.selector("standard/daylight+400")
+
+
+def test_a_setting_is_shifted_along_the_locus() -> None:
+    profile = CameraProfile("Test", MATRIX, KNOWN, {"standard": PictureStyle()})
+    wanted = profile.multipliers("standard/5700K") / profile.multipliers("standard/5200K")
+    shifted = profile.multipliers("standard/daylight+500K") / profile.multipliers("standard/daylight")
+    np.testing.assert_allclose(shifted, wanted, rtol=0.02)
+    mired = profile.multipliers(f"standard/daylight{1e6 / 5700 - 1e6 / 5200:+.4f}mired")
+    np.testing.assert_allclose(mired, profile.multipliers("standard/daylight+500K"), rtol=1e-4)
+    with pytest.raises(SettingsError, match="no natural light"):
+        profile.selector("standard/daylight-5000K")
+    automatic = CameraProfile("Test", MATRIX, {"auto": KNOWN["auto"]}, {"standard": PictureStyle()})
+    step = automatic.multipliers("standard/auto-20mired") / automatic.multipliers("standard/auto")
+    wanted = profile.multipliers("standard/daylight-20mired") / profile.multipliers("standard/daylight")
+    np.testing.assert_allclose(step, wanted, rtol=0.02)
+
+
+def test_the_gain_of_a_setting_stays_with_a_tint() -> None:
+    """A setting whose JPEGs the camera makes brighter by a tenth."""
+    known = {**KNOWN, "daylight": replace(KNOWN["daylight"], gain=1.1)}
+    profile = CameraProfile("Test", MATRIX, known, {"standard": PictureStyle()})
+    np.testing.assert_allclose(
+        profile.multipliers("standard/daylight+0.01"), profile.multipliers("standard/daylight"), rtol=1e-3
+    )
+
+
+def automatic_samples() -> SampleSet:
+    """Colours of a camera on automatic white balance, under four lights, with what LibRaw knows of it."""
+    samples = samples_of(CAMERA, 3, ("standard",))
+    seen = (light(6504.0)[:, None] * CAMERA.sensitivity).sum(axis=0)
+    d65 = seen[1] / seen
+    count = len(samples.camera)
+    return replace(
+        samples,
+        shot=samples.white_balance,
+        white_balance=np.full(count, "auto"),
+        d65_r=np.full(count, d65[0]),
+        d65_b=np.full(count, d65[2]),
+    )
+
+
+def test_a_profile_of_automatic_shots_knows_presets_and_temperatures() -> None:
+    samples = automatic_samples()
+    balances = named_white_balances(samples, samples.wb, MATRIX)
+    assert set(balances) == {"auto", "tungsten", "daylight", "cloudy", "shade"}
+    profile = CameraProfile("Test", MATRIX, balances, {"standard": PictureStyle()})
+    for name in ("tungsten", "daylight", "cloudy", "shade"):
+        kelvin = CAMERA.white_balances[name].kelvin
+        found = profile.multipliers(f"standard/{kelvin:g}K")
+        assert np.abs(found / CAMERA.white_balances[name].multipliers - 1).max() < 0.06, name
+    for asked in ("3200K", "5200K+10", "auto+500K", "auto-20mired"):
+        profile.selector(f"standard/{asked}")
+    unknown = np.full(len(samples.camera), np.nan)
+    assert set(named_white_balances(replace(samples, d65_r=unknown), samples.wb, MATRIX)) == {"auto"}
 
 
 def test_far_temperatures_and_unknown_names_are_refused() -> None:
@@ -77,8 +136,10 @@ def test_far_temperatures_and_unknown_names_are_refused() -> None:
         resolve(Kelvin(2000.0), KNOWN, MATRIX)
     with pytest.raises(SettingsError, match="auto, cloudy, daylight, flash, fluorescent, shade, tungsten"):
         resolve("underwater", KNOWN, MATRIX)
-    with pytest.raises(SettingsError, match=r"two white balances of known temperature.*name multipliers instead"):
-        resolve(Kelvin(5000.0), {"auto": KNOWN["auto"], "daylight": KNOWN["daylight"]}, MATRIX)
+    with pytest.raises(SettingsError, match=r"no known colour temperature.*name multipliers instead"):
+        resolve(Kelvin(5000.0), {"auto": KNOWN["auto"]}, MATRIX)
+    alone = {"auto": KNOWN["auto"], "daylight": KNOWN["daylight"]}
+    assert np.all(np.abs(resolve(Kelvin(3200.0), alone, MATRIX) / resolve(Kelvin(3200.0), KNOWN, MATRIX) - 1) < 0.1)
     low, high = temperature_range(KNOWN)
     for kelvin in (low, high):
         assert np.all(resolve(Kelvin(kelvin), KNOWN, MATRIX) > 0)

@@ -7,7 +7,8 @@ import numpy as np
 
 from lutforge.luts.formats import clf
 from lutforge.luts.ops import Cube, Curve, Matrix, Range
-from lutforge.luts.sequence import Lut, read_lut
+from lutforge.luts.reading import read_lut
+from lutforge.luts.sequence import Lut
 from lutforge.ocio.lut_files import compact_text
 
 

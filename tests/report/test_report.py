@@ -217,13 +217,21 @@ def test_gaps_are_where_errors_are_expected() -> None:
 
 
 def test_exposures_say_whether_the_response_is_fixed() -> None:
-    samples = photograph_patches(nikon_d5100(), chart_140(), balances=("daylight",), stops=(-2, -1, 0))
+    samples = photograph_patches(
+        nikon_d5100(), chart_140(), balances=("daylight",), stops=(-2, -1, 0), exposure_error=0.0
+    )
+    late = samples.shot == "standard daylight +0"
+    samples = replace(samples, exposure_s=np.where(late, samples.exposure_s / 1.05, samples.exposure_s))
     data, _ = style_data(samples, samples.wb)
-    text, table, picture = exposure_blocks(data)
+    text, table, shutters, picture = exposure_blocks(data)
     assert isinstance(text, Text) and "standard: the response is a fixed property of this camera" in text.text
     assert isinstance(table, Table)
     removed, everything = (np.array(row[1:], dtype=float) for row in table.rows)
     assert (removed < 0.05).all() and not np.array_equal(removed, everything)
+    assert isinstance(shutters, Table)
+    assert {row[0]: float(row[-1]) for row in shutters.rows} == pytest.approx(
+        {name: 1.05 if name == "standard daylight +0" else 1.0 for name in np.unique(samples.shot)}, abs=0.003
+    )
     assert isinstance(picture, Picture) and picture.name == "brightness_transfer_standard"
     single = data["standard"].select(data["standard"].shot == data["standard"].shot[0])
     assert list(exposure_blocks({"standard": single})) == []

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.images.raw import RawImage
+from lutforge.shots.geometry import Registration
 from lutforge.shots.metadata import ShotMetadata
-from lutforge.shots.shot import Registration, Shot
+from lutforge.shots.shot import Shot
 
 MULTIPLIERS = np.array([2.0, 1.0, 1.5])
 

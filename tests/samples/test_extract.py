@@ -132,9 +132,11 @@ def test_real_shots(name: str, shared_data: Path) -> None:
     samples = result.samples
     assert result.kept > 100
     assert result.summary.startswith(f"{name}: kept {result.kept} tiles; clipped")
-    assert set(samples.encoder.tolist()) == {"7757f251bf7e7541"}  # tables and size that all its previews have
     assert ((samples.raw > 0) & (samples.raw < 0.98)).all()
-    assert ((samples.srgb > 1 / 255) & (samples.srgb < 254 / 255)).all()
+    whole = (samples.srgb > 1 / 255) & (samples.srgb < 254 / 255)
+    assert (whole | (samples.srgb == 0) | (samples.srgb == 1)).all()  # a channel that clips does so in all of its tile
+    samples = samples.select(np.asarray(whole.all(axis=1)))
+    assert len(samples) > 0.8 * result.kept
     # Rendering is smooth: a quadratic of balanced RAW (a square root, so near to encoded) explains the JPEG.
     x = np.sqrt(samples.raw * samples.wb)
     design = np.column_stack([np.ones(len(x)), x, x**2, x**3, x[:, [0]] * x[:, [1]], x[:, [1]] * x[:, [2]]])

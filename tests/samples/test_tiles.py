@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
 from lutforge.samples.tiles import LEVELS, agreement, cell_size, flatness, jpeg_cells
 from lutforge.shots.cells import CellStatistics
-from lutforge.shots.shot import Registration
+from lutforge.shots.geometry import Registration
 
 Array = NDArray[np.float64]
 CELL = 8

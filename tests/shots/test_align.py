@@ -12,8 +12,8 @@ from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots import align
 from lutforge.shots.align import register, register_rotated
+from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.read import read_shot
-from lutforge.shots.shot import Placement, Registration
 
 Array = NDArray[np.float64]
 

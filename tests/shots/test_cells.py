@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lutforge.shots.cells import raw_on_grid
-from lutforge.shots.shot import Registration
+from lutforge.shots.geometry import Registration
 from tests.shots.test_align import raw_image
 
 

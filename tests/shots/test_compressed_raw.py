@@ -4,7 +4,7 @@ import numpy as np
 
 from lutforge.shots.area_means import cells_of_jpeg, on_jpeg_pixels
 from lutforge.shots.compressed_raw import means_of_roots, quadratic
-from lutforge.shots.shot import Registration
+from lutforge.shots.geometry import Registration
 
 RAW = np.random.default_rng(0).uniform(-0.01, 1.0, (40, 50, 3)).astype(np.float32)
 GAINS = np.array([1.5, 1.0, 2.0], np.float32)

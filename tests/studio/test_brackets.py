@@ -20,11 +20,10 @@ from tests.calibration.charts_simulated import photograph_chart
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.studio.brackets import BracketRequest, bracket_in
-from lutforge.studio.export import Export
-from lutforge.studio.export import run as run_export
+from lutforge.studio.export_page import Export
+from lutforge.studio.export_page import run as run_export
 from lutforge.studio.folders import Folders
-from lutforge.studio.page import Page
-from lutforge.studio.steps import STEPS, states_of
+from lutforge.studio.page import STEPS, Page, states_of
 from lutforge.studio.workspace_file import open_paths
 
 
@@ -68,8 +67,13 @@ def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(folder: 
     page = opened(folder)
     session, shots = page.session, page.pages["Shots"]
     assert "a bracket of" in session.status.object and "press Fit response" in states_of(session)["Shots"][1]
-    assert shots.bracket.controls.visible and not shots.bracket.layout.visible
-    shots.grid.out = ["1.jpg"]
+    assert shots.bracket.visible and not shots.response.visible
+    samples = session.workspace.samples
+    assert len(samples) > 100 and not session.workspace.has_raw and session.workspace.pairs is not None
+    page.show("Samples")
+    assert len(page.pages["Samples"].left.source.data["x"]) > 100
+    page.show("Shots")
+    shots.boxes["1.jpg"].value = False
     asked: list[BracketRequest] = []
 
     def start(title: str, done: Any, function: Any, request: BracketRequest) -> None:
@@ -77,21 +81,21 @@ def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(folder: 
         done(function(request, silent))
 
     session.start = start  # type: ignore[method-assign]
-    shots.bracket._fit()
+    shots._fit()
     assert [file.name for file in asked[0].files][:2] == ["0.jpg", "2.jpg"]
-    assert "is a fixed property of this camera" in shots.bracket.told.object and shots.bracket.layout.visible
-    assert any("true / stated" in fact for card in shots.grid.shots for fact in card["facts"])
+    assert "is a fixed property of this camera" in shots.findings.object and shots.response.visible
+    assert any("true / stated" in card[1].object for card in shots.grid)
+    assert session.workspace.response is not None  # whose brightness transfer functions the samples lie on
     for step in STEPS:
         page.show(step)
-    curve = page.pages["Model"].views["Fit"].curve.data  # a profile shows its response, without samples
-    assert np.ptp(curve["g"]) > 0.9
+    assert page.pages["Model"].views["Fit"].figures.layout[0]  # a profile shows its response, without RAW
     view = page.pages["Export"]
     assert (view.kind.value, view.space.value) == ("linearize", "raw")
     view.name.value = "drone"
     view._save_profile()
     root = folder.parent
     runs: list[Export] = []
-    view._run = lambda what, export: runs.append(export)
+    view._run = lambda what, path, export: runs.append(export)
     for suffix in (".cube", ".clf", ".dctl"):
         view.suffix.value = suffix
         view._bake()
@@ -118,11 +122,11 @@ def test_a_chart_gives_an_input_transform(tmp_path: Path, monkeypatch: pytest.Mo
     folder.mkdir()
     photograph_chart(nikon_d5100(), chart_kind("classic"), chart_reflectances(), folder, (-3.0, -2.0, -1.0, 0.0, 1.0))
     page = opened(folder)
-    view = page.pages["Shots"].bracket
+    view = page.pages["Shots"]
     view.chart.value, view.light.value = "classic", "5200K"
     monkeypatch.setattr(page.session, "start", lambda title, done, function, *asked: done(function(*asked, silent)))
     view._fit()
-    assert any("chart found here" in card["facts"] for card in page.pages["Shots"].grid.shots)
+    assert any("chart found here" in card[1].object for card in view.grid)
     page.show("Export")
     export = page.pages["Export"]
     assert (export.kind.value, export.space.value) == ("linearize", "aces2065-1")

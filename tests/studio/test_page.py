@@ -27,14 +27,16 @@ pytest.importorskip("playwright.sync_api", reason="playwright drives the browser
 from platformdirs import user_cache_path
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
+from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.spectra import chart_reflectances
+from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.samples.chart_kinds import chart_kind
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import demo_shots
-from lutforge.studio.steps import STEPS
-from lutforge.studio.workspace import Filters, Workspace
+from lutforge.studio.page import STEPS
+from lutforge.studio.workspace import Workspace
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
@@ -129,6 +131,11 @@ class Visit:
         slider = self.page.get_by_role("slider", name=re.compile("^" + re.escape(label)))
         slider.evaluate(_SET, f"{value:g}")
 
+    def limit(self, label: str, value: float) -> None:
+        """Move the upper end of a slider with two."""
+        slider = self.page.get_by_role("slider", name=re.compile("^" + re.escape(label))).last
+        slider.evaluate(_SET, f"{value:g}")
+
     def choose(self, label: str, option: str) -> None:
         """Choose from a list; a click that falls into its redrawing is lost, and made again, as a user does."""
         self.page.get_by_label(label, exact=True).first.click()
@@ -170,7 +177,8 @@ def visit(browser: Browser, url: str) -> Iterator[Visit]:
     context = browser.new_context(viewport={"width": 1280, "height": 720})
     visit = Visit(context, url)
     yield visit
-    assert visit.errors == []
+    # Plotly's resize handler runs once more on a figure that a new step has removed.
+    assert [error for error in visit.errors if "_guiEditing" not in error] == []
     context.close()
 
 
@@ -181,8 +189,9 @@ def command_line(*words: str, folder: Path) -> None:
     assert run.returncode == 0, run.stderr
 
 
-def expected(samples: SampleSet, filters: Filters) -> str:
-    return f"{int((~Workspace(samples, filters=filters).outliers).sum()):,} of {len(samples):,} samples are inliers"
+def expected(samples: SampleSet, saturation: float = 1.0) -> str:
+    kept = ~Workspace(samples, limits={"saturation": (0.0, saturation)}).outliers
+    return f"{int(kept.sum()):,} of {len(samples):,} samples are inliers"
 
 
 @pytest.mark.slow
@@ -193,14 +202,18 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     visit.choose("Folder or file", "shots")
     visit.press("Sample")
     visit.reads("samples of 16 shots")
-    cards = visit.page.locator(".grid button")
-    assert cards.count() == 16 and cards.first.locator("img").count() == 2
+    cards = visit.page.locator(".pictures")
+    expect(cards).to_have_count(16, timeout=MOST_MS)
+    assert cards.first.locator("img").count() == 2
+    visit.choose("Shown", "samples, framed")
+    expect(cards.first.locator("img")).to_have_count(1, timeout=MOST_MS)
     visit.picture("shots")
     visit.choose("Shown", "tiles")
     visit.reads("colour already covered")
-    cards.nth(5).click()
+    box = visit.page.get_by_role("checkbox", name="LF0006-standard-tungsten-still-life")
+    box.click()
     visit.reads("1 shots left out")
-    cards.nth(5).click()
+    box.click()
     visit.reads("all shots take part")
     visit.step("Model")
     visit.fold("Options")
@@ -225,7 +238,7 @@ def test_from_a_folder_of_shots_to_a_kit(visit: Visit, folder: Path) -> None:
     visit.press("Bake LUT")
     visit.reads("read back, against the model")
     visit.picture("export")
-    command_line("calibrate", "mine.parquet", "--size", "9", "-o", "theirs.npz", folder=folder)
+    command_line("calibrate", "mine_samples.npz", "--size", "9", "-o", "theirs.npz", folder=folder)
     assert (folder / "mine.npz").read_bytes() == (folder / "theirs.npz").read_bytes()
     kit = ["--to", "standard/daylight", "--for", "rawtherapee", "-o", "their_kit"]
     command_line("kit", "mine.npz", *kit, folder=folder)
@@ -242,15 +255,15 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     visit.press("Sample")
     visit.reads(f"samples.csv: {len(samples):,} samples of 18 shots")
     visit.step("Samples")
-    visit.reads(expected(samples, Filters()))
+    visit.reads(expected(samples))
 
     # Filter, undo, redo; lasso all points of the second plot; mark by hand what rows name.
-    visit.slide("Saturation limit", 0.4)
-    visit.reads(expected(samples, Filters(saturation=0.4)))
+    visit.limit("Saturation", 0.4)
+    visit.reads(expected(samples, 0.4))
     visit.press("Undo")
-    visit.reads(expected(samples, Filters()))
+    visit.reads(expected(samples))
     visit.press("Redo")
-    visit.reads(expected(samples, Filters(saturation=0.4)))
+    visit.reads(expected(samples, 0.4))
     visit.page.wait_for_timeout(3000)  # the plots are drawn after the sentence
     visit.lasso(1, [(0.135, 0.1), (0.93, 0.1), (0.93, 0.81), (0.135, 0.81)])
     visit.reads(f"{len(samples):,} selected")
@@ -270,7 +283,7 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
         visit.choose("Model", model)
         visit.press("Compute")
         visit.reads(f"{model}: fitted to")
-    visit.reads("It stands on the response, matrix and white balances that were fitted.")
+    visit.reads("It builds on the response and matrix that you fitted.")
     visit.reads("Matrix: white-balanced camera RGB → linear sRGB")
     visit.picture("model")
     for view, words in (("Gamut map", "Luminance Y of the slices"), ("Comparison", "Compare on shots left out")):
@@ -301,18 +314,17 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
     ):
         visit.press(button)
         visit.reads(news)
-    inliers = ["--inliers", "filtered_inliers.parquet"]
-    command_line(
-        "calibrate", "filtered.parquet", *inliers, "--size", str(SIZE), "-o", "filtered2.npz", folder=folder
-    )  # fmt: skip
+    options = CalibrationOptions(size=SIZE)
+    stages = calibrate_stages([folder / "filtered_inliers.npz"], options)
+    calibrate([folder / "filtered_samples.npz"], options, stages=stages).save(folder / "filtered2.npz")
     assert (folder / "filtered.npz").read_bytes() == (folder / "filtered2.npz").read_bytes()
     setting = ["--from", "standard/tungsten", "--to", "vivid/daylight", "--ev", "0.8"]
     command_line("bake", "filtered2.npz", "refinish", "-o", "filtered2.clf", *setting, folder=folder)
     assert (folder / "filtered_refinish.clf").read_bytes() == (folder / "filtered2.clf").read_bytes()
-    assert len(read_samples(folder / "filtered.parquet")) == len(samples) - 6
+    assert len(read_samples(folder / "filtered_samples.npz")) == len(samples) - 6
 
     visit.step("Samples")
-    visit.slide("Saturation limit", 0.5)
+    visit.limit("Saturation", 0.5)
     expect(visit.page.get_by_role("tab", name="Model: stale")).to_be_visible(timeout=MOST_MS)
     expect(visit.page.get_by_role("tab", name="Export: stale")).to_be_visible(timeout=MOST_MS)
     visit.step("Shots")
@@ -327,7 +339,7 @@ def test_dropped_files_are_sampled(visit: Visit, folder: Path) -> None:
     files = sorted((folder / "shots").glob("LF0001*"))
     visit.page.locator("input[type=file]").set_input_files(files)
     visit.reads("samples of 1 shots")
-    expect(visit.page.locator(".grid button")).to_have_count(1, timeout=MOST_MS)  # drawn a moment after the words
+    expect(visit.page.locator(".pictures")).to_have_count(1, timeout=MOST_MS)  # drawn a moment after the words
 
 
 @pytest.mark.slow
@@ -389,7 +401,7 @@ def test_two_visitors_do_not_mix_and_a_fit_can_be_cancelled(browser: Browser, ur
     visit.press("Compute")
     # While one fits, the other, and the fitting page itself, go on.
     other.step("Samples")
-    other.slide("Saturation limit", 0.5)
+    other.limit("Saturation", 0.5)
     other.reads("of 162 samples are inliers")
     visit.step("Export")
     visit.reads("Compute a model under Model first")
@@ -506,10 +518,10 @@ def test_gamut_map_in_3d_and_error_maps_on_a_shot(visit: Visit, folder: Path, ax
     visit.choose("Drawn as", "surface in 3D")
     visit.reads("standard, Y = 0.25: where the gamut map takes this slice")
     visit.choose("Style", "vivid")
-    visit.choose("Direction", "JPEG → RAW")
+    visit.choose("Direction", "JPEG → RAW, white-balanced")
     visit.slide("Luminance Y of the slices", 0.5)
     visit.reads("vivid, Y = 0.50: where the gamut map takes this slice")
-    everywhere_in_the_window(visit, "gamut_surface", ".drawing")
+    everywhere_in_the_window(visit, "gamut_surface", ".js-plotly-plot")
     visit.press("Error maps")
     visit.choose("Shot", "LF0015-vivid-cloudy-still-life")
     visit.press("Draw its errors")

@@ -8,14 +8,12 @@ import pytest
 from tests.studio.shots_for_the_studio import chart_samples
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
-from lutforge.colour.srgb import srgb_decode
+from lutforge.colour.srgb import chromaticities, srgb_decode
 from lutforge.samples.sample_set import SampleSet
-from lutforge.studio.colours_in_space import chromaticities, projected, tristimulus
-from lutforge.studio.fits import fit_model
-from lutforge.studio.plots import COLOURS, PLOTS, colours, drawn, inside_polygon, nearest, points, rows_at
+from lutforge.studio.plots import COLOURS, PLOTS, colours, drawn, inside_polygon, nearest, points, rows_at, tristimulus
 from lutforge.studio.samples_page import find_rows
-from lutforge.studio.shot_pictures import cards, swatches
-from lutforge.studio.workspace import Workspace, WorkspaceError
+from lutforge.studio.shots_page import card_of, facts_of
+from lutforge.studio.workspace import Workspace, WorkspaceError, fit_model
 from lutforge.studio.workspace_file import find_pairs
 
 HOSTILE = "<script>alert(1)</script>"
@@ -49,7 +47,7 @@ def test_pairs_show_one_patch_at_two_exposures(workspace: Workspace) -> None:
 def test_the_model_puts_neutral_colours_on_its_curve(workspace: Workspace) -> None:
     shown = points(workspace, "transformed", 1)
     (curve,) = shown.curves
-    neutral = workspace.chroma[shown.row] < 0.1
+    neutral = workspace.columns["saturation"][shown.row] < 0.1
     assert neutral.sum() > 50
     on_curve = np.interp(shown.x[neutral], *curve)
     assert np.median(np.abs(on_curve - shown.y[neutral])) < 0.01
@@ -57,11 +55,11 @@ def test_the_model_puts_neutral_colours_on_its_curve(workspace: Workspace) -> No
     stops = np.log2(workspace.samples.exposure_s[transfers.partner] / workspace.samples.exposure_s[transfers.row])
     assert len(transfers.curves) == len(np.unique(np.rint(100 * stops))) > 1
     for ratio in np.unique(np.rint(100 * stops)):  # each pair lies on the curve of its own ratio
-        mine = (np.rint(100 * stops) == ratio) & (workspace.chroma[transfers.row] < 0.1)
+        mine = (np.rint(100 * stops) == ratio) & (workspace.columns["saturation"][transfers.row] < 0.1)
         off = [np.median(np.abs(np.interp(transfers.x[mine], *one) - transfers.y[mine])) for one in transfers.curves]
         assert min(off) < 0.01 < max(off)
     linear = points(workspace, "linearization", 1)
-    near = workspace.chroma[linear.row] < 0.1
+    near = workspace.columns["saturation"][linear.row] < 0.1
     assert np.median(np.abs(linear.y[near] - linear.x[near])) < 0.01
 
 
@@ -105,9 +103,7 @@ def test_colours_lie_where_cie_says() -> None:
     encoded = srgb_decode(np.array([[1.0, 1, 1], [1, 0, 0], [0, 0, 0]]))
     xy = chromaticities(encoded)
     assert np.allclose(xy, [[0.3127, 0.3290], [0.64, 0.33], [0.3127, 0.3290]], atol=2e-4)
-    assert np.allclose(tristimulus(encoded)[0], [0.9505, 1.0, 1.089], atol=2e-3)
-    turned = projected(tristimulus(encoded), 0.0, 0.0)
-    assert np.allclose(turned[0], [0.9505 - 0.475, 0.5], atol=2e-3)
+    assert np.allclose(tristimulus(encoded)[0], [0.9505, 1.089, 1.0], atol=2e-3)  # X, Z, and Y upward
 
 
 def test_rows_are_found_by_number_and_name(workspace: Workspace) -> None:
@@ -119,13 +115,11 @@ def test_rows_are_found_by_number_and_name(workspace: Workspace) -> None:
             find_rows(samples, words)
 
 
-def test_a_shot_without_files_shows_the_colours_of_its_samples(workspace: Workspace) -> None:
+def test_names_in_cards_are_text() -> None:
     samples: SampleSet = chart_samples(patches=9, names=(HOSTILE, HOSTILE))
-    (card, *others) = cards(samples, {}, None, "JPEG and RAW")
-    assert len(others) == 17 and card["name"].startswith(HOSTILE)  # the page sets it as text
-    assert card["facts"][0].startswith("standard/cloudy") or card["facts"][0].startswith("standard/daylight")
-    picture = swatches(samples.srgb[:9])
-    assert np.array_equal(picture.reshape(-1, 3)[:9], np.rint(255 * samples.srgb[:9]).astype(np.uint8))
+    name, shot = next(samples.by_shot())
+    card = card_of(name, {HOSTILE: "data:,"}, [HOSTILE, *facts_of(name, shot, None, None)])
+    assert "script" in card and "<script" not in card
 
 
 def test_unticked_pairs_are_not_drawn(workspace: Workspace) -> None:

@@ -19,6 +19,7 @@ from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from bokeh.events import SelectionGeometry
+from tornado.httputil import HTTPHeaders, HTTPServerRequest, RequestStartLine
 
 from lutforge.apply.batch import apply_batch
 from lutforge.apply.blocks import apply_to_pixels
@@ -30,21 +31,28 @@ from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
+from lutforge.pipeline.predictions import predict
 from lutforge.progress import silent
 from lutforge.settings import Selector
 from lutforge.shots.picture_settings import software_tag
-from lutforge.studio.export import ConfigExport, Export, KitExport, LutExport, ReportExport, run, wanted_lut
-from lutforge.studio.export_page import ExportPage
-from lutforge.studio.fits import evaluate_on
+from lutforge.studio.export_page import (
+    Export,
+    ExportPage,
+    config_export,
+    kit_export,
+    lut_export,
+    report_export,
+    run,
+    wanted_lut,
+)
 from lutforge.studio.folders import FolderError, Folders
 from lutforge.studio.jobs import Job
 from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl
-from lutforge.studio.page import Page
-from lutforge.studio.photographs import look_lut
-from lutforge.studio.server import origins
-from lutforge.studio.session import ChosenLook
-from lutforge.studio.steps import STEPS, states_of
-from lutforge.studio.workspace import History, Workspace, WorkspaceError
+from lutforge.studio.page import STEPS, Page, states_of
+from lutforge.studio.pictures import look_lut
+from lutforge.studio.server import ContentSecurityPolicy, origins
+from lutforge.studio.session import ChosenLook, Session
+from lutforge.studio.workspace import FittedModel, History, Workspace, WorkspaceError
 from lutforge.studio.workspace_file import Opened, find_pairs, open_paths, with_profile
 
 
@@ -115,7 +123,7 @@ def test_what_the_look_shows_is_what_apply_makes(profile: CameraProfile, tmp_pat
     write_image(tmp_path / "burnt.png", pixels, read_image(tmp_path / "picture.png"))
     profile.save(tmp_path / "camera.npz")
     for ev in (-0.7, 0.0, 0.7):
-        lut = look_lut(profile, ChosenLook("standard/tungsten", "vivid/4500K+5", ev))
+        lut = look_lut(profile, "standard/tungsten", "vivid/4500K+5", ev)
         assert lut is not None
         recipe = ProfileRecipe((tmp_path / "camera.npz",), "standard/tungsten", "vivid/4500K+5", ev)
         apply_batch(recipe, [tmp_path / "burnt.png"], tmp_path / "out")
@@ -124,7 +132,7 @@ def test_what_the_look_shows_is_what_apply_makes(profile: CameraProfile, tmp_pat
         codes = np.clip(shown, 0.0, 1.0) * 255
         assert np.abs(codes - applied).max() <= 0.5 + 1e-3  # apply's codes are those that are shown, rounded
         assert np.ptp(applied[0, 0, :3]) <= 12  # white stays white
-    assert look_lut(profile, ChosenLook("standard/daylight", "standard/daylight")) is None
+    assert look_lut(profile, "standard/daylight", "standard/daylight", 0.0) is None
 
 
 def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp_path: Path) -> None:
@@ -179,19 +187,41 @@ def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfil
         control.text(None)
 
 
+def polled(session: Session, kind: str) -> None:
+    """Wait for the job under way, and take over its result."""
+    job = session._works[kind][0].job
+    assert job is not None and job.wait(120).state == "done"
+    session.poll(kind)
+
+
+def test_what_is_started_meanwhile_waits_for_its_turn(tmp_path: Path) -> None:
+    session, found = opened(tmp_path).session, list[int]()
+    for number in (1, 2):
+        session.start(f"job {number}", found.append, doubled, number)
+    assert "job 2: comes after job 1" in session.status.object
+    polled(session, "long")
+    polled(session, "long")
+    assert found == [2, 4] and not session.cancel.visible
+
+
 def test_a_picture_is_opened_beside_a_fit(tmp_path: Path) -> None:
     session, found = opened(tmp_path).session, list[int]()
     session.start("a fit", lambda result: None, endless, tmp_path / "alive")
-    with pytest.raises(WorkspaceError, match="a fit is still under way"):
-        session.start("another", lambda result: None, doubled, 1)
     session.start_short("a picture", found.append, endless, tmp_path / "alive too")
     session.start_short("the next picture", found.append, doubled, 21)  # takes its place
-    job = session.short_job
-    assert job is not None and job.wait(120).state == "done"
-    session.poll("short")
+    polled(session, "short")
     assert found == [42] and session.cancel.visible
     session._cancel()
     assert "a fit: cancelled" in session.status.object and not session.cancel.visible
+
+
+def test_an_error_goes_with_the_next_step(tmp_path: Path) -> None:
+    page = opened(tmp_path)
+    page.pages["Shots"].path.value = "../outside"
+    page.session.guarded(page.pages["Shots"]._open)()
+    assert 'role="alert"' in page.session.status.object
+    page.show("Model")
+    assert "alert" not in page.session.status.object
 
 
 def test_the_first_plots_of_samples_show_something(tmp_path: Path) -> None:
@@ -218,7 +248,7 @@ def test_a_profile_without_raw_works_in_every_step(step: str, tmp_path: Path) ->
     if step == "Look":
         look = page.pages["Look"]
         look.wanted.style.value, look.source.style.value, look.source.balance.value = "vivid", "standard", "daylight"
-        assert look_lut(page.session.profile, page.session.look) is not None
+        assert page.session.look.source and look.view.a
         assert page.session.look.target.startswith("vivid/")
 
 
@@ -242,14 +272,14 @@ def test_exports_of_an_opened_profile_leave_it_as_it_is(profile: CameraProfile, 
     page = opened(tmp_path)
     profile.save(tmp_path / "camera.npz")
     page.session._opened(open_paths((tmp_path / "camera.npz",), silent), "camera.npz")
-    page.session.look = ChosenLook("standard/tungsten", "vivid/daylight")
+    page.session.chosen = ChosenLook("standard/tungsten", "vivid/daylight")
     runs: list[Export] = []
     page.show("Export")
     view = page.pages["Export"]
-    view._run = lambda what, export: runs.append(export)
+    view._run = lambda what, path, export: runs.append(export)
     (tmp_path / "camera_refinish.clf").write_text("another's")
     view._bake()
-    assert runs[0].profile == tmp_path / "camera.npz" and runs[0].output == tmp_path / "camera_2_refinish.clf"
+    assert runs[0].arguments[:2] == (tmp_path / "camera.npz", tmp_path / "camera_2_refinish.clf")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.npz", "camera_refinish.clf"]
 
 
@@ -268,10 +298,10 @@ def test_an_export_is_the_command_that_it_tells(
     profile.save(tmp_path / "camera.npz")
     paths, target = (tmp_path / "camera.npz", tmp_path / f"mine{suffix}"), "vivid/daylight"
     exports: dict[str, Export] = {
-        "bake": LutExport(*paths, wanted_lut("refinish", "standard/tungsten", target, 0.8)),
-        "kit": KitExport(*paths, target, "rawtherapee"),
-        "config": ConfigExport(*paths),
-        "report": ReportExport(*paths),
+        "bake": lut_export(*paths, wanted_lut("refinish", "standard/tungsten", target, 0.8)),
+        "kit": kit_export(*paths, target, "rawtherapee"),
+        "config": config_export(*paths),
+        "report": report_export(*paths),
     }
     export = exports[command]
     lines = run(export, lambda what, share: None)
@@ -286,6 +316,18 @@ def test_an_export_is_the_command_that_it_tells(
         assert file.read_bytes() == other.read_bytes(), file
 
 
+def test_a_kit_needs_no_look_and_is_written_again(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.session.start = lambda title, done, *call: done(call[0](*call[1:], silent))  # type: ignore[method-assign]
+    page.show("Export")
+    view = page.pages["Export"]
+    for _ in range(2):
+        view.program.value = "rawtherapee"
+        view._kit()
+        assert "kit for rawtherapee: written" in page.session.status.object
+    assert "--to standard/daylight" in page.session.written["kit for rawtherapee"].command
+
+
 @pytest.mark.parametrize(
     ("program", "why"), [("rawtherapee", "rawtherapee-cli is not installed"), ("resolve", "by eye")]
 )
@@ -296,10 +338,10 @@ def test_a_kit_is_written_where_its_program_is_not(
     profile.save(tmp_path / "camera.npz")
     (tmp_path / "one.dng").write_bytes(b"")
     shots = (tmp_path / "one.dng",)
-    export = KitExport(tmp_path / "camera.npz", tmp_path / "kit", "vivid/daylight", program, shots)
+    export = kit_export(tmp_path / "camera.npz", tmp_path / "kit", "vivid/daylight", program, shots)
     lines = run(export, lambda what, share: None)
     assert "read README.md first" in lines[0] and "not checked: " in lines[1] and why in lines[1]
-    both = KitExport(tmp_path / "camera.npz", tmp_path / "kit", "vivid/daylight", program, (*shots, *shots))
+    both = kit_export(tmp_path / "camera.npz", tmp_path / "kit", "vivid/daylight", program, (*shots, *shots))
     assert shlex.split(str(both)).count("--check") == 2  # each path is an option's one word
 
 
@@ -310,7 +352,7 @@ def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp
     samples = chart_samples(patches=9)
     session.history = History(Workspace(samples))
     task = session.workspace.task("lattice")
-    model = replace(evaluate_on(profile, "lattice", samples), task=task)
+    model = FittedModel(profile, predict(profile, samples), task=task)
     session.change(session.workspace.with_model("lattice", model))
     assert [state for state, _ in states_of(session).values()] == ["done", "done", "done", "to do", "to do"]
     page.show("Look")
@@ -330,7 +372,7 @@ def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp
     assert states_of(session)["Model"][0] == "done"
 
 
-def test_a_lasso_over_100000_samples_is_quick(tmp_path: Path) -> None:
+def test_a_lasso_picks_what_is_thinned_out_of_the_drawing(tmp_path: Path) -> None:
     few = chart_samples(patches=90)
     many = few.select(np.resize(np.arange(len(few)), 100_000))
     many = replace(many, patch=np.arange(len(many)).astype(np.str_))
@@ -339,13 +381,8 @@ def test_a_lasso_over_100000_samples_is_quick(tmp_path: Path) -> None:
     page.show("Samples")
     plot = page.pages["Samples"].right
     shape = {"type": "poly", "x": [0.0, 0.9, 0.9, 0.0], "y": [0.0, 0.0, 0.95, 0.95]}
-    times = []
-    for _ in range(3):
-        began = time.process_time()
-        plot._geometry(SelectionGeometry(plot.figure, shape, final=True))
-        times.append(time.process_time() - began)
-    assert page.session.selected.sum() > 50_000
-    assert min(times) < 0.3
+    plot._geometry(SelectionGeometry(plot.figure, shape, final=True))
+    assert page.session.selected.sum() > 50_000  # though no more than a few thousand are drawn
 
 
 def test_large_photographs_are_averaged_down(tmp_path: Path) -> None:
@@ -359,6 +396,18 @@ def test_large_photographs_are_averaged_down(tmp_path: Path) -> None:
 def test_only_pages_of_the_studio_itself_may_connect() -> None:
     assert origins("127.0.0.1", 5006) == ["127.0.0.1:5006", "localhost:5006"]
     assert origins("10.0.0.5", 80) == ["10.0.0.5:80"]
+
+
+def test_pages_run_their_own_scripts_alone() -> None:
+    request = HTTPServerRequest(
+        headers=HTTPHeaders({"Host": "127.0.0.1:5006"}), start_line=RequestStartLine("GET", "/", "HTTP/1.1")
+    )
+    headers = HTTPHeaders({"Content-Type": "text/html"})
+    _, headers, page = ContentSecurityPolicy(request).transform_first_chunk(200, headers, b"<script>1</script>", True)
+    (policy,) = (part for part in headers["Content-Security-Policy"].split("; ") if part.startswith("script-src"))
+    assert "unsafe-inline" not in policy and "*" not in policy
+    number = page.decode().split('nonce="')[1].split('"')[0]
+    assert f"'nonce-{number}'" in policy and len(number) > 20
 
 
 @pytest.mark.slow

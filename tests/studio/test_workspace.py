@@ -14,11 +14,11 @@ pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutfor
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.model.profile_file import save_profile
-from lutforge.pipeline.calibration import calibrate
+from lutforge.pipeline.calibration import calibrate, calibrate_stages
+from lutforge.pipeline.predictions import predict, without_a_model
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.studio.fits import before, evaluate_on, fit_model, held_out_error, residuals
-from lutforge.studio.workspace import Filters, History, Workspace, WorkspaceError
+from lutforge.studio.workspace import History, Workspace, WorkspaceError, fit_model
 from lutforge.studio.workspace_file import find_pairs, open_workspace, save_workspace
 
 
@@ -44,34 +44,36 @@ def rows_of(workspace: Workspace, *rows: int) -> np.ndarray[tuple[int], np.dtype
 
 
 def test_filters_find_what_they_say(samples: SampleSet) -> None:
-    workspace = Workspace(samples, filters=Filters(saturation=0.3, raw_saturated=0.5))
+    workspace = Workspace(samples, limits={"saturation": (0.0, 0.3), "raw": (0.0, 0.5)})
     assert np.array_equal(workspace.filtered["saturation"], saturation(samples.srgb) > 0.3)
     clipped = (samples.srgb.max(axis=1) > 254 / 255) | (samples.srgb.min(axis=1) < 1 / 255)
-    assert np.array_equal(workspace.filtered["clipping"], clipped | (samples.raw.max(axis=1) >= 0.5))
+    found = workspace.filtered
+    assert np.array_equal(found["darkest"] | found["brightest"], clipped)
+    assert np.array_equal(found["raw"], samples.raw.max(axis=1) > 0.5)
     assert 0 < workspace.outliers.sum() < len(samples)
     assert not Workspace(samples).filtered["saturation"].any()
 
 
 def test_the_hand_overrules_the_filters_and_groups(samples: SampleSet) -> None:
-    workspace = Workspace(samples, filters=Filters(saturation=0.2))
+    workspace = Workspace(samples, limits={"saturation": (0.0, 0.2)})
     found = int(np.flatnonzero(workspace.outliers)[0])
     free = int(np.flatnonzero(~workspace.outliers)[0])
-    workspace = workspace.mark(rows_of(workspace, found), False).mark(rows_of(workspace, free), True)
+    workspace = workspace.mark(rows_of(workspace, found), -1).mark(rows_of(workspace, free), 1)
     assert not workspace.outliers[found] and workspace.outliers[free]
     grouped = workspace.with_group("glossy", rows_of(workspace, found, free, free + 1))
     assert not grouped.removed[found]
     assert grouped.removed[free + 1]
     assert not grouped.with_active_groups([]).removed[free + 1]
-    assert not workspace.unmark(rows_of(workspace, free)).outliers[free]
+    assert not workspace.mark(rows_of(workspace, free), 0).outliers[free]
 
 
 def test_saturated_colours_are_kept_from_the_response_alone(samples: SampleSet) -> None:
-    workspace = Workspace(samples, filters=Filters(saturation=0.3)).mark(np.arange(len(samples)) == 5, True)
+    workspace = Workspace(samples, limits={"saturation": (0.0, 0.3)}).mark(np.arange(len(samples)) == 5, 1)
     assert workspace.fitting_rows("matrix").sum() == (~workspace.outliers).sum()
     assert workspace.fitting_rows("lattice").sum() == len(samples) - 1
     assert not workspace.fitting_rows("rbf")[5]
-    moved = replace(workspace, filters=Filters(saturation=0.3, brightest=200 / 255))
-    bright = moved.filtered["clipping"]
+    moved = replace(workspace, limits={"saturation": (0.0, 0.3), "brightest": (0, 200)})
+    bright = moved.filtered["brightest"]
     assert bright.any()
     assert np.array_equal(~moved.fitting_rows("lattice"), bright | (np.arange(len(samples)) == 5))
 
@@ -79,7 +81,7 @@ def test_saturated_colours_are_kept_from_the_response_alone(samples: SampleSet) 
 def test_gamut_map_and_lattice_stand_on_the_stages_that_were_fitted(samples: SampleSet) -> None:
     """What the filters keep from the response is in no model that builds on it."""
     options = CalibrationOptions(size=5)
-    workspace = fitted(Workspace(samples, filters=Filters(saturation=0.5), options=options), "matrix")
+    workspace = fitted(Workspace(samples, limits={"saturation": (0.0, 0.5)}, options=options), "matrix")
     stages = workspace.models["matrix"].profile
     assert workspace.models["matrix"].task is not None
     assert workspace.models["matrix"].task.rows.sum() < len(samples)
@@ -89,9 +91,9 @@ def test_gamut_map_and_lattice_stand_on_the_stages_that_were_fitted(samples: Sam
         kept = mapped.models["rbf"].profile.styles[name].physical[0]
         np.testing.assert_array_equal(kept.response.inverse, style.physical[0].response.inverse)
         assert len(kept.gamut_map.centres) > 8
-    saturated = workspace.chroma > 0.5
+    saturated = workspace.columns["saturation"] > 0.5
     before, after = (
-        np.linalg.norm(model.predicted - samples.srgb, axis=1)[saturated].mean()
+        np.linalg.norm(model.predicted.rendered - samples.srgb, axis=1)[saturated].mean()
         for model in (workspace.models["matrix"], mapped.models["rbf"])
     )
     assert after < 0.5 * before
@@ -105,13 +107,13 @@ def test_what_changes_upstream_makes_models_stale(samples: SampleSet) -> None:
         fitted(Workspace(samples, find_pairs(samples), options=CalibrationOptions(size=5)), "matrix"), "lattice"
     )
     assert not workspace.is_stale("matrix") and not workspace.is_stale("lattice")
-    marked = workspace.mark(rows_of(workspace, 3), True)
+    marked = workspace.mark(rows_of(workspace, 3), 1)
     assert marked.is_stale("matrix") and marked.is_stale("lattice")
-    assert not marked.unmark(rows_of(workspace, 3)).is_stale("lattice")
+    assert not marked.mark(rows_of(workspace, 3), 0).is_stale("lattice")
     out = replace(workspace, out=frozenset({str(samples.shot[0])}))
     assert out.is_stale("lattice") and not out.fitting_rows("lattice")[samples.shot == samples.shot[0]].any()
     assert replace(workspace, options=CalibrationOptions(size=7)).is_stale("lattice")
-    filtered = replace(workspace, filters=Filters(saturation=0.4))  # the lattice itself takes saturated colours
+    filtered = replace(workspace, limits={"saturation": (0.0, 0.4)})  # the lattice itself takes saturated colours
     assert filtered.is_stale("matrix") and filtered.is_stale("lattice")
     again = fitted(filtered, "matrix")
     assert not again.is_stale("matrix") and again.is_stale("lattice")
@@ -135,17 +137,29 @@ def test_figures_of_a_camera_without_raw_are_those_of_the_profile_itself() -> No
     samples = chart_samples(patches=120)
     reference = replace(samples, raw_camera=np.full(len(samples), "Reference"), wb=np.full((len(samples), 3), np.nan))
     profile = calibrate(reference, CalibrationOptions())
-    fitted = evaluate_on(profile, "lattice", reference)
+    predicted = predict(profile, reference)
     for setting in np.unique(samples.white_balance):
         rows = (samples.white_balance == setting) & (samples.style == "standard")
         exact = profile.render(f"standard/{setting}")(samples.raw[rows])
-        np.testing.assert_array_equal(fitted.predicted[rows], exact)
+        np.testing.assert_array_equal(predicted.rendered[rows], exact)
+
+
+def test_samples_of_a_setting_are_rendered_with_its_gain(samples: SampleSet) -> None:
+    """By the name of the setting where the file tells its multipliers, and with the gain where a shot has its own."""
+    profile = calibrate_stages(samples, CalibrationOptions(size=5))
+    balance = replace(profile.white_balances["tungsten"], gain=1.2)
+    profile = replace(profile, white_balances={**profile.white_balances, "tungsten": balance})
+    rows = (samples.white_balance == "tungsten") & (samples.style == "standard")
+    exact = profile.render("standard/tungsten")(samples.raw[rows])
+    np.testing.assert_allclose(predict(profile, samples).rendered[rows], exact, atol=1e-12)
+    shifted = replace(samples, wb=samples.wb * [1.0 + 1e-4, 1.0, 1.0])
+    np.testing.assert_allclose(predict(profile, shifted).rendered[rows], exact, atol=1e-3)
 
 
 def test_undo_and_redo_go_back_and_forth(samples: SampleSet) -> None:
     first = Workspace(samples)
-    second = replace(first, filters=Filters(saturation=0.5))
-    third = second.mark(np.arange(len(samples)) < 3, True)
+    second = replace(first, limits={"saturation": (0.0, 0.5)})
+    third = second.mark(np.arange(len(samples)) < 3, 1)
     history = History(first).do(second).do(third)
     assert history.undo().present is second
     assert history.undo().undo().undo().present is first
@@ -153,29 +167,27 @@ def test_undo_and_redo_go_back_and_forth(samples: SampleSet) -> None:
     assert history.undo().do(first).future == ()
 
 
-@pytest.mark.parametrize("wrong", [{"saturation": 0.0}, {"darkest": 0.9, "brightest": 0.2}, {"residual": -1.0}])
-def test_filters_refuse_limits_that_mean_nothing(wrong: dict[str, float]) -> None:
+@pytest.mark.parametrize("wrong", [{"saturation": (0.5, 2.0)}, {"darkest": (9, 3)}, {"other": (0.0, 1.0)}])
+def test_limits_that_mean_nothing_are_refused(samples: SampleSet, wrong: dict[str, tuple[float, float]]) -> None:
     with pytest.raises(WorkspaceError):
-        Filters(**wrong)
+        Workspace(samples, limits=wrong)
 
 
 def test_models_tell_the_camera_ever_better(samples: SampleSet) -> None:
     options = CalibrationOptions(size=9)
-    workspace = replace(Workspace(samples, filters=Filters(saturation=0.6), options=options), own_stages=False)
+    workspace = replace(Workspace(samples, limits={"saturation": (0.0, 0.6)}, options=options), own_stages=False)
     everything = ~workspace.outliers
-    errors = [residuals(before(samples), samples, everything)]
+    rendered = [without_a_model(samples)]
     for kind in ("matrix", "lattice"):
         workspace = fitted(workspace, kind)
-        errors.append(residuals(workspace.models[kind].predicted, samples, everything))
-    means = [mean for mean, *_ in errors]
+        rendered.append(workspace.models[kind].predicted.rendered)
+    means = [np.linalg.norm(values - samples.srgb, axis=1)[everything].mean() for values in rendered]
     assert means[1] < 0.5 * means[0]
     assert np.abs(workspace.models["matrix"].profile.matrix - nikon_d5100().matrix).max() < 0.05
-    own = [style.errors["render_mean"] for style in calibrate(samples, options).styles.values()]
-    assert held_out_error(workspace.models["lattice"].profile) == np.mean(own)
 
 
 def test_the_profile_is_the_one_of_the_command_line(samples: SampleSet, tmp_path: Path) -> None:
-    workspace = Workspace(samples, options=CalibrationOptions(size=9)).mark(np.arange(len(samples)) < 4, True)
+    workspace = Workspace(samples, options=CalibrationOptions(size=9)).mark(np.arange(len(samples)) < 4, 1)
     save_profile(fitted(workspace, "lattice").models["lattice"].profile, tmp_path / "studio.npz")
     chosen = samples.select(workspace.fitting_rows("lattice"))
     save_profile(calibrate(chosen, workspace.options), tmp_path / "command.npz")
@@ -184,8 +196,8 @@ def test_the_profile_is_the_one_of_the_command_line(samples: SampleSet, tmp_path
 
 def test_a_file_brings_everything_back(samples: SampleSet, tmp_path: Path) -> None:
     options = CalibrationOptions(size=5, physical=PhysicalOptions(beta=0.25))
-    workspace = Workspace(samples, filters=Filters(saturation=0.4, residual=0.05), options=options)
-    workspace = workspace.mark(np.arange(len(samples)) < 3, True).mark(np.arange(len(samples)) == 7, False)
+    workspace = Workspace(samples, limits={"saturation": (0.0, 0.4), "residual": (0.0, 12.0)}, options=options)
+    workspace = workspace.mark(np.arange(len(samples)) < 3, 1).mark(np.arange(len(samples)) == 7, -1)
     workspace = workspace.with_group("<b>odd</b>", np.arange(len(samples)) % 50 == 0)
     workspace = workspace.with_group("off", samples.style == "vivid").with_active_groups(["<b>odd</b>"])
     workspace = replace(workspace, out=frozenset({str(samples.shot[-1])}), unticked=frozenset({("a", "b")}))
@@ -193,7 +205,7 @@ def test_a_file_brings_everything_back(samples: SampleSet, tmp_path: Path) -> No
         workspace = fitted(workspace, kind)
     save_workspace(workspace, tmp_path / "all.workspace")
     again = open_workspace(tmp_path / "all.workspace")
-    assert again.filters == workspace.filters and again.options == options and again.model == "lattice"
+    assert again.limits == workspace.limits and again.options == options and again.model == "lattice"
     assert again.out == workspace.out and again.unticked == workspace.unticked
     assert np.array_equal(again.hand, workspace.hand)
     assert np.array_equal(again.outliers, workspace.outliers)
@@ -202,14 +214,14 @@ def test_a_file_brings_everything_back(samples: SampleSet, tmp_path: Path) -> No
         assert np.array_equal(getattr(again.samples, name), getattr(samples, name))
     assert np.array_equal(again.residual, workspace.residual)
     assert np.array_equal(again.fitted_rows, workspace.fitted_rows)
-    assert np.array_equal(again.models["matrix"].linearized, workspace.models["matrix"].linearized)
+    assert np.array_equal(again.models["matrix"].predicted.linearized, workspace.models["matrix"].predicted.linearized)
     for kind in ("matrix", "lattice"):
         assert again.is_stale(kind) == workspace.is_stale(kind)
 
 
 def test_marks_after_a_fit_leave_what_it_was_fitted_to(samples: SampleSet) -> None:
-    workspace = fitted(Workspace(samples, filters=Filters(saturation=0.6)), "matrix")
-    later = workspace.mark(np.arange(len(samples)) < 9, True)
+    workspace = fitted(Workspace(samples, limits={"saturation": (0.0, 0.6)}), "matrix")
+    later = workspace.mark(np.arange(len(samples)) < 9, 1)
     assert np.array_equal(later.fitted_rows, workspace.fitting_rows("matrix"))
     assert not np.array_equal(later.fitting_rows("matrix"), later.fitted_rows)
 
@@ -231,14 +243,14 @@ def damaged(path: Path, kind: str) -> None:
             if name == "workspace.json":
                 document = json.loads(data)
                 document["models"] = ["../../etc/passwd"] if kind == "foreign model" else document["models"]
-                document["version"] = 99 if kind == "newer" else 2
-                document["filters"]["saturation"] = "1" if kind == "text for a number" else 1.0
+                document["version"] = 99 if kind == "newer" else 4
+                document["limits"] = {"saturation": ["1", "x"]} if kind == "text for a number" else {}
                 data = json.dumps(document).encode()
             if name == "marks.npy" and kind == "pickled marks":
                 data = (
                     b"\x93NUMPY\x01\x00v\x00{'descr': '|O', 'fortran_order': False, 'shape': (1,), }".ljust(128) + b"\n"
                 )
-            if not (name == "samples.parquet" and kind == "no samples"):
+            if not (name == "samples.npz" and kind == "no samples"):
                 target.writestr(name, data)
 
 
@@ -260,4 +272,4 @@ def test_pairs_and_models_of_unknown_settings(samples: SampleSet) -> None:
     assert find_pairs(one) is None
     standard = samples.select(samples.style == "standard")
     profile = fitted(Workspace(standard), "matrix").models["matrix"].profile
-    assert np.all(np.isnan(evaluate_on(profile, "matrix", samples).predicted[samples.style == "vivid"]))
+    assert np.all(np.isnan(predict(profile, samples).rendered[samples.style == "vivid"]))

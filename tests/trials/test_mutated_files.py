@@ -23,8 +23,7 @@ from lutforge.boundary import silent_stderr
 from lutforge.errors import LutError, LutForgeError
 from lutforge.images.raw import read_raw
 from lutforge.inverse.linearization import InverseOptions
-from lutforge.kits.dcp import DngProfile, write_dcp
-from lutforge.kits.dcp_read import read_dcp
+from lutforge.kits.dcp import DngProfile, read_dcp, write_dcp
 from lutforge.luts.check import check_lut
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Form, Lut
@@ -62,8 +61,8 @@ def _dctl(path: Path) -> None:
 
 READERS: Mapping[str, Callable[[Path], object]] = {
     ".dng": _shot, ".jpg": inspect, ".ocio": _config, ".ocioz": _config, ".npz": load_profile, ".csv": read_samples,
-    ".parquet": read_samples, ".cube": check_lut, ".clf": check_lut, ".csp": check_lut, ".3dl": check_lut,
-    ".dctl": _dctl, ".vlt": check_lut, ".cub": check_lut, ".spi1d": check_lut, ".spi3d": check_lut, ".lut": check_lut,
+    ".table.npz": read_samples, ".cube": check_lut, ".clf": check_lut, ".csp": check_lut, ".3dl": check_lut,
+    ".dctl": _dctl, ".vlt": check_lut, ".spi1d": check_lut, ".spi3d": check_lut,
     ".dcp": inspect,
 }  # fmt: skip
 
@@ -81,7 +80,7 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     Lut((Curve(np.linspace(0, 1, 64)[:, None].repeat(3, 1) ** 0.5), Cube(grid(uniform_levels(5))))).write(
         folder / "a.csp"
     )
-    forms: dict[str, Form] = {"a.dctl": "shaper", "a.cub": "shaper", "a.spi1d": "shaper", "a.lut": "shared"}
+    forms: dict[str, Form] = {"a.dctl": "shaper", "a.spi1d": "shaper"}
     for name, form in forms.items():
         lf.bake(lambda x: np.asarray(x, dtype=np.float64) ** 2, size=9, form=form).write(folder / name)
     table = np.tile([0.0, 1.0, 1.0], (2, 6, 4, 1))
@@ -92,9 +91,9 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     rows += "".join(f"C,s,w,{n % 3},{n},0.01,0.{n},0.2,0.3,0.4,0.{n},0.6\n" for n in range(10, 60))
     found = {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".npz", ".dng", ".ocioz", ".csp")}
     found |= {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".cube", ".clf", ".3dl", ".dctl", ".vlt")}
-    found |= {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".cub", ".spi1d", ".spi3d", ".lut", ".dcp")}
+    found |= {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".spi1d", ".spi3d", ".dcp")}
     found |= {".jpg": (folder / "picture.jpg").read_bytes(), ".ocio": (folder / "config" / "config.ocio").read_bytes()}
-    return found | {".csv": rows.encode(), ".parquet": S40.read_bytes()}
+    return found | {".csv": rows.encode(), ".table.npz": S40.read_bytes()}
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
@@ -162,7 +161,7 @@ def test_whole_files_are_read(sound: dict[str, bytes], suffix: str, tmp_path: Pa
 def test_damaged_files_are_one_line(sound: dict[str, bytes], suffix: str, tmp_path: Path) -> None:
     rng, path = np.random.default_rng(7), tmp_path / f"a{suffix}"
     found = {}
-    for number in range(20 if suffix in (".parquet", ".dng") else 60):
+    for number in range(20 if suffix == ".dng" else 60):
         path.write_bytes(mutated(sound[suffix], rng))
         if told := fault(path, READERS[suffix]):
             found[number] = told

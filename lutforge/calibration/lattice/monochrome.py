@@ -7,10 +7,9 @@ with render(t, t, t) = g; off the grey axis, where no such JPEG lies, the same c
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.calibration.lattice.result import snapped
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels
-from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.lattice import Lattice, grid, snapped, uniform_levels
 
 
 def is_monochrome(balanced: Array, encoded: Array) -> bool:
@@ -43,7 +42,7 @@ def inverse_of_greys(render: Lattice, options: CalibrationOptions) -> Lattice:
     grey = np.clip(render(np.repeat(light[:, None], 3, axis=1)).mean(axis=1), 0.0, 1.0)
     code, first = np.unique(np.maximum.accumulate(grey), return_index=True)
     if options.nonuniform:
-        levels = snapped(_levels(code, light[first], options.size), options)
+        levels = snapped(_levels(code, light[first], options.size), options.shaper_size)
     else:
         levels = uniform_levels(options.size)
     return Lattice(levels, np.interp(grid(levels), code, light[first]), options.interpolation)

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
 from lutforge.arrays import Array
-from lutforge.calibration.physical.plain_curves import srgb_response
+from lutforge.colour.srgb import srgb_decode
 from lutforge.errors import CalibrationError
 from lutforge.model.emor import inverse_emor, log_inverse_emor
-from lutforge.solvers.inequality_least_squares import solve_lsi
+from lutforge.model.response import Response
 
 LEAST_SLOPE = 0.02
 """A curve rises at least this fraction as fast as EMoR's mean: no f⁻¹ is flat."""
@@ -39,21 +37,21 @@ class CurveBasis:
     least: Array
 
     def at(self, encoded: Array) -> tuple[Array, Array]:
-        """The offset (n,) and the design (n, m) at encoded values (n,)."""
-        cell, fraction = self.place(encoded)
-        part = fraction[:, None]
+        """The offset (…) and the design (…, m) at encoded values (…)."""
+        position = np.clip(encoded, 0.0, 1.0) * (len(self.design) - 1)
+        cell = np.minimum(position.astype(np.intp), len(self.design) - 2)
+        fraction = position - cell
+        part = fraction[..., None]
         offset = (1 - fraction) * self.offset[cell] + fraction * self.offset[cell + 1]
         return offset, (1 - part) * self.design[cell] + part * self.design[cell + 1]
 
-    def place(self, encoded: Array) -> tuple[NDArray[np.intp], Array]:
-        """The entry below each encoded value (n,), and the fraction from there to the next."""
-        position = np.clip(encoded, 0.0, 1.0) * (len(self.design) - 1)
-        cell = np.minimum(position.astype(np.intp), len(self.design) - 2)
-        return cell, position - cell
-
-    def table(self, theta: Array) -> Array:
-        """The curve (k,). Only rounding could make it fall, since the inequalities keep its steps positive."""
-        return np.asarray(np.maximum.accumulate(self.offset + self.design @ theta))
+    def with_white_at_one(self) -> "CurveBasis":
+        """The family less its first curve, which is scaled by 1 and is alone not 0 at white: f⁻¹(1) = 1."""
+        offset, rising = self.offset + self.design[:, 0], self.rising[:-1]
+        return CurveBasis(
+            offset, self.design[:, 1:], self.precision[1:, 1:], self.wanted[1:] - self.precision[1:, 0], rising[:, 1:],
+            self.least[:-1] - rising[:, 0],
+        )  # fmt: skip
 
 
 @cache
@@ -150,12 +148,13 @@ def log_spline_basis(knots: int = 24) -> CurveBasis:
     )
 
 
-def solve_rising(normal: Array, right: Array, rising: Array, least: Array) -> Array:
-    """u that minimizes u'Nu − 2 r'u under rising u ≥ least. Raises CalibrationError where N does not determine u."""
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    try:
-        factor = cholesky(normal / np.outer(size, size) + 1e-13 * np.eye(len(right)), lower=True)
-    except LinAlgError as error:
-        raise CalibrationError("the samples do not determine the response: they span too few tones") from error
-    projected = solve_triangular(factor, right / size, lower=True)
-    return np.asarray(solve_lsi(np.ascontiguousarray(factor.T), projected, rising / size, least) / size)
+def srgb_response() -> Response:
+    """The sRGB curve (IEC 61966-2-1) in all channels."""
+    return Response(np.stack([srgb_decode(np.linspace(0.0, 1.0, 1024))] * 3, axis=1))
+
+
+def gamma_response(gamma: float = 2.2) -> Response:
+    """f⁻¹(I) = I^gamma in all channels. Raises CalibrationError unless 0.2 ≤ gamma ≤ 5."""
+    if not 0.2 <= gamma <= 5.0:
+        raise CalibrationError(f"gamma {gamma:g} is not within 0.2 … 5")
+    return Response(np.stack([np.linspace(0.0, 1.0, 1024) ** gamma] * 3, axis=1))

@@ -130,8 +130,7 @@ def pairs_of_samples(samples: SampleSet, options: PairingOptions | None = None) 
     if not parts:
         raise CalibrationError(
             "no two shots show the same surfaces at different exposures: "
-            "shoot the same chart at several shutter speeds, with all other settings the same, or take the preset "
-            "lutforge, which needs no such shots"
+            "shoot the same chart at several shutter speeds, with all other settings the same"
         )
     return _join(parts, options.raw_spread if from_raw else options.time_spread)
 

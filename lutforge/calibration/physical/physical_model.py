@@ -12,7 +12,7 @@ from lutforge.calibration.physical.curve_basis import log_emor_basis
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, fit_matrix, hue_spread
-from lutforge.calibration.physical.matrix_and_response import RobustFitOptions, encoding_slope, fit_matrix_and_response
+from lutforge.calibration.physical.matrix_and_response import encoding_slope, fit_matrix_and_response
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import check_tones, saturation, starting_beta, untouched
 from lutforge.errors import CalibrationError
@@ -118,7 +118,7 @@ def _fit_style(
             return response, low.astype(np.float64)
         chroma = saturation(samples.srgb)
         check_tones(samples.srgb, chroma < starting_beta(chroma, preset, physical.beta))
-        fit = fit_matrix_and_response(balanced, samples.srgb, RobustFitOptions(physical))
+        fit = fit_matrix_and_response(balanced, samples.srgb, physical)
     except CalibrationError as error:
         raise CalibrationError(f'style "{name}": {error}') from None
     return fit.response, fit.trust
@@ -126,7 +126,10 @@ def _fit_style(
 
 def response_of_exposures(samples: SampleSet, preset: Preset, physical: PhysicalOptions) -> Response:
     """f of one style from its exposure pairs, without those that the options leave out. Raises CalibrationError."""
-    pairs = pairs_of_samples(samples).without(physical.without_pairs)
+    try:
+        pairs = pairs_of_samples(samples).without(physical.without_pairs)
+    except CalibrationError as error:
+        raise CalibrationError(f"{error}, or take the preset lutforge, which needs no such shots") from None
     return fit_response_to_exposures(pairs, preset, physical.beta, log_emor_basis(physical.curves)).response
 
 

@@ -26,18 +26,18 @@ from scipy.linalg import null_space
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import PhysicalOptions, Preset
-from lutforge.calibration.physical.curve_basis import emor_basis, spline_basis
-from lutforge.calibration.physical.joint_diagonal import jointly_diagonal
+from lutforge.calibration.physical.curve_basis import emor_basis, spline_basis, srgb_response
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, hue_spread
-from lutforge.calibration.physical.matrix_and_response import RobustFitOptions, Tones, encoding_slope, fit_channel
+from lutforge.calibration.physical.matrix_and_response import REACH, JointFit, matrix_of_rows, neutral_rows
 from lutforge.calibration.physical.physical_model import response_of_exposures
-from lutforge.calibration.physical.plain_curves import srgb_response
+from lutforge.calibration.physical.robust_fit import ToneWeights, robust_fit
 from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation, untouched_odds
 from lutforge.calibration.physical.white_balance import estimated_multipliers, neutral_weight
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.robust_weights import RobustWeights, cauchy, weighted_median
 
 LEAST_COLOURS = 12
@@ -70,7 +70,7 @@ def own_raw(samples: SampleSet, preset: Preset = "lutforge", physical: PhysicalO
     setting = np.where(inside.white_balance == "auto", automatic, inside.white_balance)
     linear, trust, white, gain = _linear_light(inside, setting, preset, physical or PhysicalOptions())
     even = replace(inside, raw=gain[:, None] * inside.raw)
-    transfer, matrix, balances = jointly_diagonal(
+    transfer, matrix, balances = _jointly_diagonal(
         {str(name): _inverse(linear, even, setting == name, str(name), preset) for name in np.unique(setting)}
     )
     multipliers = np.array([balances[str(name)] / balances[str(name)][1] for name in setting])
@@ -120,7 +120,7 @@ def _linear_light(
             if preset == "thesis":
                 fit = _response_of_exposures(samples.select(rows), setting[rows], physical)
             else:
-                fit = _fit_response(samples.select(rows), setting[rows], RobustFitOptions(physical))
+                fit = _fit_response(samples.select(rows), setting[rows], physical)
         except CalibrationError as error:
             raise CalibrationError(f'style "{name}": {error}') from None
         common = [balance for balance in fit.matrices if balance in anchors]
@@ -144,11 +144,11 @@ class _StyleFit:
     trust: Array
 
 
-def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: RobustFitOptions) -> _StyleFit:
-    """Fit f, every Tz and the shots' gains of a style in robust rounds, as `fit_matrix_and_response` does f and Ts.
+def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: PhysicalOptions) -> _StyleFit:
+    """Fit f, every Tz and the shots' gains of a style together (`JointFit`).
 
-    A round fits the relative change of the gains, in which f⁻¹(I) = Tz E' (1 + change) is linear. Were they fitted
-    after f, f would bend where the shots of some tones are all too bright, and leave a part of that to them.
+    Were gains fitted after f, f would bend where the shots of some tones are all too bright, and leave a part of that
+    to them.
     """
     raw, encoded = samples.raw, samples.srgb
     names, place = np.unique(setting, return_inverse=True)
@@ -156,41 +156,29 @@ def _fit_response(samples: SampleSet, setting: NDArray[np.str_], options: Robust
     first = int(np.argmax(votes))
     multipliers, _ = estimated_multipliers(raw[place == first], encoded[place == first])
     chroma = saturation(encoded)
-    beta = max(options.physical.beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
-    near = chroma < options.reach * beta
-    mixed = [_columns(raw[near], place[near], first, multipliers, channel) for channel in range(3)]
+    beta = max(options.beta, float(np.partition(chroma, LEAST_UNSATURATED - 1)[LEAST_UNSATURATED - 1]))
+    near = chroma < REACH * beta
+    is_of = np.eye(len(names))[place]
+    others = np.delete(is_of, first, axis=1)
+
+    def columns(x: Array) -> tuple[Array, Array]:
+        # The rows of Ts of the first setting sum to 1, which settles the scale; the coefficients of all others are free
+        known, own = neutral_rows(x * multipliers * is_of[near, first, None])
+        free = (others[near, :, None] * x[:, None, :]).reshape(len(x), 1, -1)
+        return known, np.concatenate([own, np.repeat(free, 3, axis=1)], axis=2)
+
+    weights = ToneWeights(encoded[near].mean(axis=1), untouched_odds(chroma[near], beta), options.weighting)
     changes = _gain_changes(raw, place, samples.shot)
-    gain, predicted, free = np.ones(len(raw)), np.zeros((near.sum(), 3)), changes.shape[1]
-    tones = Tones(encoded[near].mean(axis=1), untouched_odds(chroma[near], beta), options)
-    weight, response = tones.prior, srgb_response()
-    for spline in (False, True):  # as there: EMoR's shape first, then what it cannot follow
-        basis = spline_basis(response.inverse.mean(axis=1)) if spline else emor_basis()
-        for _ in range(options.most_rounds):
-            slope = encoding_slope(response, encoded[near])
-            terms = [
-                np.column_stack([predicted[:, [c]] * changes[near], gain[near, None] * mixed[c]]) for c in range(3)
-            ]
-            fits = [fit_channel(terms[c], encoded[near, c], weight * slope[:, c] ** 2, basis) for c in range(3)]
-            response = Response(np.stack([table for table, _ in fits], axis=1))
-            shares = [m[free:] for _, m in fits]
-            change = changes @ np.mean([m[:free] for _, m in fits], axis=0)
-            gain *= np.exp(np.clip(change, -0.5, 0.5))  # a first step may be far too long
-            light = np.stack([x[:, -1] + x[:, :-1] @ m for x, m in zip(mixed, shares, strict=True)], axis=1)
-            predicted = gain[near, None] * light
-            before, weight = weight, tones.weights(np.linalg.norm(response.encode(predicted) - encoded[near], axis=1))
-            if np.abs(weight - before).sum() < options.settled * weight.sum():
-                break
-    matrices = {str(name): np.zeros((3, 3)) for name in names}
-    for channel, m in enumerate(shares):
-        others = [c for c in range(3) if c != channel]
-        own = matrices[str(names[first])][channel]
-        own[others], own[channel] = m[:2], 1.0 - m[:2].sum()
-        own *= multipliers
-        for index, balance in enumerate(np.delete(names, first)):
-            matrices[str(balance)][channel] = m[2 + 3 * index : 5 + 3 * index]
+    fit = JointFit(raw[near], encoded[near], weights, columns, changes[near, None, :], srgb_response())
+    robust_fit(fit, emor_basis())  # as there: EMoR's shape first, then what it cannot follow
+    robust_fit(fit, spline_basis(fit.response.inverse.mean(axis=1)))
+    gain = np.exp(changes @ fit.logs)
+    free = fit.coefficients[:, 2:].reshape(3, len(names) - 1, 3)
+    matrices = {str(names[first]): matrix_of_rows(fit.coefficients[:, :2]) * multipliers}
+    matrices |= {str(name): free[:, index] for index, name in enumerate(np.delete(names, first))}
     of_sample = np.array([matrices[str(name)] for name in names])[place]
-    _check(response, of_sample, gain[:, None] * raw, encoded, chroma < beta)
-    return _StyleFit(response, matrices, gain, untouched_odds(chroma, beta))
+    _check(fit.response, of_sample, gain[:, None] * raw, encoded, chroma < beta)
+    return _StyleFit(fit.response, matrices, gain, untouched_odds(chroma, beta))
 
 
 def _response_of_exposures(samples: SampleSet, setting: NDArray[np.str_], physical: PhysicalOptions) -> _StyleFit:
@@ -216,20 +204,6 @@ def _gain_changes(raw: Array, place: NDArray[np.intp], shot: NDArray[np.str_]) -
     light = np.bincount(index, np.log(np.maximum(raw.sum(axis=1), 1e-4))) / np.bincount(index)
     untold = np.vstack([np.unique(place)[:, None] == place[first], light])
     return np.asarray(null_space(untold, rcond=1e-6)[index])
-
-
-def _columns(raw: Array, place: NDArray[np.intp], first: int, multipliers: Array, channel: int) -> Array:
-    """The terms (n, 3 settings) of a channel of Tz E', the last one with coefficient 1.
-
-    The rows of Ts of the first setting sum to 1, which settles the scale; the coefficients of all others are free.
-    """
-    balanced = np.where((place == first)[:, None], raw * multipliers, 0.0)
-    own = balanced[:, channel]
-    terms = [balanced[:, c] - own for c in range(3) if c != channel]
-    for other in range(place.max() + 1):
-        if other != first:
-            terms += list(np.where((place == other)[:, None], raw, 0.0).T)
-    return np.column_stack([*terms, own])
 
 
 def _check(response: Response, matrices: Array, raw: Array, encoded: Array, plain: Mask) -> None:
@@ -277,3 +251,40 @@ def _inverse(linear: Array, samples: SampleSet, rows: Mask, name: str, preset: P
         )
     weighted = x * root[:, None] / scale
     return inverse, weighted.T @ weighted
+
+
+def _jointly_diagonal(fits: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array, dict[str, Array]]:
+    """Split the matrices of several white balances, Tz_i = Ts Tw_i Tc with diagonal Tw_i, into one Ts and one Tc.
+
+    The way is that of a joint diagonalization: B. N. Flury & W. Gautschi (1986), https://doi.org/10.1137/0907013.
+    Returns Tc with ones on its diagonal, Ts, and Tw (3,) by white balance, of Tz⁻¹ = Tc⁻¹ Tw⁻¹ Ts⁻¹ and its precision.
+
+    The other six entries of Tc are expected to be 0 within a half, which settles what the white balances leave open.
+    """
+    inverses = np.stack([inverse for inverse, _ in fits.values()])
+    roots = np.stack([np.linalg.cholesky(precision) for _, precision in fits.values()])
+    off = ~np.eye(3, dtype=np.bool_)
+
+    def parts(unknown: Array) -> tuple[Array, Array, Array]:
+        transfer, from_linear = np.eye(3), np.eye(3)
+        transfer[off] = unknown[:6]
+        from_linear[off] = unknown[6:12]
+        from_linear[np.diag_indices(3)] -= from_linear.sum(axis=1) - 1.0
+        return transfer, from_linear, np.exp(unknown[12:].reshape(-1, 3))
+
+    def residuals(unknown: Array) -> Array:
+        transfer, from_linear, balances = parts(unknown)
+        modelled = np.linalg.inv(transfer) @ (from_linear / balances[..., None])
+        return np.concatenate([((modelled - inverses) @ roots).ravel(), unknown[:6] / 0.5])
+
+    def linearize(unknown: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
+        values = residuals(unknown[0])
+        steps = 1e-6 * np.eye(unknown.shape[1])
+        slopes = [(residuals(unknown[0] + step) - residuals(unknown[0] - step)) / 2e-6 for step in steps]
+        return values[None], np.stack(slopes, axis=1)[None]
+
+    sums = inverses.sum(axis=2)
+    first = inverses[0] / sums[0][:, None]
+    start = np.concatenate([np.zeros(6), first[off], -np.log(sums).ravel()])
+    transfer, from_linear, balances = parts(gauss_newton(linearize, start[None], most=200).value[0])
+    return transfer, np.asarray(np.linalg.inv(from_linear), dtype=np.float64), dict(zip(fits, balances, strict=True))

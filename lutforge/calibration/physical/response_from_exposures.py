@@ -10,12 +10,15 @@ import numpy as np
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import Preset
-from lutforge.calibration.physical.curve_basis import CurveBasis, log_emor_basis, solve_rising
+from lutforge.calibration.physical.curve_basis import CurveBasis, log_emor_basis
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
+from lutforge.calibration.physical.robust_fit import Light, robust_fit
 from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturation, starting_beta
 from lutforge.model.emor import log_inverse_emor
 from lutforge.model.response import Response
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
+
+WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,104 +53,83 @@ def fit_response_to_all_colours(pairs: ExposurePairs) -> ExposureResponseFit:
 
 def _fit(pairs: ExposurePairs, low: Mask, preset: Preset, basis: CurveBasis) -> ExposureResponseFit:
     """f in one basis; low: (n,) the pairs to start from."""
-    robust, pair_weights = preset == "lutforge", RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
-    weight, noise = low.astype(np.float64), np.full(pairs.first.shape, 0.02)
-    for turn in range(1, 13 if robust else 4):
-        logs, errors = _solve(pairs, basis, weight, noise, alike=robust)
-        expected = _log_noise(pairs, logs)
-        residual = np.max(np.abs(_pair_residual(pairs, logs, errors)) / expected, axis=1)
-        noise = expected if robust else noise  # all pairs count alike in (4.4)
-        if robust and turn > 2:
-            before, weight = weight, pair_weights(residual, residual[low])
-            if float(np.mean(np.abs(weight - before))) < 2e-3:
-                break
-    logs = _held_at_white(logs, pairs, weight)
-    table = np.exp(logs - logs[:, -1:]).T
+    problem = _Exposures(pairs, low, robust=preset == "lutforge")
+    robust_fit(problem, basis, 12 if preset == "lutforge" else 1)
+    logs = _held_at_white(problem.logs, pairs, problem.weight)
+    table = np.exp(logs - logs[-1])
     table[0] = 0.0
-    response = Response(np.maximum.accumulate(table, axis=0))
-    named = {name: float(value) for name, value in zip(pairs.shots, errors, strict=True)}
-    return ExposureResponseFit(response, named)
+    named = {name: float(value) for name, value in zip(pairs.shots, problem.errors, strict=True)}
+    return ExposureResponseFit(Response(np.maximum.accumulate(table)), named)
 
 
-def _solve(pairs: ExposurePairs, basis: CurveBasis, weight: Array, noise: Array, *, alike: bool) -> tuple[Array, Array]:
-    """log f⁻¹ (3, k), and the log exposure error of each shot.
+class _Exposures:
+    """The problem g(I') − g(I) = log k' + the exposure error of the second shot − that of the first.
 
-    alike: pairs leave the scale of f⁻¹ to what lies beyond the brightest sample, so the channels share one there.
+    After the rounds: logs: g (k, 3); errors: (shots,); weight: (n,).
     """
-    count, shots, rows = basis.design.shape[1], len(pairs.shots), len(pairs.first)
-    unknowns = 3 * count + shots
-    normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
-    every = np.arange(rows)
-    shifts = np.zeros((rows, shots))
-    shifts[every, pairs.first_shot] += 1.0
-    shifts[every, pairs.second_shot] -= 1.0
-    for channel in range(3):
-        mean_1, curves_1 = basis.at(pairs.first[:, channel])
-        mean_2, curves_2 = basis.at(pairs.second[:, channel])
-        design = np.column_stack([curves_2 - curves_1, shifts])
-        precision = weight / noise[:, channel] ** 2
-        mine = np.concatenate([np.arange(count) + channel * count, 3 * count + np.arange(shots)])
-        normal[np.ix_(mine, mine)] += (design.T * precision) @ design
-        right[mine] += design.T @ (precision * (pairs.log_ratio - mean_2 + mean_1))
-        own = mine[:count]
-        normal[np.ix_(own, own)] += basis.precision
-        right[own] += basis.wanted
-    errors = 3 * count + np.arange(shots)
-    normal[errors, errors] += 1.0 / pairs.spread**2
-    # A common power of f⁻¹ and of all exposures explains the data as well: errors that grow with the exposure are
-    # ruled out, so that the exposures as stated fix the power.
-    normal[np.ix_(errors, errors)] += 1e8 * np.outer(pairs.shot_exposure, pairs.shot_exposure)
-    if alike:  # at middle grey, within 2 %
-        middle = basis.at(np.array([0.5]))[1][0] / 0.02
-        for one, other in ((0, 1), (1, 2)):
-            row = np.zeros(unknowns)
-            row[one * count : (one + 1) * count], row[other * count : (other + 1) * count] = middle, -middle
-            normal += np.outer(row, row)
-    steps = len(basis.rising)
-    rising = np.zeros((3 * steps, unknowns))
-    for channel in range(3):
-        rising[channel * steps : (channel + 1) * steps, channel * count : (channel + 1) * count] = basis.rising
-    solution = solve_rising(normal, right, rising, np.tile(basis.least, 3))
-    logs = basis.offset + solution[: 3 * count].reshape(3, count) @ basis.design.T
-    return logs, solution[3 * count :]
+
+    def __init__(self, pairs: ExposurePairs, low: Mask, *, robust: bool) -> None:
+        self.pairs, self.low, self.robust = pairs, low, robust
+        self.encoded: Array = pairs.second
+        self.before: Array | None = pairs.first
+        self.weight, self.noise = low.astype(np.float64), np.full(pairs.first.shape, 0.02)
+        shots = np.arange(len(pairs.shots))
+        self.ends = (pairs.second_shot[:, None] == shots) * 1.0 - (pairs.first_shot[:, None] == shots)
+        self.rounds = 0
+
+    def light(self) -> Light:
+        """The ratio as stated is known; errors of the shots are shared by the channels."""
+        known = np.repeat(self.pairs.log_ratio[:, None], 3, axis=1)
+        return Light(known, np.zeros((*known.shape, 0)), np.repeat(self.ends[:, None, :], 3, axis=1))
+
+    def precision(self) -> Array:
+        """By the noise of the two JPEG values; in (4.4) all pairs count alike."""
+        return np.asarray(self.weight[:, None] / self.noise**2)
+
+    def prior(self, basis: CurveBasis) -> tuple[Array, Array]:
+        """Stated exposures are right within their spread, and do not err by a power.
+
+        A common power of f⁻¹ and of all exposures explains the data as well: errors that grow with the exposure are
+        ruled out, so that the exposures as stated fix the power. Pairs leave the scale of f⁻¹ to what lies beyond the
+        brightest sample, so the channels of the robust fit share one at middle grey, within 2 %.
+        """
+        middle = basis.at(np.array([0.5]))[1] / 0.02
+        ties = np.kron(np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])[: 2 if self.robust else 0], middle)
+        exposure = self.pairs.shot_exposure
+        return ties, np.eye(len(exposure)) / self.pairs.spread**2 + 1e8 * np.outer(exposure, exposure)
+
+    def update(self, curves: Array, own: Array, shared: Array) -> float:
+        """Take the curves and the errors of a round; the weights follow the residuals from the third on."""
+        self.logs, self.errors, self.rounds = curves, shared, self.rounds + 1
+        if not self.robust:
+            return 0.0
+        codes = np.linspace(0.0, 1.0, len(curves))
+        slopes = np.gradient(curves, codes, axis=0)
+
+        def at(encoded: Array, table: Array) -> Array:
+            return np.stack([np.interp(encoded[:, c], codes, table[:, c]) for c in range(3)], axis=1)
+
+        first, second = self.pairs.first, self.pairs.second
+        self.noise = np.maximum(0.4 / 255.0 * np.hypot(at(first, slopes), at(second, slopes)), 1e-3)
+        ratio = (self.pairs.log_ratio + self.ends @ shared)[:, None]
+        residual = np.max(np.abs(at(second, curves) - at(first, curves) - ratio) / self.noise, axis=1)
+        if self.rounds < 3:
+            return np.inf
+        before, self.weight = self.weight, WEIGHTS(residual, residual[self.low])
+        return float(np.mean(np.abs(self.weight - before)))
 
 
 def _held_at_white(logs: Array, pairs: ExposurePairs, weight: Array) -> Array:
-    """Continue log f⁻¹ (3, k) above the brightest trusted sample as a power of EMoR's mean, with the slope that it has.
+    """Continue log f⁻¹ (k, 3) above the brightest trusted sample as a power of EMoR's mean, with the slope that it has.
 
     What the least squares make of codes that no pair reaches depends on the noise alone.
     """
-    codes, shape = np.linspace(0.0, 1.0, logs.shape[1]), log_inverse_emor().mean
+    codes, shape = np.linspace(0.0, 1.0, len(logs)), log_inverse_emor().mean
     held = logs.copy()
     for channel in range(3):
         top = float(pairs.second[weight > 0.5, channel].max(initial=0.0))
         low = max(top - 16 / 255, 0.0)  # the span of a slope: a few times the noise of a code
-        (lower, upper), (under, over) = (np.interp([low, top], codes, curve) for curve in (logs[channel], shape))
+        (lower, upper), (under, over) = (np.interp([low, top], codes, curve) for curve in (logs[:, channel], shape))
         beyond = codes > top
-        held[channel, beyond] = upper + (upper - lower) / (over - under) * (shape[beyond] - over)
+        held[beyond, channel] = upper + (upper - lower) / (over - under) * (shape[beyond] - over)
     return held
-
-
-def _pair_residual(pairs: ExposurePairs, logs: Array, errors: Array) -> Array:
-    """g(I') − g(I) − log k' (n, 3), with the exposure errors taken out."""
-    codes = np.linspace(0.0, 1.0, logs.shape[1])
-    ratio = pairs.log_ratio + errors[pairs.second_shot] - errors[pairs.first_shot]
-    columns = [
-        np.interp(pairs.second[:, c], codes, logs[c]) - np.interp(pairs.first[:, c], codes, logs[c]) - ratio
-        for c in range(3)
-    ]
-    return np.stack(columns, axis=1)
-
-
-def _log_noise(pairs: ExposurePairs, logs: Array) -> Array:
-    """Standard deviation (n, 3) of g(I') − g(I) by the noise of the two JPEG values."""
-    codes = np.linspace(0.0, 1.0, logs.shape[1])
-    slopes = np.gradient(logs, codes, axis=1)
-    columns = [
-        np.hypot(
-            np.interp(pairs.first[:, c], codes, slopes[c]),
-            np.interp(pairs.second[:, c], codes, slopes[c]),
-        )
-        for c in range(3)
-    ]
-    return np.maximum(0.4 / 255.0 * np.stack(columns, axis=1), 1e-3)

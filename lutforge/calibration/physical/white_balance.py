@@ -6,13 +6,20 @@ from dataclasses import replace
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.physical.blind_white_balance import multipliers_from_colours
-from lutforge.calibration.physical.colour_temperature import with_temperatures
-from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.physical.colour_temperature import named_temperature, with_temperatures
+from lutforge.calibration.physical.curve_basis import emor_basis, srgb_response
+from lutforge.calibration.physical.matrix_and_response import JointFit, fit_matrix_and_response
+from lutforge.calibration.physical.robust_fit import ToneWeights, robust_fit
+from lutforge.colour.colour_temperature import camera_from_xyz, locus, multipliers_of
 from lutforge.errors import CalibrationError
-from lutforge.model.white_balance import WhiteBalance
+from lutforge.model.white_balance import NAMED_KELVIN, WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import weighted_median
+
+PRESETS = ("tungsten", "daylight", "cloudy", "shade")
+"""Settings that a profile of automatic shots gets by its matrix."""
+
+D65_KELVIN = 6504.0
 
 
 def complete_multipliers(samples: SampleSet) -> tuple[Array, tuple[str, ...]]:
@@ -49,38 +56,20 @@ def with_fitted_gains(samples: SampleSet, multipliers: Array, usable: Mask) -> A
 
     usable: (n,) unclipped samples. A camera may expose one setting's JPEGs brighter than another's, which multipliers
     with green = 1 do not say. Factors are relative to the median setting. One is kept only where its shots agree on it
-    beyond their scatter (three standard errors), and above 1 %, which moves no colour by a code; else it is 1.
+    beyond their scatter (three standard errors), and above 1 %, which moves no colour by a code; else it is 1. Rounds
+    start from a fit without gains: where settings have few tones in common, free gains would trade with the response.
     """
     names = [str(name) for name in np.unique(samples.white_balance[usable]) if name != "auto"]
     gains = dict.fromkeys(names, 1.0)
     for _ in range(6 if len(names) > 1 else 0):
         logs, doubt = _departures(samples, _times(samples, multipliers, gains), usable, names)
         logs -= np.median(logs)
-        found = np.log(list(gains.values())) + logs
-        sure = np.abs(found) > np.maximum(3.0 * doubt, 0.01)
+        total = np.log(list(gains.values())) + logs
+        sure = np.abs(total) > np.maximum(3.0 * doubt, 0.01)
         if not np.any(sure & (np.abs(logs) > 2e-4)):
             break
-        gains = dict(zip(names, np.where(sure, np.exp(found), 1.0).tolist(), strict=True))
+        gains = dict(zip(names, np.where(sure, np.exp(total), 1.0).tolist(), strict=True))
     return _times(samples, multipliers, gains)
-
-
-def with_gains(samples: SampleSet, multipliers: Array, white_balances: Mapping[str, WhiteBalance]) -> Array:
-    """Tw (n, 3): multipliers (n, 3) with green = 1 times the gains that a profile knows of the settings."""
-    return _times(samples, multipliers, {name: balance.gain for name, balance in white_balances.items()})
-
-
-def with_known_balances(samples: SampleSet, white_balances: Mapping[str, WhiteBalance]) -> SampleSet:
-    """Return the samples with the multipliers of named white balances, where their files tell none."""
-    multipliers = samples.wb.copy()
-    unknown = ~np.all(np.isfinite(multipliers), axis=1)
-    for name, balance in white_balances.items():
-        multipliers[unknown & (samples.white_balance == name)] = balance.multipliers
-    return replace(samples, wb=multipliers)
-
-
-def _times(samples: SampleSet, multipliers: Array, gains: Mapping[str, float]) -> Array:
-    factors = np.array([gains.get(str(name), 1.0) for name in samples.white_balance])
-    return np.asarray(multipliers * factors[:, None])
 
 
 def _departures(samples: SampleSet, balanced_by: Array, usable: Mask, names: list[str]) -> tuple[Array, Array]:
@@ -106,6 +95,25 @@ def _departures(samples: SampleSet, balanced_by: Array, usable: Mask, names: lis
     return logs, doubt
 
 
+def with_gains(samples: SampleSet, multipliers: Array, white_balances: Mapping[str, WhiteBalance]) -> Array:
+    """Tw (n, 3): multipliers (n, 3) with green = 1 times the gains that a profile knows of the settings."""
+    return _times(samples, multipliers, {name: balance.gain for name, balance in white_balances.items()})
+
+
+def with_known_balances(samples: SampleSet, white_balances: Mapping[str, WhiteBalance]) -> SampleSet:
+    """Return the samples with the multipliers of named white balances, where their files tell none."""
+    multipliers = samples.wb.copy()
+    unknown = ~np.all(np.isfinite(multipliers), axis=1)
+    for name, balance in white_balances.items():
+        multipliers[unknown & (samples.white_balance == name)] = balance.multipliers
+    return replace(samples, wb=multipliers)
+
+
+def _times(samples: SampleSet, multipliers: Array, gains: Mapping[str, float]) -> Array:
+    factors = np.array([gains.get(str(name), 1.0) for name in samples.white_balance])
+    return np.asarray(multipliers * factors[:, None])
+
+
 def neutral_weight(raw: Array, srgb: Array) -> Array:
     """How near-neutral JPEG colours (n, 3) vote for the multipliers of their RAW (n, 3): weights (n,) from 0 to 1."""
     high = srgb.max(axis=1)
@@ -128,6 +136,28 @@ def estimated_multipliers(raw: Array, srgb: Array) -> tuple[Array, str]:
     return np.array(ratios), "near-neutral colours"
 
 
+def multipliers_from_colours(raw: Array, encoded: Array) -> Array:
+    """Multipliers (3,) with green = 1 from RAW (n, 3) and JPEG values (n, 3) of any colours under one white balance.
+
+    f⁻¹(I) = A E with one response f for the three channels, f(1) = 1, and A = Ts Tw. The RAW that renders neutral is
+    A⁻¹ (1, 1, 1), and the multipliers are its reciprocals. Raises CalibrationError where the colours do not determine
+    them: too few, or all alike.
+    """
+    count = len(raw)
+    if count < 24 or np.linalg.matrix_rank(raw - raw.mean(axis=0), tol=1e-3 * np.sqrt(count)) < 3:
+        raise CalibrationError(f"{count} colours, too few or too alike to tell a white balance from")
+    weights = ToneWeights(encoded.mean(axis=1), np.ones(count), multiple=4.0, least=2.0 / 255.0)
+    fit = JointFit(
+        raw, encoded, weights, lambda x: (np.zeros_like(x), np.repeat(x[:, None, :], 3, axis=1)),
+        response=srgb_response(), alike=True,
+    )  # fmt: skip
+    robust_fit(fit, emor_basis().with_white_at_one())
+    neutral = np.linalg.solve(fit.coefficients, np.ones(3))
+    if not np.all(neutral > 0) or not np.all((neutral[1] / neutral > 0.1) & (neutral[1] / neutral < 10)):
+        raise CalibrationError("the colours contradict any white balance: is the JPEG the camera's own?")
+    return np.asarray(neutral[1] / neutral)
+
+
 def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) -> dict[str, WhiteBalance]:
     """One entry per white-balance name: its middle shot, how far other shots depart from that, its temperature.
 
@@ -146,4 +176,22 @@ def named_white_balances(samples: SampleSet, multipliers: Array, matrix: Array) 
         r, b = float(middle[0] / middle[1]), float(middle[2] / middle[1])
         spread = float(np.max(np.abs(shots / middle - 1.0)))
         result[str(name)] = WhiteBalance((r, 1.0, b), spread=spread, gain=float(middle[1]))
-    return with_temperatures(result, matrix)
+    return with_temperatures(_with_presets(samples, result, matrix), matrix)
+
+
+def _with_presets(samples: SampleSet, balances: dict[str, WhiteBalance], matrix: Array) -> dict[str, WhiteBalance]:
+    """The white balances, with presets by matrix and locus where no setting tells a temperature, as on automatic.
+
+    The light D65, whose multipliers LibRaw knows of the camera, is the anchor, as it is for RAW developers.
+    """
+    own = bool(np.all(samples.raw_camera == samples.camera) and np.all(samples.developer == ""))
+    d65 = np.array([np.median(samples.d65_r), 1.0, np.median(samples.d65_b)])
+    told = [named_temperature(name) for name in balances if "fluorescent" not in name]
+    if not own or not np.all(np.isfinite(d65)) or any(told):
+        return balances
+    from_xyz = camera_from_xyz(matrix, d65, D65_KELVIN)
+    presets = {}
+    for name in PRESETS:
+        r, g, b = (float(value) for value in multipliers_of(locus(NAMED_KELVIN[name]), from_xyz))
+        presets[name] = WhiteBalance((r, g, b), NAMED_KELVIN[name])
+    return {**balances, **presets}

@@ -1,180 +1,158 @@
-"""A Gaussian process over JPEG colours for a camera with a fixed rendering; each shot is predicted by the others.
+"""Shots that the camera rendered otherwise than the rest: their exposure, contrast and saturation beside the others'.
 
-y is the logarithm of the light of a scene colour, less that which an sRGB JPEG of the same codes stands for. Where the
-rendering is fixed, y is a smooth function λ of the JPEG colour, the same for all shots.
+The light that a JPEG value tells, by matrix and response, is compared with the light of its RAW value. What the two
+differ by is a smooth function of colour for all shots, since the gamut map is fixed, and this function is fitted and
+taken out. What is left of a shot is measured in five groups of its colours, by hue; their mean and spread are the
+departure and its standard error, which errors that are alike among similar colours do not make too small (Ibragimov &
+Müller 2010, https://doi.org/10.1198/jbes.2009.08046). The shot that departs most is left out, and the others are
+compared again, until none departs clearly.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import minimize
 
 from lutforge.arrays import Array, Mask
-from lutforge.model.shot_tone import tone_of
+from lutforge.calibration.lattice.monochrome import is_monochrome
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.samples.sample_set import SampleSet
+from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
-NOISE = 0.02
-"""Standard deviation of the light of cells with one JPEG colour, in stops."""
+GROUPS = 5
+CLEARLY = 5.0
+"""A shot departs if it is so many standard errors off: with four degrees of freedom, one in 130 shots by chance alone.
+The spread between the shots is added to the error, which makes it far fewer."""
+LEAST = (0.1, 0.08, 0.1)
+"""Departures of less stay: exposure in EV, contrast in EV per EV, and the change of saturation."""
+ADVICE = "shoot in manual mode with one picture style, scene-dependent features (D-Lighting, HDR, auto tone) off"
 
 
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """Means over samples of similar colour in one part of one shot's picture.
+@dataclass(frozen=True)
+class Departure:
+    """How one shot departs from the others. values, errors: exposure, contrast, saturation, and standard errors."""
 
-    encoded, balanced: I and Tw E, (n, 3); y: (n,), as the head of this module defines it; tone: (n,), of `tone_of`;
-    place: (n, 2), NaN where unknown; shot: (n,), indices into names; rounding: (n,), the variance of y by rounding of
-    codes.
-    """
-
-    encoded: Array
-    balanced: Array
-    y: Array
-    tone: Array
-    place: Array
-    shot: NDArray[np.intp]
-    names: tuple[str, ...]
-    rounding: Array
+    shot: str
+    values: tuple[float, float, float]
+    errors: tuple[float, float, float]
+    clear: tuple[bool, bool, bool]
 
     @property
-    def scatter(self) -> Array:
-        """The variance (n,) of y by noise, NOISE, and by rounding."""
-        return np.asarray(NOISE**2 + self.rounding)
+    def cells(self) -> tuple[str, ...]:
+        """Exposure, contrast and saturation as cells of a table."""
+        return tuple(f"{value:+.2f} ± {error:.2f}" for value, error in zip(self.values, self.errors, strict=True))
 
-    def select(self, rows: NDArray[np.intp]) -> "Cells":
-        """The cells of some rows."""
-        colours = (self.encoded[rows], self.balanced[rows], self.y[rows], self.tone[rows])
-        return Cells(*colours, self.place[rows], self.shot[rows], self.names, self.rounding[rows])
+    @property
+    def words(self) -> str:
+        """What departs clearly, with standard errors."""
+        parts = zip(("exposure", "contrast", "saturation"), self.values, self.errors, self.clear, strict=True)
+        shown = (
+            f"{name} {value:+.2f} ± {error:.2f} EV" if name == "exposure" else f"{name} {value:+.0%} ± {error:.0%}"
+            for name, value, error, clear in parts
+            if clear
+        )
+        return ", ".join(shown)
 
 
-@dataclass(frozen=True, eq=False)
-class Departure:
-    """The departure of one shot from the prediction by the other shots.
+def departure_notes(departures: tuple[Departure, ...]) -> tuple[str, ...]:
+    """A sentence on the shots that depart; none where there are none."""
+    if not departures:
+        return ()
+    listed = ", ".join(f"{departure.shot} ({departure.words})" for departure in departures[:4])
+    more = f" and {len(departures) - 4} more" if len(departures) > 4 else ""
+    return (f"shots depart from what the others agree on and are left out, {listed}{more}: {ADVICE}",)
 
-    error: (m,), by how many stops the JPEG is brighter than predicted, in each of the shot's cells; covariance: of
-    error, (m, m); member: mask (n,) of the shot's cells.
+
+def departing_shots(samples: SampleSet, multipliers: Array, usable: Mask) -> tuple[Departure, ...]:
+    """Return the shots of all styles that depart clearly from the others of their style.
+
+    multipliers: (n, 3), what makes RAW white-balanced; usable: (n,) unclipped samples.
     """
+    found: list[Departure] = []
+    for style in np.unique(samples.style[usable]):
+        rows = usable & (samples.style == style)
+        balanced, encoded = samples.raw[rows] * multipliers[rows], samples.srgb[rows]
+        if len(np.unique(samples.shot[rows])) < 3 or is_monochrome(balanced, encoded):
+            continue
+        fit = fit_matrix_and_response(balanced, encoded)
+        found.extend(find_departures(fit.linearize(encoded), balanced, samples.shot[rows]))
+    return tuple(found)
 
-    error: Array
-    covariance: Array
-    member: Mask
 
+def find_departures(linear: Array, balanced: Array, shot: NDArray[np.str_]) -> tuple[Departure, ...]:
+    """Return the shots that depart clearly, the farthest first; at most half of them, none of fewer than three.
 
-def cells_of(samples: SampleSet, multipliers: Array) -> Cells:
-    """Average the samples over cells of shot, place and colour, divided as finely as 1,500 cells allow."""
-    most = 1500
-    y = np.log2((samples.raw * multipliers).sum(axis=1)) - np.log2(1e-4 + light_of(samples.srgb))
-    names, shot = np.unique(samples.shot, return_inverse=True)
-    part = np.clip(np.nan_to_num(1.5 * (samples.position + 1.0), nan=0.0), 0, 2).astype(np.intp) @ [1, 3]
-    for codes in (16, 24, 32, 48, 64, 96):
-        colour = (255 * samples.srgb // codes).astype(np.intp) @ [1, 16, 256]
-        key = (shot * 9 + part) * 4096 + colour
-        _, cell, count = np.unique(key, return_inverse=True, return_counts=True)
-        if len(count) <= most:
+    linear: (n, 3) the white-balanced RAW that matrix and response, or a profile, make of the JPEG values; balanced:
+    (n, 3) the RAW itself, neither clipped; shot: (n,) names.
+    """
+    found: list[Departure] = []
+    names = np.unique(shot)
+    while len(names) - len(found) >= 3 and len(found) < (len(names) - 1) // 2:
+        rows = ~np.isin(shot, [departure.shot for departure in found])
+        worst, strength = None, 0.0
+        for departure, ratio in _departures(linear[rows], balanced[rows], shot[rows]):
+            if any(departure.clear) and ratio > strength:
+                worst, strength = departure, ratio
+        if worst is None:
             break
-
-    def mean(values: Array) -> Array:
-        return np.asarray(np.bincount(cell, values, len(count)) / count)
-
-    encoded, balanced, place = (
-        np.stack([mean(column) for column in columns.T], axis=1)
-        for columns in (samples.srgb, samples.raw * multipliers, samples.position)
-    )
-    rounding = 2.2 / np.log(2.0) * (0.5 / 255) / np.maximum(encoded.mean(axis=1), 0.02)  # of a power of 2.2
-    owner = np.zeros(len(count), dtype=np.intp)
-    owner[cell] = shot
-    rows = np.sort(np.random.default_rng(0).permutation(len(count))[:most])
-    cells = (encoded[rows], balanced[rows], mean(y)[rows], tone_of(encoded[rows]), place[rows], owner[rows])
-    return Cells(*cells, tuple(map(str, names)), rounding[rows] ** 2)
+        found.append(worst)
+    return tuple(found)
 
 
-def light_of(encoded: Array) -> Array:
-    """The linear light (n,) that an sRGB JPEG stands for, which y is relative to."""
-    return np.asarray(0.54 * np.exp2(2.5 * tone_of(encoded)))
+def _departures(linear: Array, balanced: Array, shot: NDArray[np.str_]) -> list[tuple[Departure, float]]:
+    """All shots with enough colours, and by how many standard errors each departs."""
+    light, lit = np.maximum(linear.sum(axis=1), 0.0) + 1e-3, np.maximum(balanced.sum(axis=1), 0.0) + 1e-3
+    chroma = balanced / lit[:, None] - 1 / 3
+    shown = linear / light[:, None] - 1 / 3
+    tone = np.log2(lit)
+    tone = tone - np.median(tone)
+    coordinates = np.column_stack([np.ones_like(tone), tone / 2, 3 * chroma[:, 0], 3 * chroma[:, 2]])
+    design = np.stack([coordinates[:, i] * coordinates[:, j] for i in range(4) for j in range(i, 4)], axis=1)
+    strength = np.linalg.norm(chroma, axis=1)
+    livelier = np.einsum("nc,nc->n", shown, chroma) / np.maximum(strength, 1e-6) - strength
+    residual = np.column_stack([_without_common(design, np.log2(light / lit)), _without_common(design, livelier)])
+    hue = np.arctan2(chroma[:, 2], chroma[:, 0])
+    names, values, errors = [], [], []
+    for name in np.unique(shot):
+        rows = np.flatnonzero(shot == name)
+        if len(rows) < 4 * GROUPS:
+            continue
+        groups = np.array_split(rows[np.argsort(hue[rows])], GROUPS)
+        told = np.array([_of_group(residual[part], tone[part], strength[part]) for part in groups])
+        names.append(str(name))
+        values.append(np.median(told, axis=0))
+        errors.append(told.std(axis=0, ddof=1) / np.sqrt(GROUPS))
+    if len(names) < 3:
+        return []
+    value, error = np.array(values), np.array(errors)
+    value = value - np.median(value, axis=0)
+    between = 1.4826 * np.median(np.abs(value), axis=0)
+    ratio = np.abs(value) / np.hypot(error, between)
+    clear = (ratio > CLEARLY) & (np.abs(value) > LEAST)
+    departures = []
+    for row, name in enumerate(names):
+        (a, b, c), (d, e, f) = value[row].tolist(), np.hypot(error, between)[row].tolist()
+        exposure, contrast, saturation = clear[row].tolist()
+        told_of = Departure(name, (a, b, c), (d, e, f), (exposure, contrast, saturation))
+        departures.append((told_of, float(np.max(ratio[row] * clear[row]))))
+    return departures
 
 
-def _matern(distance: Array) -> Array:
-    """Matérn's covariance of smoothness 5/2, of distances in units of its length."""
-    scaled = np.sqrt(5.0) * distance
-    return np.asarray((1.0 + scaled + scaled**2 / 3.0) * np.exp(-scaled))
+def _without_common(design: Array, values: Array) -> Array:
+    """What a robust fit of a function of colour leaves of values (n,)."""
+    weight, robust, left = np.ones(len(values)), RobustWeights(cauchy, multiple=2.5, least=0.02), values
+    for _ in range(8):
+        weighted = design * weight[:, None]
+        normal = weighted.T @ design + 1e-6 * len(values) * np.eye(design.shape[1])
+        left = values - design @ np.linalg.solve(normal, weighted.T @ values)
+        weight = robust(np.abs(left))
+    return left
 
 
-def covariance_of(cells: Cells, sizes: Sequence[float] = (1.0,) * 5) -> Array:
-    """Return the covariance (n, n) of y between cells under a fixed rendering.
-
-    sizes: five factors on standard deviations: of λ, of a shot's colours, of a shot as a whole, of noise and of
-    rounding. At 1 they are broad enough for any camera: λ, for one, departs from a plane by half a stop over 90 codes.
-    """
-    plane = np.column_stack([np.ones(len(cells.y)), cells.encoded, cells.tone])
-    curved, colours, whole, noise, rounding = np.square(sizes)
-    distance = _distance(cells)
-    common = 9.0 * plane @ plane.T + 0.25 * curved * _matern(distance / 0.35)
-    scatter = noise * NOISE**2 + rounding * cells.rounding
-    return np.asarray(common + _own(cells, distance, colours, whole) + np.diag(scatter))
-
-
-def own_covariance(cells: Cells) -> Array:
-    """Return the covariance (n, n) of a shot's departures under a fixed rendering.
-
-    They are 3 % (0.04 EV) over 40 codes, because tiles are not quite flat, and 2 % over the whole shot, by lens flare.
-    """
-    return _own(cells, _distance(cells), 1.0, 1.0)
-
-
-def _own(cells: Cells, distance: Array, colours: float, whole: float) -> Array:
-    same = cells.shot[:, None] == cells.shot
-    return np.asarray(same * (0.04**2 * colours * _matern(distance / 0.15) + 0.03**2 * whole))
-
-
-def likeliest_sizes(cells: Cells, agreeing: Mask) -> tuple[float, ...]:
-    """Return the sizes for `covariance_of` with the highest posterior, given the cells of shots that agree, (n,).
-
-    This is empirical Bayes (Rasmussen & Williams 2006, equation 5.8) on at most 300 cells, with a standard normal prior
-    for the logarithm of each size.
-    """
-    rows = np.flatnonzero(agreeing)
-    rows = np.sort(np.random.default_rng(0).permutation(rows)[:300])
-    few = cells.select(rows)
-    units = np.stack([covariance_of(few, unit) for unit in np.vstack([np.zeros(5), np.eye(5)])])
-    units[1:] -= units[0]
-
-    def negative_log_posterior(logarithms: Array) -> float:
-        factor = cho_factor(np.tensordot(np.exp(2.0 * np.append(0.0, logarithms)), units, 1), lower=True)
-        likelihood = -0.5 * few.y @ cho_solve(factor, few.y) - np.log(np.diag(factor[0])).sum()
-        return float(0.5 * logarithms @ logarithms - likelihood)
-
-    start = np.vstack([np.zeros(5), -0.7 * np.eye(5)])
-    options = {"initial_simplex": start, "xatol": 0.05, "fatol": 0.1}
-    found = minimize(negative_log_posterior, start[0], method="Nelder-Mead", options=options)
-    return tuple(np.exp(found.x).tolist())
-
-
-def _distance(cells: Cells) -> Array:
-    """Return the distances (n, n) between the JPEG colours of cells."""
-    square = (cells.encoded**2).sum(axis=1)
-    return np.asarray(np.sqrt(np.maximum(square[:, None] + square - 2.0 * cells.encoded @ cells.encoded.T, 0.0)))
-
-
-def departures_of(cells: Cells, covariance: Array, freed: Mapping[int, Array]) -> list[Departure]:
-    """Return the departure of each shot from the prediction by the others.
-
-    freed: for some shots, columns (m, k) of a regression with a wide prior, in stops, so that what these explain does
-    not affect the prediction of the other shots.
-    """
-    total = covariance.copy()
-    for place, columns in freed.items():
-        mine = np.flatnonzero(cells.shot == place)
-        total[np.ix_(mine, mine)] += columns @ columns.T
-    precision = np.linalg.inv(total)
-    weighted = precision @ cells.y
-    result = []
-    for place in range(len(cells.names)):
-        member = cells.shot == place
-        own = np.linalg.inv(precision[np.ix_(member, member)])
-        error = -own @ weighted[member]
-        if place in freed:
-            own = own - freed[place] @ freed[place].T
-        result.append(Departure(error, own, member))
-    return result
+def _of_group(residual: Array, tone: Array, strength: Array) -> tuple[float, float, float]:
+    """Exposure, contrast and saturation of a group of colours."""
+    around = tone - np.median(tone)
+    middle = float(np.median(residual[:, 0]))
+    contrast = float(around @ (residual[:, 0] - middle) / (around @ around + 1.0))
+    saturation = float(strength @ residual[:, 1] / (strength @ strength + 1e-3))
+    return middle, contrast, saturation

@@ -7,23 +7,23 @@ from scipy.optimize import minimize_scalar
 
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.node_levels import BINS, error_histogram
-from lutforge.calibration.lattice.result import LatticeResult, result, snapped
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.interpolation import Levels
-from lutforge.model.lattice import Lattice, equidistribute, uniform_levels
+from lutforge.model.lattice import Lattice, equidistribute, snapped, uniform_levels
 from lutforge.solvers.lattice_regression import LatticeFit, Regularization, fit_lattice, predict
 
 THESIS = Regularization(smoothness=0.1, anchor=0.01, thin_plate=1e-6)
 """λ_S, λ_A and λ_K of section 5.3."""
 
 
-def fit_uniform(x: Array, y: Array, options: CalibrationOptions) -> LatticeResult:
+def fit_uniform(x: Array, y: Array, options: CalibrationOptions) -> Lattice:
     """Fit a lattice with evenly spaced nodes to samples x → y (n, 3), as the thesis's comparison does: by λ_K alone."""
     regularization = Regularization(smoothness=0.0, anchor=0.0, thin_plate=THESIS.thin_plate)
-    return _result(_uniform(x, y, options, regularization), x, options, regularization)
+    fit = _uniform(x, y, options, regularization)
+    return Lattice(fit.levels, fit.values, options.interpolation)
 
 
-def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) -> LatticeResult:
+def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) -> Lattice:
     """Fit a lattice to samples x → y (n, 3), its node levels with the α of least fitting error over [0, 1] (5.10).
 
     clips: the boundary term applies, as to render. With options.nonuniform off the nodes are evenly spaced.
@@ -32,12 +32,12 @@ def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) 
     method = options.interpolation
     first = _uniform(x, y, options, regularization)
     if not options.nonuniform:
-        return _result(first, x, options, regularization)
+        return Lattice(first.levels, first.values, method)
     histograms = error_histogram(x, np.sum((predict(first, x, method) - y) ** 2, axis=1))
     fits: dict[float, tuple[float, Levels, Array]] = {}
 
     def fitting_error(alpha: float) -> float:
-        levels = snapped(blended_levels(histograms, alpha, options.size), options)
+        levels = snapped(blended_levels(histograms, alpha, options.size), options.shaper_size)
         start = fits[min(fits, key=lambda other: abs(other - alpha))][2] if fits else first.values
         fit = fit_lattice(x, y, levels, regularization, method=method, start=start, tolerance=1e-4)
         error = float(np.sum((predict(fit, x, method) - y) ** 2))
@@ -51,7 +51,7 @@ def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) 
     minimize_scalar(fitting_error, bounds=bounds, method="bounded", options={"xatol": 0.02})
     _, levels, start = min(fits.values(), key=lambda entry: entry[0])
     last = fit_lattice(x, y, levels, regularization, method=method, start=start)
-    return _result(last, x, options, regularization)
+    return Lattice(last.levels, last.values, method)
 
 
 def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: int) -> Levels:
@@ -61,9 +61,5 @@ def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: i
 
 
 def _uniform(x: Array, y: Array, options: CalibrationOptions, regularization: Regularization) -> LatticeFit:
-    levels = snapped(uniform_levels(options.size), options)
+    levels = snapped(uniform_levels(options.size), options.shaper_size)
     return fit_lattice(x, y, levels, regularization, method=options.interpolation)
-
-
-def _result(fit: LatticeFit, x: Array, options: CalibrationOptions, regularization: Regularization) -> LatticeResult:
-    return result(Lattice(fit.levels, fit.values, options.interpolation), x, regularization.smoothness)

@@ -1,6 +1,6 @@
-"""LUT file formats, one module each: it says which sequences of operations a file can hold, reads and writes them.
+"""LUT file formats, one module each: it says which sequences of operations a file can hold, and writes them.
 
-To add one, write a module here with `read`, `write` and a registered `FileFormat`: every module of this folder is
+To add one, write a module here with `write` and a registered `FileFormat`: every module of this folder is
 loaded.
 """
 

@@ -12,7 +12,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.errors import LutError, one_line
 from lutforge.luts.formats.text import write_text
 from lutforge.luts.ops import Cube, Curve, Matrix, Range
-from lutforge.luts.processor import file_group, group_of, ops_of
+from lutforge.luts.processor import group_of
 from lutforge.luts.sequence import FileFormat, Lut, register
 
 ACES_ID = "ACEStransformID"
@@ -47,28 +47,6 @@ def text_of(lut: Lut, suffix: str = ".clf") -> str:
         raise LutError(f"LUT: OpenColorIO cannot write it as {suffix}: {error}") from error
 
 
-def read(path: Path, data: bytes) -> Lut:
-    """Read a process list. Raises LutError, also where a document type or an entity is declared."""
-    head = data[:4096].lower()
-    if b"<!doctype" in data.lower() or b"<!entity" in data.lower():
-        raise LutError(f"{path}: a document type or entity is declared; a LUT needs none, and it is refused")
-    if b"<processlist" not in head and b":processlist" not in head:
-        raise LutError(f"{path}: no ProcessList at its beginning, as a {path.suffix} has")
-    OCIO.SetLoggingFunction(lambda text: None)  # `check` tells its warnings; here they would go to the terminal
-    try:
-        group, _ = file_group(path)
-    finally:
-        OCIO.ResetToDefaultLoggingFunction()
-    metadata = group.getFormatMetadata()
-    children = list(metadata.getChildElements())
-    notes = tuple(child.getElementValue()[:200] for child in children if child.getElementName() == "Description")
-    kind = path.suffix[1:].upper()
-    smpte = {"namespace": "SMPTE ST 2136-1"} if b"smpte" in head else {}
-    info = [part for child in children if child.getElementName() == "Info" for part in child.getChildElements()]
-    ids = {part.getElementName(): part.getElementValue()[:200] for part in info if part.getElementName() == ACES_ID}
-    return Lut(ops_of(group), metadata.getName()[:200], notes, {"format": kind, **smpte, **ids})
-
-
 def identifier(lut: Lut) -> str:
     """An id that depends on the content alone, so that the same LUT is the same file."""
     digest = hashlib.sha256()
@@ -89,4 +67,4 @@ def identifier(lut: Lut) -> str:
     return f"urn:uuid:{h[:8]}-{h[8:12]}-8{h[13:16]}-8{h[17:20]}-{h[20:32]}"
 
 
-register(FileFormat("CLF", tuple(KINDS), ("full",), read, write, size=33))
+register(FileFormat("CLF", tuple(KINDS), ("full",), write, size=33))

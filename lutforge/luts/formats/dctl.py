@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array
-from lutforge.errors import LutError
+from lutforge.errors import LutError, one_line
 from lutforge.luts.formats import cube
 from lutforge.luts.formats.text import comment_lines, plain, write_text
 from lutforge.luts.ops import Curve
+from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import FileFormat, Lut, register
 
 MOST_KNOTS = 2048
@@ -69,23 +70,24 @@ def write(lut: Lut, path: Path) -> None:
     write_text(path, code)
 
 
-def read(path: Path, data: bytes) -> Lut:
+def read(path: Path) -> Lut:
     """Read one that LutForge wrote, with its cube. Raises LutError on any other."""
-    text = data.decode("utf-8", "replace")
-    name = re.search(r"^DEFINE_LUT\(look, ([\w .+-]+)\)$", text, flags=re.MULTILINE)
-    tables = [re.search(rf"{word}\[3 \* KNOTS\] = \{{\n([^}}]*)\}}", text) for word in ("INPUTS", "OUTPUTS")]
-    if name is None or tables[0] is None or tables[1] is None:
-        raise LutError(f"{path}: a .dctl is a program; only those that LutForge wrote are read")
-    inputs, outputs = (
-        np.array(re.sub(r"[f,\n]", " ", found[1]).split(), dtype=np.float64).reshape(3, -1).T
-        for found in tables
-        if found is not None
-    )
-    beside = path.with_name(name[1])
-    if not beside.is_file():
-        raise LutError(f"{path}: its cube {beside.name} is missing; keep the two files in one folder")
-    table = cube.read(beside, beside.read_bytes())
-    return Lut((Curve(outputs, inputs=inputs), *table.ops), table.title, table.comments)
+    text = path.read_text("utf-8", "replace")
+    name = text.partition("\nDEFINE_LUT(look, ")[2].partition(")\n")[0]
+    tables = [text.partition(f"{word}[3 * KNOTS] = {{\n")[2].partition("}")[0] for word in ("INPUTS", "OUTPUTS")]
+    try:
+        inputs, outputs = (
+            np.array([float(word.strip().rstrip("f")) for word in table.split(",")]).reshape(3, -1).T
+            for table in tables
+        )
+    except ValueError:
+        raise LutError(f"{path}: a .dctl is a program; only those that LutForge wrote are read") from None
+    beside = path.with_name(Path(name).name)
+    if beside.suffix != ".cube" or not beside.is_file():
+        raise LutError(f"{path}: its cube {one_line(beside.name)} is missing; keep the two files in one folder")
+    comments = tuple(line.lstrip("/ ") for line in text.splitlines()[1:] if line.startswith("//"))
+    table = read_lut(beside)
+    return Lut((Curve(outputs, inputs=inputs), *table.ops), table.title, comments)
 
 
 def knots_of(curve: Curve | None) -> tuple[Array, Array]:
@@ -126,4 +128,4 @@ def _numbers(table: Array) -> str:
     return ",\n".join(lines)
 
 
-register(FileFormat(".dctl", (".dctl",), ("shaper",), read, write, size=33, inputs="knots"))
+register(FileFormat(".dctl", (".dctl",), ("shaper",), write, size=33, inputs="knots", read=read))

@@ -33,8 +33,9 @@ def write(lut: Lut, path: Path) -> None:
         output.write(Region(0, 0, side, side), codes)
 
 
-def read(path: Path, data: bytes) -> Lut:
+def read(path: Path) -> Lut:
     """Read it through OpenImageIO, after its size is known to be a Hald's. Raises LutError."""
+    data = path.read_bytes()
     magic = (b"\x89PNG", b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")
     if not data.startswith(magic):
         raise LutError(f"{path}: neither a PNG nor a TIFF image")
@@ -54,7 +55,7 @@ def read(path: Path, data: bytes) -> Lut:
         if not 3 <= spec.nchannels <= 4:
             raise LutError(f"{path}: {spec.nchannels} channels; a Hald image has three")
         bits = {oiio.UINT8: 8, oiio.UINT16: 16}.get(spec.format.basetype)
-        title = str(spec.get_string_attribute("ImageDescription"))[:200]
+        title, *comments = str(spec.get_string_attribute("ImageDescription"))[:1000].split("; ")
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:
             raise LutError(f"{path}: damaged: {source.geterror()}")
@@ -65,7 +66,7 @@ def read(path: Path, data: bytes) -> Lut:
         raise LutError(f"{path}: a pixel is not a finite number")
     size = level * level
     cube = Cube(cube_of_rows(table, (size, size, size)), "trilinear")
-    return Lut((cube,), title, (), {"format": "Hald image", **({"bits": str(bits)} if bits else {})})
+    return Lut((cube,), title[:200], tuple(comments), {"format": "Hald image", **({"bits": str(bits)} if bits else {})})
 
 
 def _check_png(path: Path, data: bytes) -> None:
@@ -84,4 +85,4 @@ def _check_png(path: Path, data: bytes) -> None:
     raise LutError(f"{path}, byte {min(at, len(data))}: damaged or cut PNG file")
 
 
-register(FileFormat("a Hald image", (".png", ".tif", ".tiff"), ("plain",), read, write, SIZES, 64, 16))
+register(FileFormat("a Hald image", (".png", ".tif", ".tiff"), ("plain",), write, SIZES, 64, 16, read=read))

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.luts.formats.text import Lines, cube_of_rows, write_text
+from lutforge.errors import LutError, one_line
+from lutforge.luts.formats.text import cube_of_rows, write_text
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import FileFormat, Lut, register
 
@@ -25,14 +26,20 @@ def write(lut: Lut, path: Path) -> None:
     write_text(path, "\n".join(HEADER) + "\n\n" + ("%d %d %d\n" * SIZE**3) % tuple(flat))
 
 
-def read(path: Path, data: bytes) -> Lut:
-    """Read a .vlt file. Raises LutError: file, line, text and cause in one line."""
-    lines = Lines(path, data)
-    if lines.at(0, "the size").split() != ["LUT_3D_SIZE", str(SIZE)]:
-        raise lines.wrong(0, f"a .vlt begins with LUT_3D_SIZE {SIZE}")
-    table = lines.codes(1, SIZE**3, TOP, "the cube")
-    cube = Cube(cube_of_rows(table / TOP, (SIZE, SIZE, SIZE)))
-    return Lut((cube,), "", tuple(lines.comments), {"bits": "12"})
+def read(path: Path) -> Lut:
+    """Read one. Raises LutError."""
+    lines = [line for line in path.read_text("utf-8", "replace").splitlines() if line.strip()]
+    comments = tuple(line.lstrip("# ")[:200] for line in lines if line.startswith("#"))
+    numbers = [line for line in lines if not line.startswith("#")]
+    if numbers[:1] != [f"LUT_3D_SIZE {SIZE}"] or len(numbers) != 1 + SIZE**3:
+        raise LutError(f"{path}: a .vlt has the line LUT_3D_SIZE {SIZE}, and {SIZE**3} rows behind it")
+    try:
+        table = np.loadtxt(numbers[1:], dtype=np.int64, ndmin=2, comments=None)
+    except ValueError as error:
+        raise LutError(f"{path}: its table is not of whole numbers ({one_line(str(error), 100)})") from error
+    if table.shape[1] != 3 or table.min() < 0 or table.max() > TOP:
+        raise LutError(f"{path}: its table is not of three whole numbers a row from 0 to {TOP}")
+    return Lut((Cube(cube_of_rows(table / TOP, (SIZE, SIZE, SIZE))),), "", comments, {"bits": "12"})
 
 
-register(FileFormat(".vlt", (".vlt",), ("plain",), read, write, (SIZE,), SIZE, 12))
+register(FileFormat(".vlt", (".vlt",), ("plain",), write, (SIZE,), SIZE, 12, read=read))

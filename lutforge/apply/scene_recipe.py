@@ -1,0 +1,126 @@
+"""Finished pictures to scene-linear light with camera profiles, each by its own style and white balance."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from lutforge.apply.baked_grades import BakedGrades
+from lutforge.apply.grade import Grade, Rebuilt, fingerprint
+from lutforge.apply.profile_recipe import STALE, cameras_of
+from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
+from lutforge.colour.chromaticities import CHROMATICITIES
+from lutforge.colour.rgb_spaces import INTEROP_IDS, from_linear_srgb, rgb_space
+from lutforge.errors import ImageError, SettingsError
+from lutforge.luts.ops import Matrix
+from lutforge.luts.sequence import Lut
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.transform import Transform
+from lutforge.settings import Selector, parse_selector, require_exposure
+from lutforge.shots.discover import RAW_SUFFIXES
+from lutforge.shots.maker_settings import ADOBE_RGB
+from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
+
+UNIT_EXPOSURE = 2.0**-10
+"""Time in seconds · ISO / 100 / f-number² of a picture that keeps its values: 1/60 s at f/4 and ISO 100, nearly.
+
+Half floats hold noon and a lit room beside it without loss.
+"""
+
+
+@dataclass(frozen=True)
+class SceneRecipe(Rebuilt):
+    """Take each picture from the settings that it was made with to linear light of a colour space.
+
+    profiles, source: as of ProfileRecipe. space: a scene-linear one of `lutforge.colour.rgb_spaces`. target: whose
+    white balance names the light that becomes neutral, "as-shot/WB"; by default a picture's own, or where exposures are
+    minded one for all, daylight or else the profile's first. ev: exposure change in stops. by_exposure: divide by time,
+    ISO and aperture, as the file states them, so that pictures of one scene agree.
+    """
+
+    profiles: tuple[Path, ...]
+    space: str
+    source: str | None = None
+    target: str | None = None
+    ev: float = 0.0
+    by_exposure: bool = False
+
+    @cached_property
+    def key(self) -> str:
+        """Identify the profiles and settings by their contents."""
+        return fingerprint("scene", *self.profiles, self.space, self.source, self.target, self.ev, self.by_exposure)
+
+    def check(self) -> None:
+        """Raise SettingsError or ProfileError where the profiles or the settings asked for are wrong."""
+        if not rgb_space(self.space).is_linear:
+            raise SettingsError(f"--space {self.space}: encoded; pictures become linear light, such as acescg")
+        require_exposure(self.ev)
+        asked = parse_selector(self.source) if self.source else None
+        target = parse_selector(self.target) if self.target else None
+        if target is not None and target.style != AS_SHOT:
+            raise SettingsError(f"--to {self.target}: light has no style; write {AS_SHOT}/{target.white_balance}")
+        for camera in self.cameras.values():
+            if asked is not None and asked.style != AS_SHOT and asked.white_balance not in NAMED_BY_FILE:
+                camera.selector(asked)
+            self._neutral(camera, Selector(next(iter(camera.styles)), next(iter(camera.white_balances))))
+
+    def grade(self, source: Path) -> Grade:
+        """Return the grade of one picture by its own settings."""
+        if source.suffix.lower() in RAW_SUFFIXES:
+            raise SettingsError(f"{source}: a RAW file; --space takes finished pictures")
+        settings = read_picture_settings(source)
+        camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
+        given, doubts = source_selector(source, settings, camera, self.source)
+        scale = 2.0**self.ev
+        if self.by_exposure:
+            exposure = stated_exposure(source)
+            if not math.isfinite(exposure):
+                raise ImageError(f"{source}: the file does not tell its exposure; leave out --exposure exif")
+            scale *= UNIT_EXPOSURE / exposure
+        neutral = self._neutral(camera, given)
+        lut = self._lut(camera, given, neutral, scale)
+        space = rgb_space(self.space)
+        told = f", {self.ev:+g} EV" * bool(self.ev) + ", by exposure" * self.by_exposure
+        return Grade(
+            self._baked_grades.processor(lut),
+            f"{camera.camera}: {given} -> {self.space}, neutral {neutral.white_balance}{told}",
+            attributes={
+                **dict.fromkeys((*STALE, "ICCProfile", "Exif:ColorSpace", "oiio:ColorSpace", "oiio:Gamma")),
+                "colorInteropID": INTEROP_IDS.get(space.name),
+                "chromaticities": tuple(np.ravel(CHROMATICITIES[space.primaries]).tolist()),
+            },
+            notes=(*settings.notes, *notes, *doubts),
+            gives_linear=True,
+            lut=lut,
+            for_srgb=not given.style.endswith(ADOBE_RGB),
+            marks_clipped=True,
+        )
+
+    def _neutral(self, camera: CameraProfile, given: Selector) -> Selector:
+        """The setting whose light becomes neutral."""
+        target = parse_selector(self.target) if self.target else None
+        if target is not None and target.white_balance not in NAMED_BY_FILE:
+            return camera.selector(Selector(given.style, target.white_balance))
+        if target is not None or not self.by_exposure:
+            return given
+        known = camera.white_balances
+        return camera.selector(Selector(given.style, "daylight" if "daylight" in known else next(iter(known))))
+
+    def _lut(self, camera: CameraProfile, given: Selector, neutral: Selector, scale: float) -> Lut:
+        """The LUT to light: the step to balanced RAW, baked once for each style, and a matrix."""
+        stages = camera.linearize_to_own_raw(given).stages
+        to_balanced, to_raw = Transform(stages[:-1]), Transform(stages[-1:])
+        raw = to_raw(np.eye(3)).T
+        light = from_linear_srgb(self.space) @ camera.matrix @ np.diag(camera.multipliers(neutral))
+        return Lut((*self._baked_grades.baked(to_balanced).ops, Matrix(scale * light @ raw)))
+
+    @cached_property
+    def cameras(self) -> dict[str, CameraProfile]:
+        """The profiles by camera, in lower case."""
+        return cameras_of(self.profiles)
+
+    @cached_property
+    def _baked_grades(self) -> BakedGrades:
+        return BakedGrades()

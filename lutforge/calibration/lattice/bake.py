@@ -1,0 +1,153 @@
+"""The lattice of chapter 5 as the fast form of a fitted camera model, at nodes where that bends.
+
+The model is known everywhere, so that nothing is smoothed. What there is to choose is the nodes: they are placed where
+interpolation between them errs most on likely colours, in rounds that spread the squared error evenly (5.6 – 5.9 of the
+thesis; de Boor 1973 for the exponent). Node values are then the least squares on these colours, which halves the
+error of sampled ones.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lutforge.arrays import Array
+from lutforge.calibration.lattice.node_levels import EVEN, equidistributed_levels, even_to_the_eye
+from lutforge.calibration.lattice.output_curve import OutputCurve
+from lutforge.calibration.lattice.rising_axis import with_rising_axis
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical.kriging import OFFSET
+from lutforge.interpolation import Levels, apply_curve
+from lutforge.model.gamut_map import from_even
+from lutforge.model.lattice import Lattice, grid, resized_levels, snapped, uniform_levels
+from lutforge.sobol import sobol
+from lutforge.solvers.lattice_regression import Prior, Regularization, solve_lattice
+from lutforge.solvers.normal_equations import InterpolationMatrix
+
+SEARCH_SIZE = 13
+"""Nodes per axis of the lattice on which levels are searched: the best ones hardly depend on their number."""
+HOLD = 1.0
+"""The weight of the model's own value at a node, which keeps nodes with few colours around them where they belong."""
+REST = 0.02
+"""The weight of a colour anywhere in the cube, where one near a sample has 1."""
+
+
+def bake_lattice(
+    model: Callable[[Array], Array], samples: Array, options: CalibrationOptions, curve: OutputCurve | None = None
+) -> Lattice:
+    """Bake a model (n, 3) → (n, 3) around samples (n, 3) in [0, 1].
+
+    curve: what comes behind the cube; then the model gives values in front of it, and errors count behind it.
+    """
+    points, weight = _likely(samples, min(4 * options.size**3, 40_000))
+    values = model(points)
+    if curve is not None:
+        weight = weight * _curve_weights(curve, values)
+    if not options.nonuniform:
+        return _fitted(model, points, values, weight, uniform_levels(options.size), options, curve)[0]
+    levels = _levels(model, points, values, weight, options, curve)
+    lattice, error = _fitted(model, points, values, weight, levels, options, curve)
+    moved = equidistributed_levels(points, error, lattice.levels, floor=_floor(curve))
+    other, error_of_other = _fitted(model, points, values, weight, moved, options, curve)
+    return lattice if error.mean() < error_of_other.mean() else other
+
+
+def node_coverage(lattice: Lattice, samples: Array) -> Array:
+    """The summed weight of samples (n, 3) at each node, (N_r, N_g, N_b)."""
+    matrix = InterpolationMatrix(samples, lattice.levels, lattice.interpolation)
+    return np.ascontiguousarray(matrix.normal_equations(np.ones_like(samples)).right[..., 0])
+
+
+def _likely(samples: Array, count: int) -> tuple[Array, Array]:
+    """Colours to bake on, (m, 3), the same ones every time, and their weights (m,): the samples, near them, anywhere.
+
+    Those near a sample are normally distributed around it with the distance to its fourth neighbour, on the square root
+    of linear light, which is near to even for noise and eye.
+    """
+    rng = np.random.default_rng(0)
+    chosen = samples[rng.permutation(len(samples))[: count // 2]]
+    root = np.sqrt(np.clip(chosen, 0.0, 1.0))
+    distance = cKDTree(root).query(root, k=[min(5, len(root))])[0]
+    places = rng.integers(0, len(root), count)
+    near = (root[places] + 0.7 * distance[places] * rng.standard_normal((count, 3))) ** 2
+    near = near[np.all(near < 1.0, axis=1)]
+    anywhere = sobol(count // 4)
+    points = np.concatenate([chosen, near, anywhere, from_even(sobol(count // 4, seed=1), OFFSET)])
+    return points, np.where(np.arange(len(points)) < len(chosen) + len(near), 1.0, REST)
+
+
+def _levels(
+    model: Callable[[Array], Array],
+    points: Array,
+    values: Array,
+    weight: Array,
+    options: CalibrationOptions,
+    curve: OutputCurve | None,
+) -> Levels:
+    """Node levels in rounds, each from the errors between the nodes of the one before; those of least error are kept.
+
+    The lattice of these rounds is small, and its nodes are sampled: the best levels hardly depend on either.
+    """
+    even = np.linspace(0.0, 1.0, min(SEARCH_SIZE, options.size))
+    start = even if curve is None else from_even(even, OFFSET)
+    levels: Levels = (start, start, start)
+    best, least = levels, np.inf
+    for _ in range(6):
+        sampled = model(grid(levels).reshape(-1, 3)).reshape(len(even), len(even), len(even), 3)
+        error = weight * squares(InterpolationMatrix(points, levels, options.interpolation) @ sampled - values)
+        if error.mean() >= 0.9 * least:
+            break
+        best, least = levels, float(error.mean())
+        levels = equidistributed_levels(points, error, levels, floor=_floor(curve))
+    return resized_levels(best, options.size)
+
+
+def _fitted(
+    model: Callable[[Array], Array],
+    points: Array,
+    values: Array,
+    weight: Array,
+    levels: Levels,
+    options: CalibrationOptions,
+    curve: OutputCurve | None,
+) -> tuple[Lattice, Array]:
+    """The lattice of least error on the points, at these levels on the shaper's grid, and its weighted errors (m,).
+
+    Its grey axis rises, and black stays black.
+    """
+    levels = snapped(levels, options.shaper_size)
+    matrix = InterpolationMatrix(points, levels, options.interpolation)
+    sampled = model(grid(levels))
+    mean = float(weight.mean())
+    equations = matrix.normal_equations(values - matrix @ sampled, weight / mean)
+    # Where no point is, a node is the model's own value there.
+    prior = Prior(sampled, np.full_like(sampled, HOLD))
+    nodes = solve_lattice(equations, levels, Regularization(0.0, 0.0, 0.0, 0.0), prior=prior, tolerance=1e-4).values
+    nodes[0, 0, 0] = 0.0
+    if curve is not None:
+        nodes[-1, -1, -1] = np.maximum(sampled[-1, -1, -1], 1.0)
+    nodes = with_rising_axis(nodes, levels, options.interpolation)
+    error = weight * squares(matrix @ nodes - values)
+    return Lattice(levels, nodes, options.interpolation, None if curve is None else curve.table), error
+
+
+def _floor(curve: OutputCurve | None) -> Array:
+    """The density of nodes that stay whatever the errors.
+
+    In a render a tenth of them is at perceptually even steps: bright samples alone would make the first cell so wide
+    that it holds all dark codes of usual pictures.
+    """
+    return EVEN if curve is None else EVEN + even_to_the_eye(0.1, OFFSET)
+
+
+def _curve_weights(curve: OutputCurve, values: Array) -> Array:
+    """How much a squared error of values (n, 3) in front of the curve counts behind it, (n,); 1 in the median."""
+    encoded = curve.to_encoded(values)
+    slope = apply_curve(curve.slope(np.linspace(0.0, 1.0, 511)[:, None].repeat(3, axis=1)), encoded)
+    square = squares(slope)
+    return np.asarray(square / np.median(square))
+
+
+def squares(difference: Array) -> Array:
+    """The squared lengths (n,) of differences (n, 3)."""
+    return np.asarray(np.einsum("nc,nc->n", difference, difference))

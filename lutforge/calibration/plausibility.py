@@ -1,0 +1,235 @@
+"""Whether one camera can have made a set of samples, and what spoils it as a whole where none can.
+
+Matrix and response are fitted to the samples, and the fit is judged by what any camera's has, in codes of 255:
+
+- unsaturated colours lie near it;
+- its greys are grey under the multipliers that the files tell;
+- each channel of the JPEG is mostly that of the RAW;
+- light rises as a power of JPEG values that is neither 1 nor far above 2, and white is not reached deep in the dark.
+
+Each cause is a change of the samples that undoes it. The changed samples are fitted by the same fit, and the cause is
+named where it explains them far better. Where none does, and the fit is as bad as no camera's, only that is said.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from lutforge.arrays import Array
+from lutforge.calibration.lattice.monochrome import is_monochrome
+from lutforge.calibration.physical.matrix_and_response import (
+    encoded_residual,
+    fit_matrix_and_response,
+    with_matrix_of_all,
+)
+from lutforge.colour.srgb import srgb_encode
+from lutforge.errors import CalibrationError
+from lutforge.model.diagnosis import Diagnosis
+from lutforge.samples.clipping import unclipped_colours
+from lutforge.samples.sample_set import SampleSet
+
+FAR_BETTER = 2.5
+"""A cause must divide the misfit by so much, and lower it by four codes; causes of good sets do not."""
+LEAST_GAIN = 4.0
+NOT_ONE_CAMERA = "these samples do not look like one camera's rendering"
+"""The cause where none is known; single shots may be to blame."""
+NO_CAMERA = 12.0
+"""Mean residual of unsaturated colours, in codes, that no camera has: of thirteen real ones the worst has 8."""
+WARM_TO_COOL = ("tungsten", "daylight", "cloudy", "shade")
+"""Settings in the order of the light that they are for: the cooler it is, the more red a camera adds beside blue."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Colours:
+    """Samples of one style, each (n, 3). known: the files tell the multipliers."""
+
+    raw: Array
+    encoded: Array
+    multipliers: Array
+    known: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Judgement:
+    """The fit of some samples. rendered: (n, 3), of all; residual: of unsaturated colours, in codes; tint: of greys.
+
+    misfit: in codes, all that no camera's fit has. white: RAW of a grey that is rendered to white, beside a usual one,
+    in stops.
+    """
+
+    rendered: Array
+    residual: float
+    tint: Array
+    power: float
+    white: float
+    misfit: float
+
+
+def implausible(samples: SampleSet, multipliers: Array) -> tuple[Diagnosis, ...]:
+    """Diagnose the samples of one camera; return an empty tuple where a camera can have made them.
+
+    multipliers: (n, 3), the white balance of every sample, estimated where the files do not state it. At most one cause
+    is named per style, because further ones may be consequences of the first.
+    """
+    found: dict[str, Diagnosis] = {}
+    for style in np.unique(samples.style):
+        rows = samples.style == style
+        cause = _of_style(samples.select(rows), multipliers[rows])
+        if cause is not None:
+            found.setdefault(cause.cause, cause)
+    if found or not np.all(np.isfinite(samples.wb)):
+        return tuple(found.values())
+    names = np.unique(samples.white_balance)
+    by_name = {str(name): np.median(multipliers[samples.white_balance == name], axis=0) for name in names}
+    exchanged = _wrong_names(by_name)
+    return () if exchanged is None else (exchanged,)
+
+
+def _of_style(samples: SampleSet, multipliers: Array) -> Diagnosis | None:
+    """Diagnose the samples of one style; None where they are plausible, black and white, or too few."""
+    inside = unclipped_colours(samples.srgb, samples.raw)
+    samples, multipliers = samples.select(inside), multipliers[inside]
+    balanced = samples.raw * multipliers
+    if len(samples) < 24 or is_monochrome(balanced, samples.srgb):
+        return None
+    colours = _Colours(samples.raw, samples.srgb, multipliers, bool(np.all(np.isfinite(samples.wb))))
+    given = _judged(colours)
+    if given is None:
+        return None
+    diagnosis = _toned(colours) or _shifted_rows(given, samples)
+    if diagnosis is not None or np.any(samples.raw_space != ""):  # programs may render anything
+        return diagnosis
+    best = min(given.misfit / FAR_BETTER, given.misfit - LEAST_GAIN)
+    for cause, advice, undone in _causes(colours, given, samples) if best > 0.0 else ():
+        judged = _judged(undone)
+        if judged is not None and judged.misfit < best:
+            evidence = f"samples are {given.misfit:.0f} codes off what cameras make, without it {judged.misfit:.1f}"
+            best, diagnosis = judged.misfit, Diagnosis(cause, evidence, advice)
+            if best < 0.1 * given.misfit:
+                break
+    if diagnosis is None and colours.known and given.residual > NO_CAMERA:
+        return Diagnosis(
+            NOT_ONE_CAMERA,
+            f"unsaturated colours lie {given.residual:.0f} codes off the best matrix and response, cameras' at most 8",
+            "look at pictures and settings: one style, no automatic tone, RAW and JPEG of the same shots",
+        )
+    return diagnosis
+
+
+def _judged(colours: _Colours) -> _Judgement | None:
+    """Fit samples and judge the fit; None where they cannot be fitted."""
+    x, encoded = colours.raw * colours.multipliers, np.clip(colours.encoded, 0.0, 1.0)
+    some = np.random.default_rng(0).permutation(len(x))[:1000]
+    everything, x, encoded = x, x[some], encoded[some]
+    try:
+        fit = fit_matrix_and_response(x, encoded)
+        whole = with_matrix_of_all(fit, x, encoded)
+    except (CalibrationError, np.linalg.LinAlgError):
+        return None
+    residual = 255.0 * np.average(
+        np.minimum(encoded_residual(fit.response, fit.matrix, x, encoded), 0.25), weights=fit.trust + 1e-9
+    )
+    dark, bright = np.quantile(encoded.mean(axis=1), (0.1, 0.9))
+    greys = np.linspace(dark, bright, 9)
+    light = np.log2(np.maximum(fit.response.linearize(np.repeat(greys[:, None], 3, axis=1)), 1e-5))
+    tint = np.median(light - light.mean(axis=1, keepdims=True), axis=0)
+    power = float(np.polyfit(np.log2(greys), light.mean(axis=1), 1)[0])
+    white = float(np.median((light.mean(axis=1) - 2.2 * np.log2(greys))[4:]))
+    order = linear_sum_assignment(-whole.matrix)[1]
+    misfit = 100.0 * float(np.any(order != np.arange(3)))
+    misfit += 50.0 * (max(0.0, 1.05 - power) + max(0.0, power - 2.4)) + 30.0 * max(0.0, -1.9 - white)
+    if colours.known:  # else it may be the estimated multipliers that are wrong
+        misfit += residual + 40.0 * float(np.ptp(tint))  # a stop of light is some forty codes
+    return _Judgement(whole.render(everything), float(residual), tint, power, white, float(misfit))
+
+
+def _causes(colours: _Colours, given: _Judgement, samples: SampleSet) -> Iterator[tuple[str, str, _Colours]]:
+    """Yield each cause that could apply with what to do, and the samples without it."""
+    raw, encoded, by = colours.raw, colours.encoded, colours.multipliers
+    again = "read the file as RGB, not BGR, and sample again"
+    yield "red and blue of the JPEG are swapped", again, replace(colours, encoded=encoded[:, ::-1])
+    pattern = "read the filter pattern as RGGB, not BGGR, and sample again"
+    yield "red and blue of the RAW are swapped", pattern, replace(colours, raw=raw[:, ::-1])
+    advice = "use the camera's JPEG as it is, encoded"
+    yield "the JPEG values are linear", advice, replace(colours, encoded=srgb_encode(encoded))
+    advice = "divide by the level at which this sensor saturates, and sample again"
+    if raw.max() * 2.0**-given.white < 4.0:
+        yield "RAW is divided by too high a white level", advice, replace(colours, raw=raw * 2.0**-given.white)
+    for level in (0.004, 0.0065, 0.01, 0.015, 0.025, 0.04):
+        advice = "subtract the sensor's own black level, once, before the samples are taken"
+        yield "the black level is left in the RAW", advice, replace(colours, raw=raw - level)
+        yield "more than the black level is taken from the RAW", advice, replace(colours, raw=raw + level)
+    if not colours.known:
+        return
+    advice = "take the mean of the two green pixels, not their sum, and sample again"
+    yield "green of the RAW is counted twice", advice, replace(colours, raw=raw * [1.0, 0.5, 1.0])
+    advice = "sample RAW before white balance, or leave the columns wb_r, wb_g, wb_b out"
+    yield "the RAW is white-balanced already", advice, replace(colours, multipliers=np.ones_like(by))
+    advice = "set the camera's white-balance shift to 0, or keep it so for every picture"
+    if np.ptp(given.tint) < 0.6:
+        neutral = 2.0 ** (given.tint - given.tint[1])
+        yield "the white balance is shifted in the camera", advice, replace(colours, multipliers=by * neutral)
+    for first, second in combinations(np.unique(samples.white_balance).tolist(), 2):
+        a, b = samples.white_balance == first, samples.white_balance == second
+        exchanged = by.copy()
+        exchanged[a], exchanged[b] = np.median(by[b], axis=0), np.median(by[a], axis=0)
+        if np.abs(np.log(exchanged / by)).max() > 0.1:
+            cause = f'the white balances "{first}" and "{second}" are exchanged'
+            yield cause, "exchange their names or multipliers in the table", replace(colours, multipliers=exchanged)
+
+
+def _toned(colours: _Colours) -> Diagnosis | None:
+    """Diagnose sepia and other toned pictures: one channel determines the others, though the RAW is colourful."""
+    red, _, blue = 255.0 * colours.encoded.T
+    powers = np.vander(colours.encoded[:, 1], 6)
+    left = [channel - powers @ np.linalg.lstsq(powers, channel, rcond=None)[0] for channel in (red, blue)]
+    tint = float(np.median(np.ptp(255.0 * colours.encoded, axis=1)))
+    balanced = colours.raw * colours.multipliers
+    colourful = np.ptp(balanced / np.maximum(balanced.mean(axis=1, keepdims=True), 1e-6), axis=1)
+    if max(np.std(left[0]), np.std(left[1])) > 2.0 or np.quantile(colourful, 0.9) < 0.2 or tint < 3.0:
+        return None
+    evidence = f"all their colours are one tint, {tint:.0f} codes from grey, though the RAW is colourful"
+    return Diagnosis("the JPEGs are toned", evidence, "shoot with a colour style, or a plain black-and-white one")
+
+
+def _shifted_rows(given: _Judgement, samples: SampleSet) -> Diagnosis | None:
+    """Diagnose shots whose JPEG values fit RAW values a few rows up or down far better than their own."""
+    slipped = []
+    for name in np.unique(samples.shot):
+        rendered, encoded = given.rendered[samples.shot == name], samples.srgb[samples.shot == name]
+        if len(encoded) < 16:
+            continue
+        errors = {}
+        for step in range(-8, 9):
+            first, last = max(-step, 0), len(encoded) - max(step, 0)
+            distance = np.linalg.norm(rendered[first:last] - encoded[first + step : last + step], axis=1)
+            errors[step] = 255.0 * float(np.minimum(distance, 0.125).mean())
+        best = min(errors, key=lambda step: errors[step])
+        if best and errors[0] > 2.0 and errors[best] < 0.85 * errors[0]:
+            slipped.append(f"{name} (by {best:+d})")
+    if not slipped:
+        return None
+    return Diagnosis(
+        f"the rows of {len(slipped)} of {len(np.unique(samples.shot))} shots are shifted",
+        f"JPEG values fit the RAW of other rows: {', '.join(slipped[:4])}",
+        "pair the columns anew",
+    )
+
+
+def _wrong_names(multipliers: Mapping[str, Array]) -> Diagnosis | None:
+    """Diagnose two settings of which the one for the warmer light adds more red beside blue.
+
+    multipliers: (3,) by name.
+    """
+    for warm, cool in combinations([name for name in WARM_TO_COOL if name in multipliers], 2):
+        (r, _, b), (other_r, _, other_b) = multipliers[warm], multipliers[cool]
+        if np.log(r / b) > np.log(other_r / other_b) + 0.1:
+            return Diagnosis(
+                f'the white balances "{warm}" and "{cool}" have each other\'s names',
+                f'the multipliers of "{cool}" are for the warmer light of the two',
+                "exchange the names in the table",
+            )
+    return None

@@ -1,0 +1,204 @@
+"""ICC input profiles of a camera (.icc): white-balanced camera RGB → CIE Lab of D50, by curves and a cube.
+
+ICC.1:2001-04 (version 2.4, https://www.color.org/ICC_Minor_Revision_for_Web.pdf), which every RAW developer reads: a
+profile of class `scnr` whose table A2B0 is a `lut16Type` (6.5.8): input curves of 4,096 entries, and a cube that Little
+CMS interpolates by tetrahedra, in 16 bits. Curves and cube are fitted for that interpolation, in Lab, so that an error
+counts as the eye sees it.
+"""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lutforge.arrays import Array
+from lutforge.atomic_write import atomic_path
+from lutforge.boundary import reading, require_file
+from lutforge.colour.rgb_spaces import D50, icc_file, icc_xyz, rgb_space, to_xyz_d50
+from lutforge.errors import LutError, one_line
+from lutforge.kits.kit import Look
+from lutforge.luts.axes import fit_axes, measure_lines
+from lutforge.luts.least_squares import fit_cube, sample
+from lutforge.luts.ops import Cube, Curve
+from lutforge.model.lattice import snap_levels
+
+ENTRIES = 4096
+"""Entries of an input curve: the most that a lut16Type has."""
+
+NODES = 49
+"""Nodes per axis: the fewest that keep 99 % of colours within 0.6 ΔE00 of the model, and greys within 0.3."""
+
+GAMMA = 2.4
+"""Points of the fit are even in this root of the input, about as the eye counts light."""
+
+VARIANTS = ("", " colours")
+"""What is behind a look's name: nothing for the camera's JPEG; the same without its tone curve, scene-linear."""
+
+_ZERO, _STEPS = np.array([0.0, 128.0, 128.0]), np.array([652.8, 256.0, 256.0])
+_ROOTS = np.linspace(0.0, 1.0, ENTRIES) ** (1 / GAMMA)
+_SRGB = rgb_space("srgb")
+_XYZ_FROM_SRGB = to_xyz_d50("linear-srgb")
+
+
+@dataclass(frozen=True, eq=False)
+class IccProfile:
+    """What a profile of a camera holds: its name, a curve per channel, and a cube of Lab codes.
+
+    cube: values are the codes of version 2 as shares of 65535: L* · 652.8, a* and b* from −128 in steps of 1 / 256.
+    """
+
+    name: str
+    curve: Curve
+    cube: Cube
+
+    def __call__(self, balanced: Array) -> Array:
+        """What a developer makes of white-balanced camera RGB (…, 3): encoded sRGB, clipped to [0, 1]."""
+        light = _light_of_codes(self.cube(self.curve(balanced)))
+        return _SRGB.encode(np.clip(light, 0.0, 1.0))
+
+
+def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
+    """Express the look of a profile of RAW files as an ICC profile. variant: of VARIANTS."""
+    shown = scene_linear(look) if variant else lambda x: _SRGB.decode(np.clip(look.render(x), 0.0, 1.0))
+
+    def codes(root: Array) -> Array:
+        return _codes_of_light(shown(root**GAMMA))
+
+    # All channels share their axis, so that greys run from node to node and stay neutral.
+    axes = fit_axes(measure_lines(codes, np.ones(3)), NODES, shared=True)
+    level = snap_levels(axes.levels[0] ** GAMMA, ENTRIES) ** (1 / GAMMA)
+    at, knots = (axes.stretched(np.repeat(root[:, None], 3, axis=1))[:, 0] for root in (_ROOTS, level))
+    even = np.linspace(0.0, 1.0, NODES)
+    column = np.rint(np.interp(at, knots, even) * 65535) / 65535
+    curve = Curve(np.repeat(column[:, None], 3, axis=1))
+    samples = sample(codes, ((level, level, level),), np.ones(3))
+    values = fit_cube(samples, 0, (even, even, even), "tetrahedral", lambda root: curve(root**GAMMA))
+    return IccProfile(f"{look.title}{variant}", curve, Cube(np.rint(values * 65535) / 65535))
+
+
+def scene_linear(look: Look) -> Callable[[Array], Array]:
+    """The look without its response, which is what it makes of greys: balanced camera RGB (…, 3) → linear sRGB."""
+    grey = np.linspace(0.0, 1.0, 4 * ENTRIES) ** GAMMA
+    tones = np.maximum.accumulate(look.render(np.repeat(grey[:, None], 3, axis=1)), axis=0)
+    rising = [np.concatenate([[True], np.diff(tone) > 0]) for tone in tones.T]  # of the inputs that clip, the least
+
+    def light(balanced: Array) -> Array:
+        encoded = look.render(balanced)
+        channels = [np.interp(encoded[..., c], tones[rising[c], c], grey[rising[c]]) for c in range(3)]
+        inverse = np.stack(channels, axis=-1)
+        # Where the response has clipped, more light is told by the sensor alone.
+        return np.where(encoded >= tones[-1], np.maximum(inverse, balanced), inverse)
+
+    return light
+
+
+def _codes_of_light(light: Array) -> Array:
+    """Linear sRGB (…, 3) → codes of Lab as shares of 65535."""
+    ratio = light @ (_XYZ_FROM_SRGB / np.array(D50)[:, None]).T
+    x, y, z = np.moveaxis(np.where(ratio > 216 / 24389, np.cbrt(ratio), (24389 / 27 * ratio + 16) / 116), -1, 0)
+    lab = np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+    return np.asarray((lab + _ZERO) * _STEPS / 65535)
+
+
+def _light_of_codes(codes: Array) -> Array:
+    lightness, a, b = np.moveaxis(codes * 65535 / _STEPS - _ZERO, -1, 0)
+    y = (lightness + 16) / 116
+    root = np.stack([y + a / 500, y, y - b / 200], axis=-1)
+    ratio = np.where(root > 6 / 29, root**3, (116 * root - 16) * 27 / 24389)
+    return np.asarray(ratio @ np.linalg.inv(_XYZ_FROM_SRGB / np.array(D50)[:, None]).T)
+
+
+def write_icc(profile: IccProfile, path: Path) -> None:
+    """Write an .icc file, atomically."""
+    unit = (1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 16)
+    table = b"mft2" + struct.pack(">4x3Bx9i2H", 3, 3, profile.cube.size, *unit, len(profile.curve.outputs), 2)
+    for values in (profile.curve.outputs.T, profile.cube.values, np.tile([0.0, 1.0], (3, 1))):
+        table += np.rint(values * 65535).astype(">u2").tobytes()
+    content = icc_file(
+        b"scnr",
+        b"Lab ",
+        profile.name,
+        "No copyright (CC0 1.0); made with LutForge",
+        {b"wtpt": icc_xyz(D50), b"A2B0": table},
+    )
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def read_icc(path: str | Path) -> IccProfile:
+    """Read a camera profile as LutForge writes it: lut16Type, RGB to Lab. Raises LutError, one line."""
+    _, tags = _tags(Path(path))
+    table = tags.get(b"A2B0", b"")
+    with reading(path, "an ICC profile", LutError):
+        kind, inputs, outputs, nodes, *_, entries, after = struct.unpack_from(">4s4x3Bx36x2H", table)
+        if (kind, inputs, outputs, after) != (b"mft2", 3, 3, 2) or not (2 <= nodes <= 129 and 2 <= entries <= ENTRIES):
+            raise LutError(
+                f"{path}: no table of 16 bits from RGB to Lab with straight output curves, as LutForge writes"
+            )
+        numbers = np.frombuffer(table, ">u2", 3 * (entries + nodes**3), 52) / 65535
+        curve, cube = np.split(numbers, [3 * entries])
+        return IccProfile(_name(tags), Curve(curve.reshape(3, entries).T), Cube(cube.reshape(nodes, nodes, nodes, 3)))
+
+
+def icc_lines(path: str | Path) -> list[str]:
+    """What is in an ICC profile, anyone's, and what Little CMS makes of it. Raises LutError where it is none."""
+    from PIL import Image, ImageCms
+
+    header, tags = _tags(Path(path))
+    names = {b"scnr": "input", b"mntr": "display", b"prtr": "output", b"spac": "colour space", b"link": "device link"}
+    kind, space, pcs = (header[at : at + 4] for at in (12, 16, 20))
+    lines = [
+        f"{path}: ICC profile",
+        f"  title     {_name(tags)}",
+        f"  1. version {header[8]}.{header[9] >> 4}, class {names.get(kind, 'other')}, {_word(space)} to {_word(pcs)}",
+        f"  2. tags {', '.join(_word(tag) for tag in tags)}",
+    ]
+    if space != b"RGB ":
+        return [*lines, "  problem   it takes no RGB: RAW developers cannot use it"]
+    codes = np.array([[0, 0, 0], [46, 46, 46], [255, 255, 255], *np.random.default_rng(0).integers(0, 256, (4093, 3))])
+    picture = Image.fromarray(codes.astype(np.uint8)[None])
+    try:
+        source, srgb = ImageCms.ImageCmsProfile(str(path)), ImageCms.createProfile("sRGB")
+        made = ImageCms.profileToProfile(picture, source, srgb, flags=ImageCms.Flags.NOOPTIMIZE)
+    except (ImageCms.PyCMSError, OSError, ValueError) as error:
+        return [*lines, f"  problem   Little CMS refuses it: {one_line(str(error), 160)}"]
+    shown = np.asarray(made, dtype=np.float64)[0]
+    for name, colour in zip(("black", "grey 18 %", "white"), shown, strict=False):
+        lines.append(f"  {name:10} {' '.join(f'{value / 255:.3f}' for value in colour)} (encoded sRGB)")
+    try:
+        apart = float(np.abs(read_icc(path)(codes / 255) * 255 - shown).max())
+        lines.append(f"  Little CMS: reads it, within {apart:.1f} of 255 codes of what its numbers say")
+    except LutError:
+        lines.append("  Little CMS: reads it")
+    if kind == b"scnr":
+        lines.append("  darktable, RawTherapee, ART, Capture One, digiKam: take it as a camera's input profile")
+    return lines
+
+
+def _tags(path: Path) -> tuple[bytes, dict[bytes, bytes]]:
+    """The header, and the data of each tag. Raises LutError."""
+    require_file(path, "an ICC profile", LutError, 64 << 20)
+    data = path.read_bytes()
+    if len(data) < 132 or data[36:40] != b"acsp":
+        raise LutError(f"{path}: no ICC profile: its header does not say acsp")
+    with reading(path, "an ICC profile", LutError):
+        (count,) = struct.unpack_from(">I", data, 128)
+        if count > 200:
+            raise LutError(f"{path}: an ICC profile of {count:,} tags")
+        places = [struct.unpack_from(">4s2I", data, 132 + 12 * index) for index in range(count)]
+        return data[:128], {tag: data[start : start + length] for tag, start, length in places}
+
+
+def _name(tags: dict[bytes, bytes]) -> str:
+    """The description: text of version 2, or the first of version 4's."""
+    data = tags.get(b"desc", b"")
+    if data[:4] == b"mluc" and len(data) >= 28:
+        length, start = struct.unpack_from(">2I", data, 20)
+        return one_line(data[start : start + length].decode("utf-16-be", "replace"), 160)
+    return one_line(data[12:].split(b"\0")[0].decode("latin-1"), 160)
+
+
+def _word(tag: bytes) -> str:
+    return one_line(tag.decode("latin-1").strip(), 16)

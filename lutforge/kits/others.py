@@ -1,0 +1,123 @@
+"""Kits of programs that need no files but profiles and LUTs: a table of what each is fed, and what to do there."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from lutforge.kits.dcp import fit_dng_profile, write_dcp
+from lutforge.kits.icc import VARIANTS, fit_icc_profile, write_icc
+from lutforge.kits.kit import Kit, Look
+from lutforge.luts.bake import bake
+from lutforge.luts.verify import verify
+
+
+@dataclass(frozen=True)
+class LutFile:
+    """A LUT of a kit. ending: of its name; fed, gives: colour spaces on both sides; size: nodes per axis."""
+
+    ending: str
+    fed: str
+    gives: str
+    size: int | None = None
+
+
+@dataclass(frozen=True)
+class OtherKit(Kit):
+    """A kit by a row of the table.
+
+    files: ".icc", ".dcp" or LUTs. steps: what to do; "{}" is the name of the look, "{best}" that of the LUT whose error
+    is least, read back.
+    """
+
+    files: tuple[str | LutFile, ...]
+    steps: tuple[str, ...]
+
+    def write(self, look: Look, folder: Path) -> list[str]:
+        """Write the files."""
+        errors = {}
+        for file in self.files:
+            if file == ".dcp":
+                write_dcp(fit_dng_profile(look), folder / f"{look.file_name}.dcp")
+            elif file == ".icc":
+                for variant in VARIANTS:
+                    write_icc(fit_icc_profile(look, variant), folder / f"{look.file_name}{variant}.icc")
+            elif isinstance(file, LutFile):
+                path, function = folder / f"{look.file_name}{file.ending}", look.between(file.fed, file.gives)
+                shown = file.gives == "srgb"
+                lut = bake(function, path, size=file.size, display_referred=shown, title=look.title)
+                errors[path.name] = verify(path, function, lut, display_referred=shown).mean
+        best = min(errors, key=errors.__getitem__, default="")
+        return [step.format(look.file_name, best=best) for step in self.steps]
+
+
+_ICC = '"{}.icc" is the camera\'s JPEG; "{} colours.icc" leaves its tone curve out.'.replace("{}", "{0}")
+OTHER_KITS = (
+    OtherKit(
+        "art", "ART", "raw", "the same files in RawTherapee 5.9; ART itself was not run", (".dcp", ".icc"),
+        (
+            "Color Management → Input Profile → Custom: {}.dcp, tone curve and look table ticked; "
+            "Tone Curves: neutral.",
+            "Or the ICC profile: " + _ICC,
+        ),
+    ),
+    OtherKit(
+        "lightroom", "Lightroom and Camera Raw", "raw", "the .dcp in RawTherapee 5.9; not in Adobe's programs",
+        (".dcp",),
+        (
+            "Lightroom: profile browser → + → Import Profiles: {}.dcp (or copy it into the CameraRaw folder "
+            "CameraProfiles), and start the program again.",
+            "Choose its profile for RAW photographs of this camera. White balance, exposure and highlights stay as "
+            "free as with Adobe's own profiles.",
+        ),
+    ),
+    OtherKit(
+        "captureone", "Capture One", "raw", "the profile in Little CMS, darktable and RawTherapee; not in Capture One",
+        (".icc",),
+        (
+            "Copy the .icc files into the system's folder of colour profiles (macOS: ~/Library/ColorSync/Profiles; "
+            "Windows: right-click → Install Profile), and start Capture One again.",
+            "Base Characteristics → ICC Profile → Show All → Other: choose it; Curve: Linear Response. " + _ICC,
+        ),
+    ),
+    OtherKit(
+        "digikam", "digiKam", "raw", "the profile in Little CMS, darktable and RawTherapee; not in digiKam", (".icc",),
+        (
+            "Settings → Configure digiKam → Image Editor → RAW Behavior: 16-bit, colour space RAW (no conversion), "
+            "white balance of the camera.",
+            "Image Editor → Color → Color Management → Convert from the camera's profile: choose the .icc. " + _ICC,
+        ),
+    ),
+    OtherKit(
+        "rapidraw", "RapidRAW", "raw", "the .dcp in RawTherapee 5.9; RapidRAW itself was not run", (".dcp",),
+        ("Choose {}.dcp as the camera profile of RAW photographs of this camera.",),
+    ),
+    OtherKit(
+        "resolve", "DaVinci Resolve", "any", "the files in OpenColorIO; Resolve itself was not run",
+        (
+            LutFile(" davinci-intermediate.resolve.cube", "davinci-intermediate", "davinci-intermediate", 65),
+            LutFile(" davinci-intermediate.plain.cube", "davinci-intermediate", "davinci-intermediate", 65),
+        ),
+        (
+            "Project settings → Color management: timeline space DaVinci Wide Gamut, gamma DaVinci Intermediate.",
+            'Lookup tables → Open LUT folder: copy "{best}" there, the nearer of the two, and Update lists. Apply it '
+            "to a node of footage in the timeline's space.",
+        ),
+    ),
+    OtherKit(
+        "nuke", "Nuke", "any", "the CLF in OpenColorIO; Nuke itself was not run",
+        (LutFile(" acescg.clf", "acescg", "acescg"),),
+        ('A node OCIOFileTransform with "{} acescg.clf" takes and gives scene-linear ACEScg.',),
+    ),
+    OtherKit(
+        "ffmpeg", "ffmpeg", "any", "ffmpeg 5.1 (lut3d)", (LutFile(".cube", "srgb", "srgb", 65),),
+        ('ffmpeg -i IN.mov -vf "lut3d=file={}.cube:interp=tetrahedral" OUT.mov',),
+    ),
+    OtherKit(
+        "obs", "OBS Studio", "any", "not run; a plain cube, which it reads by its manual",
+        (LutFile(".cube", "srgb", "srgb", 33),),
+        ("Right-click the source → Filters → + → Apply LUT: {}.cube.",),
+    ),
+    OtherKit(
+        "gimp", "GIMP with G'MIC", "any", "G'MIC 2.9 (command line)", (LutFile(".cube", "srgb", "srgb", 65),),
+        ("Filters → G'MIC → Colors → Apply External CLUT: {}.cube.",),
+    ),
+)  # fmt: skip

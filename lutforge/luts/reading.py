@@ -1,0 +1,338 @@
+"""LUT files of any origin, read by OpenColorIO in a process of its own.
+
+OpenColorIO's readers are what most programs read LUT files with, so that what it makes of a file is what the file
+means. Three formats that it does not know have readers of their own beside their writers (`formats/`).
+"""
+
+from codecs import BOM_UTF8
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+from lutforge.arrays import Array
+from lutforge.atomic_write import scratch_folder
+from lutforge.boundary import reading, require_file
+from lutforge.errors import LutError, one_line
+from lutforge.guarded import OverrunError, P, R, guarded
+from lutforge.interpolation import Interpolation
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
+from lutforge.luts.processor import OCIO_ERRORS, evaluate
+from lutforge.luts.sequence import Lut, own_reader, suffixes
+
+MOST_BYTES = 128 << 20
+"""Bytes of a LUT file that is read: a 129³ cube as text takes about 70 MB."""
+KEPT = ("ACEStransformID",)
+"""Elements of a CLF beside its operations that become metadata."""
+
+
+def read_lut(path: str | Path) -> Lut:
+    """Read a LUT file of any format that OpenColorIO or LutForge knows. Raises LutError, in one line.
+
+    It raises, too, on what is no sequence of LutForge's four operations, such as a curve that keeps hues.
+    """
+    path = Path(path)
+    require_file(path, "a LUT", LutError, MOST_BYTES)
+    own = own_reader(path)
+    with reading(path, f"a {path.suffix.lower()} LUT", LutError):
+        if own is not None:
+            lut = own(path)
+            return replace(lut, metadata={"format": path.suffix.lower(), **lut.metadata})
+        require_known(path)
+        return _elsewhere(_lut_of, path)
+
+
+def require_known(path: Path) -> None:
+    """Raise LutError where OpenColorIO has no reader for files of this suffix, and says so only after trying all."""
+    known = {f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats()}
+    if path.suffix.lower() not in known:
+        raise LutError(
+            f'{path}: no LUT format has the suffix "{path.suffix}"; use {", ".join(sorted(known | {*suffixes()}))}'
+        )
+
+
+def file_group(
+    path: str | Path, interpolation: Interpolation = "tetrahedral"
+) -> tuple[OCIO.GroupTransform, OCIO.Processor]:
+    """What OpenColorIO reads in a LUT file: its transforms, with their metadata, and their processor.
+
+    For files that are known to be harmless; `stranger` looks at others first. Raises LutError, in one line, also where
+    a table holds what is not a finite number.
+    """
+    path = Path(path)
+    require_file(path, "a LUT", LutError, MOST_BYTES)
+    if path.suffix.lower() == ".csp":  # OpenColorIO 2.6 would look for the end of metadata for ever
+        text = path.read_bytes()
+        if text.count(b"BEGIN METADATA") > text.count(b"END METADATA"):
+            raise LutError(f"{path}: no END METADATA behind BEGIN METADATA; the file is damaged")
+    OCIO.ClearAllCaches()  # else a file that was written again is read from memory
+    # "Best" is tetrahedral for cubes, and unlike that name it is quiet about files of 1D tables.
+    method = OCIO.INTERP_BEST if interpolation == "tetrahedral" else OCIO.INTERP_LINEAR
+    with scratch_folder() as folder, reading(path, "a LUT", LutError):
+        link = path.absolute()
+        if {"$", "%"} & set(str(path)):  # OpenColorIO replaces variables in a path: give it one that has none
+            link = folder / f"lut{path.suffix}"
+            link.symlink_to(path.resolve())
+        try:
+            processor = OCIO.Config.CreateRaw().getProcessor(OCIO.FileTransform(str(link), interpolation=method))
+            group = processor.createGroupTransform()
+        except OCIO_ERRORS as error:
+            raise LutError(f"{path}: {_reason(str(error), str(link), path)}") from error
+        _require_sound(group, path)
+        return group, processor
+
+
+def stranger(path: str | Path, interpolation: Interpolation = "tetrahedral") -> tuple[OCIO.Processor, tuple[str, ...]]:
+    """The processor of a file of unknown origin and its comments; it is read in a process of its own first.
+
+    Raises LutError.
+    """
+    path = Path(path)
+    require_file(path, "a LUT", LutError, MOST_BYTES)
+    with reading(path, "a LUT", LutError):
+        comments = _elsewhere(_try, path, interpolation)
+    return file_group(path, interpolation)[1], comments
+
+
+def file_processor(path: str | Path, interpolation: Interpolation = "tetrahedral") -> OCIO.CPUProcessor:
+    """An OpenColorIO processor, float32 in and out, of a LUT file of ours.
+
+    interpolation: for cubes of files that name none themselves (CLF and CTF do). Raises LutError as
+    `file_group` does.
+    """
+    _, processor = file_group(path, interpolation)
+    with reading(path, "a LUT", LutError):
+        return processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+
+
+def _elsewhere(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> R:
+    """A call in the process of strangers' files. Raises LutError."""
+    try:
+        return guarded(function, *arguments, **words)
+    except OverrunError as error:
+        raise LutError(str(error)) from error
+
+
+def _try(path: Path, interpolation: Interpolation) -> tuple[str, ...]:
+    group, processor = file_group(path, interpolation)
+    processor.getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+    return _heading(path, group)[1]
+
+
+def _lut_of(path: Path) -> Lut:
+    """The LUT of a file that OpenColorIO reads, with its warnings among the metadata."""
+    warnings: list[str] = []
+    OCIO.SetLoggingFunction(warnings.append)
+    try:
+        group, _ = file_group(path)
+    finally:
+        OCIO.ResetToDefaultLoggingFunction()
+    with reading(path, "a LUT", LutError):
+        ops = ops_of(group)
+    metadata = {"format": path.suffix.lower()}
+    if warnings:
+        metadata["warnings"] = "; ".join(one_line(text, 160) for text in warnings[:2])
+    tables = [part for part in group if isinstance(part, OCIO.Lut3DTransform | OCIO.Lut1DTransform)]
+    depth = tables[-1].getFileOutputBitDepth() if tables else OCIO.BIT_DEPTH_F32
+    bits = OCIO.BitDepthToInt(depth)
+    if not OCIO.BitDepthIsFloat(depth) and bits:
+        metadata["bits"] = str(bits)
+    title, comments, words = _heading(path, group)
+    infos = [part for child in group.getFormatMetadata().getChildElements() for part in child.getChildElements()]
+    metadata |= {part.getElementName(): part.getElementValue()[:200] for part in infos if part.getElementName() in KEPT}
+    if words:
+        metadata["keywords"] = " ".join(words)
+    return Lut(ops or (Matrix(np.eye(3)),), title, comments, metadata)
+
+
+def _heading(path: Path, group: OCIO.GroupTransform) -> tuple[str, tuple[str, ...], list[str]]:
+    """Title, comments, and the words that lines begin with, of what stands before the numbers of a file."""
+    about = group.getFormatMetadata()
+    with path.open("rb") as file:
+        lines = [line.strip() for line in file.read(1 << 14).decode("utf-8", "replace").splitlines()]
+    if any(line.startswith("<") for line in lines[:3]):  # XML
+        described = [part for part in about.getChildElements() if part.getElementName() == "Description"]
+        return about.getName()[:200], tuple(part.getElementValue()[:200] for part in described), []
+    title, comments, words, inside = "", [], [], False
+    for line in lines:
+        first, _, rest = line.partition(" ")
+        if line in ("BEGIN METADATA", "END METADATA"):
+            inside = line.startswith("BEGIN")
+        elif inside or line.startswith("#"):
+            comments.append(line.lstrip("# ")[:200])
+        elif _is_number(first) and len(line.split()) == 3:
+            break
+        elif first and not _is_number(first):
+            title = rest.strip().strip('"')[:200] if first == "TITLE" else title
+            words.append(first[:40])
+    return title, tuple(comments[:64]), words[:64]
+
+
+def _is_number(word: str) -> bool:
+    with suppress(ValueError):
+        float(word)
+        return True
+    return False
+
+
+def ops_of(group: OCIO.GroupTransform) -> tuple[Op, ...]:
+    """OpenColorIO's transforms as operations: those that work channel by channel become curves.
+
+    Raises LutError on one that mixes channels in another way than a matrix or a cube does.
+    """
+    ops: list[Op] = []
+    single: list[OCIO.Transform] = []  # neighbours that work channel by channel are one curve: no error adds up
+    for part in group:
+        inverse = part.getDirection() == OCIO.TRANSFORM_DIR_INVERSE
+        made: list[Op] = []
+        match part:
+            case OCIO.MatrixTransform():
+                made = [_matrix(part, inverse)]
+            case OCIO.RangeTransform():
+                made = _range(part, inverse)
+            case OCIO.Lut1DTransform() if part.getHueAdjust() != OCIO.HUE_NONE:
+                raise _beyond("a curve that keeps hues")
+            case OCIO.Lut1DTransform() if not part.getInputHalfDomain() and not inverse:
+                made = [Curve(part.getData().reshape(-1, 3).astype(np.float64))]
+            case OCIO.Lut3DTransform() if not inverse:
+                size = part.getGridSize()
+                tetrahedral = part.getInterpolation() in (OCIO.INTERP_TETRAHEDRAL, OCIO.INTERP_BEST)
+                values = part.getData().reshape(size, size, size, 3).astype(np.float64)
+                made = [Cube(values, "tetrahedral" if tetrahedral else "trilinear")]
+            case OCIO.Lut3DTransform():
+                raise _beyond("the inverse of a cube")
+            case OCIO.CDLTransform() if not inverse:
+                made = _cdl(part)
+            case _:
+                single.append(part)
+                continue
+        ops += _tabulated(single)
+        single = []
+        ops += _with_domain(ops, made[0]) if isinstance(part, OCIO.Lut1DTransform) else made
+    return (*ops, *_tabulated(single))
+
+
+def _beyond(what: str) -> LutError:
+    return LutError(f"it holds {what}, of which no figures can be told; OpenColorIO and `lutforge apply` render it")
+
+
+def _matrix(part: OCIO.MatrixTransform, inverse: bool) -> Matrix:
+    """The matrix of colours. Raises LutError where alpha tints them."""
+    matrix, offset = np.array(part.getMatrix()).reshape(4, 4), np.array(part.getOffset())
+    if np.any(matrix[:3, 3] != 0):
+        raise _beyond("a matrix in which alpha tints colours")
+    if inverse:
+        matrix = np.linalg.inv(matrix)
+        offset = -matrix @ offset
+    return Matrix(matrix[:3, :3], offset[:3])
+
+
+def _with_domain(ops: list[Op], curve: Op) -> list[Op]:
+    """A curve with what is to be added to the operations: an even scale in front of it is its domain, and taken out."""
+    if not ops or not isinstance(ops[-1], Matrix) or not isinstance(curve, Curve) or not ops[-1].is_diagonal:
+        return [curve]
+    scale, offset = np.diag(ops[-1].matrix), ops[-1].offset
+    if np.ptp(scale) > 0 or np.ptp(offset) > 0 or scale[0] <= 0:
+        return [curve]
+    ops.pop()
+    low, high = (float((end - offset[0]) / scale[0]) for end in (0.0, 1.0))
+    return [Curve(curve.outputs, round(low, 9), round(high, 9))]
+
+
+def _range(part: OCIO.RangeTransform, inverse: bool) -> list[Op]:
+    low = part.getMinInValue() if part.hasMinInValue() else None
+    high = part.getMaxInValue() if part.hasMaxInValue() else None
+    first = part.getMinOutValue() if part.hasMinOutValue() else None
+    last = part.getMaxOutValue() if part.hasMaxOutValue() else None
+    if inverse:
+        low, high, first, last = first, last, low, high
+    ops: list[Op] = []
+    if part.getStyle() == OCIO.RANGE_CLAMP:
+        ops.append(Range(low, high))
+    scale, offset = 1.0, 0.0
+    if low is not None and first is not None:
+        if high is not None and last is not None:
+            scale = (last - first) / (high - low)
+        offset = first - scale * low
+    elif high is not None and last is not None:
+        offset = last - high
+    if (scale, offset) != (1.0, 0.0):
+        ops.append(Matrix(scale * np.eye(3), np.full(3, offset)))
+    return ops
+
+
+def _cdl(part: OCIO.CDLTransform) -> list[Op]:
+    """A colour decision list: slope, offset and power channel by channel, then saturation (ASC CDL 1.2)."""
+    channels = OCIO.CDLTransform()
+    channels.setSlope(part.getSlope())
+    channels.setOffset(part.getOffset())
+    channels.setPower(part.getPower())
+    channels.setStyle(part.getStyle())
+    luma, saturation = np.array(part.getSatLumaCoefs()), part.getSat()
+    ops: list[Op] = _tabulated([channels])
+    if saturation != 1.0:
+        ops.append(Matrix(saturation * np.eye(3) + (1.0 - saturation) * luma[None, :]))
+    return [*ops, Range()] if part.getStyle() == OCIO.CDL_ASC else ops
+
+
+def _tabulated(parts: list[OCIO.Transform]) -> list[Op]:
+    """Transforms of single channels at every finite half float, as CLF's half-domain tables have it; none of none."""
+    if not parts:
+        return []
+    halves = np.unique(np.arange(1 << 16, dtype=np.uint16).view(np.float16))
+    at = np.repeat(halves[np.isfinite(halves)].astype(np.float64)[:, None], 3, axis=1)
+    processor = (
+        OCIO.Config.CreateRaw()
+        .getProcessor(OCIO.GroupTransform(parts))
+        .getOptimizedCPUProcessor(OCIO.OPTIMIZATION_LOSSLESS)
+    )
+    outputs = evaluate(processor, at).astype(np.float64)
+    finite = np.all(np.isfinite(outputs), axis=1)
+    curve = Curve(outputs[finite], inputs=at[finite])
+    # Where one channel changes, the others may not; and straight lines between half floats must be the transform.
+    probes = np.random.default_rng(0).random((256, 3)) * 1.5 - 0.1
+    if not np.allclose(evaluate(processor, probes), curve(probes), rtol=1e-3, atol=1e-3):
+        raise _beyond(f"a {type(parts[0]).__name__}, which mixes channels or jumps")
+    return [curve]
+
+
+def _require_sound(parts: OCIO.GroupTransform, path: Path) -> None:
+    """Raise LutError where a table holds NaN or infinity, or a table's domain is empty or runs backwards.
+
+    OpenColorIO applies both as they are. Tables of half-float inputs may hold NaN: for such inputs. Adobe's Cube LUT
+    Specification 1.0 has the lower bound of a domain below the upper one.
+    """
+    for part in parts:
+        cube = isinstance(part, OCIO.Lut3DTransform)
+        curve = isinstance(part, OCIO.Lut1DTransform) and not part.getInputHalfDomain()
+        if (cube or curve) and not np.all(np.isfinite(part.getData())):
+            raise LutError(f"{path}: a number in its {'cube' if cube else 'curve'} is not finite; make the file anew")
+        if isinstance(part, OCIO.MatrixTransform):
+            scale: Array = np.diag(np.array(part.getMatrix()).reshape(4, 4))
+            backwards = path.suffix.lower() in (".cube", ".spi1d") and not np.all(scale > 0)
+            if backwards or not np.all(np.isfinite(part.getMatrix() + part.getOffset())):
+                raise LutError(f"{path}: the domain of its table is empty or runs backwards; write it from low to high")
+
+
+def _reason(message: str, link: str, path: Path) -> str:
+    """OpenColorIO's message about a file as part of one line, with what to do where the cause is known."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    if head.startswith(BOM_UTF8):
+        return "begins with a byte order mark, which OpenColorIO and ffmpeg refuse; save it as UTF-8 without one"
+    if path.suffix.lower() == ".cube":
+        words = {line.split()[0] for line in head.decode("utf-8", "replace").splitlines() if line.strip()}
+        if words >= {"LUT_1D_SIZE", "LUT_3D_SIZE"} and words & {"TITLE", "DOMAIN_MIN", "DOMAIN_MAX"}:
+            return (
+                "a .cube with a shaper (LUT_1D_SIZE and LUT_3D_SIZE) must hold neither TITLE nor DOMAIN "
+                "lines for OpenColorIO and Nuke; delete those lines"
+            )
+    if b"\r" in head and b"\n" not in head:
+        return "its lines end in carriage returns alone, which OpenColorIO does not read; save it with line feeds"
+    said = message.replace(link, path.name).split("failed with: ")[-1].split("All formats")[0]
+    if "could not be loaded" in said:
+        return f"it is not a {path.suffix.lower()} file that OpenColorIO can read"
+    return f"OpenColorIO cannot read it: {one_line(said, 200)}"

@@ -1,0 +1,117 @@
+"""Drawings as matplotlib's figures, written as SVG and PNG."""
+
+import re
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
+from lutforge.atomic_write import atomic_path
+from lutforge.report.drawing import MAP, Arrows, Bars, Dots, Drawing, Labels, Line, Lines, Mark, Panel, Raster
+
+MARKERS = {"circle": "o", "x": "x", "cross": "+", "diamond": "D", "dash": "|", "square": "s"}
+
+
+def figure_of(drawing: Drawing) -> Figure:
+    """Draw all panels; a row has one colour bar, that of its last panel with a scale's name."""
+    columns = max(map(len, drawing.rows))
+    height = drawing.height * len(drawing.rows)
+    figure = Figure(figsize=(drawing.width, height), layout="constrained")
+    axes = figure.subplots(len(drawing.rows), columns, squeeze=False)
+    for row, panels in zip(axes, drawing.rows, strict=True):
+        for axis in row[len(panels) :]:
+            axis.set_axis_off()
+        for axis, panel in zip(row, panels, strict=False):
+            _draw(axis, panel)
+        scaled = [(axis, panel) for axis, panel in zip(row, panels, strict=False) if panel.scale_name]
+        if scaled:
+            values = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(*scaled[-1][1].scale), MAP)
+            beside = [axis for axis, _ in scaled]
+            figure.colorbar(values, ax=beside, label=scaled[-1][1].scale_name, extend="max", shrink=0.8, aspect=20)
+    return figure
+
+
+def _draw(axis: Axes, panel: Panel) -> None:
+    for mark in panel.marks:
+        _mark(axis, mark, panel.scale)
+    axis.set_title(panel.title, fontsize=8 if panel.bare else 10)
+    axis.set(xlabel=panel.x, ylabel=panel.y)
+    if panel.log:
+        axis.set_xscale("log")
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+        axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+        axis.xaxis.set_minor_formatter(NullFormatter())
+        axis.grid(axis="x", color="0.9", linewidth=0.6)
+        axis.set_axisbelow(True)
+    if panel.rows:
+        axis.set_yticks(range(len(panel.rows)), panel.rows)
+    if panel.x_range is not None:
+        axis.set_xlim(*panel.x_range)
+    if panel.y_range is not None:
+        axis.set_ylim(*panel.y_range)
+    if panel.equal:
+        axis.set_aspect("equal")
+    if panel.bare:
+        axis.set(xticks=[], yticks=[])
+        axis.spines[:].set_visible(False)
+    if any(getattr(mark, "label", "") for mark in panel.marks):
+        axis.legend(frameon=False, fontsize=8)
+
+
+def _mark(axis: Axes, mark: Mark, scale: tuple[float, float]) -> None:
+    low, high = scale
+    match mark:
+        case Line():
+            axis.plot(mark.x, mark.y, color=mark.colour, linestyle=mark.dash, linewidth=mark.width, label=mark.label)
+        case Lines():
+            axis.add_collection(LineCollection(list(mark.curves), colors=mark.colour, linewidths=0.6, alpha=0.8))
+            axis.autoscale()
+        case Dots():
+            of_scale: dict[str, Any] = {} if mark.values is None else {"cmap": MAP, "vmin": low, "vmax": high}
+            x, y = mark.points.T
+            axis.scatter(
+                x, y, c=mark.colour if mark.values is None else mark.values, s=mark.size**2 / 2,
+                marker=MARKERS[mark.marker], label=mark.label, linewidths=0 if mark.marker == "circle" else 0.8,
+                rasterized=len(mark.points) > 100, **of_scale,
+            )  # fmt: skip
+        case Arrows():
+            axis.quiver(
+                *mark.start.T, *(mark.end - mark.start).T, mark.values, cmap=MAP, clim=scale, angles="xy",
+                scale_units="xy", scale=1, width=0.006, rasterized=True,
+            )  # fmt: skip
+        case Raster():
+            shown = mark.values if mark.values.ndim == 2 else np.clip(mark.values, 0.0, 1.0)
+            height, width = mark.values.shape[:2]
+            right, top = mark.size or (width, height)
+            axis.imshow(shown, cmap=MAP, vmin=low, vmax=high, extent=(0, right, 0, top), interpolation="nearest")
+            axis.set_facecolor("0.85")
+        case Bars():
+            width, height = mark.right - mark.left, mark.top - mark.bottom
+            axis.bar(
+                mark.left, height, width, mark.bottom, align="edge", color=mark.colour, alpha=0.6, label=mark.label
+            )
+        case Labels():
+            for (x, y), text in zip(mark.points, mark.texts, strict=True):
+                axis.text(x, y, text, ha="center", va="bottom", fontsize=7)
+
+
+def save_png(figure: Figure, path: str | Path, dpi: float = 100) -> None:
+    """Write a figure as PNG, whole or not at all."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=dpi, format="png")
+
+
+def to_svg(figure: Figure) -> str:
+    """A figure as an <svg> element, without an XML head, the same bytes each time."""
+    # Text stays text, and ids are made from the content alone.
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "lutforge"}), StringIO() as buffer:
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, dpi=144)
+        text = buffer.getvalue()
+    # An image is named by its content, and two scales of colours are the same image: nothing refers to these names.
+    return re.sub(r' id="image[0-9a-f]+"', "", text[text.index("<svg") :])

@@ -1,0 +1,134 @@
+"""Where a JPEG lies on its RAW: a scale and an offset, and how the lens bent what the camera straightened."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lutforge.arrays import Array, Pixels, Single
+from lutforge.compiled import compiled
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """What the lens drew bent and the JPEG shows straight (Brown 1971, "Close-range camera calibration").
+
+    A place q of the straight picture is drawn at c + (q − c)(1 + k1 r² + k2 r⁴), r = |q − c| / radius. x, y: the centre
+    c; radius: half the diagonal of the RAW's visible area; all in full-resolution RAW pixels. red, blue: by what share
+    these channels are drawn larger than green (lateral chromatic aberration), where the JPEG shows them of one size.
+    """
+
+    x: float
+    y: float
+    radius: float
+    k1: float = 0.0
+    k2: float = 0.0
+    red: float = 0.0
+    blue: float = 0.0
+
+    def drawn(self, straight: Array) -> Array:
+        """Places (n, 2) of the RAW at which green is drawn of these places of the straight picture."""
+        away = straight - (self.x, self.y)
+        square = np.square(away).sum(axis=-1, keepdims=True) / self.radius**2
+        return np.asarray((self.x, self.y) + away * (1 + square * (self.k1 + square * self.k2)))
+
+
+@dataclass(frozen=True)
+class Registration:
+    """x_raw = scale * x_jpeg + offset_x, and the same for y; where there is a distortion, that is the straight place.
+
+    Both count from the picture's top left corner: pixel i covers [i, i + 1], its centre is i + 0.5. RAW
+    coordinates are full-resolution pixels of the visible area, whatever the size of the decoded array.
+    correlation: of the two pictures' local structure, after registration, in [−1, 1].
+    """
+
+    scale: float
+    offset_x: float
+    offset_y: float
+    correlation: float
+    distortion: Distortion | None = None
+
+    def reduced(self, factor: float) -> "Registration":
+        """Convert to coordinates of the JPEG reduced by `factor`; 1 / factor goes the other way."""
+        return replace(self, scale=self.scale * factor)
+
+    def straight(self, places: Array) -> Array:
+        """Places (n, 2) of the JPEG as places of the RAW, were it straight."""
+        return np.asarray(self.scale * places + (self.offset_x, self.offset_y))
+
+    def on_raw(self, places: Array) -> Array:
+        """Places (n, 2) of the JPEG as places of the RAW, as the lens drew it."""
+        straight = self.straight(places)
+        return straight if self.distortion is None else self.distortion.drawn(straight)
+
+    def moved(self, step: Array) -> "Registration":
+        """Add a step to scale and offset (3,), to k1 and k2 (5,), and to the distortion's centre (7,)."""
+        lens = self.distortion
+        if lens is not None and len(step) > 3:
+            k1, k2, x, y = (float(change) for change in (*step[3:], 0.0, 0.0)[:4])
+            lens = replace(lens, k1=lens.k1 + k1, k2=lens.k2 + k2, x=lens.x + x, y=lens.y + y)
+        scale, x, y = (float(change) for change in step[:3])
+        return replace(
+            self, scale=self.scale + scale, offset_x=self.offset_x + x, offset_y=self.offset_y + y, distortion=lens
+        )
+
+    def shifts(self, places: Array, count: int) -> Array:
+        """How far places (n, 2) of the JPEG move by a unit of each parameter of `moved`, (n, 2, count)."""
+        here, small = self.on_raw(places), 1e-3
+        (a, c), (b, d) = ((self.on_raw(places + small * one) - here).T / small for one in np.eye(2))
+        inverse = np.stack([d, -b, -c, a], axis=-1).reshape(-1, 2, 2) / (a * d - b * c)[:, None, None]
+        steps = small * np.array([1e-3, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])[:count]
+        changes = [(self.moved(step).on_raw(places) - here) / step.sum() for step in np.diag(steps)]
+        return np.asarray(inverse @ np.stack(changes, axis=-1))
+
+    def straightened(self, pixels: Pixels, pixel_size: float, shape: tuple[int, ...]) -> tuple[Pixels, "Registration"]:
+        """RAW (h, w, 3) in the frame of its JPEG of this shape, and where the JPEG lies on that; 0 where it has none.
+
+        As it is where there is no distortion. Interpolated, but what is clipped stays so.
+        """
+        lens = self.distortion
+        if lens is None or not any((lens.k1, lens.k2, lens.red, lens.blue)):
+            return pixels, replace(self, distortion=None)
+        size = [int(np.ceil(side * self.scale / pixel_size)) for side in shape[:2]]
+        straight = np.zeros((*size, 3), np.float32)
+        start = np.array([self.offset_x - lens.x, self.offset_y - lens.y, lens.x, lens.y]) / pixel_size
+        powers = np.array([1.0, lens.k1, lens.k2]) / (lens.radius / pixel_size) ** np.array([0, 2, 4])
+        _straighten(pixels, start, powers, np.array([1 + lens.red, 1.0, 1 + lens.blue]), straight)
+        return straight, Registration(self.scale, 0.0, 0.0, self.correlation)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """The place of JPEGs of one size on RAW images of one size, which is the same in all shots of a camera.
+
+    raw: height and width of the decoded array, and its pixels' size; jpeg: height and width, as the sensor lies.
+    """
+
+    raw: tuple[int, int, float]
+    jpeg: tuple[int, int]
+    registration: Registration
+
+
+@compiled()
+def _straighten(pixels: Pixels, start: Array, powers: Array, larger: Array, straight: Single) -> None:
+    """Fill a picture (H, W, 3), whose corner is at start[:2] from the centre start[2:], from pixels (h, w, 3)."""
+    height, width = pixels.shape[:2]
+    for i in range(straight.shape[0]):
+        y = i + 0.5 + start[1]
+        for j in range(straight.shape[1]):
+            x = j + 0.5 + start[0]
+            square = x * x + y * y
+            factor = powers[0] + square * (powers[1] + square * powers[2])
+            for channel in range(3):
+                down, right = start[3] + factor * larger[channel] * y, start[2] + factor * larger[channel] * x
+                if not (0 <= down < height and 0 <= right < width):
+                    continue
+                own = pixels[int(down), int(right), channel]
+                if 0.0 < own < 1.0:
+                    down, right = min(max(down - 0.5, 0.0), height - 1.0), min(max(right - 0.5, 0.0), width - 1.0)
+                    row, column = min(int(down), height - 2), min(int(right), width - 2)
+                    down, right = np.float32(down - row), np.float32(right - column)
+                    a, b = pixels[row, column, channel], pixels[row, column + 1, channel]
+                    c, d = pixels[row + 1, column, channel], pixels[row + 1, column + 1, channel]
+                    above = a + right * (b - a)
+                    own = above + down * (c + right * (d - c) - above)
+                straight[i, j, channel] = own

@@ -1,0 +1,171 @@
+"""Good sets of samples of several cameras, what spoils them, and the words of the cause that is to be named."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from lutforge.arrays import Array
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
+from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.calibration.plausibility import WARM_TO_COOL, implausible
+from lutforge.calibration.shots.departures import departing_shots
+from lutforge.calibration.style_data import unclipped
+from lutforge.colour.srgb import srgb_decode
+from lutforge.samples.sample_set import SampleSet, concatenate
+from lutforge.samples.table import read_samples
+from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
+from tests.calibration.samples_simulated import photograph_patches, surfaces
+from tests.real_data import S40, read_published_pairs
+
+Case = Callable[[SampleSet, np.random.Generator], SampleSet]
+
+
+def d40(seed: int) -> SampleSet:
+    """The published pairs, dealt to ten shots."""
+    pairs, rng = read_published_pairs(), np.random.default_rng(seed)
+    count = len(pairs.balanced)
+    setting, shot = np.arange(count) % len(pairs.multipliers), rng.integers(0, 10, count)
+    wb = np.array(list(pairs.multipliers.values()))[setting]
+    name, style, times = np.full(count, "Nikon D40"), np.full(count, "standard"), np.full(count, 0.01)
+    shots, patches = np.char.add("S", shot.astype(str)), np.arange(count).astype(str)
+    names = np.array(list(pairs.multipliers))[setting]
+    samples = SampleSet(name, style, names, shots, patches, times, pairs.balanced / wb, pairs.encoded, wb, name)
+    return samples.select(np.argsort(shot, kind="stable"))
+
+
+def s40(seed: int) -> SampleSet:
+    """Five photographs, without a tenth of their samples."""
+    samples = read_samples(S40)
+    return samples.select(np.random.default_rng(seed).random(len(samples)) > 0.1)
+
+
+def simulated(camera: SimulatedCamera, seed: int, style: str = "standard", shots: int = 10) -> SampleSet:
+    """Shots of surfaces of their own, under lights and at exposures drawn at random."""
+    rng, parts = np.random.default_rng(seed), []
+    balances = list(camera.white_balances)
+    for shot in range(shots):
+        light, stop = balances[rng.integers(len(balances))], (-4.0, -3.0, -2.0, -1.0, 0.0, 0.5)[rng.integers(6)]
+        taken = photograph_patches(
+            camera, surfaces(80, 100 * seed + shot), styles=(style,), balances=(light,), stops=(stop,),
+            seed=1000 * seed + shot,
+        )  # fmt: skip
+        parts.append(replace(taken, shot=np.char.add(f"{style}{shot} ", taken.shot)))
+    return concatenate(parts)
+
+
+SETS: dict[str, Callable[[int], SampleSet]] = {
+    "D5100": lambda seed: simulated(nikon_d5100(), seed),
+    "SD Merrill": lambda seed: simulated(sigma_sd_merrill(), seed),
+    "D40": d40,
+    "S40": s40,
+}
+
+
+def _srgb(change: Callable[[Array], Array]) -> Case:
+    return lambda samples, rng: replace(samples, srgb=np.clip(change(samples.srgb), 0.0, 1.0))
+
+
+def _raw(change: Callable[[Array, Array], Array]) -> Case:
+    return lambda samples, rng: replace(samples, raw=np.clip(change(samples.raw, samples.wb), -0.05, 1.0))
+
+
+def brightened(samples: SampleSet, factor: Array) -> Array:
+    """JPEG values (n, 3) developed brighter by factors (n,): by the simulated camera, else by the curve they tell."""
+    for camera in (nikon_d5100(), sigma_sd_merrill()):
+        if camera.name == samples.camera[0]:
+            return camera.render(samples.raw * samples.wb * factor[:, None], "standard", np.ones(3))
+    response = fit_matrix_and_response(samples.raw * samples.wb, samples.srgb).response
+    return response.encode(response.linearize(samples.srgb) * factor[:, None])
+
+
+def _one_brightened(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
+    one = samples.shot == rng.choice(np.unique(samples.shot))
+    brighter = brightened(samples, np.full(len(samples), 2**0.5))
+    return replace(samples, srgb=np.where(one[:, None], brighter, samples.srgb))
+
+
+def _livelier(encoded: Array) -> Array:
+    """Another style: more saturation and contrast."""
+    grey = (encoded @ [0.25, 0.5, 0.25])[:, None]
+    lively = np.clip(grey + 1.25 * (encoded - grey), 0.0, 1.0)
+    return np.asarray(lively + 0.12 * lively * (1 - lively) * (2 * lively - 1))
+
+
+def _other_style(share: float) -> Case:
+    def change(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
+        names = rng.permutation(np.unique(samples.shot))
+        rows = np.isin(samples.shot, names[: max(1, round(share * len(names)))])
+        return replace(samples, srgb=np.where(rows[:, None], _livelier(samples.srgb), samples.srgb))
+
+    return change
+
+
+def _other_sensor(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
+    """Four shots of another sensor, or on real cameras of this one with a matrix before it."""
+    names = rng.permutation(np.unique(samples.shot))
+    rows = np.isin(samples.shot, names[: max(1, round(0.3 * len(names)))])
+    mixing = np.array([[0.82, 0.18, 0.0], [0.06, 0.88, 0.06], [0.0, 0.18, 0.82]])
+    raw, wb = samples.raw.copy(), samples.wb.copy()
+    raw[rows] = samples.raw[rows] @ mixing.T
+    neutral = (1.0 / samples.wb[rows]) @ mixing.T
+    wb[rows] = neutral[:, 1:2] / neutral
+    return replace(samples, raw=raw, wb=wb)
+
+
+def _exchanged(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
+    """The multipliers of the warmest and the coolest setting exchanged."""
+    wb, names = samples.wb.copy(), np.unique(samples.white_balance)
+    warmth = [np.median(wb[samples.white_balance == name, 0]) for name in names]
+    first, last = (samples.white_balance == names[place] for place in (np.argmin(warmth), np.argmax(warmth)))
+    wb[first], wb[last] = np.median(samples.wb[last], axis=0), np.median(samples.wb[first], axis=0)
+    return replace(samples, wb=wb)
+
+
+def _renamed(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
+    """The settings for the warmest and the coolest light with each other's names."""
+    names = [name for name in WARM_TO_COOL if name in samples.white_balance]
+    other = {names[0]: names[-1], names[-1]: names[0]}
+    return replace(samples, white_balance=np.array([other.get(str(name), str(name)) for name in samples.white_balance]))
+
+
+def _slipped(samples: SampleSet, rng: np.random.Generator) -> SampleSet:
+    srgb, rows = samples.srgb.copy(), np.flatnonzero(samples.shot == rng.choice(np.unique(samples.shot)))
+    srgb[rows] = np.roll(srgb[rows], int(rng.integers(1, 4)), axis=0)
+    return replace(samples, srgb=srgb)
+
+
+BLACK = 600.0 / 15520.0
+CASES: dict[str, tuple[str, Case]] = {
+    "red and blue of the JPEG swapped": ("blue of the JPEG", _srgb(lambda srgb: srgb[:, ::-1])),
+    "JPEG values linear": ("linear", _srgb(srgb_decode)),
+    "RAW scaled by 1/4": ("white level", _raw(lambda raw, wb: raw / 4)),
+    "green counted twice": ("counted twice", _raw(lambda raw, wb: raw * [1, 2, 1])),
+    "one in ten shots of another style": ("departs: saturation", _other_style(0.1)),
+    "a third of the shots of another sensor": ("departs: saturation", _other_sensor),
+    "multipliers of two white balances exchanged": ("exchanged", _exchanged),
+    "names of two white balances exchanged": ("other's names", _renamed),
+    "sepia": ("toned", _srgb(lambda srgb: (srgb @ [0.3, 0.59, 0.11])[:, None] * [1.07, 0.95, 0.75])),
+    "rows shifted within a shot": ("rows", _slipped),
+    "RAW white-balanced already": ("already", _raw(lambda raw, wb: raw * wb)),
+    "black level left in": ("left in", _raw(lambda raw, wb: raw * (1 - BLACK) + BLACK)),
+    "black level taken twice": ("more than the black", _raw(lambda raw, wb: (raw - BLACK) / (1 - BLACK))),
+    "black level 700 for 600": ("more than the black", _raw(lambda raw, wb: raw - 100.0 / 14920.0)),
+    "one JPEG brightened by 0.5 EV": ("departs: exposure", _one_brightened),
+}  # fmt: skip
+"""What is done to good samples, and words of the cause that is to be named."""
+
+
+def diagnosed(samples: SampleSet) -> tuple[str, ...]:
+    """What is told of samples, and of shots where nothing is told of all."""
+    multipliers = complete_multipliers(samples)[0]
+    causes = tuple(each.cause for each in implausible(samples, multipliers))
+    if causes:
+        return causes
+    found = departing_shots(samples, multipliers, unclipped(samples, multipliers))
+    return tuple(f"{each.shot} departs: {each.words}" for each in found)
+
+
+def applies(case: str, name: str) -> bool:
+    """The S40's shots have an automatic white balance, so none to exchange."""
+    return name != "S40" or "white balances" not in case

@@ -1,0 +1,42 @@
+"""Errors after an edit: of the truth none, of known errors what they are."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lutforge.arrays import Array
+from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import srgb_encode
+from lutforge.evaluation.edited import EDITS, INVERTED, edited_errors
+from lutforge.evaluation.held_out import Predictions
+from lutforge.evaluation.methods import LATTICE
+
+MIX = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.5, 1.5]])
+
+
+def render(method: str, balanced: Array, rows: NDArray[np.intp]) -> Array:
+    return srgb_encode(np.clip(balanced @ MIX.T, 0.0, 1.0))
+
+
+def test_errors_after_edits() -> None:
+    balanced = np.random.default_rng(0).uniform(0.1, 0.2, (300, 3))
+    rows, error = np.arange(300), 1.1
+    encoded = render(LATTICE, balanced, rows)
+    predictions = SimpleNamespace(
+        methods=(LATTICE, "too bright"),
+        data=SimpleNamespace(balanced=balanced, encoded=encoded),
+        held_out=np.ones(300, np.bool_),
+        predicted=SimpleNamespace(
+            render={LATTICE: encoded}, linearize={LATTICE: balanced, "too bright": balanced * error}
+        ),
+        render=render,
+    )
+    found = {row.method: row for row in edited_errors("standard", cast(Predictions, predictions))}
+    assert set(found) == {LATTICE, "too bright", INVERTED}
+    assert max(found[LATTICE].de00) < 1e-9
+    assert max(found[INVERTED].de00) < 1e-3  # the inverse of a render that loses nothing is the truth
+    for gain, de00 in zip(EDITS.values(), found["too bright"].de00, strict=True):
+        edited = [render(LATTICE, np.clip(light * gain, 0, 1), rows) for light in (balanced, balanced * error)]
+        assert abs(de00 - delta_e_2000(*edited).mean()) < 1e-9

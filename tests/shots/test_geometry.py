@@ -1,0 +1,141 @@
+"""JPEGs that the camera straightened: the lens is found, and samples are as good as those of an unbent picture."""
+
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lutforge.pipeline.inspection import inspect
+from lutforge.report.error_maps import moved_by_lens
+from lutforge.samples.extract import extract, places_in_picture
+from lutforge.shots.geometry import Distortion
+from lutforge.shots.read import read_shot
+from lutforge.shots.shot import Shot
+from lutforge.simulate.camera import nikon_d5100
+from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.scene import Scene
+from lutforge.simulate.scenes import SCENES
+
+SHAPE = (404, 608)
+MIDDLE, RADIUS = (304.0, 202.0), math.hypot(*SHAPE) / 2
+
+
+def lens(k1: float = 0.0, k2: float = 0.0, x: float = 0.0, y: float = 0.0, **fringes: float) -> Distortion:
+    """A lens whose centre is off the sensor's by shares of half its diagonal."""
+    return Distortion(MIDDLE[0] + RADIUS * x, MIDDLE[1] + RADIUS * y, RADIUS, k1, k2, **fringes)
+
+
+@cache
+def scene() -> Scene:
+    return SCENES["still-life"](*SHAPE, 0)
+
+
+def shot_of(folder: Path, distortion: Distortion | None) -> Shot:
+    camera = nikon_d5100()
+    settings = CameraSettings(exposure_s=camera.nominal_exposure_s, distortion=distortion)
+    return read_shot(photograph(camera, scene(), settings, folder, "shot").dng)
+
+
+def error(shot: Shot) -> float:
+    """The mean error of the samples' JPEG colours, against what the camera makes of their RAW."""
+    samples = extract(shot).samples
+    rendered = nikon_d5100().render(samples.raw, "standard", "daylight")
+    return float(np.linalg.norm(rendered - samples.srgb, axis=1).mean())
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [
+        lens(-0.06),
+        lens(0.06),
+        lens(-0.02),
+        lens(-0.15),
+        lens(-0.08, 0.07),
+        lens(-0.06, x=0.03, y=-0.02),
+        lens(red=0.002, blue=-0.001),
+    ],
+    ids=["barrel", "pincushion", "weak", "strong", "moustache", "off-centre", "fringes"],
+)
+def test_samples_of_straightened_pictures_are_as_good(drawn: Distortion, tmp_path: Path) -> None:
+    plain, bent = shot_of(tmp_path, None), shot_of(tmp_path, drawn)
+    assert plain.drawn is None
+    assert not plain.lens_note
+    found = bent.placement.registration.distortion
+    assert found is not None
+    # Where the lens draws a place of the straight picture, up to a zoom, within half a RAW pixel: a quarter of a JPEG's
+    # at half size; red and blue within a quarter of what they are off.
+    grid = np.stack(np.meshgrid(np.linspace(60, 548, 9), np.linspace(40, 364, 7)), axis=-1).reshape(-1, 2)
+    true, got = (each.drawn(grid) - (each.x, each.y) for each in (drawn, found))
+    centres = np.column_stack([np.ones(len(grid)), grid])
+    off = got - true
+    assert np.abs(off - centres @ np.linalg.lstsq(centres, off, rcond=None)[0]).max() < 0.5
+    assert found.red == pytest.approx(drawn.red, abs=5e-4)
+    assert found.blue == pytest.approx(drawn.blue, abs=5e-4)
+    assert error(bent) < 1.1 * error(plain)
+
+
+def test_a_crop_of_a_straightened_picture_is_found(tmp_path: Path) -> None:
+    """A digital crop to 16:9, and a square off the middle."""
+    whole = shot_of(tmp_path, lens(-0.06))
+    path = tmp_path / "shot.JPG"
+    with Image.open(path) as picture:
+        pixels = np.asarray(picture.convert("RGB"))
+    for rows, columns in ((slice(33, 366), slice(0, 592)), (slice(0, 400), slice(150, 550))):
+        Image.fromarray(pixels[rows, columns]).save(path, quality=95, subsampling=0)
+        cropped = read_shot(tmp_path / "shot.dng")
+        assert cropped.jpeg.shape == pixels[rows, columns].shape
+        corner = np.array([[columns.start, rows.start]], dtype=np.float64)
+        inner = np.array([[50.0, 50.0], [250.0, 150.0], [350.0, 300.0]])
+        there, here = (
+            shot.placement.registration.on_raw(places) for shot, places in ((whole, inner + corner), (cropped, inner))
+        )
+        np.testing.assert_allclose(here, there, atol=0.5)
+
+
+def test_other_shots_start_where_the_first_one_lies(tmp_path: Path) -> None:
+    first = shot_of(tmp_path, lens(-0.06))
+    second = read_shot(tmp_path / "shot.dng", expected=lambda: first.placement)
+    assert second.placement.registration.distortion == first.placement.registration.distortion
+    zoomed = shot_of(tmp_path, lens(0.04))
+    again = read_shot(tmp_path / "shot.dng", expected=lambda: first.placement)
+    found, alone = (shot.placement.registration.distortion for shot in (again, zoomed))
+    assert found is not None
+    assert alone is not None
+    assert found.k1 + found.k2 == pytest.approx(alone.k1 + alone.k2, abs=0.002)
+
+
+def test_it_is_told(tmp_path: Path) -> None:
+    shot = shot_of(tmp_path, lens(-0.06, red=0.002, blue=-0.001))
+    note = "barrel distortion of -6.0 % in the corners, red +0.2"
+    assert note.split(",")[0].split(" of")[0] in shot.lens_note
+    rows = dict(inspect(tmp_path / "shot.dng").rows)
+    assert rows["lens"] == shot.lens_note
+    assert shot.lens_note in extract(shot).notes
+
+
+def test_a_report_draws_which_way_places_moved(tmp_path: Path) -> None:
+    """A barrel draws all places nearer the middle, however the camera was held; the further out, the more."""
+    shot = shot_of(tmp_path, lens(-0.06))
+    for turns in range(4):
+        moved = moved_by_lens(shot, turns)
+        rows, columns = moved.shape[:2]
+        down, across = np.mgrid[:rows, :columns] - np.array([rows - 1, columns - 1])[:, None, None] / 2
+        assert np.all(moved[..., 0] * across < 0)
+        assert np.all(moved[..., 1] * down < 0)
+        assert np.linalg.norm(moved[0, 0]) > 2 * np.linalg.norm(moved[rows // 2, columns // 4])
+    assert moved_by_lens(shot_of(tmp_path, None), 0).size == 0
+
+
+def test_places_of_samples_are_where_the_lens_drew_them(tmp_path: Path) -> None:
+    """So that falloff, which darkens the RAW, is where it is; a tile near the corner moves by over a pixel in 30."""
+    shot = shot_of(tmp_path, lens(-0.06))
+    corner = np.array([[10.0, 10.0]])
+    registration = shot.placement.registration
+    there = places_in_picture(shot, corner)[0] * RADIUS + MIDDLE
+    np.testing.assert_allclose(there, registration.on_raw(corner)[0])
+    flat = replace(registration, distortion=None).on_raw(corner)[0]
+    assert np.linalg.norm(there - flat) > 5
