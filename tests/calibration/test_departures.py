@@ -45,7 +45,13 @@ def test_an_exposure_that_is_off_is_found_with_its_size() -> None:
 
 def test_a_power_of_one_shot_is_found() -> None:
     samples = _fifteen()
-    assert list(_found(with_gamma(samples, ["standard daylight -1"], 0.93))) == ["standard daylight -1"]
+    for name in _names(samples):
+        assert list(_found(with_gamma(samples, [name], 0.93))) == [name]
+
+
+def test_a_power_of_any_of_five_photographs_is_found(s40_samples: SampleSet) -> None:
+    for name in _names(s40_samples):
+        assert list(_found(with_gamma(s40_samples, [name], 0.85))) == [name]
 
 
 def test_lifted_shadows_of_a_third_of_the_shots_are_contrast() -> None:

@@ -164,12 +164,13 @@ def test_inspect_shows_what_a_camera_did_to_shots(lutforge: CommandLine, tmp_pat
     samples = spread_over_picture(photograph_patches(nikon_d5100(), chart_140()[:60], stops=(-2, -1, 0)))
     calibrate(samples, CalibrationOptions(size=7)).save(tmp_path / "camera.npz")
     name = str(samples.shot[0])
-    again = replace(with_gamma(samples, [name], 0.7), shot=np.char.add(samples.shot, " again"))
+    again = replace(with_gamma(samples, [name], 0.85), shot=np.char.add(samples.shot, " again"))
     write_samples(tmp_path / "again.csv", again)
     shown = lutforge("inspect", "--scene", "camera.npz", "again.csv", cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
     lines = {line.split(" again")[0].strip(): line for line in shown.stdout.splitlines() if " again" in line}
     assert len(lines) == 15
+    assert [shot for shot, line in lines.items() if "±" in line] == [name]
     write_samples(tmp_path / "other.csv", replace(again, style=np.full(len(again), "sepia")))
     refusal = lutforge("inspect", "--scene", "camera.npz", "other.csv", cwd=tmp_path)
     assert refusal.returncode == 2 and "not in the profile" in refusal.stderr
