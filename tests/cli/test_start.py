@@ -16,26 +16,21 @@ from lutforge.samples.table import write_samples
 from tests.apply.graded_images import write_cube, write_picture
 
 SLOW = {
-    "numba", "scipy", "pandas", "matplotlib", "jinja2", "colour", "rawpy", "exifread", "OpenImageIO",
-    "PyOpenColorIO", "PIL", "simplejpeg", "panel", "bokeh", "distributed", "cv2", "numpy",
+    "numba", "scipy", "pandas", "polars", "matplotlib", "jinja2", "colour", "rawpy", "exifread", "OpenImageIO",
+    "PyOpenColorIO", "PIL", "simplejpeg", "panel", "bokeh", "distributed", "cv2", "numpy", "pydantic",
 }  # fmt: skip
 """Libraries that take longer to load than Python itself."""
 
 
-def loaded(folder: Path, *words: str) -> set[str]:
-    """Which of the slow libraries a command has loaded when it ends."""
-    code = f"""if True:
-        import atexit, sys
-        sys.argv[0] = "lutforge"
-        atexit.register(lambda: print("loaded", *(name for name in {sorted(SLOW)} if name in sys.modules)))
-        from lutforge.cli.main import main
-        main()
-        """
-    run = subprocess.run(
-        [sys.executable, "-c", code, *words], cwd=folder, capture_output=True, text=True, check=False, timeout=100
-    )
+def loaded(folder: Path, *words: object) -> set[str]:
+    """Which of the slow libraries a command loads, as `python -X importtime` lists them."""
+    command = [sys.executable, "-X", "importtime", "-m", "lutforge", *map(str, words)]
+    run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=100)
     assert run.returncode == 0, run.stderr
-    return set(run.stdout.splitlines()[-1].split()[1:])
+    lines = [line for line in run.stderr.splitlines() if line.startswith("import time:")]
+    modules = {line.rpartition("|")[2].strip().partition(".")[0] for line in lines}
+    assert "lutforge" in modules
+    return modules & SLOW
 
 
 @pytest.mark.parametrize("words", [("--help",), ("--version",), ("apply", "--help"), ("calibrate", "--help")], ids=str)
@@ -58,7 +53,21 @@ def test_grading_with_a_lut_loads_what_reads_grades_and_writes(tmp_path: Path, s
     assert found <= {"numpy", "OpenImageIO", "PyOpenColorIO", "PIL", "simplejpeg"}
 
 
-def test_calibrating_a_table_loads_nothing_that_reads_pictures(tmp_path: Path, s40_samples: SampleSet) -> None:
+def test_no_command_of_the_journey_loads_what_only_reports_charts_and_peers_need(
+    tmp_path: Path, s40_samples: SampleSet
+) -> None:
     write_samples(tmp_path / "samples.csv", s40_samples)
-    found = loaded(tmp_path, "calibrate", "samples.csv", "--size", "5")
-    assert not found & {"rawpy", "exifread", "OpenImageIO", "PIL", "cv2", "colour", "pandas", "matplotlib", "jinja2"}
+    write_picture(tmp_path / "a.jpg")
+    tables = {"colour", "pandas", "polars", "matplotlib", "jinja2", "pydantic", "panel", "bokeh", "distributed", "cv2"}
+    pictures = {"rawpy", "exifread", "OpenImageIO", "PIL", "simplejpeg"}
+    assert not loaded(tmp_path, "calibrate", "samples.csv", "--size", "5", "-o", "camera.npz") & (tables | pictures)
+    for words in (
+        ("inspect", "camera.npz"),
+        ("bake", "camera.npz", "render", "--to", "standard/auto", "-o", "a.cube"),
+        ("bake", "camera.npz", "linearize", "--from", "standard/auto", "--space", "acescg", "-o", "a.clf"),
+        ("bake", "camera.npz", "refinish", "--from", "standard/auto", "--to", "standard/auto", "-o", "b.cube"),
+        ("apply", "camera.npz", "a.jpg", "--from", "standard/auto", "--to", "standard/2,1,1.4", "-o", "out"),
+        ("apply", "camera.npz", "a.jpg", "--from", "standard/auto", "--space", "acescg", "-o", "light"),
+        ("apply", "a.cube", "a.jpg", "-o", "again"),
+    ):
+        assert not loaded(tmp_path, *words) & tables, words
