@@ -1,5 +1,6 @@
 """What every kit is made of: the camera's look for a program, its files, and the script that runs the program."""
 
+import hashlib
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -151,7 +152,12 @@ here=$(cd "$(dirname "$0")" && pwd)
 
 
 def write_develop_script(path: Path, script: Script, look: str) -> None:
-    """Write `develop.sh RAW OUT.tif [LOOK]`. look: the name of the preset that is taken where none is named."""
+    """Write `develop.sh RAW OUT.tif [LOOK]`. look: the name of the preset that is taken where none is named.
+
+    It compares the camera profiles beside it with their SHA-256 of now: programs pass over a damaged one in silence.
+    """
+    profiles = sorted(file for file in path.parent.iterdir() if file.suffix in (".icc", ".dcp"))
+    sums = "".join(f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in profiles)
     begin = f"""# Develops a RAW file with the camera's look: develop.sh RAW OUT.tif [LOOK] (sRGB, 16 bit).
 if [ $# -ne 2 ] && [ $# -ne 3 ]; then echo "usage: $0 RAW OUT.tif [LOOK]" >&2; exit 2; fi
 if [ ! -r "$1" ]; then echo "$1: cannot be read" >&2; exit 2; fi
@@ -167,5 +173,9 @@ refuse() {{
   echo "$name: $1: $why" | cut -c 1-300 >&2
   exit 1
 }}
+check=$(command -v sha256sum || command -v shasum || echo :)
+(cd "$here" && LC_ALL=C $check -c >"$work/sums" 2>&1) <<'SUMS' ||
+{sums}SUMS
+  refuse "a camera profile of the kit is damaged, make the kit again" "$work/sums"
 """
     write_script(path, script.program, begin + script.lines + 'mv -f "$picture" "$2"\n')

@@ -113,10 +113,16 @@ def darktable_default(shot: LeftOut) -> KitCheck:
 
 
 def rawtherapee_default(shot: LeftOut) -> KitCheck:
-    """RawTherapee as it is installed: a curve that is matched to the embedded JPEG of this very photograph."""
+    """RawTherapee as it is installed: a curve that is matched to the embedded JPEG of this very photograph.
+
+    Its correction of the lens is off: the camera's JPEG has none, and tiles should lie where they lie there.
+    """
 
     def command(output: Path) -> list[str]:
-        return ["rawtherapee-cli", "-o", str(output), "-d", "-t", "-b16", "-Y", "-c", str(shot.raw)]
+        as_taken = output.parent / "as_taken.pp3"
+        as_taken.write_text("[LensProfile]\nLcMode=none\n", encoding="utf-8")
+        choices = ["-d", "-p", str(as_taken), "-t", "-b16", "-Y"]
+        return ["rawtherapee-cli", "-o", str(output), *choices, "-c", str(shot.raw)]
 
     return default_picture(shot, "RawTherapee", command)
 

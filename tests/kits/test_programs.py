@@ -60,6 +60,29 @@ def test_what_a_program_cannot_read_is_one_line(program: str, raw_profile: Camer
     assert program in str(raised.value).lower()
 
 
+@pytest.mark.parametrize("program", sorted(PROGRAMS))
+def test_a_kit_with_a_damaged_profile_is_one_line(
+    program: str, raw_profile: CameraProfile, shared_data: Path, tmp_path: Path
+) -> None:
+    """The programs show their own colours with it, without a word."""
+    need(PROGRAMS[program])
+    kit = write_kit(raw_profile, "standard/auto", tmp_path / "kit", program)
+    damaged = next(kit.glob("*standard.dcp" if program == "rawtherapee" else "*standard.icc"))
+    whole, output = damaged.read_bytes(), tmp_path / "out.tif"
+    raw = str(shared_data / "canon_powershot_s40" / "CRW_0101.CRW")
+    middle = len(whole) // 2
+    for spoilt in (whole[:middle], whole[:middle] + bytes(9) + whole[middle + 9 :], b"", None):
+        damaged.unlink(missing_ok=True)
+        if spoilt is not None:
+            damaged.write_bytes(spoilt)
+        run = subprocess.run([str(kit / "develop.sh"), raw, str(output)], capture_output=True, text=True, check=False)
+        assert run.returncode == 1
+        assert "a camera profile of the kit is damaged" in run.stderr
+        assert damaged.name in run.stderr
+        assert len(run.stderr.splitlines()) == 1
+        assert not output.exists()
+
+
 def test_a_darktable_that_cannot_use_the_kit_is_one_line(
     raw_profile: CameraProfile, shared_data: Path, tmp_path: Path
 ) -> None:
