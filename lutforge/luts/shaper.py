@@ -15,6 +15,9 @@ from lutforge.model.lattice import Lattice, grid
 SHAPER_SIZE = 65536
 """Entries of a shaper: the most that DaVinci Resolve and OpenColorIO read in a .cube file."""
 
+FEW = 4096
+"""Entries that hold the node levels of profiles, which are snapped to so many points."""
+
 
 def shaper(levels: Levels, size: int = SHAPER_SIZE, axis_curve: Array | None = None, high: float = 1.0) -> Curve:
     """The curve that takes node levels, multiples of 1 / (size − 1), to even steps.
@@ -108,8 +111,7 @@ def lattice_ops(lattice: Lattice) -> tuple[Op, ...]:
     """
     size = max(lattice.size)
     r, g, b = (padded_levels(axis, size) for axis in lattice.levels)
-    # Profiles snap their levels to 4096 points, which keeps files small.
-    entries = next((few for few in (4096, SHAPER_SIZE) if all(on_grid(axis, few) for axis in (r, g, b))), None)
+    entries = next((few for few in (FEW, SHAPER_SIZE) if all(on_grid(axis, few) for axis in (r, g, b))), None)
     if entries is None and not is_even((r, g, b)):
         r, g, b = levels_behind_gain((r, g, b), np.ones(3))
     same = all(np.array_equal(new, old) for new, old in zip((r, g, b), lattice.levels, strict=True))

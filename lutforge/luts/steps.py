@@ -8,18 +8,21 @@ from collections.abc import Callable
 
 import numpy as np
 
+from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
 from lutforge.luts.bake import bake, joined
 from lutforge.luts.ops import Cube, Matrix, Op, Range
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import FEW, shaper
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import NeutralHighlights
-from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.transform import Clip, ColourFunction, Stage, Transform, through_stages
 
-HIGHLIGHT_SIZE = 49
-"""Nodes per axis of the cube that keeps white neutral."""
+HIGHLIGHT_SIZE, DARK_CELLS = 33, 5
+"""Nodes per axis of the cube that keeps white neutral, and how many cells of them lie below the light that is raised.
+"""
 
 
 def bake_steps(
@@ -66,20 +69,23 @@ def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
         raise LutError(f"LUT: a cube is wanted, not {front.summary}")
     ahead, behind = front.ops[: front.ops.index(cube)], front.ops[front.ops.index(cube) :]
     values = through_stages(between, Lut(behind)(grid(uniform_levels(cube.size))))
-    raised = _raised(highlights, float((values / highlights.white).max()))
-    return Lut((*ahead, Cube(values, cube.interpolation), *raised, *baked(render).ops))
+    neutral = raised(highlights, np.ones(3), float((values / highlights.white).max()))
+    return Lut((*ahead, Cube(values, cube.interpolation), *neutral, *baked(render).ops))
 
 
-def _raised(highlights: NeutralHighlights, reach: float) -> tuple[Op, ...]:
-    """Highlights as a cube of light relative to white, up to `reach`.
+def raised(highlights: NeutralHighlights, gain: Array, reach: float, size: int = HIGHLIGHT_SIZE) -> tuple[Op, ...]:
+    """Highlights as a cube of the light in front of a gain (3,), relative to white, up to `reach`.
 
-    On even axes of light, interpolated in tetrahedra, what is not raised passes exactly, and so does the least channel.
-    White is a node.
+    The nodes lie where light is raised, at the same levels in all channels. Interpolated in tetrahedra, what is not
+    raised passes exactly, and so does the least channel. White is a node.
     """
-    cells = HIGHLIGHT_SIZE - 1
-    scale = cells / np.floor(cells / max(reach, 1.0)) * highlights.white
-    values = highlights(grid(uniform_levels(HIGHLIGHT_SIZE)) * scale)
-    return Matrix(np.diag(1.0 / scale)), Range(), Cube(values, "tetrahedral")
+    steps = len(highlights.floor) - 1
+    dark = max(int(np.argmax(highlights.floor.max(axis=1) > 0)) - 1, DARK_CELLS) / steps
+    below, above = np.linspace(0.0, dark, DARK_CELLS + 1)[:-1], np.linspace(dark, 1.0, size - 1 - DARK_CELLS)
+    axis = snap_levels(np.append(np.append(below, above), max(reach, 1.0) + 0.01) / (max(reach, 1.0) + 0.01), FEW)
+    levels, scale = (axis, axis, axis), highlights.white / gain / axis[-2]
+    cube = Cube(highlights(grid(levels) * scale * gain), "tetrahedral")
+    return Matrix(np.diag(1.0 / scale)), Range(), shaper(levels, FEW), cube
 
 
 def grading_steps(transform: Transform) -> tuple[Transform, tuple[Stage, ...], NeutralHighlights, Transform]:

@@ -21,6 +21,10 @@ CLIPPED = 0.5 / 255.0
 RISE = 4.0
 """Codes by which the output rises at most towards white per code of the source's least channel, beyond the model."""
 
+SOFTNESS = 0.15
+"""Width of the bend from the model to the rise, as a share of the light that is lacking to white: LUTs have no corners.
+"""
+
 STEPS = 4096
 """Entries of the table of `NeutralHighlights`."""
 
@@ -50,7 +54,9 @@ class NeutralHighlights:
         """Balanced linear light (…, 3) → the same, no channel of the output lower."""
         least = np.min(balanced / self.white, axis=-1, keepdims=True)
         wanted = apply_curve(self.floor, np.repeat(np.clip(least, 0.0, 1.0), 3, axis=-1))
-        missing = np.maximum(wanted - np.minimum(balanced, self.highest) @ self.to_linear.T, 0.0)
+        missing = wanted - np.minimum(balanced, self.highest) @ self.to_linear.T
+        bend = SOFTNESS * np.clip(1.0 - least, 1e-9, 1.0)
+        missing = np.where(missing < bend, np.maximum(missing + bend, 0.0) ** 2 / (4.0 * bend), missing)
         return np.asarray(balanced + missing @ np.linalg.inv(self.to_linear).T)
 
 
@@ -69,18 +75,19 @@ def neutral_highlights(
     codes = np.linspace(0.0, 1.0, 256)
     ramp = to_balanced(codes[:, None].repeat(3, axis=1))
     white = np.maximum(ramp[-1], 1e-6)
-    grey = white_as_grey(render, np.minimum(ramp[-1], highest), level, to_linear)
+    grey = np.minimum(white_as_grey(render, np.minimum(ramp[-1], highest), level, to_linear), highest)
 
-    # Which level of grey light makes which code of the output, and which source code has which light.
+    # Which level of grey light makes which code of each channel of the output, and which source code has which light.
     levels = np.linspace(0.0, 1.0, 1024) ** 2
-    shown = np.maximum.accumulate(render(levels[:, None] * grey).min(axis=1))
+    shown = np.maximum.accumulate(render(levels[:, None] * grey))
     least = np.maximum.accumulate((ramp / white).min(axis=1))
     source = np.interp(np.linspace(0.0, 1.0, STEPS), least, codes)
-    output = shown[-1] - RISE * (1.0 - source)
-
-    rising = np.concatenate([[True], np.diff(shown) > 1e-6])
-    light = np.interp(np.abs(output), shown[rising], levels[rising]) * np.maximum(np.abs(output), 1.0) ** 3
-    floor = (np.sign(output) * light)[:, None] * (to_linear @ grey)
+    floor = np.empty((STEPS, 3))
+    for c, full in enumerate(to_linear @ grey):
+        output = shown[-1, c] - RISE * (1.0 - source)
+        rising = np.concatenate([[True], np.diff(shown[:, c]) > 1e-6])
+        light = np.interp(np.abs(output), shown[rising, c], levels[rising]) * np.maximum(np.abs(output), 1.0) ** 3
+        floor[:, c] = np.sign(output) * light * full
     floor[-1] = to_linear @ grey
     return NeutralHighlights(white, floor, to_linear, highest)
 

@@ -15,7 +15,7 @@ from lutforge.ocio.base_config import matrix_transform
 from lutforge.ocio.cameras import AS_SHOT, Camera
 from lutforge.ocio.names import UniqueNames, space_name
 from lutforge.ocio.renderings import Rendering
-from lutforge.ocio.spaces import BALANCE_VAR, SOURCE_NAME, TARGET_NAME
+from lutforge.ocio.spaces import BALANCE_VAR, SOURCE_NAME, TARGET_NAME, file_transform
 
 REFINISH = "Camera refinish"
 
@@ -29,6 +29,8 @@ def add_looks(
     """
     for camera in cameras:
         _add_white_balances(config, camera, looks)
+        for rendering in (rendering for rendering in renderings if rendering.camera is camera):
+            _add_refinishes(config, rendering, looks)
         whole = {r.style for r in renderings if r.camera is camera and r.render is not None and r.linearize is not None}
         _add_styles(config, camera, [name for name in camera.profile.styles if name in whole], looks)
     config.addLook(
@@ -43,7 +45,7 @@ def add_looks(
 
 
 def _add_white_balances(config: OCIO.Config, camera: Camera, looks: UniqueNames) -> None:
-    """Add looks from each white balance to each other, in RAW: exact, and the same for all styles."""
+    """Add looks from each white balance to each other, in RAW: exact, for any light, and the same for all styles."""
     for source, target in permutations(camera.profile.white_balances, 2):
         ratio = camera.gain(target) / camera.gain(source)
         config.addLook(
@@ -52,6 +54,31 @@ def _add_white_balances(config: OCIO.Config, camera: Camera, looks: UniqueNames)
                 processSpace=camera.raw(),
                 transform=matrix_transform(np.diag(ratio)),
                 description=f"White balance {target} instead of {source}",
+            )
+        )
+
+
+def _add_refinishes(config: OCIO.Config, rendering: Rendering, looks: UniqueNames) -> None:
+    """Add looks for photographs, from each white balance of a style to each other: as `apply` refinishes.
+
+    Colour space conversions pass the light of the scene alone, which does not tell burnt-out white under one white
+    balance from a coloured highlight under another; these know both.
+    """
+    camera, names = rendering.camera, rendering.camera.balances
+
+    def refinish(source: str, target: str) -> OCIO.GroupTransform:
+        files = rendering.calibrated_file, rendering.balance_file(source, target), rendering.render_file
+        return OCIO.GroupTransform([file_transform(name) for name in files])
+
+    for source, target, _ in rendering.refinishes():
+        style = camera.styles[rendering.style]
+        config.addLook(
+            OCIO.Look(
+                name=looks(space_name(camera.name, style, names[source], "to", names[target])),
+                processSpace=camera.jpeg(rendering.style, source),
+                transform=refinish(source, target),
+                inverseTransform=refinish(target, source),
+                description=f"A JPEG in picture style {rendering.style}, white balance {target} instead of {source}",
             )
         )
 

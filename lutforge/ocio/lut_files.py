@@ -15,26 +15,24 @@ from lutforge.luts.formats import clf
 from lutforge.luts.formats.text import short_rows
 from lutforge.luts.ops import Cube, Curve, Op
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import node_levels, shaper
+from lutforge.luts.shaper import FEW, node_levels, shaper
 from lutforge.model.lattice import grid, snap_levels
 
-CURVE_SIZE = 4096
-"""Entries of a curve or shaper in the files of a config."""
 DECIMALS, DIGITS = 6, 5
 
 
 def compact(lut: Lut) -> Lut:
-    """The LUT as its file holds it: node levels and curves on CURVE_SIZE points, numbers rounded."""
+    """The LUT as its file holds it: node levels and curves on FEW points, numbers rounded."""
     ops = list(lut.ops)
     at = next(number for number, op in enumerate(ops) if isinstance(op, Cube))
     cube, front = ops[at], ops[at - 1] if at > 0 else None
     assert isinstance(cube, Cube)
-    if isinstance(front, Curve) and len(front.outputs) > CURVE_SIZE:
+    if isinstance(front, Curve) and len(front.outputs) > FEW:
         levels = node_levels(front, cube)
         if np.abs(shaper(levels, len(front.outputs)).outputs - front.outputs).max() < 1e-9:  # no more than levels
-            r, g, b = (snap_levels(axis, CURVE_SIZE) for axis in levels)
+            r, g, b = (snap_levels(axis, FEW) for axis in levels)
             cube = Cube(interpolate(grid((r, g, b)), levels, cube.values, cube.interpolation), cube.interpolation)
-            ops[at - 1] = shaper((r, g, b), CURVE_SIZE)
+            ops[at - 1] = shaper((r, g, b), FEW)
         else:
             ops[at - 1] = _resampled(front)
     ops[at] = Cube(rounded(cube.values), cube.interpolation)
@@ -45,10 +43,10 @@ def compact(lut: Lut) -> Lut:
 
 
 def _resampled(curve: Curve) -> Curve:
-    """A curve of at most CURVE_SIZE entries."""
-    if len(curve.outputs) <= CURVE_SIZE:
+    """A curve of at most FEW entries."""
+    if len(curve.outputs) <= FEW:
         return curve
-    even = np.linspace(curve.low, curve.high, CURVE_SIZE)[:, None].repeat(3, axis=1)
+    even = np.linspace(curve.low, curve.high, FEW)[:, None].repeat(3, axis=1)
     return Curve(curve(even), curve.low, curve.high)
 
 

@@ -5,6 +5,7 @@ White balance is a matrix in front of the LUTs or behind them.
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,7 @@ from lutforge.inverse.linearization import InverseOptions, inverse_of
 from lutforge.inverse.round_trip import measure, rounded_up
 from lutforge.luts.bake import bake
 from lutforge.luts.sequence import Lut
+from lutforge.luts.steps import grading_steps, raised
 from lutforge.model.coverage import uncovered
 from lutforge.model.highlights import CLIPPED
 from lutforge.model.transform import ColourFunction, Gain, Transform
@@ -49,6 +51,27 @@ class Rendering:
     def linearize_file(self) -> str:
         """Name of the file JPEG → white-balanced RAW."""
         return f"{self.stem}_linearize.clf"
+
+    @property
+    def calibrated_file(self) -> str:
+        """Name of the file JPEG → white-balanced RAW as calibrated, for looks: not the render's exact inverse."""
+        return f"{self.stem}_calibrated.clf"
+
+    def balance_file(self, source: str, target: str) -> str:
+        """Name of the file from RAW under one white balance to RAW under another, which keeps white neutral."""
+        return f"{self.stem}_{file_stem(self.camera.balances[source], 'to', self.camera.balances[target])}.clf"
+
+    def refinishes(self) -> Iterator[tuple[str, str, Transform]]:
+        """Each pair of white balances that render differently, and the refinish from the first to the second.
+
+        None where the style has no calibrated linearization, as imported models have none: each pair costs a LUT.
+        """
+        if self.render is None or self.camera.profile.styles[self.style].linearize is None:
+            return
+        for source, target in permutations(self.white_balances, 2):
+            refinish = self.camera.profile.refinish(Selector(self.style, source), Selector(self.style, target))
+            if not refinish.is_identity:
+                yield source, target, refinish
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +111,9 @@ def _of_camera(camera: Camera, files: UniqueNames) -> Iterator[Rendering]:
 
 BEYOND = 4.0
 """Light of white in a config, two stops above saturation: no two white balances of a camera part a channel by more."""
+
+BALANCE_SIZE, BALANCE_REACH = 21, 2.0
+"""Nodes per axis of the LUT of a look, and up to which light, relative to white, it tells levels apart."""
 
 STEPS = 4
 """How often `baked` tells what it does, at most."""
@@ -129,7 +155,23 @@ def baked(
         told = [f"linearize LUT against the model: {_error(linearize, model, rendering.render)}", *filter(None, [trip])]
         luts[rendering.linearize_file] = replace(linearize, comments=tuple(told))
         said += told
+        for source, target, refinish in rendering.refinishes():
+            if rendering.calibrated_file not in luts:  # the same for all pairs
+                calibrated = bake(
+                    rendering.linearize, display_referred=False, title=f"{title} linearize, as calibrated"
+                )
+                luts[rendering.calibrated_file] = compact(calibrated)
+            luts[rendering.balance_file(source, target)] = _balance(rendering, source, target, refinish)
     return BakedRendering(luts, "; ".join(said))
+
+
+def _balance(rendering: Rendering, source: str, target: str, refinish: Transform) -> Lut:
+    """The step of a look between linearization and render: another white balance, by which white stays white."""
+    _, _, highlights, _ = grading_steps(refinish)
+    gain = rendering.camera.gain(target) / rendering.camera.gain(source)
+    names = rendering.camera.balances
+    title = f"{rendering.camera.name} {names[source]} to {names[target]}"
+    return compact(Lut(raised(highlights, gain, BALANCE_REACH, BALANCE_SIZE), title))
 
 
 def _with_white(encoded: ArrayLike, light: Array) -> Array:

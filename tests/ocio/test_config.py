@@ -152,6 +152,16 @@ def test_a_look_changes_the_white_balance_of_any_style(written: Written) -> None
         np.testing.assert_allclose(got, convert(config, source, target), atol=2e-5)
 
 
+def test_a_look_of_a_style_refinishes_photographs_and_back(written: Written) -> None:
+    profile, config, _, _ = written
+    for style in ("standard", "vivid"):
+        name, source = f"Nikon D40 {style} tungsten to daylight", f"Nikon D40 {style} tungsten"
+        wanted = np.clip(profile.refinish(f"{style}/tungsten", f"{style}/daylight")(colours()), 0.0, 1.0)
+        assert np.linalg.norm(look(config, name, source) - wanted, axis=1).mean() < 0.002
+        wanted = np.clip(profile.refinish(f"{style}/daylight", f"{style}/tungsten")(colours()), 0.0, 1.0)
+        assert np.linalg.norm(look(config, f"-{name}", source) - wanted, axis=1).mean() < 0.002
+
+
 def test_a_look_changes_the_style_under_the_white_balance_of_the_context(written: Written) -> None:
     _, config, _, _ = written
     for balance in ("tungsten", "daylight", "default"):
@@ -277,12 +287,11 @@ def test_file_rules(written: Written, path: str, space: str) -> None:
     assert written[1].getColorSpaceFromFilepath(path)[0] == space
 
 
-def test_one_lut_per_style_and_direction_with_relative_paths(written: Written) -> None:
+def test_luts_are_shared_by_all_spaces_of_a_style_and_named_relative_to_the_config(written: Written) -> None:
     _, _, path, luts = written
     files = {file.name for file in (path.parent / "luts").iterdir()}
-    assert files == set(luts) == {
-        f"nikon_d40_{style}_{way}.clf" for style in ("standard", "vivid") for way in ("render", "linearize")
-    }  # fmt: skip
+    ways = ("render", "linearize", "calibrated", "daylight_to_tungsten", "tungsten_to_daylight")
+    assert files == set(luts) == {f"nikon_d40_{style}_{way}.clf" for style in ("standard", "vivid") for way in ways}
     assert str(path.parent) not in path.read_text()
 
 
