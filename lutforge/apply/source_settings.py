@@ -55,11 +55,13 @@ def source_selector(
             raise SettingsError(f'unknown style "{style}"; {known}')
         told = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
         raise SettingsError(f"{path}: {told}; {known} and the white balances {_balances(camera)}: name it with --from")
-    if wanted.white_balance not in NAMED_BY_FILE:
-        return camera.selector(Selector(style, wanted.white_balance)), ()
     balance = _balance_of_file(settings, camera)
+    if wanted.white_balance not in NAMED_BY_FILE:
+        given = camera.selector(Selector(style, wanted.white_balance))
+        return given, _contradictions(settings, camera, given, balance)
     if balance is not None:
-        return camera.selector(Selector(style, balance)), ()
+        given = camera.selector(Selector(style, balance))
+        return given, _contradictions(settings, camera, given, balance)
     middle = camera.white_balances.get("auto")
     if wanted.white_balance == "auto" and middle is not None:
         r, g, b = middle.multipliers
@@ -74,6 +76,23 @@ def source_selector(
         f"{' or '.join(f'{style}/{name}' for name in sorted(camera.white_balances))}, "
         f"or find it with --candidates sheet.jpg"
     )
+
+
+def _contradictions(
+    settings: PictureSettings, camera: CameraProfile, given: Selector, told: str | Kelvin | Multipliers | None
+) -> tuple[str, ...]:
+    """Return a note where the settings that are used are not those that the file names."""
+    style = settings.style if settings.style != "unknown" else given.style
+    balance = settings.white_balance if settings.white_balance != "unknown" else str(given.white_balance)
+    if told is None:
+        same = balance in (str(given.white_balance), "auto")
+    else:
+        of_file = camera.multipliers(Selector(given.style, told))
+        same = bool(np.allclose(of_file, camera.multipliers(given), rtol=2 * STEADY))
+    if style == given.style and same:
+        return ()
+    named = balance if not same else str(given.white_balance)
+    return (f"the file says {style}/{named}; it is taken for {given}, as --from says",)
 
 
 def _balance_of_file(settings: PictureSettings, camera: CameraProfile) -> str | Kelvin | Multipliers | None:

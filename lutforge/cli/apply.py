@@ -1,20 +1,18 @@
 """`lutforge apply`: grade images with a LUT, a profile or an OpenColorIO config."""
 
 import json
-import re
 import sys
 import time
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lutforge.cli.console import argument, complain, note, option, progress_bar, quiet_codecs, say
+from lutforge.notes import in_common
 
 if TYPE_CHECKING:
     from lutforge.apply.batch import BatchResult
-    from lutforge.apply.image import GradedImage
     from lutforge.pipeline.grading import Grading
 
 
@@ -84,7 +82,8 @@ def _run(grading: "Grading", as_json: bool) -> None:
     with quiet_codecs(), progress_bar("grading") as progress:
         result = grading.run(lambda now: progress(_rate(now.images, now.pixels, now.seconds), now.share))
     seconds = time.monotonic() - began
-    note(*result.notes, *_notes(result.done))
+    notes = ((done.source, text) for done in result.done for text in done.notes)
+    note(*result.notes, *in_common(notes, "images"))
     for failure in result.failed:
         complain(failure.reason)
     if as_json:
@@ -99,20 +98,6 @@ def _run(grading: "Grading", as_json: bool) -> None:
         note(f"{counts} in {seconds:.1f} s: {_rate(len(result.done), pixels, seconds)}")
     if result.failed:
         raise typer.Exit(1 if asked > 1 else 2)
-
-
-def _notes(graded: "Sequence[GradedImage]") -> Iterator[str]:
-    """What there is to know of the images; what over three have in common, but for its numbers, in one line."""
-    alike: dict[str, list[tuple[Path, str]]] = {}
-    for done in graded:
-        for text in done.notes:
-            alike.setdefault(re.sub(r"[\d.]+", "", text), []).append((done.source, text))
-    for images in alike.values():
-        if len(images) > 3:
-            source, text = images[0]
-            yield f"{len(images)} images, such as {source}: {text}"
-        else:
-            yield from (f"{source}: {text}" for source, text in images)
 
 
 def _print_commands(grading: "Grading") -> None:

@@ -42,8 +42,9 @@ def sample(
 
 
 def tell(sampled: "SampledShots") -> None:
-    """Print the account of each shot, and what was left out."""
+    """Print the account of each shot, the notes that shots share, and what was left out."""
     for shot in sampled.shots:
         say(shot.summary)
+    note(*sampled.notes)
     for reason in sampled.left_out:
         note(f"left out: {reason}")

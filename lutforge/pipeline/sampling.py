@@ -2,7 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lutforge.errors import LutForgeError, SampleError, ShotError
+from lutforge.notes import in_common
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet, concatenate
@@ -38,6 +39,16 @@ class SampledShots:
     shots: tuple[ShotSamples, ...] = ()
     left_out: tuple[str, ...] = ()
     files: Mapping[str, Path] = field(default_factory=dict)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be known of the files, one line for all shots that share it."""
+        return file_notes(self.shots)
+
+
+def file_notes(shots: Iterable[ShotSamples]) -> tuple[str, ...]:
+    """Return what is to be known of the files of shots, one line for all that share it."""
+    return tuple(in_common(((shot.shot, text) for shot in shots for text in shot.file_notes), "shots"))
 
 
 def sample(paths: Paths, progress: Progress = silent) -> SampleSet:

@@ -43,9 +43,9 @@ class ShotCells:
 class ShotSamples:
     """The samples of one shot and the account of its areas.
 
-    tiles, patches: kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a
-    line each. cells: the shot's means over a coarse grid; places: (n, 2) of the samples in the upright JPEG, x and y
-    as shares of its width and height.
+    tiles, patches: kept. clipped, rejected: areas left out, by reason. notes: what the user should know, a line each;
+    file_notes: of its files, which many shots share. cells: the shot's means over a coarse grid; places: (n, 2) of the
+    samples in the upright JPEG, x and y as shares of its width and height.
     """
 
     shot: str
@@ -57,6 +57,7 @@ class ShotSamples:
     notes: tuple[str, ...]
     cells: ShotCells | None = None
     places: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    file_notes: tuple[str, ...] = ()
 
     @property
     def kept(self) -> int:
@@ -88,7 +89,7 @@ def extract(shot: Shot) -> ShotSamples:
         notes.insert(0, _why_nothing(clipped, tiles.rejected))
     return ShotSamples(
         shot.name, samples, len(tiles.samples), len(patches.samples), clipped, tiles.rejected, tuple(notes),
-        tiles.cells, np.vstack([patches.places, tiles.places]),
+        tiles.cells, np.vstack([patches.places, tiles.places]), shot.metadata.notes,
     )  # fmt: skip
 
 

@@ -115,7 +115,7 @@ def _registered(
         profile = header.icc if header is not None and not in_adobe_rgb(tags_of(data)) else b""
     notes = []
     if heif is not None and heif.hdr:
-        notes.append(f"the HEIF is encoded for HDR ({heif.hdr}): its codes are calibrated as they are")
+        raise ShotError(f"{source}: encoded for HDR ({heif.hdr}), unlike a JPEG; set the camera to SDR")
     if profile and not is_srgb(profile):
         jpeg, fine = to_srgb(jpeg, profile), None
         notes.append(

@@ -14,6 +14,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
 from lutforge.pipeline.charts import FittedChart
 from lutforge.pipeline.response import FittedResponse
+from lutforge.pipeline.sampling import file_notes
 from lutforge.report.figures import bracket_figure
 from lutforge.report.tables import response_table
 from lutforge.samples.chart_kinds import chart_names
@@ -169,7 +170,8 @@ class ShotsPage:
         for name, box in self.boxes.items():
             with session.setting():
                 box.value = name not in left_out
-        failed = paragraphs(*(f"not used: {line}" for line in session.opened.left_out[:20]))
+        unused = (f"not used: {line}" for line in session.opened.left_out[:20])
+        failed = paragraphs(*file_notes(session.opened.accounts), *unused)
         untick = "Untick a shot to leave it out. " if self.boxes else ""
         known = "" if profile is not None or workspace is None else "The falloff is known once a model is computed."
         self.notes.object = html("{}{}", paragraphs(untick + known if bracket is None else f"{bracket}."), failed)

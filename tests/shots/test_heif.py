@@ -21,6 +21,7 @@ from lutforge.images.heif import read_heif
 from lutforge.images.icc import to_srgb
 from lutforge.images.read import read_image
 from lutforge.pipeline.inspection import inspect
+from lutforge.pipeline.sampling import gather_samples
 from lutforge.shots.discover import discover, jpeg_beside
 from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
 from lutforge.shots.read import read_shot
@@ -33,11 +34,12 @@ heif = pytest.importorskip("pillow_heif", reason="needs the optional package pil
 CAMERA = nikon_d5100()
 
 
-def write_heif(path: Path, encoded: np.ndarray, exif: bytes = b"", quality: int = 90) -> None:
-    """A 10-bit picture, its chroma at full resolution."""
-    codes = np.rint(encoded * 65535).astype(np.uint16)
-    picture = heif.from_bytes(mode="RGB;16", size=codes.shape[1::-1], data=codes.tobytes())
-    picture.save(str(path), quality=quality, chroma=444, exif=exif or None, matrix_coefficients=1)
+def write_heif(path: Path, encoded: np.ndarray, exif: bytes = b"", quality: int = 90, transfer: int = 1) -> None:
+    """A 10-bit picture, its chroma at full resolution. transfer: its characteristics, of H.273."""
+    pixels = np.rint(encoded * 65535).astype(np.uint16)
+    picture = heif.from_bytes(mode="RGB;16", size=pixels.shape[1::-1], data=pixels.tobytes())
+    codes = {"transfer_characteristics": transfer, "matrix_coefficients": 1}
+    picture.save(str(path), quality=quality, chroma=444, exif=exif or None, **codes)
 
 
 def pair(folder: Path, name: str, settings: CameraSettings, scene: str, seed: int) -> tuple[Path, Path]:
@@ -81,6 +83,14 @@ def test_what_is_none_is_said_in_a_line(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setitem(sys.modules, "pillow_heif", None)
     with pytest.raises(ImageError, match=r"lutforge\[heif\]"):
         read_heif(broken)
+
+
+@pytest.mark.parametrize(("transfer", "name"), [(16, "PQ"), (18, "HLG")])
+def test_a_picture_for_hdr_displays_is_passed_over_and_said_once(tmp_path: Path, transfer: int, name: str) -> None:
+    _, dng = pair(tmp_path, "shot", CameraSettings(exposure_s=1 / 30), "still-life", 1)
+    write_heif(dng.with_suffix(".HIF"), np.full((440, 648, 3), 0.5), transfer=transfer)
+    notes = [note for note in gather_samples([dng]).notes if "HDR" in note]
+    assert len(notes) == 1 and f"passed over: {dng.with_suffix('.HIF')}: encoded for HDR ({name})" in notes[0]
 
 
 def test_a_shot_is_paired_with_its_heif(tmp_path: Path) -> None:

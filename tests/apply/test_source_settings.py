@@ -1,0 +1,48 @@
+"""Which settings a picture is taken for, and what is said where its file says otherwise."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lutforge.apply.source_settings import source_selector
+from lutforge.notes import in_common
+from lutforge.shots.picture_settings import PictureSettings
+from tests.model.profiles_synthetic import small_profile
+
+
+@pytest.mark.parametrize(
+    ("style", "balance", "asked", "told"),
+    [
+        ("vivid", "daylight", "standard/tungsten", "vivid/daylight"),
+        ("standard", "daylight", "standard/tungsten", "standard/daylight"),
+        ("vivid", "daylight", "standard/as-shot", "vivid/daylight"),
+        ("standard", "shade", "standard/tungsten", "standard/shade"),
+        ("standard", "tungsten", "standard/tungsten", ""),
+        ("standard", "tungsten", "standard/1.3,1,2.6", ""),
+        ("unknown", "unknown", "standard/tungsten", ""),
+        ("vivid", "daylight", None, ""),
+    ],
+)
+def test_settings_that_contradict_the_file_are_noted(style: str, balance: str, asked: str | None, told: str) -> None:
+    camera = small_profile()
+    settings = PictureSettings(camera.camera, style, balance, None)
+    given, notes = source_selector(Path("a.jpg"), settings, camera, asked)
+    assert notes == ((f"the file says {told}; it is taken for {given}, as --from says",) if told else ())
+
+
+def test_multipliers_of_the_file_count_as_what_it_says() -> None:
+    camera = small_profile()
+    settings = PictureSettings(camera.camera, "standard", "auto", np.array([1.31, 1.0, 2.58]))
+    assert source_selector(Path("a.jpg"), settings, camera, "standard/tungsten")[1] == ()
+    assert "the file says standard/auto" in source_selector(Path("a.jpg"), settings, camera, "standard/daylight")[1][0]
+
+
+def test_notes_that_files_share_are_one_line() -> None:
+    notes = [
+        (f"IMG_{n}.CRW", f"passed over: shots/IMG_{n}.JPG: does not match, by {n}.5 pixels") for n in range(10, 14)
+    ]
+    assert list(in_common([*notes, ("IMG_10.CRW", "D-Lighting was on"), notes[0]], "shots")) == [
+        f"4 shots, such as IMG_10.CRW: {notes[0][1]}",
+        "IMG_10.CRW: D-Lighting was on",
+    ]
