@@ -20,7 +20,7 @@ from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots.cross_correlation import search
 from lutforge.shots.geometry import Distortion, Placement, Registration
-from lutforge.shots.lucas_kanade import Fit, fringes, moved_to_fit
+from lutforge.shots.lucas_kanade import HOPELESS, Fit, fringes, moved_to_fit
 from lutforge.shots.predicted_colours import explained
 from lutforge.shots.pyramid import RawPyramid, ReducedJpeg
 
@@ -67,8 +67,8 @@ def register_rotated(
             found += [_judged(pyramid, over, place, turn + 2) for place in places]
             break
     found.sort(key=lambda candidate: candidate.explained, reverse=True)
-    if not found or found[0].explained < 0.5 or found[0].start.correlation < 0.3:
-        correlation = max(found[0].start.correlation, 0.0) if found else 0.0
+    if not found or found[0].explained < 0.5 or found[0].fit.place.correlation < HOPELESS:
+        correlation = max(found[0].fit.place.correlation, 0.0) if found else 0.0
         if correlation < MIN_CORRELATION:
             raise ShotError(_NO_MATCH.format(f"correlation {correlation:.2f}, needed {MIN_CORRELATION}"))
         share = f"{max(found[0].explained, 0.0):.0%} of its colours explained, needed 50%"
@@ -78,7 +78,7 @@ def register_rotated(
             "the JPEG lies on the RAW nearly as well at a second place, or turned; register it by another picture: one "
             "with more structure, as the camera wrote it"
         )
-    registration = _with_lens(pyramid, found[0].jpeg, _refined(pyramid, found[0].jpeg, found[0].start))
+    registration = _with_lens(pyramid, found[0], _refined(pyramid, found[0].jpeg, found[0].fit.place).place)
     if not registration.correlation >= MIN_CORRELATION:
         raise ShotError(_NO_MATCH.format(f"correlation {registration.correlation:.2f}, needed {MIN_CORRELATION}"))
     return np.ascontiguousarray(np.rot90(jpeg, found[0].turn)), registration
@@ -93,28 +93,16 @@ def _as_expected(raw: RawImage, pyramid: RawPyramid, jpeg: Codes, expected: Plac
     if (height, width, raw.pixel_size) != expected.raw or jpeg.shape[:2] != expected.jpeg:
         return None
     reduced, start = ReducedJpeg.of(raw, jpeg), expected.registration
+    start = replace(start, distortion=start.distortion or _flat(pyramid))
     level = reduced.coarsest
-    found, over = (_judged(pyramid, one, start, 0) for one in (level, level.upside_down))
+    found, over = (_judged(pyramid, reduced, start, 0, one) for one in (level, level.upside_down))
     if not found.is_clear or 1 - over.explained < 1.5 * (1 - found.explained):
         return None
-    moved = [
-        (found.start.scale / start.scale - 1) * side + (after - before) / start.scale
-        for before, after, length in (
-            (start.offset_x, found.start.offset_x, expected.jpeg[1]),
-            (start.offset_y, found.start.offset_y, expected.jpeg[0]),
-        )
-        for side in (0, length)
-    ]
+    corners = np.array([[0, 0], jpeg.shape[1::-1]])
+    moved = (found.fit.place.straight(corners) - start.straight(corners)) / start.scale
     near = np.abs(moved).max() < level.factor / 2
-    if not near:
-        registration = _with_lens(pyramid, reduced, _refined(pyramid, reduced, replace(found.start, distortion=None)))
-    elif start.distortion is None:
-        registration = _with_lens(pyramid, reduced, _fit(pyramid, reduced, start).place)
-    else:
-        registration = _fit(pyramid, reduced, start).place
-        residual = _fit(pyramid, reduced, registration, 5, 1)
-        if residual.evidence(residual.step[3:], 3) > SIGNIFICANT:  # another focal length
-            registration = _with_lens(pyramid, reduced, replace(registration, distortion=None))
+    fit = _fit(pyramid, reduced, start) if near else _refined(pyramid, reduced, found.fit.place)
+    registration = _with_lens(pyramid, found, fit.place)
     return registration if registration.correlation >= MIN_CORRELATION else None
 
 
@@ -127,58 +115,54 @@ _NO_MATCH = (
 class _Candidate:
     """A place of the reduced, turned JPEG.
 
-    start: by coarse search and refined on a coarse copy; searched: the scale by coarse search; explained: see there.
+    fit: by coarse search and refined on a coarse copy; searched: the scale by coarse search; explained: see there.
     """
 
     jpeg: ReducedJpeg
-    start: Registration
+    fit: Fit
     turn: int
     searched: float
     explained: float
 
     @property
     def is_clear(self) -> bool:
-        return self.start.correlation > 0.55 and self.explained > 0.9
+        return self.fit.place.correlation > 0.55 and self.explained > 0.9
 
 
-def _judged(pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration, turn: int) -> _Candidate:
+def _judged(
+    pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration, turn: int, level: ReducedJpeg | None = None
+) -> _Candidate:
     """A place that the coarse search found, moved to where it fits best on a coarse copy, and how well it does."""
-    level = jpeg.coarsest
-    place = _fit(pyramid, level, start).place
-    scaled = place.reduced(level.factor)
+    level = level or jpeg.coarsest
+    start = replace(start, distortion=start.distortion or _flat(pyramid))
+    fit = _fit(pyramid, level, start)
+    scaled = fit.place.reduced(level.factor)
     raw = pyramid.for_scale(scaled.scale)
     pixels, local = scaled.straightened(raw.pixels, raw.pixel_size, level.weight.shape)
-    return _Candidate(jpeg, place, turn, start.scale, explained(replace(raw, pixels=pixels), level, local))
+    return _Candidate(jpeg, fit, turn, start.scale, explained(replace(raw, pixels=pixels), level, local))
 
 
-def _refined(pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration) -> Registration:
+def _refined(pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration, count: int = 3) -> Fit:
     """Refine on ever finer copies of the JPEG."""
-    found = start
-    for times in range(jpeg.halvings, -1, -1):
-        found = _fit(pyramid, jpeg.halved(times), found).place
-    return found
+    fit = _fit(pyramid, jpeg.coarsest, start, count)
+    for times in range(jpeg.halvings - 1, -1, -1):
+        fit = _fit(pyramid, jpeg.halved(times), fit.place, count)
+    return fit
 
 
-def _with_lens(pyramid: RawPyramid, jpeg: ReducedJpeg, straight: Registration) -> Registration:
+def _with_lens(pyramid: RawPyramid, candidate: _Candidate, place: Registration) -> Registration:
     """Add how the lens bent what the camera straightened, and the fringes that it took away: what is beyond chance.
 
     Both are looked for on the coarsest copy, where chance has never reached the limit.
     """
-    size = np.array(pyramid.finest.pixels.shape[1::-1]) * pyramid.finest.pixel_size
-    flat = Distortion(float(size[0]) / 2, float(size[1]) / 2, float(np.linalg.norm(size)) / 2)
-    place = replace(straight, distortion=flat)
-    fit = _fit(pyramid, jpeg.coarsest, place, 5, 1)
-    bent = fit.evidence(fit.step[3:], 3) > SIGNIFICANT
+    jpeg, flat, bent = candidate.jpeg, _flat(pyramid), candidate.fit.evidence(candidate.fit.step[3:], 3) > SIGNIFICANT
     if bent:
-        for times in range(jpeg.halvings, -1, -1):
-            fit = _fit(pyramid, jpeg.halved(times), fit.place, 5)
+        fit = _refined(pyramid, jpeg, replace(candidate.fit.place, distortion=flat), 5)
         lens = fit.place.distortion or flat
         bent = fit.evidence(np.array([lens.k1, lens.k2]), 3) > SIGNIFICANT
         place = fit.place if bent else place
     larger = _fringes(pyramid, jpeg.coarsest, place)
     coloured = larger.evidence(larger.step[:2], 0) > SIGNIFICANT
-    if not bent and not coloured:
-        return straight
     for _ in range(2 if coloured else 0):
         larger = _fringes(pyramid, jpeg.halved(max(jpeg.halvings - 1, 0)), place)
         lens, (red, blue) = place.distortion or flat, (float(share) for share in larger.step[:2])
@@ -188,7 +172,15 @@ def _with_lens(pyramid: RawPyramid, jpeg: ReducedJpeg, straight: Registration) -
         lens = fit.place.distortion or flat
         if fit.evidence(np.array([lens.x - flat.x, lens.y - flat.y]), 5) > SIGNIFICANT:
             return fit.place
-    return _fit(pyramid, jpeg, place, 5 if bent else 3).place
+    if bent or coloured:
+        return _fit(pyramid, jpeg, place, 5 if bent else 3).place
+    return replace(place, distortion=None) if place.distortion == flat else place
+
+
+def _flat(pyramid: RawPyramid) -> Distortion:
+    """No distortion, about the middle of the RAW."""
+    size = np.array(pyramid.finest.pixels.shape[1::-1]) * pyramid.finest.pixel_size
+    return Distortion(float(size[0]) / 2, float(size[1]) / 2, float(np.linalg.norm(size)) / 2)
 
 
 def _fringes(pyramid: RawPyramid, level: ReducedJpeg, place: Registration) -> Fit:
@@ -197,8 +189,8 @@ def _fringes(pyramid: RawPyramid, level: ReducedJpeg, place: Registration) -> Fi
     return fringes(pyramid.for_scale(scaled.scale), level, scaled)
 
 
-def _fit(pyramid: RawPyramid, level: ReducedJpeg, start: Registration, count: int = 3, steps: int = 8) -> Fit:
+def _fit(pyramid: RawPyramid, level: ReducedJpeg, start: Registration, count: int = 3) -> Fit:
     """Move a place to where it fits best on one copy of the JPEG; in coordinates of the whole JPEG, as `start`."""
     scaled = start.reduced(level.factor)
-    fit = moved_to_fit(pyramid.for_scale(scaled.scale), level, scaled, count, steps)
+    fit = moved_to_fit(pyramid.for_scale(scaled.scale), level, scaled, count)
     return replace(fit, place=fit.place.reduced(1 / level.factor))

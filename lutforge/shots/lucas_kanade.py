@@ -14,10 +14,13 @@ from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.shots.area_means import on_jpeg_pixels
 from lutforge.shots.geometry import Registration
 from lutforge.shots.local_structure import DEVIATION, blurred, share, structure
-from lutforge.shots.predicted_colours import least_squares, predicted_luma, quadratic_terms
+from lutforge.shots.predicted_colours import ENOUGH, least_squares, predicted_luma, quadratic_terms
 from lutforge.shots.pyramid import RawLevel, ReducedJpeg
 
-BLOCKS = 64
+HOPELESS = 0.3
+"""A place that correlates less after three steps is none to be near of: where the JPEG lies, two steps suffice."""
+
+BLOCKS = 32
 """Blocks along the longer side, over which gradients are summed up: a displacement is the same all over one."""
 
 PARTS = 6
@@ -41,10 +44,11 @@ class Fit:
         return float(values @ np.linalg.solve(self.covariance[first : first + 2, first : first + 2], values))
 
 
-def moved_to_fit(raw: RawLevel, jpeg: ReducedJpeg, start: Registration, count: int = 3, steps: int = 8) -> Fit:
+def moved_to_fit(raw: RawLevel, jpeg: ReducedJpeg, start: Registration, count: int = 3) -> Fit:
     """Move to the place near `start` where the structures of RAW and JPEG agree best; in the JPEG's coordinates.
 
-    count: how many parameters of `Registration.moved` are fitted: 3, 5 or 7.
+    start: with a distortion; count: how many parameters of `Registration.moved` are fitted: 3, 5 or 7. The step and the
+    covariance that are returned are of five or seven: of k1 and k2 as they would be, were they fitted.
     """
     weight, place = jpeg.weight, start
     middle = raw.pixel_size * np.array(raw.pixels.shape[1::-1]) / 2
@@ -55,8 +59,11 @@ def moved_to_fit(raw: RawLevel, jpeg: ReducedJpeg, start: Registration, count: i
     centres = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
     part = (PARTS * centres / weight.shape[::-1]).astype(int) @ (1, PARTS)
     parts = (np.arange(PARTS**2)[:, None] == part).astype(np.float64)
-    step, covariance = np.zeros(count), np.zeros((count, count))
-    for index in range(steps):
+    lens = place.distortion
+    assert lens is not None
+    size = max(count, 5)
+    spread = np.array([0.3, 0.3, 0.02 * lens.radius, 0.02 * lens.radius])[: size - 3]
+    for index in range(8):
         if index == 0 or count > 3:
             pixels, local = place.straightened(raw.pixels, raw.pixel_size, weight.shape)
             luma = predicted_luma(replace(raw, pixels=pixels), jpeg, local)
@@ -73,23 +80,22 @@ def moved_to_fit(raw: RawLevel, jpeg: ReducedJpeg, start: Registration, count: i
         sums = np.zeros((len(down), len(across), 5))
         wanted = np.float32(product / (own + 1e-12)) * target
         _add_products(moving, wanted, within if inside else _eroded(mask), block, sums)
-        shifts = place.shifts(centres, count)
+        shifts = place.shifts(centres, size)
         gradients = sums[..., [0, 1, 1, 2]].reshape(-1, 2, 2) @ shifts
-        normal = parts @ (shifts.swapaxes(1, 2) @ gradients).reshape(-1, count * count)
+        normal = (parts @ (shifts.swapaxes(1, 2) @ gradients).reshape(-1, size * size)).reshape(-1, size, size)
         pull = parts @ (shifts.swapaxes(1, 2) @ sums[..., 3:].reshape(-1, 2, 1))[..., 0]
-        prior, away = np.zeros(count), np.zeros(count)
-        if count > 3 and (lens := place.distortion) is not None:
-            variance = DEVIATION**2 * float(np.square((moving - wanted) * mask).sum()) / (float(mask.sum()) + 1e-12)
-            prior[3:] = variance / np.square([0.3, 0.3, 0.02 * lens.radius, 0.02 * lens.radius])[: count - 3]
-            away[3:] = np.array([lens.k1, lens.k2, lens.x - middle[0], lens.y - middle[1]])[: count - 3]
-        step, covariance = _solved(normal.reshape(-1, count, count), pull, prior, prior * away)
-        change = np.abs(shifts @ step).max()
+        variance = DEVIATION**2 * float(np.square((moving - wanted) * mask).sum()) / (float(mask.sum()) + 1e-12)
+        prior = np.concatenate([np.zeros(3), variance / spread**2])
+        lens = place.distortion or lens
+        away = np.array([0.0, 0.0, 0.0, lens.k1, lens.k2, lens.x - middle[0], lens.y - middle[1]])[:size]
+        step, covariance = _solved(normal[:, :count, :count], pull[:, :count], prior[:count], (prior * away)[:count])
+        change = np.abs(shifts[..., :count] @ step).max()
         if not np.isfinite(change) or change > 12:
             break
         place = place.moved(step)
-        if change < 2e-3:
+        if change < 2e-3 or (index > 1 and place.correlation < HOPELESS):
             break
-    return Fit(place, step, covariance)
+    return Fit(place, *(_solved(normal, pull, prior, prior * away) if count < size else (step, covariance)))
 
 
 def fringes(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> Fit:
@@ -101,39 +107,38 @@ def fringes(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> Fit:
     assert lens is not None
     pixels, local = place.straightened(raw.pixels, raw.pixel_size, shape)
     roots = np.sqrt(np.maximum(pixels, 0) * raw.gains)
-    planes, cover = zip(
-        *(on_jpeg_pixels(roots[..., channel], raw.pixel_size, local, shape) for channel in range(3)), strict=True
-    )
-    r, g, b = planes
-    mask = (jpeg.weight * cover[0]).ravel()
-    some = np.flatnonzero(mask > 0.5)[:: max(1, int((mask > 0.5).sum()) // 20_000)]
-    terms = np.stack(list(quadratic_terms(r, g, b)), axis=-1)
-    weights = least_squares(
-        terms.reshape(-1, 10)[some].astype(np.float64), jpeg.codes.reshape(-1, 3)[some].astype(np.float64)
-    ).astype(np.float32)
-    predicted = terms @ weights
-    by_red = weights[1] + 2 * r[..., None] * weights[4] + g[..., None] * weights[7] + b[..., None] * weights[9]
-    by_blue = weights[3] + 2 * b[..., None] * weights[6] + g[..., None] * weights[8] + r[..., None] * weights[9]
+    under = [
+        on_jpeg_pixels(np.ascontiguousarray(root), raw.pixel_size, local, shape) for root in np.moveaxis(roots, -1, 0)
+    ]
+    planes, mask = np.stack([plane for plane, _ in under]), jpeg.weight * under[0][1]
+    codes = np.ascontiguousarray(np.moveaxis(jpeg.codes, -1, 0))
+    some = np.flatnonzero(mask.ravel() > 0.5)
+    some = some[:: max(1, len(some) // ENOUGH)]
+
+    def terms(channels: Single) -> Single:
+        return np.stack(list(quadratic_terms(*channels.reshape(3, -1))))
+
+    known = terms(planes)
+    weights = least_squares(known[:, some].T.astype(np.float64), codes.reshape(3, -1)[:, some].T.astype(np.float64))
+    weights = weights.T.astype(np.float32)
+    predicted = (weights @ known).reshape(codes.shape)
     y, x = (np.arange(side, dtype=np.float32) + 0.5 for side in shape)
     x, y = x - (lens.x - place.offset_x) / place.scale, y[:, None] - (lens.y - place.offset_y) / place.scale
-    down, across = np.gradient(predicted, axis=(0, 1))
-    moves = [
-        slope * (np.gradient(plane, axis=1) * x + np.gradient(plane, axis=0) * y)[..., None]
-        for slope, plane in ((by_red, r), (by_blue, b))
-    ]
-    columns = np.stack([*moves, across * x[..., None] + down * y[..., None], across, down], axis=-1)
-    residual = jpeg.codes - predicted
-    near = share(mask.reshape(shape))
-    for channel in range(3):
-        residual[..., channel] -= blurred(residual[..., channel] * mask.reshape(shape)) / near
-    columns *= mask.reshape(shape)[..., None, None]
-    normal, pull = [], []
-    for rows in np.array_split(np.arange(shape[0]), PARTS):
-        for some in np.array_split(np.arange(shape[1]), PARTS):
-            own = columns[np.ix_(rows, some)].reshape(-1, 5).astype(np.float64)
-            normal.append(own.T @ own)
-            pull.append(own.T @ residual[np.ix_(rows, some)].ravel())
-    return Fit(place, *_solved(np.stack(normal), np.stack(pull), np.zeros(5), np.zeros(5)))
+    (down, across), (falling, rising) = (np.gradient(planes, axis=(1, 2)) for planes in (planes, predicted))
+    small, larger = np.float32(1e-3), across * x + down * y
+    moves = []
+    for channel in (0, 2):
+        moved = planes.copy()
+        moved[channel] += small * larger[channel]
+        moves.append((weights @ terms(moved)).reshape(codes.shape) / small - predicted / small)
+    residual, near = codes - predicted, share(mask)
+    residual -= np.stack([blurred(plane * mask) / near for plane in residual])
+    columns = np.stack([*moves, rising * x + falling * y, rising, falling, residual]) * mask
+    tall, wide = (side // PARTS for side in shape)
+    blocks = columns[..., : PARTS * tall, : PARTS * wide].reshape(6, 3, PARTS, tall, PARTS, wide)
+    each = blocks.transpose(2, 4, 0, 1, 3, 5).reshape(PARTS**2, 6, -1)
+    products = (each @ each.swapaxes(1, 2)).astype(np.float64)
+    return Fit(place, *_solved(products[:, :5, :5], products[:, :5, 5], np.zeros(5), np.zeros(5)))
 
 
 def _solved(normal: Array, pull: Array, prior: Array, drawn: Array) -> tuple[Array, Array]:

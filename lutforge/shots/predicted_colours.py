@@ -14,6 +14,9 @@ from lutforge.shots.compressed_raw import means_of_roots, quadratic
 from lutforge.shots.geometry import Registration
 from lutforge.shots.pyramid import RawLevel, ReducedJpeg
 
+ENOUGH = 8_000
+"""Pixels, about, that tell the ten weights of the quadratic."""
+
 
 def explained(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> float:
     """Share of the variance of the JPEG's colours that a quadratic of the RAW's channels explains at a place.
@@ -37,10 +40,10 @@ def predicted_luma(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> Sin
 
 
 def _terms_at(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[Array, Index]:
-    """The quadratic terms (n, 10) of the RAW under some 20,000 of the JPEG's pixels, and which these are (n,)."""
+    """The quadratic terms (n, 10) of the RAW under about ENOUGH of the JPEG's pixels, and which these are (n,)."""
     borders, covers = cells_of_jpeg(place, jpeg.weight.shape, raw.pixels.shape, raw.pixel_size)
     use = np.flatnonzero((jpeg.weight * covers).ravel() > 0.5)
-    use = use[:: max(1, len(use) // 20_000)]
+    use = use[:: max(1, len(use) // ENOUGH)]
     return np.stack([*quadratic_terms(*means_of_roots(raw.pixels, raw.gains, *borders, use).T)], axis=1), use
 
 
