@@ -60,11 +60,12 @@ class Flatness:
 
 
 def cell_size(registration: Registration) -> int:
-    """Side of a cell in JPEG pixels: the fewest whole DCT blocks of 8 that span 16 full-resolution RAW pixels.
+    """Side of a cell in JPEG pixels: the fewest whole DCT blocks of 8 that span about 16 full-resolution RAW pixels.
 
-    The mean of whole blocks hardly changes by compression; 64 Bayer blocks have an eighth of a pixel's noise.
+    The mean of whole blocks hardly changes by compression; 64 Bayer blocks have an eighth of a pixel's noise. Two less
+    will do: trimmed borders and a lens that draws cushions take some, and larger cells are seldom of one colour.
     """
-    return 8 * max(1, math.ceil(16 / (8 * registration.scale) - 0.05))
+    return 8 * max(1, math.ceil(14 / (8 * registration.scale)))
 
 
 def jpeg_cells(jpeg: Codes | NDArray[np.uint16], cell: int, hot: bool = False) -> JpegCells:

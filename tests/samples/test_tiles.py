@@ -31,7 +31,9 @@ def levels(raw: Array, jpeg: NDArray[np.uint8]) -> NDArray[np.intp]:
     return flatness(cells, raw_cells(raw), np.ones(3), usable).level
 
 
-@pytest.mark.parametrize(("scale", "cell"), [(3.55, 8), (2.0, 8), (1.99, 8), (1.5, 16), (1.0, 16), (0.5, 32), (14, 8)])
+@pytest.mark.parametrize(
+    ("scale", "cell"), [(3.55, 8), (2.0, 8), (1.99, 8), (1.5, 16), (1.0, 16), (0.95, 16), (0.5, 32), (14, 8)]
+)
 def test_cell_size_spans_enough_raw_pixels(scale: float, cell: int) -> None:
     assert cell_size(Registration(scale, 0, 0, 1)) == cell
 
