@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge import __version__
-from lutforge.errors import ConfigError, LutError
+from lutforge.errors import ConfigError, LutError, LutForgeError
+from lutforge.guarded import guarded
 from lutforge.interpolation import Interpolation
 from lutforge.luts.input_and_output import ENCODED, read_input_and_output
 from lutforge.luts.processor import OCIO_ERRORS, of_codes
@@ -163,7 +164,7 @@ class ConfigRecipe(_OneForAll):
 
     @cached_property
     def _grade(self) -> Grade:
-        from lutforge.ocio.check import load_config  # a LUT does without what is known of configs
+        from lutforge.ocio.check import converts, load_config  # a LUT does without what is known of configs
 
         config = load_config(self.path)
         known = ", ".join(config.getColorSpaceNames())
@@ -172,6 +173,10 @@ class ConfigRecipe(_OneForAll):
         for name in (self.source, self.target):
             if config.getColorSpace(name) is None:
                 raise ConfigError(f'{self.path}: no colour space "{name}"; it has {known}')
+        try:
+            guarded(converts, str(self.path), self.source, self.target)
+        except LutForgeError as error:
+            raise ConfigError(f"{self.path}: {' '.join(str(error).split())}") from error
         try:
             processor = config.getProcessor(self.source, self.target)
             floats = processor.getDefaultCPUProcessor()

@@ -82,7 +82,7 @@ def read_journal(folder: Path) -> Mapping[str, Record]:
             entry = json.loads(line)
             record = Record(entry["recipe"], FileIdentity(**entry["source"]), FileIdentity(**entry["output"]))
             records[record.output.path] = record
-        except (ValueError, TypeError, KeyError):
+        except (ValueError, TypeError, KeyError, RecursionError):
             continue
     return records
 

@@ -9,7 +9,7 @@ import PIL.Image
 
 from lutforge.arrays import Pixels
 from lutforge.atomic_write import scratch_folder
-from lutforge.boundary import MAX_SAMPLES, require_file
+from lutforge.boundary import MAX_SAMPLES, reading, require_file
 from lutforge.errors import ImageError, one_line
 from lutforge.images.heif import Heif, is_heif, read_heif
 
@@ -64,6 +64,10 @@ class ImageReader:
         require_file(path, "an image", ImageError)
         if is_heif(path):
             raise ImageError(f"{path}: HEIF pictures are not read in regions; convert it to TIFF or JPEG")
+        with reading(path, "an image", ImageError):
+            self._open(path)
+
+    def _open(self, path: Path) -> None:
         config = oiio.ImageSpec()
         config.attribute("oiio:UnassociatedAlpha", 1)
         source = oiio.ImageInput.open(str(path), config)

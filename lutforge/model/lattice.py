@@ -33,7 +33,7 @@ class Lattice:
         if self.values.shape != shape:
             raise ProfileError(f"lattice: values have shape {self.values.shape}, the node levels ask for {shape}")
         for name, axis in zip("RGB", self.levels, strict=True):
-            if len(axis) < 2 or not np.all(np.isfinite(axis)) or not np.all(np.diff(axis) > 0):
+            if axis.ndim != 1 or len(axis) < 2 or not np.all(np.isfinite(axis)) or not np.all(np.diff(axis) > 0):
                 raise ProfileError(f"lattice: the {name} node levels are not strictly increasing numbers")
         if not np.all(np.isfinite(self.values)):
             raise ProfileError("lattice: a node value is not a finite number")

@@ -16,15 +16,27 @@ from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 
 
+def _is_invertible(matrix: Array) -> bool:
+    """True of 3 × 3 finite numbers whose inverse is no nonsense."""
+    return matrix.shape == (3, 3) and bool(np.all(np.isfinite(matrix))) and bool(np.linalg.cond(matrix) < 1e6)
+
+
 @dataclass(frozen=True, eq=False)
 class PhysicalModel:
-    """I = f(h(Ts Tw E)) for some white balances of a style (4.1). matrix: Ts (3, 3), for multipliers with green = 1."""
+    """I = f(h(Ts Tw E)) for some white balances of a style (4.1). matrix: Ts (3, 3), for multipliers with green = 1.
+
+    Raises ProfileError where the matrix cannot be inverted.
+    """
 
     white_balances: tuple[str, ...]
     matrix: Array
     response: Response
     gamut_map: GamutMap
     inverse_gamut_map: GamutMap
+
+    def __post_init__(self) -> None:
+        if not _is_invertible(self.matrix):
+            raise ProfileError("a physical model's matrix is not 3 × 3 numbers that can be inverted")
 
     def render(self, balanced: Array) -> Array:
         """Tw E (…, 3) → I (…, 3) in [0, 1]."""
@@ -134,7 +146,5 @@ class ProfileData:
         transfer = self.raw_transfer
         if (transfer is None) != (self.raw_camera == ""):
             raise ProfileError(f"{self.camera}: a reference camera and the matrix from its RAW belong together")
-        if transfer is not None and not (
-            transfer.shape == (3, 3) and np.all(np.isfinite(transfer)) and np.linalg.cond(transfer) < 1e6
-        ):
+        if transfer is not None and not _is_invertible(transfer):
             raise ProfileError(f"{self.camera}: the matrix from the reference camera's RAW cannot be inverted")

@@ -30,6 +30,12 @@ FORMAT_VERSION = 7
 """The one version that is read: profiles are quickly calibrated again."""
 
 
+MOST_VALUES = {1: 1 << 16, 2: 3 << 16, 3: 129**3, 4: 3 * 129**3}
+"""Numbers of an array by its dimensions: a level axis; a table or centres, 65,536 rows; coverage and values of 129³."""
+MOST_CENTRES = 20_000
+"""Centres of a gamut map: a fit takes 4,000, and each costs time at every node that is baked."""
+
+
 def save_profile(profile: ProfileData, path: str | Path) -> None:
     """Write a profile (.npz). The same profile gives the same bytes. Atomic."""
     arrays: dict[str, Array] = {}
@@ -169,7 +175,7 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> Array:
     if entry not in archive.namelist():
         raise ProfileError(f"damaged profile, the array {name} is missing")
     size = archive.getinfo(entry).file_size
-    if size > 512 << 20:  # a 129³ lattice takes 52 MB
+    if size > 8 * MOST_VALUES[4] + 4096:
         raise ProfileError(f"refused, the array {name} unpacks to {size} bytes")
     with archive.open(entry) as stream:
         if npy.read_magic(stream) != (1, 0):
@@ -177,6 +183,9 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> Array:
         shape, _, dtype = npy.read_array_header_1_0(stream)
         if dtype != np.float64 or math.prod(shape) * 8 > size:
             raise ProfileError(f"damaged profile, the array {name} is not float64 of its stated shape")
+        rows = MOST_CENTRES if name.endswith("_centres") else MOST_VALUES[1]
+        if math.prod(shape) > MOST_VALUES.get(len(shape), 0) or (len(shape) == 2 and shape[0] > rows):
+            raise ProfileError(f"refused, the array {name} of shape {shape} is larger than any profile's")
     with archive.open(entry) as stream:
         return np.asarray(npy.read_array(stream, allow_pickle=False))
 
@@ -228,7 +237,7 @@ def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) ->
         )
         matrix = np.array(model["matrix"], dtype=np.float64)
         response = Response(array(f"{base}_response"))
-        physical.append(PhysicalModel(tuple(model["white_balances"]), matrix, response, forward, back))
+        physical.append(PhysicalModel(tuple(map(str, model["white_balances"])), matrix, response, forward, back))
     errors = {str(name): float(value) for name, value in entry["errors"].items()}
     return PictureStyle(lattices.get("render"), lattices.get("linearize"), tuple(physical), errors, coverage, expected)
 

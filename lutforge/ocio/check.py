@@ -77,6 +77,11 @@ def load_config(path: str | Path) -> OCIO.Config:
             raise ConfigError(f"{path}: OpenColorIO cannot read it: {error}") from error
 
 
+def converts(path: str, source: str, target: str) -> None:
+    """Make the processor between two colour spaces of a config, for `guarded`: a LUT that it names may never end."""
+    OCIO.Config.CreateFromFile(path).getProcessor(source, target).getDefaultCPUProcessor()
+
+
 def check_config(config: OCIO.Config) -> list[Finding]:
     """What ociocheck checks and more; an empty list is a sound config.
 

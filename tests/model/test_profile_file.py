@@ -259,3 +259,37 @@ def test_a_header_that_numpy_will_not_read_is_refused_in_one_line(saved: Path) -
     header = b"\x93NUMPY\x01\x00\xff\xff" + b"(" * 65534 + b"\n"
     _rewrite(saved, {"style0_render_values.npy": header})
     assert "\n" not in _refused(saved)
+
+
+@pytest.mark.parametrize(
+    ("name", "array"),
+    [
+        ("style0_physical0_gamut_map_centres", np.zeros((20_001, 3))),
+        ("style0_render_levels_r", np.linspace(0.0, 1.0, 70_000)),
+        ("style0_render_coverage", np.zeros((300, 300, 300))),
+        ("style0_physical0_response", np.zeros((2, 2, 2, 2, 2))),
+    ],
+)
+def test_arrays_beyond_their_kind_are_refused_by_their_header(saved: Path, name: str, array: np.ndarray) -> None:
+    _rewrite(saved, {f"{name}.npy": _npy(array)[:4096]})
+    message = _refused(saved)
+    assert name in message
+    _rewrite(saved, {f"{name}.npy": _npy(array)})
+    assert f"refused, the array {name}" in _refused(saved)
+
+
+def test_shapes_that_no_profile_has_are_refused(saved: Path) -> None:
+    whole = saved.read_bytes()
+    for channel in "rgb":
+        _rewrite(saved, {f"style0_render_levels_{channel}.npy": _npy(np.linspace(0.0, 1.0, 5)[:, None])})
+    assert "node levels" in _refused(saved)
+    saved.write_bytes(whole)
+    with zipfile.ZipFile(saved) as archive:
+        document = json.loads(archive.read("profile.json"))
+    model = document["styles"]["standard"]["physical"][0]
+    model["matrix"] = [[1.0, 0.0], [0.0, 1.0]]
+    _rewrite(saved, {"profile.json": json.dumps(document).encode()})
+    assert "matrix" in _refused(saved)
+    model["matrix"], model["white_balances"] = np.eye(3).tolist(), [["daylight"], 3]
+    _rewrite(saved, {"profile.json": json.dumps(document).encode()})
+    assert all(isinstance(name, str) for name in load_profile(saved).styles["standard"].physical[0].white_balances)
