@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from threading import RLock
 from typing import Any
 
@@ -52,6 +53,8 @@ def end_all() -> None:
     _beginning.acquire()
     for process in tuple(_running):
         _end(process)
+        with suppress(subprocess.TimeoutExpired):  # the system may take a moment to end it
+            process.wait(1.0)
 
 
 def _end(process: "subprocess.Popen[Any]") -> None:

@@ -1,6 +1,6 @@
 """The samples that a style is fitted to: unclipped, and balanced by the multipliers of their setting."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -45,11 +45,17 @@ class StyleData:
 
     @cached_property
     def base(self) -> MatrixAndResponse:
-        """The matrix that suits all colours, and the response. Raises CalibrationError."""
+        """The matrix that suits all colours, and the response. Raises CalibrationError.
+
+        A black-and-white style has no matrix of its own: the fitted one takes all colours to one brightness, behind
+        which no gamut map could tell them apart.
+        """
         if self.given is not None:
             return self.given
         unsaturated = fit_matrix_and_response(self.balanced, self.encoded)
         smooth = MatrixAndResponse(unsaturated.matrix, smooth_response(unsaturated.response))
+        if self.monochrome:
+            return replace(smooth, matrix=np.eye(3))
         return with_matrix_of_all(smooth, self.balanced, self.encoded)
 
     @cached_property

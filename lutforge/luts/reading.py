@@ -334,5 +334,6 @@ def _reason(message: str, link: str, path: Path) -> str:
         return "its lines end in carriage returns alone, which OpenColorIO does not read; save it with line feeds"
     said = message.replace(link, path.name).split("failed with: ")[-1].split("All formats")[0]
     if "could not be loaded" in said:
-        return f"it is not a {path.suffix.lower()} file that OpenColorIO can read"
+        suffix = path.suffix.lower()
+        return f"it is not a {suffix} file that OpenColorIO can read; `lutforge check` shows which programs do"
     return f"OpenColorIO cannot read it: {one_line(said, 200)}"
