@@ -69,10 +69,13 @@ def source_selector(
         return Selector(style, "auto"), (text,)
     if not needed:
         return Selector(style, next(iter(camera.white_balances))), ()
-    told = f'its white balance is "{settings.white_balance}"'
+    told = "the file does not tell its white balance"
+    if settings.white_balance != "unknown":
+        told = (
+            f'its white balance is "{settings.white_balance}", and the file does not tell which multipliers that were'
+        )
     raise SettingsError(
-        f"{path}: {told if settings.white_balance != 'unknown' else 'the file does not tell its white balance'}, "
-        f"without multipliers; name it with --from, of {camera.camera} "
+        f"{path}: {told}; put its RAW file beside it, name it with --from, of {camera.camera} "
         f"{' or '.join(f'{style}/{name}' for name in sorted(camera.white_balances))}, "
         f"or find it with --candidates sheet.jpg"
     )

@@ -24,9 +24,9 @@ def start() -> None:
 def _stop(number: int, frame: FrameType | None) -> None:
     """End this process by the signal that it got, so that a shell knows; threads are not waited for."""
     end_all()
-    discard_unfinished()
     if sys.stderr is not None:
         clear = "\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else ""  # a bar hides the cursor
         os.write(sys.stderr.fileno(), f"{clear}lutforge: stopped\n".encode())
     signal.signal(number, signal.SIG_DFL)
+    discard_unfinished()  # last of all: a thread that is still at work would make its file anew
     signal.raise_signal(number)

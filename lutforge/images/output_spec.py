@@ -62,7 +62,7 @@ def describe_output(
         else:
             result[name] = value
     for name in ("DateTime", "Exif:DateTimeOriginal", "Exif:DateTimeDigitized"):
-        if date := result.get_string_attribute(name):
+        if (date := result.get_string_attribute(name)) != exif_date(date):
             result.attribute(name, exif_date(date))
     if quality is not None and format_of(path) == "jpeg":
         result.attribute("compression", f"jpeg:{quality}")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lutforge.apply.source_settings import source_selector
+from lutforge.errors import SettingsError
 from lutforge.notes import in_common
 from lutforge.shots.picture_settings import PictureSettings
 from tests.model.profiles_synthetic import small_profile
@@ -46,3 +47,13 @@ def test_notes_that_files_share_are_one_line() -> None:
         f"4 shots, such as IMG_10.CRW: {notes[0][1]}",
         "IMG_10.CRW: D-Lighting was on",
     ]
+
+
+def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do() -> None:
+    camera = small_profile()
+    settings = PictureSettings(camera.camera, "standard", "auto", None)
+    wanted = (
+        r'a\.jpg: its white balance is "auto", and .* multipliers .*; put its RAW file beside it, name it with --from'
+    )
+    with pytest.raises(SettingsError, match=wanted):
+        source_selector(Path("a.jpg"), settings, camera, None)

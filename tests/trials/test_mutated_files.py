@@ -16,9 +16,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 
 import lutforge as lf
+from lutforge.apply.grade import LutRecipe
+from lutforge.apply.image import apply_image
 from lutforge.boundary import silent_stderr
 from lutforge.errors import LutError, LutForgeError
 from lutforge.images.raw import read_raw
@@ -59,11 +62,27 @@ def _dctl(path: Path) -> None:
     check_lut(path)
 
 
+def _graded(path: Path) -> None:
+    """As `apply` does with a LUT."""
+    lut, target = path.with_name("grade.cube"), path.with_name(f"graded{path.suffix}")
+    if not lut.exists():
+        Lut((Cube(grid(uniform_levels(3)) ** 0.9),)).write(lut)
+    recipe = LutRecipe(lut)
+    apply_image(recipe.grade(path), path, target, workers=1)
+
+
+def _rendered(path: Path) -> None:
+    """A profile, and what it makes of colours."""
+    profile = load_profile(path)
+    first = next(iter(profile.styles)), next(iter(profile.white_balances))
+    lf.bake(profile.render("/".join(first)), size=9, form="plain")
+
+
 READERS: Mapping[str, Callable[[Path], object]] = {
-    ".dng": _shot, ".jpg": inspect, ".ocio": _config, ".ocioz": _config, ".npz": load_profile, ".csv": read_samples,
+    ".dng": _shot, ".jpg": inspect, ".ocio": _config, ".ocioz": _config, ".npz": _rendered, ".csv": read_samples,
     ".table.npz": read_samples, ".cube": check_lut, ".clf": check_lut, ".csp": check_lut, ".3dl": check_lut,
     ".dctl": _dctl, ".vlt": check_lut, ".spi1d": check_lut, ".spi3d": check_lut,
-    ".dcp": inspect,
+    ".dcp": inspect, ".exr": _graded, ".tif": _graded, ".png": _graded, ".graded.jpg": _graded,
 }  # fmt: skip
 
 
@@ -93,6 +112,12 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     found |= {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".cube", ".clf", ".3dl", ".dctl", ".vlt")}
     found |= {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".spi1d", ".spi3d", ".dcp")}
     found |= {".jpg": (folder / "picture.jpg").read_bytes(), ".ocio": (folder / "config" / "config.ocio").read_bytes()}
+    for suffix in (".exr", ".tif", ".png"):
+        picture = oiio.ImageBuf(np.random.default_rng(2).random((24, 32, 3), dtype=np.float32))
+        picture.specmod().attribute("Artist", "somebody")
+        picture.write(str(folder / f"a{suffix}"), "half" if suffix == ".exr" else "uint8")
+        found[suffix] = (folder / f"a{suffix}").read_bytes()
+    found[".graded.jpg"] = found[".jpg"]
     return found | {".csv": rows.encode(), ".table.npz": S40.read_bytes()}
 
 
