@@ -10,6 +10,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge import child_processes
 from lutforge.arrays import Array
@@ -19,7 +20,8 @@ from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of
 from lutforge.calibration.physical.unsaturated import BETA
 from lutforge.errors import CalibrationError, ShotError
 from lutforge.images.development import run_command
-from lutforge.images.read import read_image
+from lutforge.images.read import Image, read_image
+from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.response_profile import profile_of_response
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
@@ -30,6 +32,9 @@ from lutforge.shots.metadata import UNKNOWN
 from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".avi", ".mxf", ".mts", ".m2ts", ".webm"})
+
+FRAMES = 8
+"""Frames of a film that are averaged for an exposure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +205,10 @@ def _pictures(path: Path) -> list[Path]:
 
 
 def _frames(film: Path, count: int, folder: Path) -> list[Path]:
-    """The middle frame of each of `count` equal parts of a film, by ffmpeg, as PNG."""
+    """The mean of FRAMES frames, by ffmpeg, of the steady half in the middle of each of `count` equal parts of a film.
+
+    Written in 16 bits: it has a third of the noise of one frame, and its levels lie between 8-bit codes.
+    """
     if count < 2:
         raise CalibrationError(f"{film}: a film states no exposures; give those of its equal parts, in order (--times)")
     probe = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0", str(film)]
@@ -211,9 +219,16 @@ def _frames(film: Path, count: int, folder: Path) -> list[Path]:
         raise ShotError("ffprobe, which comes with ffmpeg, cannot be run: install ffmpeg, or give frames") from None
     except ValueError:
         raise ShotError(f"{film}: ffmpeg cannot read it ({' '.join(told.stderr.split())[-120:]})") from None
-    frames = [folder / f"{film.stem}_{part + 1:03d}.png" for part in range(count)]
-    for part, frame in enumerate(frames):
-        at = f"{seconds * (part + 0.5) / count:.3f}"
-        take = ["-ss", at, "-i", str(film), "-frames:v", "1", "-y", str(frame)]
-        run_command(["ffmpeg", "-v", "error", "-nostdin", *take], "ffmpeg", film, frame)
-    return frames
+    half = seconds / count / 2
+    pictures = [folder / f"{film.stem}_{part + 1:03d}.tif" for part in range(count)]
+    for part, picture in enumerate(pictures):
+        frames = [folder / f"{number}.ppm" for number in range(1, FRAMES + 1)]
+        take = ["-ss", f"{half * (2 * part + 0.5):.3f}", "-t", f"{half:.3f}", "-i", str(film)]
+        even = ["-vf", f"fps={FRAMES / half:.6f},tpad=stop=-1:stop_mode=clone", "-frames:v", str(FRAMES)]
+        command = ["ffmpeg", "-v", "error", "-nostdin", *take, *even, "-y", str(folder / "%d.ppm")]
+        run_command(command, "ffmpeg", film, frames[-1])
+        mean = np.mean([read_image(frame).pixels for frame in frames], axis=0)
+        write_image(picture, mean, Image(picture, oiio.ImageSpec(mean.shape[1], mean.shape[0], 3, "uint16")))
+        for frame in frames:
+            frame.unlink()
+    return pictures
