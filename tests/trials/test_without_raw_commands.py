@@ -1,4 +1,4 @@
-"""Every command of the guide's page on cameras without RAW, one after the other, as it is written."""
+"""Every command of the guide's pages on cameras without RAW and on drones, one after the other, as it is written."""
 
 import re
 import shutil
@@ -17,8 +17,8 @@ from tests.calibration.charts_simulated import photograph_chart
 from tests.test_documentation import ROOT
 from tests.trials.test_readme_commands import run
 
-PAGE = (ROOT / "examples" / "guide" / "without_raw.md").read_text(encoding="utf-8")
-LINES = re.findall(r"^ {4}(lutforge .*)", PAGE, re.MULTILINE)
+PAGES = [(ROOT / "examples" / "guide" / name).read_text(encoding="utf-8") for name in ("without_raw.md", "drones.md")]
+LINES = re.findall(r"^ {4}(lutforge .*)", "\n".join(PAGES), re.MULTILINE)
 
 
 @pytest.fixture(scope="module")
