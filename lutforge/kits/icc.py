@@ -16,7 +16,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading, require_file
-from lutforge.colour.rgb_spaces import D50, icc_file, icc_xyz, rgb_space, to_xyz_d50
+from lutforge.colour.rgb_spaces import D50, icc_file, icc_xyz, rgb_space, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
 from lutforge.kits.kit import Look
 from lutforge.luts.axes import fit_axes, measure_lines
@@ -79,17 +79,20 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
 
 
 def scene_linear(look: Look) -> Callable[[Array], Array]:
-    """The look without its response, which is what it makes of greys: balanced camera RGB (…, 3) → linear sRGB."""
+    """The look without its tone curve: balanced camera RGB (…, 3) → linear sRGB.
+
+    The tone curve is the luminance that it gives greys, one for all channels, so that a cast of its greys stays.
+    """
     grey = np.linspace(0.0, 1.0, 4 * ENTRIES) ** GAMMA
-    tones = np.maximum.accumulate(look.render(np.repeat(grey[:, None], 3, axis=1)), axis=0)
-    rising = [np.concatenate([[True], np.diff(tone) > 0]) for tone in tones.T]  # of the inputs that clip, the least
+    shown = _SRGB.decode(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
+    tones = np.maximum.accumulate(shown @ to_xyz("linear-srgb")[1])
+    rising = np.concatenate([[True], np.diff(tones) > 0])  # of the inputs that clip, the least
 
     def light(balanced: Array) -> Array:
-        encoded = look.render(balanced)
-        channels = [np.interp(encoded[..., c], tones[rising[c], c], grey[rising[c]]) for c in range(3)]
-        inverse = np.stack(channels, axis=-1)
+        toned = _SRGB.decode(np.clip(look.render(balanced), 0.0, 1.0))
+        inverse = np.interp(toned, tones[rising], grey[rising])
         # Where the response has clipped, more light is told by the sensor alone.
-        return np.where(encoded >= tones[-1], np.maximum(inverse, balanced), inverse)
+        return np.where(toned >= tones[-1], np.maximum(inverse, balanced), inverse)
 
     return light
 
