@@ -227,8 +227,8 @@ def _frames(film: Path, count: int, folder: Path) -> list[Path]:
         even = ["-vf", f"fps={FRAMES / half:.6f},tpad=stop=-1:stop_mode=clone", "-frames:v", str(FRAMES)]
         command = ["ffmpeg", "-v", "error", "-nostdin", *take, *even, "-y", str(folder / "%d.ppm")]
         run_command(command, "ffmpeg", film, frames[-1])
-        mean = np.mean([read_image(frame).pixels for frame in frames], axis=0)
-        write_image(picture, mean, Image(picture, oiio.ImageSpec(mean.shape[1], mean.shape[0], 3, "uint16")))
+        mean = np.asarray(np.mean([read_image(frame).pixels for frame in frames], axis=0), dtype=np.float32)
+        write_image(picture, mean, Image(mean, oiio.ImageSpec(mean.shape[1], mean.shape[0], 3, "uint16")))
         for frame in frames:
             frame.unlink()
     return pictures
