@@ -174,6 +174,7 @@ class ExportPage:
         self.suffix = select("LUT file", list(LUT_SUFFIXES))
         self.written: set[Path] = set()
         self._offered: object = None
+        self._cards: dict[tuple[Written, bool], pmui.Paper] = {}  # each stays while its file does: so does its button
         self.asked: list[Path] = []
         self.look = text()
         self.main = pn.Column(**{**FILL, "styles": {"overflow": "auto"}})
@@ -208,12 +209,14 @@ class ExportPage:
             self.space.value = "aces2065-1" if session.response[0].chart else "raw"
         self._offered = session.response
         nothing = paragraphs("Nothing is written yet. Each file will stand here with its error, and with its command.")
-        self.main[:] = [self._card(each) for each in reversed(session.written.values())] or [text(nothing)]
+        cards = {(each, session.is_old(each)): None for each in reversed(session.written.values())}
+        if not cards or list(cards) != list(self._cards):
+            self._cards = {key: self._cards.get(key) or self._card(*key) for key in cards}
+            self.main[:] = list(self._cards.values()) or [text(nothing)]
 
-    def _card(self, made: Written) -> pmui.Paper:
+    def _card(self, made: Written, stale: bool) -> pmui.Paper:
         """What was written: lines that tell of it, and its command with a button that copies it."""
-        stale = " (stale)" if self.session.is_old(made) else ""
-        title = f"{made.what}: {self.session.folders.name(made.path)}{stale}"
+        title = f"{made.what}: {self.session.folders.name(made.path)}{' (stale)' if stale else ''}"
         shown = text(html("<h2>{}</h2>{}", title, paragraphs(*made.lines)))
         card = pmui.Paper(shown, variant="outlined", sizing_mode="stretch_width", margin=8)
         if made.command:

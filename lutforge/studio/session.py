@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import wraps
+from functools import partial, wraps
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -84,6 +84,7 @@ class Session:
         self.on_select: Callable[[], None] = lambda: None
         self.refreshing = False
         self._wrong = False
+        self._asked: list[Callable[[], None]] = []  # callbacks of widgets that the visitor has moved
         self._works: dict[str, list[_Work]] = {"long": [], "short": []}  # the first of each is under way
         self.status = text(margin=(2, 12), height=22)
         self.progress = text(visible=False, sizing_mode="fixed", width=200, height=24, margin=(4, 8))
@@ -235,13 +236,16 @@ class Session:
         """The callback with its errors as a line in the page, and all that it changes as one message to the page."""
 
         def run(*arguments: Any) -> None:
-            try:
-                callback(*arguments)
-            except LutForgeError as error:
-                self.say(str(error), wrong=True)
-            except Exception as error:
-                logging.getLogger("lutforge.studio").exception("in the page")
-                self.say(f"this failed: {type(error).__name__}: {error}", wrong=True)
+            due: list[Callable[[], None]] = [*self._asked, partial(callback, *arguments)]
+            self._asked = []  # what a visitor has set comes before what draws it anew
+            for one in due:
+                try:
+                    one()
+                except LutForgeError as error:
+                    self.say(str(error), wrong=True)
+                except Exception as error:
+                    logging.getLogger("lutforge.studio").exception("in the page")
+                    self.say(f"this failed: {type(error).__name__}: {error}", wrong=True)
 
         @wraps(callback)
         def guarded(*arguments: Any) -> None:
@@ -284,18 +288,16 @@ class Session:
 
     def watch(self, callback: Callable[[], None], *widgets: Any, of: str = "value") -> None:
         """Call back, guarded, when widgets change, a slider while it moves; once for several changes at a time."""
-        waiting: list[bool] = []
 
         def run() -> None:
-            waiting.clear()
             self.forget_error()
             callback()
 
-        soon = self.guarded(run)
+        soon = self.guarded(lambda: None)
 
         def changed(event: Any) -> None:
-            if not waiting and not self.refreshing:
-                waiting.append(True)
+            if run not in self._asked and not self.refreshing:
+                self._asked.append(run)
                 soon()
 
         for widget in widgets:

@@ -57,6 +57,7 @@ class ShotsPage:
         self.session = session
         self._drawn: tuple[object, ...] | None = None
         self._dropped: TemporaryDirectory[str] | None = None
+        self.papers: dict[str, pmui.Paper] = {}
         self.boxes: dict[str, pmui.Checkbox] = {}
         self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, sizing_mode="stretch_width")
         self.drop.param.watch(session.guarded(lambda event: self._take()), "value")
@@ -180,13 +181,23 @@ class ShotsPage:
         self.legend.object = Html("".join(marks)) if self.shown.value == "tiles" and session.opened.accounts else ""
 
     def _draw(self, cards: dict[str, Html]) -> None:
-        """A card a shot: a box to take it in or leave it out, its pictures, and what is known of it."""
-        self.boxes = {name: checkbox(name, True) for name in cards}
-        self.session.watch(self._leave_out, *self.boxes.values())
+        """A card a shot: a box to take it in or leave it out, its pictures, and what is known of it.
+
+        A shot keeps its box and its card, of which the text alone changes: no click falls into their redrawing.
+        """
         width = {"styles": {"flex": "1 1 24rem", "max-width": "40rem"}, "margin": 6}
-        self.grid[:] = [
-            pmui.Paper(self.boxes[name], text(card), variant="outlined", **width) for name, card in cards.items()
-        ] or [text(paragraphs(EMPTY))]
+        papers = {}
+        for name, card in cards.items():
+            if name not in self.papers:
+                box = checkbox(name, True)
+                self.session.watch(self._leave_out, box)
+                papers[name] = pmui.Paper(box, text(card), variant="outlined", **width)
+            else:
+                papers[name] = self.papers[name]
+                papers[name][1].object = card
+        if not papers or list(papers) != list(self.papers):
+            self.grid[:] = list(papers.values()) or [text(paragraphs(EMPTY))]
+        self.papers, self.boxes = papers, {name: paper[0] for name, paper in papers.items()}
 
     def _leave_out(self) -> None:
         out = frozenset(name for name, box in self.boxes.items() if not box.value)

@@ -18,7 +18,9 @@ from tests.studio.job_functions import broken, doubled, endless, killed, wrong
 from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
+from bokeh.document import Document
 from bokeh.events import SelectionGeometry
+from panel.io.state import set_curdoc
 from tornado.httputil import HTTPHeaders, HTTPServerRequest, RequestStartLine
 
 from lutforge.apply.batch import apply_batch
@@ -213,6 +215,55 @@ def test_a_picture_is_opened_beside_a_fit(tmp_path: Path) -> None:
     assert found == [42] and session.cancel.visible
     session._cancel()
     assert "a fit: cancelled" in session.status.object and not session.cancel.visible
+
+
+def test_what_is_clicked_while_a_job_ends_is_done(tmp_path: Path) -> None:
+    """A click whose callback is due after the news of a job, which draw all controls anew, is not undone by them."""
+    page, samples = opened(tmp_path), chart_samples(patches=9)
+    session = page.session
+    session.history, session.selected = History(Workspace(samples)), np.zeros(len(samples), dtype=np.bool_)
+    page._changed()
+    document, context = Document(), object()
+    document._session_context = lambda: context
+    name, box = next(iter(page.pages["Shots"].boxes.items()))
+    with set_curdoc(document):
+        session.guarded(page._changed)()  # as a job does that has ended
+        (news,) = document.session_callbacks
+        box.value = False
+        (click,) = set(document.session_callbacks) - {news}
+        for due in (news, click):
+            due.callback()
+    assert session.workspace.out == {name} and not box.value
+
+
+def test_a_shot_keeps_its_box_while_its_card_is_drawn_anew(tmp_path: Path) -> None:
+    page, samples = opened(tmp_path), chart_samples(patches=9)
+    session, shots = page.session, page.pages["Shots"]
+    session.history, session.selected = History(Workspace(samples)), np.zeros(len(samples), dtype=np.bool_)
+    page._changed()
+    boxes, papers = list(shots.boxes.values()), list(shots.grid)
+    assert len(boxes) == len(papers) == len(np.unique(samples.shot))
+    shots.shown.value = "tiles"
+    few = samples.select(samples.patch == "0")
+    session.change(replace(Workspace(few)))
+    assert "1 samples" in papers[0][1].object
+    assert all(one is other for one, other in zip(shots.boxes.values(), boxes, strict=True))
+    assert all(one is other for one, other in zip(shots.grid, papers, strict=True))
+    boxes[0].value = False
+    assert session.workspace.out == {next(iter(shots.boxes))}
+
+
+def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.show("Export")
+    view = page.pages["Export"]
+    view._save_profile()
+    card = view.main[0]
+    page._changed()
+    assert view.main[0] is card
+    page.session.chosen = ChosenLook("", "vivid/tungsten")
+    page._changed()
+    assert "(stale)" in view.main[0][0].object
 
 
 def test_an_error_goes_with_the_next_step(tmp_path: Path) -> None:
