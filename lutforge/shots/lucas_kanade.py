@@ -75,7 +75,7 @@ def moved_to_fit(raw: RawLevel, jpeg: ReducedJpeg, start: Registration, count: i
         moving = structure(plane, mask, whole if inside else share(mask))
         own = float(np.vdot(target * mask, target))
         product = float(np.vdot(moving * mask, target))
-        norm = np.sqrt(float(np.vdot(moving * mask, moving)) * own) + 1e-12
+        norm = float(np.sqrt(float(np.vdot(moving * mask, moving)) * own)) + 1e-12
         place = replace(place, correlation=product / norm)
         sums = np.zeros((len(down), len(across), 5))
         wanted = np.float32(product / (own + 1e-12)) * target
