@@ -18,6 +18,7 @@ from tests.studio.job_functions import broken, doubled, endless, killed, wrong
 from tests.studio.shots_for_the_studio import chart_samples, photograph
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
+import panel as pn
 from bokeh.document import Document
 from bokeh.events import SelectionGeometry
 from panel.io.state import set_curdoc
@@ -264,6 +265,32 @@ def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path)
     page.session.chosen = ChosenLook("", "vivid/tungsten")
     page._changed()
     assert "(stale)" in view.main[0][0].object
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_names_of_styles_are_text_in_every_step(profile: CameraProfile, step: str, tmp_path: Path) -> None:
+    hostile = "<img src=x onerror=alert(1)>"
+    styles = {hostile if name == "standard" else name: style for name, style in profile.styles.items()}
+    page, samples = opened(tmp_path, replace(profile, styles=styles)), chart_samples(patches=9)
+    page.session.history = History(Workspace(replace(samples, style=np.full(len(samples), hostile))))
+    page.session.selected = np.ones(len(samples), dtype=np.bool_)
+    page.session.chosen = ChosenLook("", f"{hostile}/daylight")
+    page.show(step)
+    shown = [str(pane.object) for part in (page.controls, page.body) for pane in part.select(pn.pane.HTML)]
+    assert shown and not any("<img src=x" in text for text in shown)
+    assert step != "Samples" or any("&lt;img src=x" in text for text in shown)  # which names the style of a sample
+
+
+def test_a_folder_of_raw_files_is_offered_by_its_name(tmp_path: Path) -> None:
+    (tmp_path / "a.dng").write_bytes(b"")
+    listed = opened(tmp_path).pages["Shots"].listed
+    assert listed.value == "." and listed.options[f"{tmp_path.name}, this folder"] == "."
+
+
+def test_darktable_is_among_the_programs_of_a_kit(profile: CameraProfile, tmp_path: Path) -> None:
+    page = opened(tmp_path, profile)
+    page.show("Export")
+    assert {"darktable", "rawtherapee"} <= set(page.pages["Export"].program.options)
 
 
 def test_an_error_goes_with_the_next_step(tmp_path: Path) -> None:
