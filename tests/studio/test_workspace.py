@@ -156,6 +156,21 @@ def test_samples_of_a_setting_are_rendered_with_its_gain(samples: SampleSet) -> 
     np.testing.assert_allclose(predict(profile, shifted).rendered[rows], exact, atol=1e-3)
 
 
+@pytest.mark.slow
+def test_a_camera_whose_setting_has_a_gain_is_fitted(samples: SampleSet) -> None:
+    """As well as one without: its RAW of one white balance is a fifth darker for the same JPEG."""
+    darker = np.where(samples.white_balance == "tungsten", 1.0 / 1.2, 1.0)[:, None]
+    gained = replace(samples, raw=samples.raw * darker)
+    for kind in ("matrix", "lattice"):
+        errors = []
+        for each in (samples, gained):
+            workspace = Workspace(each, options=CalibrationOptions(size=5))
+            fitted = fit_model(workspace.task(kind), each, silent)
+            errors.append(float(workspace.with_model(kind, fitted).residual.mean()))
+        assert fitted.profile.white_balances["tungsten"].gain == pytest.approx(1.2, abs=0.02)
+        assert errors[1] < 1.1 * errors[0]
+
+
 def test_undo_and_redo_go_back_and_forth(samples: SampleSet) -> None:
     first = Workspace(samples)
     second = replace(first, limits={"saturation": (0.0, 0.5)})
