@@ -82,6 +82,10 @@ def bake_forms(
     progress: Progress = silent,
 ) -> list[Lut]:
     """Bake one transform to several forms, as `bake` does to one, and evaluate it once for all forms of a size."""
+    given: object = transform
+    if not callable(given):
+        kind = type(given).__name__
+        raise LutError(f'a {kind} is no transform of colours; name one of a profile: profile.render("STYLE/WB")')
     if tolerance is not None and not display_referred:
         raise LutError("a ΔE00 tolerance has no meaning for scene-linear output; give a size (33 or 65) instead")
     if tolerance is not None and not tolerance > 0:

@@ -85,6 +85,8 @@ def name_cameras(profiles: Sequence[CameraProfile | str | Path], taken: Iterable
     """
     if not profiles:
         raise ConfigError("a config needs at least one camera profile")
+    if isinstance(profiles, CameraProfile | str | Path):
+        raise ConfigError("a config is of a list of profiles: [profile]")
     used = {name.lower() for name in taken}
     prints: set[str] = set()
     cameras: list[Camera] = []

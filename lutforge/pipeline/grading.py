@@ -90,6 +90,9 @@ class Grading:
     def _recipe(self) -> Recipe:
         interpolation = one_of("interpolation", self.interpolation, INTERPOLATIONS)
         path, *others = self.grades
+        is_config = path.suffix.lower() in (".ocio", ".ocioz")
+        if interpolation != "tetrahedral" and (is_config or _is_profile(path)):
+            raise SettingsError("--interpolation goes with a LUT; profiles and configs say how theirs are interpolated")
         if _is_profile(path):
             from lutforge.apply.profile_recipe import ProfileRecipe
             from lutforge.apply.scene_recipe import SceneRecipe
@@ -100,10 +103,14 @@ class Grading:
             return ProfileRecipe(self.grades, self.source, self.target, self.ev, self.look, self.transfers)
         if self.look is not None or self.transfers or others:
             raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
-        if path.suffix.lower() in (".ocio", ".ocioz"):
+        if is_config:
+            if self.ev:
+                raise SettingsError("--ev goes with a profile; a config converts from one colour space to another")
             return ConfigRecipe(path, self.source, self.target)
         if self.source is not None or self.target is not None or self.ev:
-            raise SettingsError("--from, --to and --ev go with a profile or a config; a LUT is applied as it is")
+            raise SettingsError(
+                "--from and --to go with a profile or a config, --ev with a profile; a LUT is applied as it is"
+            )
         return LutRecipe(path, interpolation)
 
     @cached_property

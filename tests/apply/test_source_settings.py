@@ -1,13 +1,16 @@
 """Which settings a picture is taken for, and what is said where its file says otherwise."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import lutforge as lf
 from lutforge.apply.source_settings import source_selector
-from lutforge.errors import SettingsError
+from lutforge.errors import ConfigError, LutError, SettingsError
 from lutforge.notes import in_common
+from lutforge.pipeline.grading import Grading
 from lutforge.shots.picture_settings import PictureSettings
 from tests.model.profiles_synthetic import small_profile
 
@@ -57,3 +60,25 @@ def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do(
     )
     with pytest.raises(SettingsError, match=wanted):
         source_selector(Path("a.jpg"), settings, camera, None)
+
+
+@pytest.mark.parametrize(
+    ("grade", "options", "why"),
+    [
+        ("config.ocio", {"ev": 1.0}, "--ev goes with a profile"),
+        ("a.cube", {"ev": 1.0}, "--ev with a profile"),
+        ("config.ocio", {"interpolation": "trilinear"}, "--interpolation goes with a LUT"),
+        ("camera.npz", {"interpolation": "trilinear"}, "--interpolation goes with a LUT"),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(grade: str, options: dict[str, Any], why: str) -> None:
+    with pytest.raises(SettingsError, match=why):
+        _ = Grading((Path(grade), Path("a.jpg")), Path("out"), **options).recipe
+
+
+def test_a_profile_in_the_place_of_a_transform_or_a_list_is_one_line() -> None:
+    profile: Any = small_profile()
+    with pytest.raises(LutError, match=r"a CameraProfile is no transform of colours; .*profile\.render"):
+        lf.bake(profile)
+    with pytest.raises(ConfigError, match="a list of profiles"):
+        lf.build_config(profile)
