@@ -131,7 +131,8 @@ class ImageReader:
             pixels = source.read_tiles(0, 0, left, right, top, bottom, *depth, 0, spec.nchannels, oiio.FLOAT)
         else:
             pixels = source.read_scanlines(0, 0, top, bottom, spec.z, 0, spec.nchannels, oiio.FLOAT)
-        problem = source.geterror()
+        with reading(self._path, "an image", ImageError):  # what it says may be no text
+            problem = source.geterror()
         if pixels is None or problem:
             raise ImageError(f"{self._path}: damaged or cut short ({_reason(problem)}); copy the file again")
         shape = (region.bottom - region.top, region.right - region.left, spec.nchannels)
