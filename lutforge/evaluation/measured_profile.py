@@ -55,7 +55,7 @@ def _measured(
     model = replace(model, errors=errors)
     told = held_out_errors(found, own, data.base)
     for direction, values in told.items():
-        for name, value in zip(("at_sample", "per_distance", "per_doubt"), values.coefficients(), strict=True):
+        for name, value in zip(("at_sample", "per_deviation"), values.coefficients(), strict=True):
             errors[f"{direction}_{name}"] = float(value)
     return replace(model, expected=expected_errors(model, told, data.base, data.balanced, data.encoded)), weak
 

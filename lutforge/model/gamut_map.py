@@ -143,19 +143,26 @@ def _evaluate_kriging(
 
 
 @compiled(fastmath=True)
-def _covariance(flat: Array, covariance: Array, first: int, last: int) -> None:
-    """Fill rows of the lower triangle of φ between points (n, 3); flat: (3, n)."""
+def _covariance(points: Array, others: Array, triangle: bool, covariance: Array, first: int, last: int) -> None:
+    """Fill rows of φ between points (3, n) and others (3, m), or of its lower triangle only."""
     for n in range(first, last):
-        row, f0, f1, f2 = covariance[n], flat[0, n], flat[1, n], flat[2, n]
-        for i in range(n + 1):
-            row[i] = _kriging((f0 - flat[0, i]) ** 2 + (f1 - flat[1, i]) ** 2 + (f2 - flat[2, i]) ** 2)
+        row, f0, f1, f2 = covariance[n], points[0, n], points[1, n], points[2, n]
+        for i in range(n + 1 if triangle else others.shape[1]):
+            row[i] = _kriging((f0 - others[0, i]) ** 2 + (f1 - others[1, i]) ** 2 + (f2 - others[2, i]) ** 2)
 
 
-def kriging_covariance(even: Array) -> Array:
-    """The lower triangle (n, n) of the kriging kernel between points (n, 3) of the even scale; 0 above."""
-    flat = np.ascontiguousarray(flattened(even).T)
-    covariance = np.zeros((len(even), len(even)))
-    run(lambda first, last: _covariance(flat, covariance, first, last), shares(len(even), 200))
+def kriging_covariance(even: Array, others: Array | None = None) -> Array:
+    """The kriging kernel between points (n, 3) of the even scale and others (m, 3), (n, m).
+
+    Between the points themselves, without others, its lower triangle; 0 above.
+    """
+    points = np.ascontiguousarray(flattened(even).T)
+    columns = points if others is None else np.ascontiguousarray(flattened(others).T)
+    covariance = np.zeros((points.shape[1], columns.shape[1]))
+    run(
+        lambda first, last: _covariance(points, columns, others is None, covariance, first, last),
+        shares(len(even), 200),
+    )
     return covariance
 
 

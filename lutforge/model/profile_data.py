@@ -56,8 +56,7 @@ class PictureStyle:
 
     The errors are norms of RGB differences, 1 = full scale: "render_mean", "render_max", "linearize_mean",
     "linearize_max", and "render_de00_mean" (ΔE00). The expected error of a render is "render_at_sample", plus
-    "render_per_distance" times the distance from the nearest sample in encoded RGB, plus "render_per_doubt" times the
-    distance between what the lattice gives and what matrix and response give; that of linearize likewise.
+    "render_per_deviation" times the standard deviation of the fitted process there; that of linearize likewise.
     """
 
     render: Lattice | None = None

@@ -19,10 +19,11 @@ def profile() -> lf.CameraProfile:
 
 def test_coefficients_are_those_of_the_errors() -> None:
     rng = np.random.default_rng(0)
-    distance, doubt = rng.random(400) * 0.1, rng.random(400) * 0.05
-    told = HeldOut(distance, doubt, 0.002 + 0.1 * distance + 0.3 * doubt)
-    np.testing.assert_allclose(told.coefficients(), [0.002, 0.1, 0.3], atol=1e-9)
-    rows = by_distance({"render": told})
+    distance = rng.random(400) * 0.1
+    deviation = 3.0 * distance + 0.01
+    held_out = HeldOut(distance, deviation, 0.002 + 0.3 * deviation)
+    np.testing.assert_allclose(held_out.coefficients(), [0.002, 0.3], atol=1e-9)
+    rows = by_distance({"render": held_out})
     assert [row[0] for row in rows] == sorted(row[0] for row in rows)
     assert rows[0][1]["render"] < rows[-1][1]["render"]
 
@@ -30,7 +31,7 @@ def test_coefficients_are_those_of_the_errors() -> None:
 def test_a_profile_expects_more_error_away_from_its_samples(profile: lf.CameraProfile) -> None:
     style = profile.styles["standard"]
     assert set(style.expected) == {"render", "linearize"}
-    assert all(style.errors[f"linearize_{name}"] >= 0 for name in ("at_sample", "per_distance", "per_doubt"))
+    assert all(style.errors[f"linearize_{name}"] >= 0 for name in ("at_sample", "per_deviation"))
     error = linearizing_error(style)
     assert error is not None
     grey, pure = np.full((1, 3), 0.4), np.clip(np.eye(3), 0.02, 0.98)

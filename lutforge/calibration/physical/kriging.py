@@ -7,9 +7,11 @@ noise and the weight of distances along the grey axis were chosen on the Canon S
 factors of two, within which errors change by 3 %; the table of parts in the guide has the other cameras.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 from scipy.linalg.lapack import dpotrf, dpotrs
 
 from lutforge.arrays import Array, Mask
@@ -28,6 +30,8 @@ MOST_CENTRES = 4_000
 """Samples are merged in cells until they are this few; the thesis has 3,000 to 5,000."""
 CELL = 0.005
 """The least size of these cells. Samples so near are of one surface, share their errors, and count once."""
+DEVIATION_CENTRES = 500
+"""Centres that the standard deviation of the process is computed from."""
 SCENES = 1_500
 """Likely scenes whose rendering takes part in the fit of h⁻¹."""
 GREYS = 17
@@ -113,6 +117,27 @@ def fit_camera_model(
         most_centres,
     )
     return PhysicalModel(white_balances, matrix, response, forward, back)
+
+
+def posterior_deviation(source: Array) -> Callable[[Array], Array]:
+    """The standard deviation of the process given samples at source (n, 3), as a function of linear colours (m, 3).
+
+    It is on the even scale, in the units of a process of which the kernel is the covariance: what errors are in these
+    units, held-out samples tell (equation 2.24 of the book). Samples are merged to DEVIATION_CENTRES.
+    """
+    z = to_even(source, OFFSET)
+    centres, _, _ = _merged(z, np.zeros_like(z), np.ones(len(z)), DEVIATION_CENTRES)
+    covariance = kriging_covariance(centres)
+    variance = covariance[0, 0]
+    covariance[np.diag_indices(len(centres))] += NOISE
+    factor = cholesky(covariance, lower=True, overwrite_a=True)
+
+    def deviation(linear: Array) -> Array:
+        across = kriging_covariance(centres, to_even(linear.reshape(-1, 3), OFFSET))
+        known = np.sum(solve_triangular(factor, across, lower=True, overwrite_b=True) ** 2, axis=0)
+        return np.asarray(np.sqrt(np.maximum(variance - known, NOISE)).reshape(linear.shape[:-1]))
+
+    return deviation
 
 
 def _robust_weights(z: Array, correction: Array, error_scale: Array, centres: int) -> Array:
