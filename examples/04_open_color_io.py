@@ -19,7 +19,7 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else "example_04")
 shots = demo_shots(folder / "shots")
 standard = [shot for shot in shots.calibration if "standard" in shot.name]
 profile = lf.calibrate(lf.sample(standard), lf.CalibrationOptions(size=17))
-path = lf.write_config([profile], folder / "ocio", replace=True)
+path = lf.write_config([profile], folder / "ocio", replace=True).path
 
 config = OCIO.Config.CreateFromFile(str(path))
 camera = profile.camera

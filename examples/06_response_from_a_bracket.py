@@ -19,12 +19,13 @@ data = Path(os.environ.get("LUTFORGE_TEST_DATA", "")) / "brackets"
 if not data.is_dir():
     sys.exit("set LUTFORGE_TEST_DATA to the folder that holds brackets, photographs at several exposures")
 
-window = lf.response_from_bracket(sorted((data / "nikon_e995_window").glob("*.jpg")))
+window = lf.response(sorted((data / "nikon_e995_window").glob("*.jpg"))).fit
 
 listed = [line.split() for line in (data / "debevec_memorial" / "image_list.txt").read_text().splitlines()]
 church = [(data / "debevec_memorial" / words[0], float(words[1])) for words in listed if words[0].endswith(".png")]
 # Tungsten light on daylight film: nothing is near neutral, so all colours count.
-memorial = lf.response_from_bracket([path for path, _ in church], [seconds for _, seconds in church], beta=1.0)
+times = [seconds for _, seconds in church]
+memorial = lf.response([path for path, _ in church], exposure_s=times, all_colours=True).fit
 
 figure = Figure(figsize=(10, 4.5), layout="constrained")
 for axis, name, fit in zip(figure.subplots(1, 2), ("Nikon E995", "film, scanned"), (window, memorial), strict=True):

@@ -55,6 +55,13 @@ def reason_of(failure: BaseException) -> str:
     return f"{name}: {words}" if words and isinstance(failure, LookupError | AttributeError) else words or name
 
 
+def path_of(path: object, kind: str = "a file or folder") -> Path:
+    """Return a path that may be a text. Raises LutForgeError where it is neither; kind: what it should lead to."""
+    if not isinstance(path, str | Path):
+        raise LutForgeError(f"{path!r:.80} is no path of {kind}")
+    return Path(path)
+
+
 def require_file(path: str | Path, kind: str, error: type[LutForgeError] = LutForgeError, most: int = 1 << 40) -> int:
     """Return the size of a regular file in bytes. Raises `error` if it is missing, a folder, unreadable or too large.
 

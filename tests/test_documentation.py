@@ -98,10 +98,8 @@ def test_its_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     shot = np.char.add("shot", (np.arange(count) % 4).astype(np.str_))
     patch = np.arange(count).astype(np.str_)
     name = np.full(count, "Simulated")
-    lf.write_samples(
-        tmp_path / "samples.csv",
-        SampleSet(name, styles, balances, shot, patch, np.full(count, 0.01), raw, srgb, gains, name),
-    )
+    samples = SampleSet(name, styles, balances, shot, patch, np.full(count, 0.01), raw, srgb, gains, name)
+    samples.save(tmp_path / "samples.csv")
     monkeypatch.chdir(tmp_path)
     names = {"pixels": rng.random((4, 5, 3))}
     exec(code, names)
@@ -116,7 +114,7 @@ def test_the_python_of_getting_started_runs(tmp_path: Path, monkeypatch: pytest.
     names = {"raw": raw, "srgb": np.sqrt(raw), "shot": np.repeat(["a", "b", "c"], 80)}
     monkeypatch.chdir(tmp_path)
     table = lf.SampleSet.from_arrays(raw, np.sqrt(raw), camera="My camera", shot=names["shot"])
-    lf.write_samples(tmp_path / "samples.csv", table)
+    table.save(tmp_path / "samples.csv")
     for code in re.findall("```python\n(.*?)```", page, flags=re.DOTALL):
         exec(code, names)
     assert names["count"] == 2

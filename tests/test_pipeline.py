@@ -44,7 +44,7 @@ def test_tables_and_shots_mix(tmp_path: Path) -> None:
     settings = CameraSettings("standard", "daylight", camera.nominal_exposure_s)
     for folder in ("a", "b"):
         photograph(camera, SCENES["wall"](404, 608, 3), settings, tmp_path / folder, "same", jpeg_beside=False)
-    lf.write_samples(tmp_path / "table.csv", made_samples())
+    made_samples().save(tmp_path / "table.csv")
     sampled = gather_samples([tmp_path / "table.csv", tmp_path / "a", tmp_path / "b"])
     assert len(sampled.shots) == 2
     assert len({account.shot for account in sampled.shots}) == 2  # of one stem, told apart by their folders

@@ -1,6 +1,7 @@
 """The public names: all there, each one hop away, and importing the package is quick and light."""
 
 import inspect
+import os
 import re
 import subprocess
 import sys
@@ -11,13 +12,42 @@ import numpy as np
 import pytest
 
 import lutforge as lf
+from tests.conftest import CommandLine
 from tests.model.profiles_synthetic import small_profile
 
+NAMES = [name for name in dir(lf) if not name.startswith("_")]
 
-def test_every_name_is_there() -> None:
-    for name in lf.__all__:
+
+def test_every_name_is_there_and_told_in_the_help() -> None:
+    assert 18 <= len(NAMES) <= 24
+    for name in NAMES:
         assert getattr(lf, name) is not None
-        assert name in dir(lf)
+        assert name in str(lf.__doc__)
+    stubs = re.findall(r"    from \S+ import \w+ as (\w+)", inspect.getsource(lf))
+    assert sorted(stubs) == sorted(NAMES)
+
+
+def test_a_folder_takes_the_name_of_no_function() -> None:
+    code = "import lutforge as lf, lutforge.report, lutforge.apply; print(callable(lf.report), callable(lf.apply))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["True", "True"]
+
+
+def test_help_fits_on_three_screens() -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", "import lutforge; help(lutforge)"], capture_output=True, encoding="utf-8", check=True
+    )
+    assert len(run.stdout.splitlines()) <= 3 * 50
+
+
+def test_public_functions_say_what_they_take_give_and_raise() -> None:
+    for name in NAMES:
+        public = getattr(lf, name)
+        if inspect.isfunction(public):
+            text = inspect.getdoc(public) or ""
+            assert "\nArgs:\n" in text and "\nReturns:\n" in text and "\nRaises:\n" in text, name
+            for parameter in inspect.signature(public).parameters:
+                assert f"\n    {parameter}: " in text, (name, parameter)
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
@@ -31,7 +61,7 @@ def test_importing_loads_nothing_heavy() -> None:
 
 
 def test_signatures_are_read_in_a_line() -> None:
-    for name in lf.__all__:
+    for name in NAMES:
         public = getattr(lf, name)
         members = [public, *(value for key, value in vars(public).items() if not key.startswith("_"))]
         for member in members if isinstance(public, type) else [public]:
@@ -54,7 +84,32 @@ def test_what_is_no_profile_setting_or_number_is_one_plain_line(tmp_path: Path) 
         (lambda: profile.linearize(wrong), "None is not STYLE/WB"),
         (lambda: profile.refinish("standard/daylight", "vivid/daylight", ev=cast(Any, "a")), "within ±20 stops"),
         (lambda: lf.bake(profile.render("standard/daylight"), size=cast(Any, 5.5)), "5.5 nodes per axis"),
+        (lambda: lf.bake(cast(Any, profile)), "a CameraProfile is no transform of colours"),
+        (lambda: lf.bake(wrong, "look.clf"), "a NoneType is no transform of colours"),
+        (lambda: lf.bake(profile.render("standard/daylight"), wrong), "None is no path"),
         (lambda: lf.evaluate(wrong, "samples.csv"), "None is not a profile"),
+        (lambda: lf.evaluate(profile, wrong), "not samples: give a SampleSet"),
+        (lambda: lf.calibrate(wrong), "not samples: give a SampleSet"),
+        (lambda: lf.calibrate(cast(Any, profile)), "not samples: give a SampleSet"),
+        (lambda: lf.calibrate("samples.csv", cast(Any, 17)), "17 are no options"),
+        (lambda: lf.sample(cast(Any, 3)), "3 is no path"),
+        (lambda: lf.response(wrong), "None is no path"),
+        (lambda: lf.transform(wrong, "render"), "None is not a profile"),
+        (lambda: lf.transform(profile, cast(Any, 7)), "unknown transform"),
+        (lambda: lf.write_kit(wrong, "standard", tmp_path / "kit"), "None is not a profile"),
+        (lambda: lf.report(wrong), "None is not a profile"),
+        (lambda: lf.apply(wrong, "a.jpg", tmp_path), "None is no path"),
+        (lambda: lf.load_profile(wrong), "None is no path"),
+        (lambda: lf.load_transfer(wrong), "None is no path"),
+        (lambda: lf.read_lut(wrong), "None is no path"),
+        (lambda: lf.read_samples(wrong), "None is no path"),
+        (lambda: lf.import_published(wrong), "None is no path"),
+        (lambda: lf.build_config(cast(Any, profile)), "a config is of a list of profiles: [profile]"),
+        (
+            lambda: lf.write_config(cast(Any, profile), tmp_path / "ocio"),
+            "a config is of a list of profiles: [profile]",
+        ),
+        (lambda: lf.build_config([]), "at least one camera profile"),
         (lambda: lf.build_config([str(tmp_path / "x.npz")]), "x.npz: no such profile"),
         (lambda: lf.SampleSet.from_arrays(np.zeros((0, 3)), np.zeros((0, 3)), camera="A", shot="a"), "none given"),
         (lambda: lf.SampleSet.from_arrays(colours, colours, camera=wrong, shot="a"), "column camera is None"),
@@ -64,3 +119,30 @@ def test_what_is_no_profile_setting_or_number_is_one_plain_line(tmp_path: Path) 
             call()
     profile.save(tmp_path / "camera.npz")
     assert lf.build_config([tmp_path / "camera.npz"]).serialize() == lf.build_config([profile]).serialize()
+
+
+def test_bake_reports_what_the_command_reports(tmp_path: Path, lutforge: CommandLine) -> None:
+    profile = small_profile()
+    profile.save(tmp_path / "camera.npz")
+    words = ("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "standard/3200K", "--for", "nuke")
+    run = lutforge(*words, "-o", "a.cube", "-o", "a.clf", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    transform = profile.refinish("standard/daylight", "standard/3200K")
+    lut = lf.bake(transform, [tmp_path / "b.cube", tmp_path / "b.clf"], program="nuke")
+    told = "\n".join(map(str, lut.files)).replace(f"{tmp_path}{os.sep}b", "a")
+    assert run.stdout.strip() == told
+    assert run.stderr.strip().splitlines()[-1].endswith(lut.notes[-1].replace(f"{tmp_path}{os.sep}b", "a"))
+    for suffix in (".cube", ".clf"):
+        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+    assert transform.purpose.title in str(lut)
+
+
+def test_a_representation_is_short(tmp_path: Path) -> None:
+    profile = small_profile()
+    transform = profile.render("standard/daylight")
+    samples = lf.SampleSet.from_arrays(np.full((50, 3), 0.5), np.full((50, 3), 0.5), camera="A", shot="a")
+    baked = lf.bake(transform, tmp_path / "look.cube", size=5)
+    for value in (profile, transform, samples, baked, lf.read_lut(tmp_path / "look.cube"), baked.ops):
+        assert len(repr(value)) < 1000, type(value)
+    for value in (profile, transform, samples, baked):
+        assert len(repr(value)) < 200, type(value)

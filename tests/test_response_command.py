@@ -9,10 +9,10 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 
 import lutforge as lf
-from lutforge.cli.response import response
+from lutforge.cli.response import response as response_command
 from lutforge.errors import LutForgeError
 from lutforge.images.read import read_image
-from lutforge.pipeline.response import open_bracket, parse_times, write_response
+from lutforge.pipeline.response import open_bracket, parse_times
 from tests.calibration.brackets_simulated import bracket
 from tests.conftest import CommandLine
 
@@ -68,10 +68,10 @@ def test_a_film_of_an_exposure_ramp_is_a_bracket(frames: Path, tmp_path: Path) -
     subprocess.run(
         ["ffmpeg", "-v", "error", "-framerate", "1", "-i", str(frames / "%d.png"), *lossless, str(film)], check=True
     )
-    fitted = write_response([film], tmp_path / "camera.npz", TIMES)
+    fitted = lf.response([film], tmp_path / "camera.npz", TIMES)
     assert _power(fitted.profile) == pytest.approx(GAMMA, rel=0.02)
     with pytest.raises(LutForgeError, match="a film states no exposures"):
-        write_response([film], tmp_path / "camera.npz")
+        lf.response([film], tmp_path / "camera.npz")
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
@@ -94,12 +94,12 @@ def test_frames_of_an_exposure_are_averaged_where_it_is_steady(tmp_path: Path) -
 
 def test_what_is_wrong_is_said_in_a_line(frames: Path, tmp_path: Path) -> None:
     with pytest.raises(LutForgeError, match="2 exposure times for 7 pictures"):
-        write_response([frames], tmp_path / "camera.npz", [1, 2])
+        lf.response([frames], tmp_path / "camera.npz", [1, 2])
     with pytest.raises(LutForgeError, match="states no exposure time"):
-        write_response([frames], tmp_path / "camera.npz")
+        lf.response([frames], tmp_path / "camera.npz")
     with pytest.raises(LutForgeError, match="no pictures in this folder"):
-        write_response([tmp_path], tmp_path / "camera.npz", [1, 2])
+        lf.response([tmp_path], tmp_path / "camera.npz", [1, 2])
     with pytest.raises(LutForgeError, match="give seconds"):
         parse_times("1/0,two")
     with pytest.raises(LutForgeError, match="--light is of a colour chart"):
-        response([frames], light="5200K")
+        response_command([frames], light="5200K")

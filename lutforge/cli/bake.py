@@ -65,6 +65,5 @@ def bake(
             stages=stages, colours=colours, progress=progress,
         )  # fmt: skip
     for file in baked.files:
-        say(str(file))
-        say(f"  read back, against the model: {file.error}")
+        say(*str(file).splitlines())
     note(*baked.notes)

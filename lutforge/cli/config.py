@@ -22,12 +22,10 @@ def config(
     replace: Annotated[bool, option("Replace the config that the folder holds.", "--replace")] = False,
 ) -> None:
     """Write an OpenColorIO config with the cameras' RAW and JPEG colour spaces, views and refinish looks."""
-    from lutforge.pipeline.configs import write_checked_config
+    from lutforge.pipeline.configs import write_config
 
     with progress_bar("config") as progress:
-        written = write_checked_config(
-            profiles, output, version=ocio_version, merge=merge, replace=replace, progress=progress
-        )
+        written = write_config(profiles, output, version=ocio_version, merge=merge, replace=replace, progress=progress)
     losses = (f"version {written.version}: {loss}" for loss in written.losses)
     note(*losses, *(finding.note for finding in written.findings))
     say(f"{written.path}: profile version {written.version}, checked")

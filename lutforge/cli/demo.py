@@ -98,9 +98,9 @@ def _bake(profile: "CameraProfile", shots: "DemoShots", folder: Path) -> None:
 
 
 def _config(profile: "CameraProfile", folder: Path) -> None:
-    from lutforge.pipeline.configs import write_checked_config
+    from lutforge.pipeline.configs import write_config
 
-    written = write_checked_config([profile], folder, replace=True)
+    written = write_config([profile], folder, replace=True)
     for finding in written.findings:
         note(finding.note)
     verdict = f"{len(written.findings)} notes" if written.findings else "sound"

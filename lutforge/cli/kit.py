@@ -29,13 +29,12 @@ def kit(
     ] = None,
 ) -> None:
     """Write a kit: camera profile or LUT, the preset that places it, and a page that says what to do."""
-    from lutforge.model.camera_profile import load_profile
     from lutforge.pipeline.kits import check_kit, write_kit
 
     if more and not check:
         raise SettingsError(f"{more[0]}: shots go with --check")
     with progress_bar("writing a kit") as progress:
-        folder = write_kit(load_profile(profile), to, output, program, base=base, look=look, progress=progress)
+        folder = write_kit(profile, to, output, program, base=base, look=look, progress=progress)
     say(f"{folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first")
     if not check:
         return

@@ -33,7 +33,8 @@ def response(
 ) -> None:
     """Find the response of a camera without RAW from one scene at several exposures, and how exact these were."""
     from lutforge.pipeline.outputs import named_or_new
-    from lutforge.pipeline.response import parse_times, write_response
+    from lutforge.pipeline.response import parse_times
+    from lutforge.pipeline.response import response as fit_response
 
     output = named_or_new(output, "camera.npz")
     if chart is not None:
@@ -43,7 +44,7 @@ def response(
         if value is not None:
             raise CalibrationError(f"{name} is of a colour chart: name the chart, too, such as --chart classic")
     with progress_bar("response") as progress:
-        fitted = write_response(
+        fitted = fit_response(
             bracket, output, None if times is None else parse_times(times), camera=camera, all_colours=all_colours,
             progress=progress,
         )  # fmt: skip

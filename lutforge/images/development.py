@@ -23,7 +23,8 @@ TIMEOUT_S = 600
 class Development:
     """A white-balanced linear picture, in any of the four orientations.
 
-    pixels: (h, w, 3) float32, linear RGB of `space` (a name of `lutforge.colour.rgb_spaces`). developer: what made it.
+    pixels: (h, w, 3) float32, linear RGB. space: a name of `lutforge.colour.rgb_spaces`, in which the picture was
+    encoded: the pixels have its primaries. developer: what made it.
     """
 
     pixels: Pixels
@@ -41,7 +42,7 @@ def read_developed(path: Path, space: str) -> Development:
     if pixels.ndim != 3 or pixels.shape[2] < 3:
         raise ShotError(f"{path}: its development is not a colour picture")
     linear = encoding.decode(pixels[..., :3]).astype(np.float32)
-    return Development(linear, encoding.linear.name, f"pictures in {encoding.name}")
+    return Development(linear, encoding.name, f"pictures in {encoding.name}")
 
 
 def run_command(command: Sequence[str], name: str, source: Path, output: Path) -> str:

@@ -21,7 +21,7 @@ from lutforge.luts.fit import EvaluatedTransform, evaluate, fit_ops
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.parts import Parts, curve_alone, parts_of
 from lutforge.luts.programs import Target, target_of
-from lutforge.luts.sequence import FORMS, MAX_SIZE, Form, Lut
+from lutforge.luts.sequence import MAX_SIZE, Form, Lut
 from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, shaper
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.transform import ColourFunction, DecodeRgb, MatrixStage, Transform
@@ -31,40 +31,23 @@ from lutforge.sobol import sobol
 
 def bake(
     transform: ColourFunction,
-    path: str | Path | None = None,
+    path: Path | None = None,
     *,
     size: int | None = None,
     form: Form = "full",
-    program: str | None = None,
     tolerance: float | None = None,
     interpolation: Interpolation | None = None,
     display_referred: bool = True,
     title: str = "",
-    comments: tuple[str, ...] = (),
-    highest: float = 1.0,
-    progress: Progress = silent,
 ) -> Lut:
-    """Bake any transform of colours, (…, 3) → (…, 3) on [0, 1]³, to a LUT.
+    """Bake any transform of colours, (…, 3) → (…, 3) on [0, 1]³, to one LUT, as `bake_forms` does to several.
 
-    path: a file to be written, too; its suffix, and the program that will read it, then choose form, size and
-    interpolation where they are not given. size: nodes per axis (33; a lattice of a profile keeps its own). form:
-    what the LUT may be made of: "full" (CLF, CTF) has curves and matrices around its cube, "shaper" (Resolve's
-    .cube, .csp, .spi1d with .spi3d) a curve per channel in front of it, "plain" (3D only) nothing but a uniform
-    cube. tolerance: instead of a size, the ΔE00 that 99 % of colours keep within; the smallest size that does is
-    taken. display_referred: the output is encoded sRGB, so that ΔE00 has a meaning. highest: inputs reach from 0 to
-    this, for scene-linear light. Raises LutError where the size or tolerance cannot be had, the transform gives
-    numbers that are not finite, or the file cannot be written.
+    path: a file to be written, too, which then says the form.
     """
-    if form not in FORMS:
-        raise LutError(f'unknown form "{form}"; choose {", ".join(FORMS)}')
     target = Target(form, size, interpolation)
     if path is not None:
-        scenes = highest != 1 or _takes_scenes(transform)
-        target = target_of(Path(path), program, size, interpolation, scenes)
-    (lut,) = bake_forms(
-        transform, [target], tolerance=tolerance, display_referred=display_referred, title=title, comments=comments,
-        highest=highest, progress=progress,
-    )  # fmt: skip
+        target = target_of(path, None, size, interpolation, takes_scenes(transform))
+    lut = bake_forms(transform, [target], tolerance=tolerance, display_referred=display_referred, title=title)[0]
     if path is not None:
         lut.write(path)
     return lut
@@ -81,7 +64,13 @@ def bake_forms(
     highest: float = 1.0,
     progress: Progress = silent,
 ) -> list[Lut]:
-    """Bake one transform to several forms, as `bake` does to one, and evaluate it once for all forms of a size."""
+    """Bake one transform to several forms, and evaluate it once for all forms of a size.
+
+    tolerance: instead of a size, the ΔE00 that 99 % of colours keep within; the smallest size that does is taken.
+    display_referred: the output is encoded sRGB, so that ΔE00 has a meaning. highest: inputs reach from 0 to this, for
+    scene-linear light. Raises LutError where the size or tolerance cannot be had, or the transform gives numbers that
+    are not finite.
+    """
     given: object = transform
     if not callable(given):
         kind = type(given).__name__
@@ -92,7 +81,7 @@ def bake_forms(
         raise LutError(f"tolerance {tolerance:g}: a ΔE00 above 0 is needed")
     if not 0 < highest < 65504:
         raise LutError(f"LUT: inputs up to {highest:g}; half floats end at 65504")
-    scenes = _takes_scenes(transform)
+    scenes = takes_scenes(transform)
     known: dict[tuple[str, int], EvaluatedTransform] = {}
 
     def together(form: Form) -> str:
@@ -137,7 +126,7 @@ def joined(ops: Sequence[Op]) -> tuple[Op, ...]:
     return tuple(op for op in result if not (isinstance(op, Matrix) and op.is_identity))
 
 
-def _takes_scenes(transform: ColourFunction) -> bool:
+def takes_scenes(transform: ColourFunction) -> bool:
     """True for a transform of scene-linear light, which a matrix takes to the camera's RAW."""
     return isinstance(transform, Transform) and bool(transform.stages) and isinstance(transform.stages[0], MatrixStage)
 
@@ -152,7 +141,7 @@ def _decoded(transform: ColourFunction) -> tuple[Curve, Transform] | None:
 
 
 def _highest(transform: ColourFunction, highest: float) -> float:
-    return transform.highest() if isinstance(transform, Transform) and _takes_scenes(transform) else highest
+    return transform.highest() if isinstance(transform, Transform) and takes_scenes(transform) else highest
 
 
 def _p99(transform: ColourFunction, highest: float, ops: tuple[Op, ...]) -> float:
@@ -181,7 +170,7 @@ def _as_it_stands(transform: ColourFunction, target: Target) -> tuple[Op, ...] |
     if target.form == "full":
         ahead = Matrix(parts.gain[:, None] * parts.before)
         return joined((ahead, Range(), *ops, Matrix(parts.matrix)))
-    folded = None if _takes_scenes(transform) else _folded(ops, parts)
+    folded = None if takes_scenes(transform) else _folded(ops, parts)
     return folded if folded is not None and Lut(folded).has_form(target.form) else None
 
 

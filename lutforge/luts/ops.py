@@ -14,7 +14,7 @@ from lutforge.interpolation import INTERPOLATIONS, Interpolation, apply_curve, i
 from lutforge.model.lattice import uniform_levels
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Matrix:
     """y = matrix · x + offset; a white balance is a diagonal one.
 
@@ -46,14 +46,14 @@ class Matrix:
             return np.asarray(x * np.diag(self.matrix) + self.offset)
         return np.asarray(x @ self.matrix.T + self.offset)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         rows = [np.diag(self.matrix)] if self.is_diagonal else self.matrix
         text = "; ".join(" ".join(f"{value:.5g}" for value in row) for row in rows)
         offset = "" if np.all(self.offset == 0) else " + " + " ".join(f"{value:.5g}" for value in self.offset)
         return f"Matrix {'diagonal ' if self.is_diagonal else ''}{text}{offset}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Range:
     """Clamps every channel to [low, high]; None leaves that end open. Raises LutError on an empty range."""
 
@@ -69,12 +69,12 @@ class Range:
         known = np.where(np.isnan(x), 0.0 if self.low is None else self.low, x)
         return np.asarray(np.clip(known, self.low, self.high)) if (self.low, self.high) != (None, None) else known
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         ends = ("open" if end is None else f"{end:g}" for end in (self.low, self.high))
         return f"Range {' to '.join(ends)}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Curve:
     """A table per channel, with straight lines between its entries.
 
@@ -113,14 +113,14 @@ class Curve:
     def _on_unit(self, x: Array) -> Array:
         return np.asarray((x - self.low) / (self.high - self.low))
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         low, high = (self.low, self.high) if self.inputs is None else (self.inputs.min(), self.inputs.max())
         kind = "" if self.inputs is None else " at free knots"
         lowest, highest = self.outputs.min(), self.outputs.max()
         return f"Curve {len(self.outputs)} entries{kind}, {low:g} to {high:g} → {lowest:.5g} to {highest:.5g}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Cube:
     """A three-dimensional table over [0, 1]³ with evenly spaced nodes.
 
@@ -153,7 +153,7 @@ class Cube:
         r, g, b = (uniform_levels(count)[0] for count in self.values.shape[:3])
         return interpolate(x, (r, g, b), self.values, self.interpolation)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         nodes = f"{self.size}³" if self.has_equal_axes else " × ".join(map(str, self.values.shape[:3]))
         return f"Cube {nodes} nodes, {self.interpolation}, {self.values.min():.5g} to {self.values.max():.5g}"
 

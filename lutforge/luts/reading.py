@@ -15,7 +15,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.arrays import Array
 from lutforge.atomic_write import scratch_folder
-from lutforge.boundary import reading, require_file
+from lutforge.boundary import path_of, reading, require_file
 from lutforge.errors import LutError, one_line
 from lutforge.guarded import OverrunError, P, R, guarded
 from lutforge.interpolation import Interpolation
@@ -30,11 +30,18 @@ KEPT = ("ACEStransformID",)
 
 
 def read_lut(path: str | Path) -> Lut:
-    """Read a LUT file of any format that OpenColorIO or LutForge knows. Raises LutError, in one line.
+    """Read a LUT file of any format that OpenColorIO or LutForge knows.
 
-    It raises, too, on what is no sequence of LutForge's four operations, such as a curve that keeps hues.
+    Args:
+        path: of the file; its suffix names the format.
+
+    Returns:
+        The LUT: `print(lut)` shows its operations, `lut(pixels)` evaluates it, `lut.write(path)` writes it.
+
+    Raises:
+        LutError: in one line, where the file cannot be read, or is no sequence of matrices, ranges, curves and cubes.
     """
-    path = Path(path)
+    path = path_of(path, "a LUT")
     require_file(path, "a LUT", LutError, MOST_BYTES)
     own = own_reader(path)
     with reading(path, f"a {path.suffix.lower()} LUT", LutError):

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.boundary import path_of
 from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.highlights import neutral_highlights as highlights_between
@@ -23,6 +24,7 @@ from lutforge.model.transform import (
     EncodeRgb,
     Gain,
     MatrixStage,
+    Purpose,
     RawToRaw,
     Stage,
     Transform,
@@ -57,6 +59,22 @@ class CameraProfile(ProfileData):
             return balance
         return self.shifted(self.white_balances[step[0]].factors, step[1])
 
+    def notes_on(self, selector: Selector) -> list[str]:
+        """What is to be known of a setting: that the camera sets it anew for each shot, or that it comes on top."""
+        known = self.white_balances.get(str(selector.white_balance))
+        if self.raw_space != "raw" and isinstance(selector.white_balance, Multipliers):
+            return [
+                f"the profile is of {self.developer}, whose white balance is in it already: {selector.white_balance} "
+                "comes on top of that, and 1,1,1 changes nothing"
+            ]
+        if known is None or known.spread <= 0.02:
+            return []
+        r, g, b = known.multipliers
+        return [
+            f"{self.camera} sets {selector.white_balance} anew for each shot (by up to {known.spread:.0%}); this LUT "
+            f"is for its middle one, {r:.3f},{g:g},{b:.3f}; name a shot's own multipliers for an exact one"
+        ]
+
     def shifted(self, factors: Array, shift: Shift) -> Multipliers:
         """Tw (3,) moved by a step along or across the locus of natural light; its gain stays.
 
@@ -74,7 +92,9 @@ class CameraProfile(ProfileData):
     def render(self, to: str | Selector, model: ModelName | None = None) -> Transform:
         """RAW before white balance, of the reference camera if there is one → the camera's JPEG, encoded [0, 1]."""
         own = self._render(to, model)
-        return own if self.raw_transfer is None else Transform((MatrixStage(self.raw_transfer), *own.stages))
+        ahead = () if self.raw_transfer is None else (MatrixStage(self.raw_transfer),)
+        purpose = _purpose("render", f"{self.camera} RAW to {to}", target=(self, to))
+        return Transform((*ahead, *own.stages), purpose)
 
     def render_balanced(self, to: str | Selector, model: ModelName | None = None) -> Transform:
         """White-balanced RAW → the camera's JPEG, encoded [0, 1]: the same for all white balances of a style."""
@@ -108,10 +128,11 @@ class CameraProfile(ProfileData):
                 f"{self.camera} has no RAW: this profile was calibrated through the RAW of {self.raw_camera}; "
                 "refinish works, or linearize to linear-srgb, acescg or aces2065-1"
             )
-        linear = self._linearize(source, space, model)
-        if space == "raw" or rgb_space(space).is_linear:
-            return linear
-        return Transform((*linear.stages, EncodeRgb(rgb_space(space))))
+        stages = self._linearize(source, space, model).stages
+        if space != "raw" and not rgb_space(space).is_linear:
+            stages = (*stages, EncodeRgb(rgb_space(space)))
+        title = f"{self.camera} {source} to {space}"
+        return Transform(stages, _purpose("linearize", title, (self, source), space=space))
 
     def linearize_to_own_raw(self, source: str | Selector) -> Transform:
         """JPEG → the RAW, before white balance, that the camera has or would have: Tc of a reference camera's."""
@@ -171,8 +192,18 @@ class CameraProfile(ProfileData):
 
 
 def load_profile(path: str | Path) -> CameraProfile:
-    """Read a profile. Raises ProfileError, in one line, on anything that is not one."""
-    return CameraProfile(**vars(read_profile(path)))
+    """Read a profile.
+
+    Args:
+        path: of a file that `lutforge calibrate` or `profile.save` wrote (.npz).
+
+    Returns:
+        The profile.
+
+    Raises:
+        ProfileError: it is none, in one line.
+    """
+    return CameraProfile(**vars(read_profile(path_of(path, "a profile"))))
 
 
 def as_profile(profile: CameraProfile | str | Path) -> CameraProfile:
@@ -211,16 +242,49 @@ def match(
     Between profiles of one RAW, a camera's own or a common reference's, Tc is what takes both to that.
     Raises SettingsError on an exposure beyond ±20 stops, ProfileError on a transfer between other cameras.
     """
+    words = (source, target)
     source, target = source_camera.selector(source), target_camera.selector(target)
     exposed = raw_to_balanced(source_camera, source, target_camera, target, ev, transfer)
+    other = "" if target_camera is source_camera else f"{target_camera.camera} "
+    title = f"{source_camera.camera} {words[0]} to {other}{words[1]}{_exposure(ev)}"
+    kind = "match" if other else "refinish"
+    purpose = _purpose(kind, title, (source_camera, words[0]), (target_camera, words[1]))
     if ev == 0 and source_camera is target_camera and _same_setting(source_camera, source, target):
-        return Transform()
+        return Transform((), purpose)
     balanced = (*source_camera._linearize(source, "raw", model).stages, *exposed)
     render = target_camera.render_balanced(target, model)
     if not neutral_highlights:
-        return Transform((*balanced, *render.stages))
+        return Transform((*balanced, *render.stages), purpose)
     highlights = highlights_between(Transform(balanced), render, 2.0**ev, target_camera.matrix, render.highest())
-    return Transform((*balanced, highlights, *render.stages))
+    return Transform((*balanced, highlights, *render.stages), purpose)
+
+
+def _exposure(ev: float) -> str:
+    return f", {ev:+g} EV" if ev else ""
+
+
+def _purpose(
+    kind: str,
+    title: str,
+    source: tuple[CameraProfile, str | Selector] | None = None,
+    target: tuple[CameraProfile, str | Selector] | None = None,
+    space: str = "raw",
+) -> Purpose:
+    """What a transform is for: a note on each setting that stands for others, and the held-out errors of its ends."""
+    notes: list[str] = []
+    comments = []
+    for direction, end in (("linearize", source), ("render", target)):
+        if end is None:
+            continue
+        profile, selector = end[0], end[0].selector(end[1])
+        notes += profile.notes_on(selector)
+        errors = profile.styles[selector.style].errors
+        if f"{direction}_mean" in errors:
+            comments.append(f"held-out {direction} error: mean {errors[f'{direction}_mean']:.4f}")
+    light = (source or target or (None,))[0]
+    one, other = ("" if end is None else str(end[1]) for end in (source, target))
+    raw = light.raw_space if light is not None and space == "raw" else space
+    return Purpose(kind, title, space, raw, one, other, tuple(dict.fromkeys(notes)), tuple(comments))
 
 
 def _same_setting(camera: CameraProfile, one: Selector, other: Selector) -> bool:
@@ -302,4 +366,6 @@ def through_camera(
     decode = () if encoding.is_linear else (DecodeRgb(encoding),)
     selector = profile.selector(to)
     from_raw = from_linear_srgb(space) @ profile.raw_to_linear_srgb(selector)
-    return Transform((*decode, MatrixStage(2.0**ev * np.linalg.inv(from_raw)), *profile.render(selector, model).stages))
+    stages = (*decode, MatrixStage(2.0**ev * np.linalg.inv(from_raw)), *profile.render(selector, model).stages)
+    title = f"{profile.camera} {space} to {to}{_exposure(ev)}"
+    return Transform(stages, _purpose("render", title, target=(profile, to), space=space))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lutforge.arrays import Array
+from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ProfileError
 from lutforge.model.diagnosis import Diagnosis
 from lutforge.model.directions import Both, Direction
@@ -127,7 +128,14 @@ class ProfileData:
     @property
     def raw_space(self) -> str:
         """The linear space of the pictures in the place of RAW; "raw" for RAW."""
-        return str(self.options.get("raw_space") or "raw")
+        space = str(self.options.get("raw_space") or "raw")
+        return space if space == "raw" else rgb_space(space).linear.name
+
+    @property
+    def fed_to(self) -> str:
+        """What a render takes: "raw", or the space in which pictures in the place of RAW are encoded."""
+        space = str(self.options.get("raw_space") or "raw")
+        return "raw" if space == self.raw_space else space
 
     def __post_init__(self) -> None:
         if not self.styles or not self.white_balances:

@@ -14,6 +14,7 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
+from lutforge.boundary import path_of
 from lutforge.errors import ProfileError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
@@ -70,10 +71,20 @@ def read_published_model(folder: str | Path) -> PublishedModel:
 
 
 def import_published(folders: Sequence[str | Path], camera: str = "", style: str = "standard") -> CameraProfile:
-    """A profile of one camera and style from its model folders, as they stand.
+    """Read the model folders that the thesis's authors publish into a profile of one camera and style.
 
-    camera: its name, which else is read off the folder above. Raises ProfileError where a folder is none of a model.
+    Args:
+        folders: those that hold raw2jpg_transform.txt.
+        camera: its name, which else is read off the folder above.
+        style: the picture style that the folders are of.
+
+    Returns:
+        The profile, with the published responses, matrices, white balances and gamut maps.
+
+    Raises:
+        ProfileError: a folder is none of a model.
     """
+    folders = [path_of(each) for each in (folders if isinstance(folders, Sequence) else [folders])]
     if not folders:
         raise ProfileError("no model folder given")
     models = [read_published_model(folder) for folder in folders]

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from lutforge import __version__
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
-from lutforge.boundary import reading, require_file
+from lutforge.boundary import path_of, reading, require_file
 from lutforge.errors import ProfileError
 from lutforge.model.transform import ColourFunction, checked_colours
 
@@ -154,10 +154,21 @@ class RawTransfer:
 
 
 def load_transfer(path: str | Path) -> RawTransfer:
-    """Read a transfer. Raises ProfileError, in one line, on anything that is not one."""
+    """Read a transfer from one camera's RAW to another's.
+
+    Args:
+        path: of a file that `lutforge transfer` wrote (.json).
+
+    Returns:
+        The transfer, a function of RAW (…, 3) under any white balance.
+
+    Raises:
+        ProfileError: it is none, in one line.
+    """
+    path = path_of(path, "a RAW transfer")
     with reading(path, "a RAW transfer", ProfileError):
         require_file(path, "a RAW transfer", ProfileError, most=1 << 20)
-        document = json.loads(Path(path).read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise ProfileError(f"{path}: not a RAW transfer; make one with `lutforge transfer`")
         if document["version"] != FORMAT_VERSION:

@@ -150,11 +150,36 @@ def through_stages(stages: Sequence[Stage], x: Array) -> Array:
     return x
 
 
+@dataclass(frozen=True)
+class Purpose:
+    """What a transform of a profile is for.
+
+    kind: "render", "linearize", "refinish" or "match"; "" of any other function. title: camera and settings in words.
+    space: of the side that is not a JPEG, "raw" or a name of `lutforge.colour.rgb_spaces`; light: the same, but what
+    stands in the place of RAW by its name. source, target: STYLE/WB of the JPEG that comes in, and of the one that
+    comes out. notes: for the user; comments: held-out errors, for files.
+    """
+
+    kind: str = ""
+    title: str = ""
+    space: str = "raw"
+    light: str = "raw"
+    source: str = ""
+    target: str = ""
+    notes: tuple[str, ...] = ()
+    comments: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Transform:
-    """Stages in the order in which they are applied; none at all is the identity."""
+    """Stages in the order in which they are applied; none at all is the identity. purpose: what it is for."""
 
     stages: tuple[Stage, ...] = ()
+    purpose: Purpose = Purpose()
+
+    def __repr__(self) -> str:
+        title = f"{self.purpose.kind} {self.purpose.title}: " if self.purpose.kind else ""
+        return f"<Transform {title}{' → '.join(type(stage).__name__ for stage in self.stages) or 'identity'}>"
 
     def __call__(self, x: ArrayLike) -> Array:
         """Evaluate at x (…, 3). NaN stays NaN. Raises ImageError on another shape, and on integers."""

@@ -78,19 +78,24 @@ class Camera:
         return np.asarray((from_linear_srgb("aces2065-1") @ self.profile.matrix) * gain)
 
 
+def as_profiles(profiles: Sequence[CameraProfile | str | Path]) -> list[CameraProfile]:
+    """Profiles as they are, or of files. Raises ConfigError where they are no list or none, ProfileError."""
+    if isinstance(profiles, CameraProfile | str | Path) or not isinstance(profiles, Sequence):
+        raise ConfigError("a config is of a list of profiles: [profile]")
+    if not profiles:
+        raise ConfigError("a config needs at least one camera profile")
+    return [as_profile(profile) for profile in profiles]
+
+
 def name_cameras(profiles: Sequence[CameraProfile | str | Path], taken: Iterable[str] = ()) -> tuple[Camera, ...]:
     """Names for profiles, none of whose colour spaces or aliases is among those taken, whatever the case.
 
     Where one would be, the camera gets a number. Raises ConfigError on no profile, on the same one twice.
     """
-    if not profiles:
-        raise ConfigError("a config needs at least one camera profile")
-    if isinstance(profiles, CameraProfile | str | Path):
-        raise ConfigError("a config is of a list of profiles: [profile]")
     used = {name.lower() for name in taken}
     prints: set[str] = set()
     cameras: list[Camera] = []
-    for profile in map(as_profile, profiles):
+    for profile in as_profiles(profiles):
         key = _fingerprint(profile)
         if key in prints:
             raise ConfigError(f"the profile of {profile.camera} is given twice; name each profile once")

@@ -60,12 +60,22 @@ def build_config(
     version: str | None = None,
     merge: str | Path | None = None,
 ) -> OCIO.Config:
-    """A config with the given cameras; `config.serialize()` is its text.
+    """Build an OpenColorIO config with the given cameras in memory; `config.serialize()` is its text.
 
-    Its JPEG colour spaces refer to files in `luts/`, relative to the config; `config_luts` makes these, `write_config`
-    writes both. folder: the folder of `luts/`, for use of the config from memory. version: of the profile,
-    "2.1" (by default) … "2.6". merge: a config to add the cameras to, a file or the name of a built-in one; it keeps
-    its own colour spaces as they are, and its version. Raises ConfigError.
+    Its JPEG colour spaces refer to files in `luts/`, relative to the config, which `write_config` makes.
+
+    Args:
+        profiles: profiles, or the paths of their files.
+        folder: that of `luts/`, for use of the config from memory.
+        version: of the config, "2.1" to "2.6"; without, 2.1, or that of the config to merge.
+        merge: a config to add the cameras to, a file or the name of a built-in one; it keeps its own colour spaces.
+
+    Returns:
+        The config (PyOpenColorIO.Config).
+
+    Raises:
+        ConfigError: profiles, version and config to merge do not go together.
+        ProfileError: a profile cannot be read.
     """
     with open_base(merge) as base:
         cameras, parts = _plan(profiles, base)

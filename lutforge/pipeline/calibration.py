@@ -10,6 +10,7 @@ from lutforge.calibration.calibrate import calibrate as fit_profile
 from lutforge.calibration.calibrate import calibrate_stages as fit_stages
 from lutforge.calibration.options import CalibrationOptions, Preset
 from lutforge.colour.rgb_spaces import matrix_between
+from lutforge.errors import CalibrationError
 from lutforge.evaluation.measured_profile import measured
 from lutforge.interpolation import Interpolation
 from lutforge.model.camera_profile import CameraProfile, ModelName, as_profile
@@ -29,13 +30,22 @@ def calibrate(
 ) -> CameraProfile:
     """Calibrate a camera: fit its matrix, white balances and picture styles to samples, with held-out errors.
 
-    samples: a SampleSet, or what `sample` takes: tables, RAW files, folders. RAW is linear before white balance, JPEG
-    values are encoded, both in [0, 1]. options: model, preset, size of the lattices; see CalibrationOptions.
-    progress: called with what is being done and the share that is done. stages: a profile whose responses, matrix and
-    white balances are taken as they are, such as `calibrate_stages` fits.
-    Raises CalibrationError where the samples do not determine the model, SampleError or ShotError where they cannot be
-    read.
+    Args:
+        samples: a SampleSet, or what `sample` takes: tables, RAW files, folders. RAW is linear before white balance,
+            JPEG values are encoded, both in [0, 1].
+        options: model, preset, size of the lattices.
+        progress: called with what is being done, and the share that is done.
+        stages: a profile whose responses, matrix and white balances are taken as they are.
+
+    Returns:
+        The profile, with its notes and held-out errors; `profile.save(path)` writes it.
+
+    Raises:
+        CalibrationError: the samples do not determine the model.
+        SampleError, ShotError: the samples cannot be read.
     """
+    if options is not None and not isinstance(options, CalibrationOptions):
+        raise CalibrationError(f"{options!r:.80} are no options: give CalibrationOptions(size=33), or none")
     options = options or CalibrationOptions()
     samples = with_setting_names(as_samples(samples))
     origin = origin_of(samples)

@@ -69,7 +69,7 @@ def write_input_transform(
 ) -> FittedChart:
     """Calibrate a camera without RAW on exposures of a chart, and write the profile.
 
-    bracket, exposure_s, camera: as for `write_response`. Raises CalibrationError, in one line with what to do, where
+    bracket, exposure_s, camera: as for `response`. Raises CalibrationError, in one line with what to do, where
     the chart is not found or the exposures do not determine a response; ImageError, ShotError, and LutForgeError where
     nothing can be written.
     """

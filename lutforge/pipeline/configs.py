@@ -1,11 +1,16 @@
 """Use case: profiles → an OpenColorIO config, checked."""
 
+from __future__ import annotations  # so that help() shows the names of types
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
 from lutforge.errors import ConfigError
-from lutforge.model.camera_profile import CameraProfile, as_profile
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.ocio.cameras import as_profiles
 from lutforge.ocio.check import Finding, check_config, load_config
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
@@ -20,6 +25,7 @@ class WrittenConfig:
     """A config that was written. spaces: the cameras' colour spaces; losses: what its version cannot hold."""
 
     path: Path
+    config: OCIO.Config
     version: str
     spaces: tuple[str, ...]
     views: tuple[str, ...]
@@ -28,7 +34,7 @@ class WrittenConfig:
     losses: tuple[str, ...]
 
 
-def write_checked_config(
+def write_config(
     profiles: Sequence[CameraProfile | str | Path],
     output: str | Path,
     *,
@@ -37,17 +43,31 @@ def write_checked_config(
     replace: bool = False,
     progress: Progress = silent,
 ) -> WrittenConfig:
-    """Write a config of profiles to a folder or an archive (.ocioz), and check it as `ociocheck` would.
+    """Write an OpenColorIO config of profiles, and check it as `ociocheck` would.
 
-    version: of the config, "2.1" to "2.6". merge: a config to add the cameras to. replace: the config in the folder.
-    Raises ConfigError, ProfileError, and LutForgeError where nothing can be written; that is asked before the work.
+    Args:
+        profiles: profiles, or the paths of their files.
+        output: a new folder, or an archive (.ocioz).
+        version: of the config, "2.1" to "2.6"; without, 2.1, or that of the config to merge.
+        merge: a config to add the cameras to: a file, or the name of a built-in one.
+        replace: the config that the folder holds.
+        progress: called with what is being done, and the share that is done.
+
+    Returns:
+        The path, the cameras' colour spaces, views and looks, what the check found, and `config`, as OpenColorIO reads
+        it.
+
+    Raises:
+        ConfigError: profiles, folder, version and config to merge do not go together, or the check failed.
+        ProfileError: a profile cannot be read.
+        LutForgeError: nothing can be written there. All but the failed check is raised before the work.
     """
     output = Path(output)
     lost = losses(minor_version(version)) if version is not None else ()
     archive = output.suffix.lower() == ARCHIVE_SUFFIX
+    loaded = as_profiles(profiles)
     inputs = [entry for entry in (*profiles, merge) if isinstance(entry, str | Path)]
     check_output(output if archive else output / CONFIG_NAME, inputs=inputs)
-    loaded = [as_profile(profile) for profile in profiles]
     for profile in loaded:
         if profile.developer and not is_of_chart(profile):
             raise ConfigError(
@@ -63,6 +83,7 @@ def write_checked_config(
         raise ConfigError(f"{path}: the config was written, but does not pass its check: {told}")
     return WrittenConfig(
         path,
+        config,
         f"{config.getMajorVersion()}.{config.getMinorVersion()}",
         tuple(space.getName() for space in config.getColorSpaces() if space.getFamily().startswith("Input/")),
         tuple(config.getViewTransformNames()),

@@ -188,12 +188,27 @@ def apply(
 ) -> BatchResult:
     """Grade images into a folder, with their metadata, bit depth and extra channels kept.
 
-    grade: a LUT file, an OpenColorIO config, or profiles (.npz) of one camera or several. images: files, folders and
-    frame sequences; with profiles RAW files, too. The options are those of Grading.
-    Raises LutForgeError where nothing can be graded; an image that fails is told of in the result.
+    Args:
+        grade: a LUT file, an OpenColorIO config, or profiles (.npz) of one camera or several.
+        images: files, folders and frame sequences; with profiles RAW files, too.
+        output: the folder.
+        source: STYLE/WB of the images where they do not tell; with a config, their colour space.
+        target: STYLE/WB wanted, as-shot to keep either; with a config, the colour space wanted.
+        ev: exposure change in stops, with a profile.
+        look: the profile of the camera whose look is wanted.
+        space: linear light in this colour space instead of a look, with profiles, in .exr.
+        exposure: with `space`, "exif" divides by the stated exposures, so that pictures of a scene agree.
+        suffix: another format for the output, such as ".exr".
+        workers: threads; one per core without.
+
+    Returns:
+        What became of each image: `done`, `failed` with the reason, `skipped`; and notes.
+
+    Raises:
+        LutForgeError: nothing can be graded; then nothing is written.
     """
     return Grading(
-        tuple(map(Path, (*several(grade), *several(images)))),
+        (*several(grade), *several(images)),
         Path(output),
         source,
         target,

@@ -1,5 +1,7 @@
 """Use case: a profile → a kit, the folder that makes one program show the camera's look; and the check of a kit."""
 
+from __future__ import annotations  # so that help() shows the names of types
+
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -55,7 +57,7 @@ class KitCheck:
 
 
 def write_kit(
-    profile: CameraProfile,
+    profile: CameraProfile | str | Path,
     to: str,
     folder: str | Path,
     program: str | None = None,
@@ -66,12 +68,23 @@ def write_kit(
 ) -> Path:
     """Write a kit: camera profile or LUT, the preset that places it, a README, and develop.sh where it can be run.
 
-    to: STYLE/WB, or STYLE; "all" for every style. program: as `--for` names it; RawTherapee without one. folder: must
-    be new, empty, or an older kit, which is replaced. base: for Lumix bodies, the style that the LUT lies on; look: the
-    profile whose style `to` is, where it is not the camera's own.
-    Raises SettingsError where the profile's pairs are not what the program takes, or on options that do not go
-    together, LutForgeError where the folder holds other files.
+    Args:
+        profile: a profile, or the path of its file.
+        to: STYLE/WB, or STYLE; "all" for every style.
+        folder: a new or empty one, or an older kit, which is replaced.
+        program: the program that shows the look, such as "darktable"; RawTherapee without one.
+        base: for Lumix bodies, the style that the LUT lies on.
+        look: with `base`, the profile whose style `to` is, where it is not the camera's own.
+        progress: called with what is being done, and the share that is done.
+
+    Returns:
+        The folder.
+
+    Raises:
+        SettingsError: an option is unknown, does not go with another, or the profile is not what the program takes.
+        LutForgeError: the folder holds other files, or nothing can be written there.
     """
+    profile = as_profile(profile)
     name = one_of("kit", program or "rawtherapee", KITS)
     if (base is not None or look is not None) and name != "lumix":
         raise SettingsError(f"--base and --as go with --for lumix, not with {name}")

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from lutforge.atomic_write import require_writable
+from lutforge.boundary import path_of
 from lutforge.errors import LutForgeError, SettingsError
 
 PROFILE_SUFFIXES = (".npz",)
@@ -41,7 +42,7 @@ Word = TypeVar("Word", bound=str)
 def one_of(kind: str, word: str, choices: Iterable[Word]) -> Word:
     """Return the choice that a word names, whatever its case. Raises SettingsError, which lists the choices."""
     known = {choice.lower(): choice for choice in choices}
-    if word.strip().lower() not in known:
+    if str(word).strip().lower() not in known:
         raise SettingsError(f'unknown {kind} "{word}"; choose {", ".join(known.values())}')
     return known[word.strip().lower()]
 
@@ -49,6 +50,8 @@ def one_of(kind: str, word: str, choices: Iterable[Word]) -> Word:
 Paths = str | Path | Sequence[str | Path]
 
 
-def several(paths: Paths) -> Sequence[str | Path]:
-    """Return one path as a list of one, several as they are."""
-    return [paths] if isinstance(paths, str | Path) else paths
+def several(paths: Paths) -> list[Path]:
+    """Return one path as a list of one, several as a list. Raises LutForgeError where something is no path."""
+    return [
+        path_of(path) for path in (paths if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths])
+    ]

@@ -25,10 +25,20 @@ def report(
 ) -> Report:
     """Build the report of a profile: curves, maps and tables; with samples its held-out errors and what to shoot next.
 
-    samples: those that it was calibrated from, or tables and shots; with shots the report has their error maps, too.
-    output: the page to write (.html); figures: a folder for the figures, each as SVG and PNG.
-    Raises ProfileError, CalibrationError where the samples hold none of its styles, LutForgeError where nothing can be
-    written; that is asked before the work.
+    Args:
+        profile: a profile, or the path of its file.
+        samples: those that it was calibrated from, or tables and shots; with shots there are error maps, too.
+        output: the page to write (.html).
+        figures: a folder for the figures, each as SVG and PNG.
+        progress: called with what is being done, and the share that is done.
+
+    Returns:
+        The page as blocks of text, tables and pictures.
+
+    Raises:
+        ProfileError, SampleError, ShotError: a file cannot be read.
+        CalibrationError: the samples hold none of the profile's styles.
+        LutForgeError: nothing can be written there; that is raised before the work.
     """
     check_report_output(output, figures)
     sampled = SampledShots(samples) if isinstance(samples, SampleSet) else samples

@@ -25,7 +25,7 @@ from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.response_profile import profile_of_response
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
-from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
+from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.metadata import UNKNOWN
@@ -39,47 +39,50 @@ FRAMES = 8
 
 @dataclass(frozen=True, eq=False)
 class FittedResponse:
-    """profile: as it was written; fit: what the bracket tells; exposure_s: relative, as stated, by shot."""
+    """A response. profile: which holds it; fit: what the bracket tells; exposure_s: relative, as stated, by shot."""
 
     profile: CameraProfile
     fit: BracketFit
     exposure_s: dict[str, float]
 
 
-def response_from_bracket(
-    paths: Sequence[str | Path], exposure_s: Sequence[float] | None = None, beta: float = BETA
-) -> BracketFit:
-    """Fit f to photographs of one still scene, from a tripod, that differ in the exposure only.
-
-    exposure_s: relative exposures; None reads time, aperture and ISO from the files. beta: HSV saturation below which
-    colours count (1: all, for a scene with nothing near neutral, whose curve then carries what the gamut map did).
-    Raises CalibrationError, with what to shoot, where the bracket does not determine a response; ImageError.
-    """
-    files = [Path(path) for path in paths]
-    return _fit(files, stated_exposures(files) if exposure_s is None else exposure_s, beta, silent)
-
-
-def write_response(
-    bracket: Sequence[Path],
-    output: Path,
+def response(
+    bracket: Paths,
+    output: str | Path | None = None,
     exposure_s: Sequence[float] | None = None,
     *,
     camera: str = "",
     all_colours: bool = False,
     progress: Progress = silent,
 ) -> FittedResponse:
-    """Fit the response to a bracket, and write a profile that holds it.
+    """Fit the response of a camera without RAW to photographs of one still scene that differ in the exposure only.
 
-    bracket: pictures, a folder of them, or one film, of which each exposure takes the same share; exposure_s: in the
-    order of the files, else from their EXIF. camera: its name, else from EXIF. all_colours: count saturated ones,
-    too. Raises CalibrationError, ImageError, ShotError, and LutForgeError where nothing can be written.
+    Args:
+        bracket: pictures, a folder of them, or one film, of which each exposure takes the same share.
+        output: the profile to write (.npz).
+        exposure_s: relative exposures in the order of the files; without, from their time, aperture and ISO.
+        camera: its name, where the files do not tell it.
+        all_colours: count saturated colours, too, for a scene with nothing near neutral: the curve then carries what
+            the gamut map did.
+        progress: called with what is being done, and the share that is done.
+
+    Returns:
+        `fit`, what the bracket tells, and `profile`, which holds the response.
+
+    Raises:
+        CalibrationError: the bracket does not determine a response; it says what to shoot.
+        ImageError, ShotError: a picture or film cannot be read.
+        LutForgeError: nothing can be written there.
     """
-    check_output(output, PROFILE_SUFFIXES, bracket)
-    with open_bracket(bracket, exposure_s, camera) as opened:
-        fit = _fit(opened.files, opened.exposure_s, 1.0 if all_colours else BETA, progress)
+    files = several(bracket)
+    if output is not None:
+        check_output(output, PROFILE_SUFFIXES, files)
+    with open_bracket(files, exposure_s, camera) as opened:
+        fit = fit_bracket(_pairs(opened.files, opened.exposure_s, progress), 1.0 if all_colours else BETA)
     profile = profile_of_response(fit.response, opened.camera, opened.style, opened.white_balance, opened.names)
     profile = replace(profile, notes=(*profile.notes, *fit.told))
-    profile.save(output)
+    if output is not None:
+        profile.save(output)
     return FittedResponse(profile, fit, dict(zip(opened.names, opened.exposure_s, strict=True)))
 
 
@@ -123,10 +126,6 @@ def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, ca
             "standard" if settings.style == UNKNOWN else settings.style,
             "auto" if settings.white_balance == UNKNOWN else settings.white_balance,
         )
-
-
-def _fit(files: Sequence[Path], times: Sequence[float], beta: float, progress: Progress) -> BracketFit:
-    return fit_bracket(_pairs(files, times, progress), beta)
 
 
 def _pairs(files: Sequence[Path], times: Sequence[float], progress: Progress) -> ExposurePairs:

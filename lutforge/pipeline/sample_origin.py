@@ -29,7 +29,7 @@ def is_of_chart(profile: CameraProfile) -> bool:
 def require_same_origin(profile: CameraProfile, samples: SampleSet) -> None:
     """Raise CalibrationError, with what helps, where samples are not of what a profile was calibrated on."""
     given = origin_of(samples)
-    if profile.raw_space != given.get("raw_space", "raw"):
+    if (profile.options.get("raw_space") or "raw") != given.get("raw_space", "raw"):
         option = "--developed DIR --developed-space SPACE " if profile.developer else ""
         raise CalibrationError(
             f"the profile is of {profile.developer or 'RAW files'}, the samples are of "

@@ -54,9 +54,17 @@ def file_notes(shots: Iterable[ShotSamples]) -> tuple[str, ...]:
 def sample(paths: Paths, progress: Progress = silent) -> SampleSet:
     """Sample the colours that RAW files share with their camera's JPEGs.
 
-    paths: RAW files, folders of them, or sample tables (.csv, .npz), in any mixture. The JPEG is the one beside the
-    RAW file, else the preview embedded in it.
-    Raises ShotError where no shot is usable, SampleError where a table is malformed.
+    Args:
+        paths: RAW files, folders of them, or sample tables (.csv, .npz), in any mixture. The JPEG is the one beside the
+            RAW file, else the preview embedded in it.
+        progress: called with what is being done, and the share that is done.
+
+    Returns:
+        The samples of all usable shots.
+
+    Raises:
+        ShotError: no shot is usable.
+        SampleError: nothing is given, or a table is malformed.
     """
     return gather_samples(paths, progress).samples
 
@@ -140,7 +148,7 @@ def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progre
     from lutforge.shots.discover import discover, jpegs_of
     from lutforge.shots.other_view import read_other_view
 
-    files = [file for path in several(pictures) for file in jpegs_of(Path(path))]
+    files = [file for path in several(pictures) for file in jpegs_of(path)]
     raws = discover([reference])
     by_stem = {raw.stem.lower(): raw for raw in raws}
     if all(file.stem.lower() in by_stem for file in files):
@@ -183,7 +191,7 @@ def gather_samples(
 
     Raises SampleError where nothing is given or a table is malformed, ShotError where no shot is usable.
     """
-    given = list({path.resolve(): path for path in map(Path, several(paths))}.values())
+    given = list({path.resolve(): path for path in several(paths)}.values())
     if not given:
         raise SampleError("nothing given: name sample tables (.csv, .npz) or RAW files")
     tables = [path for path in given if path.suffix.lower() in TABLE_SUFFIXES]
@@ -204,6 +212,7 @@ def gather_samples(
 
 def as_samples(samples: SampleSet | Paths) -> SampleSet:
     """Return samples as they are, or those of tables and shots. Raises SampleError on anything else."""
-    if not isinstance(samples, SampleSet | str | Path) and not all(isinstance(path, str | Path) for path in samples):
+    paths = samples if isinstance(samples, Sequence) else [samples]
+    if not isinstance(samples, SampleSet) and not all(isinstance(path, str | Path) for path in paths):
         raise SampleError("not samples: give a SampleSet (SampleSet.from_arrays makes one of arrays), or paths")
     return samples if isinstance(samples, SampleSet) else sample(samples)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,9 +26,9 @@ class SampleSet:
     position: (n, 2) x to the right and y down from the centre of the RAW's visible area, half its diagonal = 1; NaN
     where unknown. lens: its name, "" where unknown. focal_mm, aperture (f-number): (n,), NaN where unknown. d65_r,
     d65_b: (n,), what neutralizes light D65 on this camera as its maker or LibRaw has it, green = 1; NaN where unknown.
-    raw_space, developer: where a program's pictures stand in the place of the RAW, their linear RGB space and the
-    program; "" for RAW. The columns from `position` on may be left out; they are unknown then. `from_arrays` fills in
-    more. Raises SampleError where the columns differ in length.
+    raw_space, developer: where a program's pictures stand in the place of the RAW, the RGB space in which these were
+    encoded, and the program; "" for RAW. The columns from `position` on may be left out; they are unknown then.
+    `from_arrays` fills in more. Raises SampleError where the columns differ in length.
     """
 
     camera: Text
@@ -117,6 +118,12 @@ class SampleSet:
 
     def __len__(self) -> int:
         return len(self.camera)
+
+    def save(self, path: str | Path) -> None:
+        """Write the samples to a table (.csv or .npz), atomically; `lutforge.read_samples` reads it."""
+        from lutforge.samples.table import write_samples
+
+        write_samples(path, self)
 
     def select(self, rows: Mask | NDArray[np.intp]) -> "SampleSet":
         """The rows of a mask or an index array."""

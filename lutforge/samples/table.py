@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
-from lutforge.boundary import reading, require_file
+from lutforge.boundary import path_of, reading, require_file
 from lutforge.errors import SampleError
 from lutforge.samples.columns import (
     MAX_ROWS,
@@ -48,10 +48,17 @@ def read_samples(path: str | Path) -> SampleSet:
 
     Columns may stand in any order, unknown ones are ignored. Optional are `wb_*`, `raw_camera`, `x` and `y`, `lens`,
     `focal_mm`, `aperture`, `raw_space`, `developer`; an empty cell of these, or of the exposure, means unknown.
-    RAW lies in [-0.05, 1], sRGB in [0, 1]; multipliers are scaled to green = 1. Raises SampleError, which names file,
-    line or row, column and text.
+
+    Args:
+        path: of the table. RAW lies in [-0.05, 1], sRGB in [0, 1]; multipliers are scaled to green = 1.
+
+    Returns:
+        The samples, one a row.
+
+    Raises:
+        SampleError: in one line that names file, line or row, column and text.
     """
-    path = Path(path)
+    path = path_of(path, "a sample table")
     suffix = _suffix(path)
     require_file(path, "a sample table", SampleError, most=8 << 30)
     with reading(path, "a sample table", SampleError):

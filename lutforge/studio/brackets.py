@@ -14,7 +14,7 @@ from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.errors import CalibrationError, ImageError, ShotError
 from lutforge.pipeline.charts import FittedChart, KnownChart, write_input_transform
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
-from lutforge.pipeline.response import FittedResponse, bracket_samples, parse_times, write_response
+from lutforge.pipeline.response import FittedResponse, bracket_samples, parse_times, response
 from lutforge.progress import Progress
 from lutforge.samples.chart_kinds import chart_kind, parse_corners
 from lutforge.samples.sample_set import SampleSet
@@ -104,7 +104,7 @@ def fit_request(request: BracketRequest, progress: Progress) -> FittedResponse |
     with scratch_folder() as folder:
         output, files = folder / "camera.npz", list(request.files)
         if not request.chart:
-            return write_response(files, output, times, all_colours=request.all_colours, progress=progress)
+            return response(files, output, times, all_colours=request.all_colours, progress=progress)
         corners = parse_corners(request.corners) if request.corners else None
         known = KnownChart(chart_kind(request.chart), request.light or "D50", corners)
         return write_input_transform(files, output, known, times, progress=progress)

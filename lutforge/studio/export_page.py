@@ -18,7 +18,7 @@ from lutforge.errors import LutForgeError, one_line
 from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import export_published
 from lutforge.pipeline.baking import bake_files
-from lutforge.pipeline.configs import write_checked_config
+from lutforge.pipeline.configs import write_config
 from lutforge.pipeline.kits import SCRIPT, check_kit, kits_of, write_kit
 from lutforge.pipeline.reports import report
 from lutforge.pipeline.transforms import TransformRequest
@@ -100,7 +100,7 @@ def config_export(profile: Path, output: Path) -> Export:
 
 
 def _config(profile: Path, output: Path, progress: Progress) -> Iterator[str]:
-    made = write_checked_config([profile], output, progress=progress)
+    made = write_config([profile], output, progress=progress)
     checked = "; ".join(map(str, made.findings)) or "sound"
     yield f"{len(made.spaces)} input colour spaces, {len(made.looks)} looks; checked: {checked}"
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
 from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket
-from lutforge.pipeline.response import response_from_bracket
+from lutforge.pipeline.response import response
 from tests.calibration.brackets_simulated import ADAPTATIONS, CURVES, adapted, bracket, errors_of
 
 
@@ -42,8 +42,10 @@ def real(folder: Path) -> None:
     film = folder / "debevec_memorial"
     lines = [line.split() for line in (film / "image_list.txt").read_text().splitlines() if line[0] not in "#\n"]
     fits = {
-        "Nikon E995": response_from_bracket(sorted((folder / "nikon_e995_window").glob("*.jpg"))),
-        "film": response_from_bracket([film / words[0] for words in lines], [float(words[1]) for words in lines], 1.0),
+        "Nikon E995": response(sorted((folder / "nikon_e995_window").glob("*.jpg"))).fit,
+        "film": response(
+            [film / words[0] for words in lines], exposure_s=[float(words[1]) for words in lines], all_colours=True
+        ).fit,
     }
     print(
         "\n| bracket | next exposure as stated, codes | held-out | own curves of shots | fixed |\n|---|---|---|---|---|"

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from lutforge.luts.bake import bake, bake_forms
+from lutforge.luts.bake import bake_forms
 from lutforge.luts.programs import target_of
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.pipeline.baking import bake
 from tests.benchmarks.bake_table import colours, nikon_d40, ours, table, theirs, transforms
 
 

@@ -12,14 +12,14 @@ from lutforge.errors import CalibrationError
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.response import Response
-from lutforge.pipeline.response import open_bracket, response_from_bracket
+from lutforge.pipeline.response import open_bracket, response
 from tests.calibration.brackets_simulated import CURVES, adapted, bracket, errors_of
 
 
 @pytest.fixture(scope="module")
 def window(shared_data: Path) -> BracketFit:
     """Eight of the twelve exposures of a Nikon E995, with its fixed white balance for sunlight."""
-    return response_from_bracket(sorted((shared_data / "brackets" / "nikon_e995_window").glob("*.jpg"))[2:10])
+    return response(sorted((shared_data / "brackets" / "nikon_e995_window").glob("*.jpg"))[2:10]).fit
 
 
 def _next_stop(response: Response, codes: np.ndarray) -> np.ndarray:
@@ -50,8 +50,8 @@ def test_film_with_a_fog_and_no_neutrals(shared_data: Path) -> None:
     lines = [line.split() for line in (folder / "image_list.txt").read_text().splitlines() if line[0] not in "#\n"]
     paths, times = [folder / words[0] for words in lines], [float(words[1]) for words in lines]
     with pytest.raises(CalibrationError, match="unsaturated colours"):
-        response_from_bracket(paths, times)
-    fit = response_from_bracket(paths, times, beta=1.0)
+        response(paths, exposure_s=times)
+    fit = response(paths, exposure_s=times, all_colours=True).fit
     assert np.all((fit.black > 10 / 255) & (fit.black < 20 / 255))
     median = [curve.median for curve in fit.curves]
     assert median[0] < 1.35 and median[1] < 2.0 and min(median[2:]) > 5.0
@@ -131,10 +131,10 @@ def test_pictures_of_several_cameras_are_refused(shared_data: Path) -> None:
 def test_what_it_cannot_use_it_says(tmp_path: Path, shared_data: Path) -> None:
     folder = shared_data / "brackets" / "debevec_memorial"
     with pytest.raises(CalibrationError, match="no exposure time; give those of the bracket"):
-        response_from_bracket(sorted(folder.glob("*.png"))[:3])
+        response(sorted(folder.glob("*.png"))[:3])
     with pytest.raises(CalibrationError, match="one exposure only"):
-        response_from_bracket(sorted(folder.glob("*.png"))[:2], [1.0, 1.0])
+        response(sorted(folder.glob("*.png"))[:2], exposure_s=[1.0, 1.0])
     grey = tmp_path / "grey.png"
     write_image(grey, np.full((64, 64, 1), 0.5, dtype=np.float32), read_image(folder / "memorial0061.png"))
     with pytest.raises(CalibrationError, match="grey image"):
-        response_from_bracket([grey, grey], [1.0, 2.0])
+        response([grey, grey], exposure_s=[1.0, 2.0])

@@ -43,8 +43,8 @@ def chart_samples(table: Path) -> SampleSet:
 
 def main() -> None:
     source = Path(os.environ["LUTFORGE_TEST_DATA"])
-    lf.write_samples(S40, lf.sample(sorted((source / "canon_powershot_s40").glob("CRW_*.CRW"))))
-    lf.write_samples(CHARTS, chart_samples(source / "middlebury_charts" / "patch_means.csv"))
+    lf.sample(sorted((source / "canon_powershot_s40").glob("CRW_*.CRW"))).save(S40)
+    chart_samples(source / "middlebury_charts" / "patch_means.csv").save(CHARTS)
     published = read_published_model(source / "nus_nikon_d40" / "other_white_balances")
     np.savez_compressed(
         D40,

@@ -108,8 +108,8 @@ def test_multipliers_on_top_of_a_programs_balance_are_told(developed_profile: Ca
     with pytest.raises(SettingsError, match=r"darktable .* already: instead of 2.1,1,1.4 .* standard/auto"):
         write_kit(developed_profile, "standard/2.1,1,1.4", tmp_path / "kit", "ffmpeg")
     described = choose_transform(developed_profile, TransformRequest("render", target="standard/2.1,1,1.4"))
-    assert any("1,1,1 changes nothing" in text for text in described.notes)
-    assert not choose_transform(developed_profile, TransformRequest("render", target=SETTING)).notes
+    assert any("1,1,1 changes nothing" in text for text in described.purpose.notes)
+    assert not choose_transform(developed_profile, TransformRequest("render", target=SETTING)).purpose.notes
 
 
 @pytest.mark.parametrize("space", ["davinci-intermediate", "acescg"])

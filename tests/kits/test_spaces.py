@@ -13,12 +13,11 @@ from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.colour.spectra import surface_reflectances
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import SettingsError
-from lutforge.luts.bake import bake
 from lutforge.luts.check import check_lut
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.pipeline.baking import bake_files
+from lutforge.pipeline.baking import bake, bake_files
 from lutforge.pipeline.transforms import TransformRequest, transform
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
@@ -59,7 +58,7 @@ def test_a_cube_in_a_log_space_is_as_near_as_one_in_linear_light(
     wanted = shown(transform(profile, "linearize", SETTING, space="linear-srgb")(codes), "linear-srgb")
     for name in ("linear-srgb", space):
         path = tmp_path / f"{name}.resolve.cube"
-        bake(transform(profile, "linearize", SETTING, space=name), path, size=33, display_referred=False)
+        bake(transform(profile, "linearize", SETTING, space=name), path, size=33)
         got = evaluate(file_processor(path), codes).astype(np.float64)
         errors[name] = delta_e_2000(shown(got, name), wanted).mean()
     assert errors[space] <= 1.1 * errors["linear-srgb"] + 0.02
@@ -96,7 +95,7 @@ def test_a_jpeg_in_a_log_space_is_as_near_to_the_truth_as_in_linear_light(
     errors = {}
     for name in (rgb_space(space).linear.name, space):
         path = tmp_path / f"{name}{suffix}"
-        bake(transform(truth.profile, "linearize", DAYLIGHT, space=name), path, size=33, display_referred=False)
+        bake(transform(truth.profile, "linearize", DAYLIGHT, space=name), path, size=33)
         light = evaluate(file_processor(path), np.rint(255 * truth.jpeg) / 255).astype(np.float64)
         errors[name] = delta_e_2000(shown(light, name), shown(truth.light, "linear-srgb")).mean()
     print(f"standard → {space}, {suffix}: {errors}")
@@ -132,7 +131,7 @@ def test_codes_are_those_of_the_published_curves(
 ) -> None:
     """A cube takes the JPEG's black, mid grey and white to those of the curve, and nothing beyond what RAW can hold."""
     path = tmp_path / f"{space}.cube"
-    bake(transform(truth.profile, "linearize", DAYLIGHT, space=space), path, size=33, display_referred=False)
+    bake(transform(truth.profile, "linearize", DAYLIGHT, space=space), path, size=33)
     camera = nikon_d5100()
     mid = camera.render(np.full(3, 0.18) / camera.multipliers("daylight"), "standard", "daylight")
     codes = evaluate(file_processor(path), np.stack([np.zeros(3), mid, np.ones(3)]))

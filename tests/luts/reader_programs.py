@@ -20,9 +20,9 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.interpolation import Interpolation
-from lutforge.luts.bake import bake
 from lutforge.luts.sequence import Lut
 from lutforge.model.transform import ColourFunction
+from lutforge.pipeline.baking import bake
 
 Array = NDArray[np.float64]
 SIDE = 64

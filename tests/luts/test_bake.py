@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.luts.bake import bake, bake_forms
+from lutforge.luts.bake import bake_forms
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.processor import evaluate
 from lutforge.luts.programs import Target
@@ -23,6 +23,7 @@ from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.published_model import import_published
 from lutforge.model.response import Response
 from lutforge.model.transform import Clip, Decode, Encode, Gain, MatrixStage, Stage, Transform
+from lutforge.pipeline.baking import bake
 
 Array = NDArray[np.float64]
 
@@ -258,7 +259,7 @@ def test_a_tolerance_that_no_size_can_reach_is_given_up_at_once() -> None:
 def test_a_tolerance_picks_the_size() -> None:
     assert bake(look, tolerance=1.0).size <= bake(look, tolerance=0.2).size
     with pytest.raises(LutError, match="tolerance"):
-        bake(look, tolerance=0.2, display_referred=False)
+        bake_forms(look, [Target()], tolerance=0.2, display_referred=False)
     with pytest.raises(LutError, match="not both"):
         bake(look, size=17, tolerance=0.2)
 

@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import LutError
-from lutforge.luts.bake import bake
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut
+from lutforge.pipeline.baking import bake
 
 MACROS = r"""
 #include <math.h>
@@ -88,7 +88,7 @@ def run_as_c(path: Path, x: NDArray[np.float64]) -> NDArray[np.float64]:
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 @pytest.mark.parametrize("smooth", [False, True])
 def test_compiled_as_c_it_is_the_clf(tmp_path: Path, smooth: bool) -> None:
-    lut = bake(look, size=17, form="shaper")
+    lut: Lut = bake(look, size=17, form="shaper")
     if smooth:  # a shaper that bends everywhere
         entries = np.repeat(np.linspace(0.0, 1.0, 65536)[:, None] ** 0.45, 3, axis=1)
         assert lut.cube is not None

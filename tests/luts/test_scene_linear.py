@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import LutError, SettingsError
-from lutforge.luts.bake import bake
 from lutforge.luts.ops import Matrix
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
@@ -18,6 +17,7 @@ from lutforge.luts.verify import verify
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.published_model import import_published
 from lutforge.model.transform import Transform
+from lutforge.pipeline.baking import bake
 
 Array = NDArray[np.float64]
 

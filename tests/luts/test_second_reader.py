@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.luts.bake import bake
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
+from lutforge.pipeline.baking import bake
 
 
 def look(x: ArrayLike) -> NDArray[np.float64]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lutforge.errors import LutError
-from lutforge.luts.bake import bake
 from lutforge.luts.reading import read_lut
+from lutforge.pipeline.baking import bake
 from tests.luts.test_dctl import look
 
 
