@@ -153,4 +153,4 @@ def _fit_styles(
 def _matrix_of_most(styles: Mapping[str, CalibratedStyle]) -> Array:
     """Ts of the style with most samples; the identity where all styles are black and white."""
     coloured = [style for style in styles.values() if not style.data.monochrome]
-    return max(coloured, key=lambda style: len(style.data.shot)).data.base.matrix if coloured else np.eye(3)
+    return max(coloured, key=lambda style: len(style.data.shot)).data.unsaturated.matrix if coloured else np.eye(3)

@@ -44,6 +44,14 @@ class StyleData:
     most_centres: int = MOST_CENTRES
 
     @cached_property
+    def unsaturated(self) -> MatrixAndResponse:
+        """The matrix and response of the colours that a gamut map leaves alone. Raises CalibrationError.
+
+        This is the camera's own matrix: the one that suits all colours takes up a part of the gamut map.
+        """
+        return self.given or fit_matrix_and_response(self.balanced, self.encoded)
+
+    @cached_property
     def base(self) -> MatrixAndResponse:
         """The matrix that suits all colours, and the response. Raises CalibrationError.
 
@@ -52,8 +60,7 @@ class StyleData:
         """
         if self.given is not None:
             return self.given
-        unsaturated = fit_matrix_and_response(self.balanced, self.encoded)
-        smooth = MatrixAndResponse(unsaturated.matrix, smooth_response(unsaturated.response))
+        smooth = MatrixAndResponse(self.unsaturated.matrix, smooth_response(self.unsaturated.response))
         if self.monochrome:
             return replace(smooth, matrix=np.eye(3))
         return with_matrix_of_all(smooth, self.balanced, self.encoded)
