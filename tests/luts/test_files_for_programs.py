@@ -87,7 +87,8 @@ def test_stages_of_lattices_are_the_model_and_files_say_what_goes_in(tmp_path: P
         "--stages", "-o", "a.clf",
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
-    assert "Cube 5³ → Matrix → Range → Cube 49³ → Range → Cube 5³" in run.stdout  # near white colours fade into it
+    # Colours near white fade into it in the cube between.
+    assert "Cube 5³ → Matrix → Range → Curve 4096 → Cube 33³ → Range → Cube 5³" in run.stdout
     # The cube of highlights is within a code in the mean.
     codes = np.random.default_rng(1).integers(0, 256, (4096, 3)) / 255
     model = load_profile(profile).refinish("standard/daylight", "standard/daylight", -1.0)
