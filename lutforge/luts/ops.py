@@ -97,11 +97,6 @@ class Curve:
         if knots is not None and (knots.shape != table.shape or not np.all(np.diff(knots, axis=0) > 0)):
             raise LutError("LUT: the knots of a curve do not increase, or are not as many as its entries")
 
-    @property
-    def is_shared(self) -> bool:
-        """True where all channels have the same table."""
-        return bool(np.ptp(self.outputs, axis=1).max() <= 1e-9)
-
     def __call__(self, x: Array) -> Array:
         """Evaluate at x (…, 3)."""
         if self.inputs is None:

@@ -39,21 +39,3 @@ def predict_held_out(masks: Sequence[Mask], predict: Callable[[Mask, Mask], Arra
     for mask, part in zip(masks, parts, strict=True):
         result[mask] = part
     return result
-
-
-def descend(error: Callable[[float], float], start: float, step: float, bounds: tuple[float, float]) -> float:
-    """The value with the least error among start · stepᵏ within bounds, found by walking downhill from the start.
-
-    The error is evaluated on until it grows: upwards first, downwards where the first step up does not help. A held-out
-    error is flat near its minimum, so wide steps lose little.
-    """
-    best, least = start, error(start)
-    for factor in (step, 1 / step):
-        while bounds[0] <= best * factor <= bounds[1]:
-            reached = error(best * factor)
-            if reached >= least:
-                break
-            best, least = best * factor, reached
-        if best != start:
-            break
-    return best

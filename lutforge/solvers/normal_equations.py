@@ -7,11 +7,10 @@ O(14 N³). The sums of a node come in one order whatever the number of threads.
 """
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
-from lutforge.arrays import Array, Index, Mask
+from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
 from lutforge.interpolation import Axis, Interpolation, Levels, corner_weights, indexed, locate
 from lutforge.threads import cores, run, slabs
@@ -154,15 +153,6 @@ class InterpolationMatrix:
             slabs(0, self.size[0] - 1, 1, self._threads),
         )
         return y
-
-    @property
-    def touched(self) -> Mask:
-        """(N_r, N_g, N_b): the corners of cells with samples."""
-        r, g, b = self.size
-        cells, nodes = np.diff(self._rows[1]).reshape(r - 1, g - 1, b - 1) > 0, np.zeros(self.size, dtype=np.bool_)
-        for i, j, k in product((0, 1), repeat=3):
-            nodes[i : r - 1 + i, j : g - 1 + j, k : b - 1 + k] |= cells
-        return nodes
 
     def normal_equations(self, y: Array, weight: Array | None = None) -> NormalEquations:
         """W'ΩW and W'Ωy of values y (n, 3) with weights (n,), all 1 unless given."""

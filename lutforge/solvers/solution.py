@@ -10,7 +10,6 @@ class Status(Enum):
     """How a solver ended, in words that may stand in a message."""
 
     CONVERGED = "it converged"
-    STALLED = "no step reduced the residual any further"
     LIMIT = "it reached its limit of iterations"
     SINGULAR = "the equations do not determine every unknown"
     INFEASIBLE = "no values satisfy the constraints"

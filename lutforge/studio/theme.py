@@ -2,9 +2,6 @@
 
 from typing import Any
 
-SURROUND = "#767676"
-"""18 % grey, encoded: what pictures stand before in both themes."""
-
 _COMMON: dict[str, Any] = {
     "typography": {"fontFamily": "system-ui, sans-serif", "fontSize": 13, "h3": {"fontSize": "0.95rem"}},
     "shape": {"borderRadius": 4},

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lutforge.solvers.cross_validation import descend, leave_groups_out, leave_samples_out, predict_held_out
+from lutforge.solvers.cross_validation import leave_groups_out, leave_samples_out, predict_held_out
 
 
 def test_folds_leave_whole_shots_out_once() -> None:
@@ -24,12 +24,3 @@ def test_a_held_out_prediction_is_of_the_other_samples() -> None:
     means = predict_held_out(leave_samples_out(12, 3), lambda train, test: np.full(test.sum(), values[train].mean()))
     for fold in range(3):
         np.testing.assert_allclose(means[fold::3], np.delete(values.reshape(4, 3), fold, axis=1).mean())
-
-
-def test_descent_finds_the_least_error_within_bounds_both_ways() -> None:
-    for least, found in ((1e3, 1e2), (1e-3, 1e-2), (1.0, 1.0)):
-
-        def error(value: float) -> float:
-            return abs(float(np.log(value / least)))  # noqa: B023 - called before the next one is defined
-
-        assert np.isclose(descend(error, 1.0, 10.0, (1e-2, 1e2)), found)

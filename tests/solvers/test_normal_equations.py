@@ -59,12 +59,3 @@ def test_interpolation_matrix_times_a_lattice(method: Interpolation) -> None:
     x, values = rng.uniform(-0.1, 1.1, (100_000, 3)), rng.normal(size=(7, 6, 5, 3))
     found = InterpolationMatrix(x, levels, method) @ values
     np.testing.assert_allclose(found, interpolate(x, levels, values, method), atol=1e-12)
-
-
-def test_touched_nodes_are_those_with_weight() -> None:
-    levels, x = (
-        (np.array([0.0, 0.2, 1.0]), np.linspace(0, 1, 4), np.linspace(0, 1, 6)),
-        np.random.default_rng(0).random((20, 3)),
-    )
-    matrix = InterpolationMatrix(x, levels, "trilinear")
-    np.testing.assert_array_equal(matrix.touched, matrix.normal_equations(np.ones_like(x)).right[..., 0] > 0)
