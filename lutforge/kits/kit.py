@@ -40,8 +40,9 @@ class Look:
 
     @property
     def to_srgb(self) -> Array:
-        """(3, 3): white-balanced input → linear sRGB."""
-        return self.profile.matrix
+        """(3, 3): white-balanced input → linear sRGB, by the matrix of all colours of the style if it has one."""
+        models = self.profile.styles[self.style].physical
+        return models[0].matrix if models else self.profile.matrix
 
     @property
     def space(self) -> str:

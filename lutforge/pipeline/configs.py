@@ -65,9 +65,10 @@ def write_config(
     output = Path(output)
     lost = losses(minor_version(version)) if version is not None else ()
     archive = output.suffix.lower() == ARCHIVE_SUFFIX
-    loaded = as_profiles(profiles)
-    inputs = [entry for entry in (*profiles, merge) if isinstance(entry, str | Path)]
+    several = profiles if isinstance(profiles, list | tuple) else ()
+    inputs = [entry for entry in (*several, merge) if isinstance(entry, str | Path)]
     check_output(output if archive else output / CONFIG_NAME, inputs=inputs)
+    loaded = as_profiles(profiles)
     for profile in loaded:
         if profile.developer and not is_of_chart(profile):
             raise ConfigError(
