@@ -54,7 +54,8 @@ def source_selector(
         if wanted.style != AS_SHOT:
             raise SettingsError(f'unknown style "{style}"; {known}')
         told = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
-        raise SettingsError(f"{path}: {told}; {known} and the white balances {_balances(camera)}: name it with --from")
+        balances = ", ".join(sorted(camera.white_balances))
+        raise SettingsError(f"{path}: {told}; {known} and the white balances {balances}: name it with --from")
     balance = _balance_of_file(settings, camera)
     if wanted.white_balance not in NAMED_BY_FILE:
         given = camera.selector(Selector(style, wanted.white_balance))
@@ -117,7 +118,3 @@ def _balance_of_file(settings: PictureSettings, camera: CameraProfile) -> str | 
         kelvin = float(name[:-1])
         return Kelvin(kelvin) if KELVIN_RANGE[0] <= kelvin <= KELVIN_RANGE[1] else None
     return None
-
-
-def _balances(camera: CameraProfile) -> str:
-    return ", ".join(sorted(camera.white_balances))

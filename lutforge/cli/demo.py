@@ -94,7 +94,7 @@ def _bake(profile: "CameraProfile", shots: "DemoShots", folder: Path) -> None:
         ),
     ):
         for file in bake_files(profile, wanted, [folder / name for name in names]).files:
-            say(f"   {file}; {file.error}")
+            say(f"   {file.path}: {file.summary}; {file.error}")
 
 
 def _config(profile: "CameraProfile", folder: Path) -> None:

@@ -31,10 +31,6 @@ def _mirrored(encode: Callable[[Array], Array], decode: Callable[[Array], Array]
     )
 
 
-def _gamma(exponent: float) -> TransferFunction:
-    return _mirrored(lambda x: x ** (1.0 / exponent), lambda y: y**exponent)
-
-
 def _log(
     cut: float, slope: float, start: float, scale: float, gain: float, shift: float, offset: float
 ) -> TransferFunction:
@@ -47,7 +43,7 @@ def _log(
         )
 
     def decode(y: Array) -> Array:
-        # Where the two pieces do not quite meet, the codes between them belong to the line.
+        # The two pieces of some published curves leave a gap; codes within it are decoded by the straight line.
         return np.where(y < level, (y - start) / slope, (10.0 ** ((y - offset) / scale) - shift) / gain)
 
     return TransferFunction(encode, decode)
@@ -169,7 +165,7 @@ def _pq() -> TransferFunction:
 TRANSFER_FUNCTIONS = {
     "sRGB": _mirrored(srgb_encode, srgb_decode),
     # Adobe RGB (1998) Color Image Encoding, section 4.3.4.2
-    "Adobe RGB (1998)": _gamma(563.0 / 256.0),
+    "Adobe RGB (1998)": _mirrored(lambda x: x ** (256.0 / 563.0), lambda y: y ** (563.0 / 256.0)),
     "ROMM RGB": _mirrored(
         lambda x: np.where(x < _ROMM_TOE, 16.0 * x, x ** (1 / 1.8)),
         lambda y: np.where(y < 16.0 * _ROMM_TOE, y / 16.0, y**1.8),

@@ -50,18 +50,15 @@ def _measured(
     own = RBF if options.model == "rbf" else LATTICE
     errors = _errors(found, own)
     if not errors:
-        weak.append(f"without one of its shots the rest does not suffice, so the error is not known{_why(found)}")
+        reasons = f" ({'; '.join(found.notes)})" if found.notes else ""
+        weak.append(f"without one of its shots the rest does not suffice, so the error is not known{reasons}")
     weak.extend(_worse_than_baselines(found, errors))
     model = replace(model, errors=errors)
-    told = held_out_errors(found, own, data.base)
-    for direction, values in told.items():
-        for name, value in zip(("at_sample", "per_deviation"), values.coefficients(), strict=True):
-            errors[f"{direction}_{name}"] = float(value)
-    return replace(model, expected=expected_errors(model, told, data.base, data.balanced, data.encoded)), weak
-
-
-def _why(found: Predictions) -> str:
-    return f" ({'; '.join(found.notes)})" if found.notes else ""
+    held_out = held_out_errors(found, own, data.base)
+    for direction, values in held_out.items():
+        at_sample, per_deviation = values.coefficients()
+        errors |= {f"{direction}_at_sample": float(at_sample), f"{direction}_per_deviation": float(per_deviation)}
+    return replace(model, expected=expected_errors(model, held_out, data.base, data.balanced, data.encoded)), weak
 
 
 def _errors(found: Predictions, own: str) -> dict[str, float]:

@@ -77,7 +77,10 @@ class DarktableKit(Kit):
 
 
 def _parameters(name: str) -> str:
-    """As darktable stores bytes: "gz", the compression factor in two digits, and Base64 of a zlib stream."""
+    """Return the parameters of the input profile module as darktable stores bytes in a sidecar file.
+
+    These are "gz", the compression factor in two digits, and a zlib stream in Base64.
+    """
     file, perceptual, no_clipping, no_mapping, linear_rec2020 = 0, 0, 0, 0, 4
     data = struct.pack(
         "<i512s4i512x", file, f"{name}.icc".encode(), perceptual, no_clipping, no_mapping, linear_rec2020

@@ -91,7 +91,7 @@ def scene_linear(look: Look) -> Callable[[Array], Array]:
     def light(balanced: Array) -> Array:
         toned = _SRGB.decode(np.clip(look.render(balanced), 0.0, 1.0))
         inverse = np.interp(toned, tones[rising], grey[rising])
-        # Where the response has clipped, more light is told by the sensor alone.
+        # A clipped JPEG channel no longer rises with the light; there the RAW channel takes its place.
         return np.asarray(np.where(toned >= tones[-1], np.maximum(inverse, balanced), inverse))
 
     return light

@@ -171,7 +171,7 @@ def solve_nodes(
     """(W'ΩW + ε) b = W'Ωy + ε b₀ by conjugate gradients from `start`, the three outputs together."""
     equations = normal_equations(x, y, levels, method, omega)
     stencil, right = equations.stencil, equations.right
-    # Where no point is, a node is the function's own value there.
+    # A node without points around it takes the function's own value.
     hold = 1e-3 * float(stencil[0].mean())
     stencil[0] += hold
     right += hold * sampled

@@ -100,13 +100,11 @@ class Curve:
     def __call__(self, x: Array) -> Array:
         """Evaluate at x (…, 3)."""
         if self.inputs is None:
-            return apply_curve(self.outputs, x if (self.low, self.high) == (0.0, 1.0) else self._on_unit(x))
+            on_unit = x if (self.low, self.high) == (0.0, 1.0) else np.asarray((x - self.low) / (self.high - self.low))
+            return apply_curve(self.outputs, on_unit)
         known = np.where(np.isnan(x), self.inputs[0], x)
         knots, values = self.inputs.T, self.outputs.T
         return np.stack([np.interp(known[..., c], knots[c], values[c]) for c in range(3)], axis=-1)
-
-    def _on_unit(self, x: Array) -> Array:
-        return np.asarray((x - self.low) / (self.high - self.low))
 
     def __repr__(self) -> str:
         low, high = (self.low, self.high) if self.inputs is None else (self.inputs.min(), self.inputs.max())

@@ -299,7 +299,7 @@ def _tabulated(parts: list[OCIO.Transform]) -> list[Op]:
     outputs = evaluate(processor, at).astype(np.float64)
     finite = np.all(np.isfinite(outputs), axis=1)
     curve = Curve(outputs[finite], inputs=at[finite])
-    # Where one channel changes, the others may not; and straight lines between half floats must be the transform.
+    # A curve does not mix channels, and is a straight line between half-float inputs. Random colours test both.
     probes = np.random.default_rng(0).random((256, 3)) * 1.5 - 0.1
     if not np.allclose(evaluate(processor, probes), curve(probes), rtol=1e-3, atol=1e-3):
         raise _beyond(f"a {type(parts[0]).__name__}, which mixes channels or jumps")

@@ -1,4 +1,4 @@
-"""Where a JPEG lies on its RAW: a scale and an offset, and how the lens bent what the camera straightened."""
+"""The place of a JPEG on its RAW: a scale, an offset, and the distortion of the lens that the camera removed."""
 
 from dataclasses import dataclass, replace
 

@@ -29,7 +29,11 @@ PARTS = 6
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Where a place has moved. step: of the last iteration; covariance: of the parameters, by the picture's parts."""
+    """A registration after an iteration of its fit.
+
+    place: the new registration; step: the last change of its parameters; covariance: of the parameters, estimated from
+    how much the parts of the picture disagree.
+    """
 
     place: Registration
     step: Array

@@ -47,6 +47,13 @@ def test_it_makes_every_file_that_it_names(demo: tuple[Path, str]) -> None:
     assert len(list((demo[0] / "shots").glob("*.dng"))) == 15
 
 
+def test_each_lut_and_its_error_stand_in_one_line(demo: tuple[Path, str]) -> None:
+    _, stdout = demo
+    assert "?" not in stdout  # control characters, an end of line among them, are printed as "?"
+    (line,) = (line for line in stdout.splitlines() if "refinish.resolve.cube" in line)
+    assert line.count("; mean ") == 1
+
+
 def test_errors_against_the_truth(demo: tuple[Path, str]) -> None:
     """Bounds of the simulated camera: rendering within a few codes, linearizing below 0.4 % of full scale."""
     table = errors(demo[1])

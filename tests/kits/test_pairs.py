@@ -52,7 +52,7 @@ def test_a_look_between_two_renderings(folders: tuple[Path, Path], tmp_path: Pat
     run = lutforge("calibrate", "--pairs", before, after, "--from-space", "srgb", "-o", output)
     assert run.returncode == 0, run.stderr
     profile = load_profile(output)
-    assert profile.options["raw_space"] == "linear-srgb"
+    assert (profile.raw_space, profile.fed_to) == ("linear-srgb", "srgb")
     setting = f"{next(iter(profile.styles))}/{next(iter(profile.white_balances))}"
     x = np.random.default_rng(9).uniform(0.1, 0.9, (500, 3))
     light = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)

@@ -120,7 +120,7 @@ def _fitted(
     sampled = model(grid(levels))
     mean = float(weight.mean())
     equations = matrix.normal_equations(values - matrix @ sampled, weight / mean)
-    # Where no point is, a node is the model's own value there.
+    # A node without colours around it takes the model's own value.
     prior = Prior(sampled, np.full_like(sampled, HOLD))
     nodes = solve_lattice(equations, levels, Regularization(0.0, 0.0, 0.0, 0.0), prior=prior, tolerance=1e-4).values
     nodes[0, 0, 0] = 0.0

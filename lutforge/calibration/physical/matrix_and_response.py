@@ -37,10 +37,11 @@ six simulated styles (now 0.4 to 1.8); with 2 it runs away on one of ten chart c
 REACH = 3.0
 """Colours beyond so many times β do not count."""
 MOST_SAMPLES = 3000
-"""As many are fitted at most."""
+"""The largest number of samples that a fit uses; of more, as many are drawn at random."""
 
 Columns = Callable[[Array], tuple[Array, Array]]
-"""Of RAW (n, 3): what light of coefficients that are known it holds (n, 3), and the columns of others (n, 3, q)."""
+"""A function of RAW (n, 3). It returns the light that known coefficients give (n, 3), and the columns that unknown ones
+multiply (n, 3, q)."""
 
 
 @dataclass(frozen=True, eq=False)
