@@ -21,8 +21,8 @@ from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_sta
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.baselines import colour_polynomial, mixed_channel_polynomials
 from lutforge.evaluation.linearization import model_delta
+from lutforge.evaluation.methods import colour_polynomial, mixed_channel_polynomials
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples

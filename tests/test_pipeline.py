@@ -14,7 +14,7 @@ from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import SHOTS, demo_shots
 from lutforge.simulate.photograph import CameraSettings, photograph
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES
 from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 

@@ -74,7 +74,7 @@ def _sampled(
     with progress_bar("sampling") as progress:
         if pairs is None and substitute == (None, None):
             return gather_samples(sources, progress, tell)
-        from lutforge.pipeline.raw_substitutes import raw_substitute, sample_pairs  # loads what decodes RAW files
+        from lutforge.pipeline.sampling import raw_substitute, sample_pairs  # loads what decodes RAW files
 
         if pairs is None:
             return gather_samples(sources, progress, tell, raw_substitute(*substitute))

@@ -27,7 +27,7 @@ def demo(
     from lutforge.pipeline.outputs import check_output
     from lutforge.pipeline.reports import report as write_report
     from lutforge.pipeline.sampling import sample_shots
-    from lutforge.report.sheets import calibration_sheet
+    from lutforge.report.matplotlib_figure import calibration_sheet
     from lutforge.samples.table import write_samples
 
     check_output(output / "report.html")
@@ -116,7 +116,7 @@ def _grade(shots: "DemoShots", output: Path) -> tuple[str, ...]:
     from lutforge.evaluation.errors_table import error_figures
     from lutforge.images.read import read_image
     from lutforge.pipeline.grading import apply
-    from lutforge.report.sheets import refinish_sheet
+    from lutforge.report.matplotlib_figure import refinish_sheet
 
     spoilt = shots.held_out.jpeg
     assert spoilt is not None

@@ -22,7 +22,7 @@ def inspect(
     from lutforge.pipeline.inspection import files_to_inspect
 
     if scene is not None:
-        from lutforge.pipeline.scene import inspect_scene
+        from lutforge.pipeline.evaluation import inspect_scene
 
         with progress_bar("sampling") as progress:
             found = inspect_scene(scene, files, progress)

@@ -26,8 +26,7 @@ def sample(
 ) -> None:
     """Turn RAW files (with their embedded preview, or a JPEG beside them) into a table of colour samples."""
     from lutforge.pipeline.outputs import TABLE_SUFFIXES, check_output, named_or_new
-    from lutforge.pipeline.raw_substitutes import raw_substitute
-    from lutforge.pipeline.sampling import sample_by_reference, sample_shots
+    from lutforge.pipeline.sampling import raw_substitute, sample_by_reference, sample_shots
     from lutforge.samples.table import write_samples
 
     output = check_output(named_or_new(output, "samples.csv"), TABLE_SUFFIXES, shots)

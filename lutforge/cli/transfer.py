@@ -27,7 +27,7 @@ def transfer(
     ] = False,
 ) -> None:
     """Fit RAW → RAW between two cameras from charts that both photographed, for apply --as and bake match."""
-    from lutforge.pipeline.transfers import write_transfer
+    from lutforge.pipeline.calibration import write_transfer
 
     if piecewise and root_polynomial:
         raise SettingsError("--piecewise and --root-polynomial are two forms; choose one")

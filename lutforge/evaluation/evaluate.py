@@ -15,10 +15,9 @@ from lutforge.calibration.shots.departures import Departure, find_departures
 from lutforge.calibration.shots.falloff import at_the_centre
 from lutforge.calibration.style_data import style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.edited import edited_errors
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
 from lutforge.evaluation.held_out import Predictions, predict
-from lutforge.evaluation.linearization import linearization_errors
+from lutforge.evaluation.linearization import edited_errors, linearization_errors
 from lutforge.evaluation.refinish_errors import refinish_errors
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.reference_raw import with_own_raw

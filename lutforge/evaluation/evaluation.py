@@ -28,10 +28,9 @@ from typing import Any
 import numpy as np
 
 from lutforge.calibration.shots.departures import Departure
-from lutforge.evaluation.edited import EDITS, EditedError
 from lutforge.evaluation.errors_table import ErrorFigures, error_figures
 from lutforge.evaluation.held_out import Predictions
-from lutforge.evaluation.linearization import LinearizationError
+from lutforge.evaluation.linearization import EDITS, EditedError, LinearizationError
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import RefinishError
 from lutforge.model.directions import Direction

@@ -16,8 +16,18 @@ from PIL import Image as Pillow
 
 from lutforge.arrays import Codes
 from lutforge.errors import ImageError
-from lutforge.images.exif import PREFIX, ExifPlaces, exif_places
-from lutforge.images.jpeg_header import EOI, ICC, SOI, JpegHeader, Marker, Segment, read_header
+from lutforge.images.jpeg_header import (
+    EOI,
+    ICC,
+    PREFIX,
+    SOI,
+    ExifPlaces,
+    JpegHeader,
+    Marker,
+    Segment,
+    exif_places,
+    read_header,
+)
 
 _SUBSAMPLING: Mapping[tuple[tuple[int, int], ...], int] = {
     ((1, 1), (1, 1), (1, 1)): 0,

@@ -8,9 +8,9 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import Levels, apply_curve, interpolate
+from lutforge.luts.axes import node_levels
 from lutforge.luts.ops import Cube, Curve, Range
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import node_levels
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """The lookup table JPEG → RAW that undoes a baked render: how a config's linearization is made.
 
-Colours from the whole cube of JPEG values are inverted exactly, one by one (`preimage`), and the table is fitted to the
+Colours from the whole cube of JPEG values are inverted exactly, one by one (`preimages`), and the table is fitted to the
 RAW found for them by lattice regression, behind the inverse of the render's output curve, so that only the bends of the
 render's lattice are left to it. Errors count as the render shows them. From fit to fit the largest errors count more
 (Lawson's algorithm, see `solvers/robust_weights.py`), which brings the maximum down. Beyond the colours that the render
@@ -12,18 +12,21 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
-from lutforge.arrays import Array
-from lutforge.interpolation import Levels, apply_curve, interpolate
+from lutforge.arrays import Array, Index
+from lutforge.compiled import compiled
+from lutforge.interpolation import Axis, Levels, apply_curve, indexed, interpolate, locate
 from lutforge.inverse.baked_render import BakedRender
 from lutforge.inverse.colours import in_every_cell, raw_colours
-from lutforge.inverse.preimage import clipped_sides, preimages
+from lutforge.luts.axes import shaper
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import shaper
 from lutforge.model.lattice import grid, snap_levels
+from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.lattice_regression import Prior, Regularization, solve_lattice
 from lutforge.solvers.normal_equations import InterpolationMatrix
+from lutforge.threads import each, slabs
 
 PRIOR_WEIGHT = 1e-5
 """Weight of the prior mean at a node, where a colour that the render makes has 1. Colours of less are left out."""
@@ -174,3 +177,119 @@ def _pairs(
     trust = (half_a_code / np.maximum(residual, half_a_code)) ** options.outside
     told = trust > PRIOR_WEIGHT
     return jpeg[told], raw[told], trust[told]
+
+
+# --- The RAW that a baked render takes to a JPEG colour, colour by colour --------------------------------------------
+# A baked render is a lattice with a curve per channel behind it, so its value and its slope at any RAW are known in
+# closed form, and Levenberg–Marquardt steps (Nocedal & Wright, Numerical Optimization, 2006, section 10.3) reach the
+# RAW to rounding. A channel that is clipped says only that the lattice is at or beyond the end of its curve.
+
+
+def clipped_sides(jpeg: Array) -> Index:
+    """Tell where channels of JPEG colours (n, 3) are clipped: 1 at white, −1 at black, else 0."""
+    return np.where(jpeg >= 1 - 1e-7, 1, np.where(jpeg <= 1e-7, -1, 0)).astype(np.int64)
+
+
+def preimages(render: BakedRender, jpeg: Array, start: Array, margin: float = 0.0) -> tuple[Array, Array]:
+    """RAW (n, 3) that the render takes to JPEG colours (n, 3), searched from `start` (n, 3) within the RAW range.
+
+    Of all scenes of a clipped colour it is one near the start, with the lattice `margin` beyond the end of its curve
+    where that costs the other channels nothing. Also returned: the residual that is left, encoded (n,), 0 to rounding
+    where the render makes the colour at all. O(n) time.
+    """
+    lattice_values, sides, axes = render.to_values(jpeg), clipped_sides(jpeg), indexed(render.levels)
+    ends = np.array([axis[[0, -1]] for axis in render.levels])
+    weights, raw = render.slope(lattice_values), np.empty(jpeg.shape)
+
+    def search(part: tuple[int, int]) -> None:
+        rows = slice(*part)
+
+        def linearize(raw: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+            residual, slope = np.empty(raw.shape), np.empty((*raw.shape, 3))
+            _residual_and_slope(
+                render.values, axes, render.tetrahedral, raw, rows.start + which, lattice_values, weights, sides,
+                margin, residual, slope,
+            )  # fmt: skip
+            return residual, slope
+
+        raw[rows] = gauss_newton(linearize, start[rows], lower=ends[:, 0], upper=ends[:, 1]).value
+
+    at_once = 8192  # colours whose slopes stay in a core's cache
+    for _ in each(search, slabs(0, len(jpeg), 1, -(-len(jpeg) // at_once))):
+        pass
+    return raw, np.linalg.norm(render(raw) - jpeg, axis=1)
+
+
+@compiled()
+def _falling_axes(r: float, g: float, b: float) -> tuple[int, int, int]:
+    """The axes in falling order of the fractions along them: the way through a cell from its low corner."""
+    if r >= g:
+        return (0, 1, 2) if g >= b else (0, 2, 1) if r >= b else (2, 0, 1)
+    return (2, 1, 0) if b > g else (1, 2, 0) if b > r else (1, 0, 2)
+
+
+@compiled()
+def _value_and_slope(
+    values: Array, axes: tuple[Axis, Axis, Axis], tetrahedral: bool, x: Array, y: Array, slope: Array
+) -> None:
+    """Fill y (3,) and slope (3, 3), d y / d x, of a lattice at x (3,) within its axes."""
+    i, r = locate(axes[0], x[0])
+    j, g = locate(axes[1], x[1])
+    k, b = locate(axes[2], x[2])
+    r_levels, g_levels, b_levels = axes[0].levels, axes[1].levels, axes[2].levels
+    per_r, per_g = 1.0 / (r_levels[i + 1] - r_levels[i]), 1.0 / (g_levels[j + 1] - g_levels[j])
+    per_b = 1.0 / (b_levels[k + 1] - b_levels[k])
+    if tetrahedral:
+        fractions, per_width = (r, g, b), (per_r, per_g, per_b)
+        for c in range(3):
+            y[c] = values[i, j, k, c]
+        for axis in _falling_axes(r, g, b):
+            p, q, s = i + (axis == 0), j + (axis == 1), k + (axis == 2)
+            for c in range(3):
+                step = values[p, q, s, c] - values[i, j, k, c]
+                y[c] += step * fractions[axis]
+                slope[c, axis] = step * per_width[axis]
+            i, j, k = p, q, s
+        return
+    for c in range(3):
+        low, low_g, low_b = _on_face(values, i, j, k, c, g, b)
+        high, high_g, high_b = _on_face(values, i + 1, j, k, c, g, b)
+        y[c] = low + r * (high - low)
+        slope[c, 0] = (high - low) * per_r
+        slope[c, 1] = (low_g + r * (high_g - low_g)) * per_g
+        slope[c, 2] = (low_b + r * (high_b - low_b)) * per_b
+
+
+@compiled()
+def _on_face(values: Array, i: int, j: int, k: int, c: int, g: float, b: float) -> tuple[float, float, float]:
+    """A channel where red is at a node, bilinear in the fractions of green and blue, and its rise along these."""
+    low, low_rise = values[i, j, k, c], values[i, j, k + 1, c] - values[i, j, k, c]
+    high, high_rise = values[i, j + 1, k, c], values[i, j + 1, k + 1, c] - values[i, j + 1, k, c]
+    rise = high + b * high_rise - (low + b * low_rise)
+    return low + b * low_rise + g * rise, rise, low_rise + g * (high_rise - low_rise)
+
+
+@compiled()
+def _residual_and_slope(
+    values: Array, axes: tuple[Axis, Axis, Axis], tetrahedral: bool, raw: Array, which: Index, targets: Array,
+    weights: Array, sides: Index, margin: float, residual: Array, slope: Array,
+) -> None:  # fmt: skip
+    """Fill residual (a, 3) and its slope (a, 3, 3) of the colours `which` (a,) at raw (a, 3), both encoded.
+
+    The residual of a clipped channel is its distance to the end of the curve, with full weight, and its distance to a
+    point `margin` beyond the end, with a fiftieth of the weight.
+    """
+    y = np.empty(3)
+    for n in range(len(raw)):
+        _value_and_slope(values, axes, tetrahedral, raw[n], y, slope[n])
+        for c in range(3):
+            side, scale = sides[which[n], c], weights[which[n], c]
+            error = y[c] - targets[which[n], c]
+            residual[n, c] = scale * error
+            if side != 0 and side * error < 0.0:
+                residual[n, c] -= 0.02 * side * margin
+            elif side != 0:
+                residual[n, c] = 0.02 * side * min(side * error - margin, 0.0)
+                scale = 0.02 if side * error < margin else 0.0
+            for axis in range(3):
+                slope[n, c, axis] *= scale

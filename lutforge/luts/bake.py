@@ -7,24 +7,39 @@ the nodes.
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import SupportsIndex
 
 import numpy as np
 
+from lutforge.arrays import Array
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.fit import EvaluatedTransform, evaluate, fit_ops
+from lutforge.luts.axes import (
+    FEW,
+    SHAPER_SIZE,
+    Axes,
+    fit_axes,
+    is_even,
+    lattice_ops,
+    levels_behind_gain,
+    measure_lines,
+    node_levels,
+    shaper,
+)
+from lutforge.luts.least_squares import Samples, fit_cube, sample
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
-from lutforge.luts.parts import Parts, curve_alone, parts_of
+from lutforge.luts.parts import Parts, as_one, curve_alone, parts_of, slope_weight
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import MAX_SIZE, Form, Lut
-from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, shaper
-from lutforge.model.lattice import grid, uniform_levels
-from lutforge.model.transform import ColourFunction, DecodeRgb, MatrixStage, Transform
+from lutforge.model.gamut_map import GamutMap
+from lutforge.model.highlights import NeutralHighlights
+from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
+from lutforge.model.transform import Clip, ColourFunction, DecodeRgb, MatrixStage, Stage, Transform, through_stages
 from lutforge.progress import Progress, silent
 from lutforge.sobol import sobol
 
@@ -223,3 +238,188 @@ def _smallest(
         f"no size up to {sizes[-1]} brings 99 % of colours within {tolerance:g} ΔE00: the smallest error found is "
         f"{best:.2g}, at {at}; give a larger tolerance, or --size {sizes[-1]} for the best there is"
     )
+
+
+# --- Fit a cube of a given size: axes along which it is smooth, then the nodes by least squares ----------------------
+# What is costly is evaluating the transform; `evaluate` does it once for all forms of a size.
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedTransform:
+    """A transform at the points of a fit, for one size and one or more forms.
+
+    designs: per form the axes of its cube, behind the gain of the parts; inputs span 0 to `highest`.
+    """
+
+    parts: Parts
+    designs: Mapping[Form, Axes]
+    samples: Samples
+    highest: float
+
+
+def evaluate(
+    transform: ColourFunction, size: int, forms: Sequence[Form], highest: float = 1.0,
+    progress: Progress = silent,
+) -> EvaluatedTransform:  # fmt: skip
+    """Evaluate a transform for fits of `size` nodes per axis. O(size³) evaluations.
+
+    forms: "full" and "shaper" share what is evaluated; "plain" stands alone. highest: inputs reach from 0 to
+    this. Raises LutError where the transform is no function of colours.
+    """
+    progress(f"{size}³ nodes: where they lie", 0.0)
+    plain = "plain" in forms
+    parts = parts_of(transform) if highest == 1 and not plain else as_one(transform, highest)
+    designs: dict[Form, Axes] = {}
+    if plain:
+        designs["plain"] = Axes(None, uniform_levels(size))
+    else:
+        lines = measure_lines(parts.cube_values, parts.gain, parts.stops)
+        rendered = lines if parts.output_curve is None else lines.behind(parts.output_curve)
+        for form in forms:
+            if form == "full":
+                weight = None if parts.output_curve is None else slope_weight(parts.output_curve)
+                designs[form] = fit_axes(lines, size, weight, parts.curve)
+            else:
+                curve = parts.curve if parts.output_curve is None else None
+                axes = fit_axes(rendered, size, None, curve)
+                folded = levels_behind_gain(axes.levels, parts.gain)
+                r, g, b = (axis * gain for axis, gain in zip(folded, parts.gain, strict=True))
+                designs[form] = Axes(axes.curve, (r, g, b))
+    samples = sample(
+        lambda x: parts.cube_values(np.minimum(x, 1.0)),  # a level in front of a gain is rounded up, beyond what clips
+        tuple(axes.levels for axes in designs.values()),
+        parts.gain,
+        lambda share: progress(f"{size}³ nodes: evaluated", 0.8 * share),
+    )
+    return EvaluatedTransform(parts, designs, samples, highest)
+
+
+def fit_ops(evaluated: EvaluatedTransform, form: Form, method: Interpolation) -> tuple[Op, ...]:
+    """The operations of a form that come nearest to what was evaluated, under the reader's own interpolation."""
+    parts, axes = evaluated.parts, evaluated.designs[form]
+    curve = parts.output_curve if form == "full" else None
+    samples = evaluated.samples
+    if parts.output_curve is not None and curve is None:
+        samples = samples.behind(parts.output_curve)
+    weight = None if curve is None else slope_weight(curve)
+    r, g, b = (axes.stretched(np.stack(axes.levels, axis=1))[:, c].copy() for c in range(3))
+    design = list(evaluated.designs).index(form)
+    values = fit_cube(samples, design, (r, g, b), method, axes.stretched, weight, curve is None)
+    if form == "full":
+        return full_ops(parts, axes, Cube(values, method), evaluated.highest)
+    folded, gain = Cube(values @ parts.matrix.T, method), parts.gain
+    if form == "plain":
+        return (folded,)
+    if np.all(gain == 1):
+        return (*_shaper(axes, evaluated.highest), folded)
+    r, g, b = (axis / factor for axis, factor in zip(axes.levels, gain, strict=True))
+    at = np.linspace(0.0, 1.0, SHAPER_SIZE)[:, None] * gain
+    in_front = None if axes.curve is None else axes.stretched(at)
+    return shaper((r, g, b), SHAPER_SIZE, in_front, evaluated.highest), folded
+
+
+def full_ops(parts: Parts, axes: Axes, cube: Cube, highest: float = 1.0) -> tuple[Op, ...]:
+    """Matrices → clamp → shaper → cube → output curve → matrix, without what changes nothing."""
+    ahead, behind = Matrix((parts.gain / highest)[:, None] * parts.before), Matrix(parts.matrix)
+    return (
+        *(() if ahead.is_identity else (ahead,)),
+        Range(),
+        *_shaper(axes),
+        cube,
+        *(() if parts.output_curve is None else (Curve(parts.output_curve),)),
+        *(() if behind.is_identity else (behind,)),
+    )
+
+
+def _shaper(axes: Axes, high: float = 1.0) -> tuple[Op, ...]:
+    if axes.curve is None and is_even(axes.levels) and high == 1:
+        return ()
+    return (shaper(axes.levels, SHAPER_SIZE, axes.curve, high),)
+
+
+# --- The steps of a transform in one sequence: what a process list (CLF, CTF) can hold whole -------------------------
+# A refinish between two lattices of a profile is lattice → matrix → lattice: written so, the file is the model, while
+# one cube of both can only come near. A refinish of a physical model becomes two cubes with the camera's clipping
+# between.
+
+
+HIGHLIGHT_SIZE, DARK_CELLS = 33, 5
+"""Nodes per axis of the cube that keeps white neutral, and how many cells of them lie below the light that is raised.
+"""
+
+
+def bake_steps(
+    transform: ColourFunction,
+    size: int | None = None,
+    *,
+    interpolation: Interpolation | None = None,
+    title: str = "",
+    comments: tuple[str, ...] = (),
+) -> Lut:
+    """Bake a transform with a cube for each of its steps, from one clip to the next.
+
+    size: nodes per axis of each (33; lattices of a profile keep their own, and lose nothing).
+    """
+
+    def baked(step: ColourFunction) -> Lut:
+        return bake(step, size=size, interpolation=interpolation)
+
+    if isinstance(transform, Transform) and any(isinstance(stage, NeutralHighlights) for stage in transform.stages):
+        return Lut(joined(grading_lut(transform, baked).ops), title, comments)
+    steps = _steps(transform) if isinstance(transform, Transform) else [transform]
+    return Lut(joined([op for step in steps for op in baked(step).ops]), title, comments)
+
+
+def _steps(transform: Transform) -> list[ColourFunction]:
+    """The transform cut in front of each clip but the first, and of the matrices and gains in front of that."""
+    cuts = [at for at, stage in enumerate(transform.stages) if isinstance(stage, Clip)][1:]
+    return [Transform(transform.stages[i:j]) for i, j in zip([0, *cuts], [*cuts, len(transform.stages)], strict=True)]
+
+
+def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:
+    """A refinish for photographs, from the baked steps of its two styles: white stays neutral.
+
+    baked: returns the LUT of a step that is the same under all white balances: of JPEG → linear, or of white-balanced
+    RAW → JPEG. Only what is between them is computed anew, so that a picture with a white balance of its own costs
+    milliseconds. Raises LutError on a transform that keeps no neutrals.
+    """
+    if transform.is_identity:
+        return Lut((Range(),))
+    linearize, between, highlights, render = grading_steps(transform)
+    front = baked(linearize)
+    cube = front.cube
+    if cube is None:
+        raise LutError(f"LUT: a cube is wanted, not {front.summary}")
+    ahead, behind = front.ops[: front.ops.index(cube)], front.ops[front.ops.index(cube) :]
+    values = through_stages(between, Lut(behind)(grid(uniform_levels(cube.size))))
+    neutral = raised(highlights, np.ones(3), float((values / highlights.white).max()))
+    return Lut((*ahead, Cube(values, cube.interpolation), *neutral, *baked(render).ops))
+
+
+def raised(highlights: NeutralHighlights, gain: Array, reach: float, size: int = HIGHLIGHT_SIZE) -> tuple[Op, ...]:
+    """Highlights as a cube of the light in front of a gain (3,), relative to white, up to `reach`.
+
+    The nodes lie where light is raised, at the same levels in all channels. Interpolated in tetrahedra, what is not
+    raised passes exactly, and so does the least channel. White is a node.
+    """
+    steps = len(highlights.floor) - 1
+    dark = max(int(np.argmax(highlights.floor.max(axis=1) > 0)) - 1, DARK_CELLS) / steps
+    below, above = np.linspace(0.0, dark, DARK_CELLS + 1)[:-1], np.linspace(dark, 1.0, size - 1 - DARK_CELLS)
+    axis = snap_levels(np.append(np.append(below, above), max(reach, 1.0) + 0.01) / (max(reach, 1.0) + 0.01), FEW)
+    levels, scale = (axis, axis, axis), highlights.white / gain / axis[-2]
+    cube = Cube(highlights(grid(levels) * scale * gain), "tetrahedral")
+    return Matrix(np.diag(1.0 / scale)), Range(), shaper(levels, FEW), cube
+
+
+def grading_steps(transform: Transform) -> tuple[Transform, tuple[Stage, ...], NeutralHighlights, Transform]:
+    """The parts of a refinish for photographs: JPEG → linear, from there to balanced light, highlights, and the render.
+
+    Raises LutError on a transform that keeps no neutrals.
+    """
+    stages = transform.stages
+    at = next((at for at, stage in enumerate(stages) if isinstance(stage, NeutralHighlights)), None)
+    highlights = None if at is None else stages[at]
+    if at is None or not isinstance(highlights, NeutralHighlights):
+        raise LutError("LUT: photographs are graded by a refinish that keeps clipped neutrals")
+    cut = 1 + next(at for at, stage in enumerate(stages) if isinstance(stage, Lattice | GamutMap))
+    return Transform(stages[:cut]), stages[cut:at], highlights, Transform(stages[at + 1 :])

@@ -15,13 +15,13 @@ import numpy as np
 from lutforge.arrays import Array, Single
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.interpolation import Interpolation
+from lutforge.luts.axes import node_levels
+from lutforge.luts.check import Colour
 from lutforge.luts.formats import spi
 from lutforge.luts.ops import Cube, Matrix
 from lutforge.luts.processor import evaluate
-from lutforge.luts.reader_habits import Colour
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut, own_reader
-from lutforge.luts.shaper import node_levels
 from lutforge.model.transform import ColourFunction
 from lutforge.sobol import sobol
 

@@ -15,16 +15,23 @@ from lutforge.luts.formats.text import write_text
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.ocio.base_config import LUT_FOLDER, add_displays, base_config
-from lutforge.ocio.cameras import Camera, name_cameras
-from lutforge.ocio.file_rules import camera_rules, put_first
-from lutforge.ocio.looks import REFINISH, add_looks
+from lutforge.ocio.base_config import DEFAULT_VERSION, LUT_FOLDER, OLDEST, add_displays, base_config
+from lutforge.ocio.cameras import Camera, UniqueNames, config_names, name_cameras
 from lutforge.ocio.lut_files import compact_text
 from lutforge.ocio.merge import BaseConfig, merged, open_base
-from lutforge.ocio.names import UniqueNames, config_names
 from lutforge.ocio.renderings import STEPS, Rendering, baked, renderings
-from lutforge.ocio.spaces import add_contextual, add_jpegs, add_raw, add_views, any_names, default_balances
-from lutforge.ocio.versions import DEFAULT_VERSION, OLDEST
+from lutforge.ocio.spaces import (
+    REFINISH,
+    add_contextual,
+    add_jpegs,
+    add_looks,
+    add_raw,
+    add_views,
+    any_names,
+    camera_rules,
+    default_balances,
+    put_first,
+)
 from lutforge.progress import Progress, silent
 from lutforge.solvers.blas import one_blas_thread
 from lutforge.threads import each

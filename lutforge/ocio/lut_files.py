@@ -11,11 +11,11 @@ import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.interpolation import interpolate
+from lutforge.luts.axes import FEW, node_levels, shaper
 from lutforge.luts.formats import clf
 from lutforge.luts.formats.text import short_rows
 from lutforge.luts.ops import Cube, Curve, Op
 from lutforge.luts.sequence import Lut
-from lutforge.luts.shaper import FEW, node_levels, shaper
 from lutforge.model.lattice import grid, snap_levels
 
 DECIMALS, DIGITS = 6, 5

@@ -18,8 +18,8 @@ from lutforge.atomic_write import scratch_folder
 from lutforge.errors import ConfigError
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.ocio.base_config import DATA, DISPLAY_REFERENCE, LUT_FOLDER, REFERENCE, UN_TONE_MAPPED
-from lutforge.ocio.file_rules import put_first
-from lutforge.ocio.names import config_names
+from lutforge.ocio.cameras import config_names
+from lutforge.ocio.spaces import put_first
 
 BUILTIN = "ocio://"
 _TABLES = {".3dl", ".clf", ".csp", ".ctf", ".cub", ".cube", ".hdl", ".itx", ".lut", ".mga", ".m3d", ".spi1d", ".spi3d"}

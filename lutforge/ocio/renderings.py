@@ -16,15 +16,13 @@ from lutforge.inverse.baked_render import BakedRender
 from lutforge.inverse.colours import climbed, raw_colours
 from lutforge.inverse.linearization import InverseOptions, inverse_of
 from lutforge.inverse.round_trip import measure, rounded_up
-from lutforge.luts.bake import bake
+from lutforge.luts.bake import bake, grading_steps, raised
 from lutforge.luts.sequence import Lut
-from lutforge.luts.steps import grading_steps, raised
 from lutforge.model.coverage import uncovered
 from lutforge.model.highlights import CLIPPED
 from lutforge.model.transform import ColourFunction, Gain, Transform
-from lutforge.ocio.cameras import Camera
+from lutforge.ocio.cameras import Camera, UniqueNames, file_stem
 from lutforge.ocio.lut_files import compact
-from lutforge.ocio.names import UniqueNames, file_stem
 from lutforge.settings import Selector
 
 

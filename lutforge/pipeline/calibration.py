@@ -2,21 +2,23 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
+from typing import cast, get_args
 
 from lutforge.calibration.calibrate import calibrate as fit_profile
 from lutforge.calibration.calibrate import calibrate_stages as fit_stages
 from lutforge.calibration.options import CalibrationOptions, Preset
+from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer, pair_samples
 from lutforge.colour.rgb_spaces import matrix_between
-from lutforge.errors import CalibrationError
+from lutforge.errors import CalibrationError, SampleError
 from lutforge.evaluation.measured_profile import measured
 from lutforge.interpolation import Interpolation
 from lutforge.model.camera_profile import CameraProfile, ModelName, as_profile
-from lutforge.pipeline.outputs import Paths
+from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sample_origin import origin_of
-from lutforge.pipeline.sampling import as_samples
+from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples
 from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 
@@ -82,3 +84,52 @@ def calibration_options(
         nonuniform=nonuniform,
     )
     return options if size is None else replace(options, size=size)
+
+
+# --- Photographs of the same scenes by two cameras → the transfer of one's RAW to the other's ------------------------
+
+
+@dataclass(frozen=True)
+class FittedTransfer:
+    """A transfer that was written. errors: relative error of each form on held-out colours; None where too few."""
+
+    source: str
+    target: str
+    common: int
+    errors: Mapping[Form, float | None]
+
+
+def write_transfer(
+    source: Path,
+    target: Path,
+    output: Path,
+    form: Form = "matrix",
+    progress: Progress = silent,
+    tell: Callable[[SampledShots], None] = lambda sampled: None,
+) -> FittedTransfer:
+    """Fit the transfer from the RAW of one camera to another's, and write it (.json).
+
+    source, target: samples, RAW files or folders of one camera each. Raises SampleError where one holds several
+    cameras, CalibrationError where the two did not see the same colours.
+    """
+    check_output(output, (".json",), (source, target))
+    first = _of_one_camera(source, part(progress, 0.0, 0.5), tell)
+    second = _of_one_camera(target, part(progress, 0.5, 1.0), tell)
+    names = (str(first.camera[0]), str(second.camera[0]))
+    x, y, neutral = pair_samples(first, second)
+    fitted = {kind: fit_raw_transfer(*names, x, y, neutral, kind) for kind in get_args(Form)}
+    error = fitted[form].error
+    if error is not None and error > 0.3:  # of the value: then the two cameras did not see the same colours
+        raise CalibrationError(
+            f"{len(x)} colours that should be common differ by {error:.0%} after the best transfer: the "
+            "shots are not of the same scenes; photograph the same charts with both cameras"
+        )
+    fitted[form].save(output)
+    return FittedTransfer(*names, len(x), {kind: transfer.error for kind, transfer in fitted.items()})
+
+
+def _of_one_camera(path: Path, progress: Progress, tell: Callable[[SampledShots], None]) -> SampleSet:
+    samples = gather_samples(path, progress, tell).samples
+    if len(set(samples.camera.tolist())) != 1:
+        raise SampleError(f"{path}: samples of several cameras; give those of one")
+    return samples

@@ -10,11 +10,11 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.ocio.base_config import losses, minor_version
 from lutforge.ocio.cameras import as_profiles
 from lutforge.ocio.check import Finding, check_config, load_config
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
-from lutforge.ocio.versions import losses, minor_version
 from lutforge.pipeline.outputs import check_output
 from lutforge.pipeline.sample_origin import is_of_chart
 from lutforge.progress import Progress, silent, telling_of_compilation

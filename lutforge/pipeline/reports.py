@@ -10,9 +10,8 @@ from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sample_origin import require_same_origin
 from lutforge.pipeline.sampling import SampledShots, gather_samples
 from lutforge.progress import Progress, part, silent, telling_of_compilation
-from lutforge.report.compare import build_comparison
 from lutforge.report.page import Report, write_figures, write_page
-from lutforge.report.report import build_report
+from lutforge.report.report import build_comparison, build_report
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 
 

@@ -12,10 +12,10 @@ from lutforge.colour.colour_difference import srgb_to_lab
 from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode, srgb_encode
 from lutforge.evaluation.errors_table import ErrorFigures
 from lutforge.model.directions import Direction
-from lutforge.model.emor import mean_response
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PictureStyle
+from lutforge.model.response import mean_response
 from lutforge.report.drawing import (
     CHANNELS,
     ERROR_SCALE,

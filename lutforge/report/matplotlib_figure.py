@@ -12,8 +12,24 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
+from lutforge.arrays import Pixels
 from lutforge.atomic_write import atomic_path
-from lutforge.report.drawing import MAP, Arrows, Bars, Dots, Drawing, Labels, Line, Lines, Mark, Panel, Raster
+from lutforge.model.camera_profile import CameraProfile
+from lutforge.report.drawing import (
+    ERROR_SCALE,
+    MAP,
+    Arrows,
+    Bars,
+    Dots,
+    Drawing,
+    Labels,
+    Line,
+    Lines,
+    Mark,
+    Panel,
+    Raster,
+)
+from lutforge.report.figures import lattice_figure
 
 MARKERS = {"circle": "o", "x": "x", "cross": "+", "diamond": "D", "dash": "|", "square": "s"}
 
@@ -115,3 +131,35 @@ def to_svg(figure: Figure) -> str:
         text = buffer.getvalue()
     # An image is named by its content, and two scales of colours are the same image: nothing refers to these names.
     return re.sub(r' id="image[0-9a-f]+"', "", text[text.index("<svg") :])
+
+
+# --- Two sheets for people who look rather than read -----------------------------------------------------------------
+
+
+def refinish_sheet(
+    before: Pixels, after: Pixels, wanted: Pixels, path: str | Path, titles: tuple[str, str, str]
+) -> None:
+    """The photograph, the graded one, what it should be, and the error between the last two, as one PNG.
+
+    Pixels: (h, w, 3), encoded, the same size.
+    """
+    height, width = before.shape[:2]
+    error = np.linalg.norm(after.astype(np.float64) - wanted, axis=-1)
+    told = f"RGB error of the graded photograph, RMSE {np.sqrt(np.mean((after - wanted) ** 2)):.4f}"
+    panels = [
+        Panel(title, (Raster(np.asarray(image, dtype=np.float64)),), bare=True, equal=True)
+        for title, image in zip(titles, (before, after, wanted), strict=True)
+    ]
+    panels.append(
+        Panel(told, (Raster(error),), bare=True, equal=True, scale=(0.0, ERROR_SCALE), scale_name="norm of RGB")
+    )
+    rows = (tuple(panels[:2]), tuple(panels[2:]))
+    save_png(figure_of(Drawing(rows, 6 * height / width + 0.4, 12.0)), path)
+
+
+def calibration_sheet(profile: CameraProfile, style: str, path: str | Path) -> None:
+    """Node levels of both lattices, the grey axis through them, and where samples support the nodes, as one PNG."""
+    chosen = profile.styles[style]
+    figure = figure_of(lattice_figure(chosen, list(chosen.lattices)))
+    figure.suptitle(f"{profile.camera}, style {style}: above render, below linearize")
+    save_png(figure, path, dpi=133)

@@ -1,32 +1,58 @@
 """What is known of a calibrated camera, for reading: plain answers first, what they rest on behind them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
+import numpy as np
+from scipy.optimize import brentq
 
+from lutforge.arrays import Array
 from lutforge.calibration.options import options_from_json
+from lutforge.calibration.physical.brightness_transfer import judge, transfer_functions
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.shots.departures import Departure
 from lutforge.calibration.style_data import StyleData
+from lutforge.calibration.style_fit import uniform_lattice_errors
+from lutforge.colour.colour_difference import delta_e_2000, srgb_to_lab
+from lutforge.errors import CalibrationError
+from lutforge.evaluation.errors_table import visibility
 from lutforge.evaluation.evaluate import evaluate
+from lutforge.evaluation.evaluation import Evaluation
+from lutforge.evaluation.linearization import response_deltas
+from lutforge.evaluation.measured_profile import by_distance, held_out_errors
 from lutforge.evaluation.methods import LATTICE
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.evaluation.next_shots import colour_gaps
+from lutforge.model.camera_profile import CameraProfile, through_camera
+from lutforge.model.coverage import linearizing_error
+from lutforge.model.diagnosis import told
+from lutforge.model.falloff import Falloff
+from lutforge.model.profile_data import PictureStyle
+from lutforge.model.response_profile import is_response_alone
+from lutforge.model.transform import Transform
 from lutforge.progress import Progress, part, silent
-from lutforge.report.answers import answers
-from lutforge.report.error_blocks import (
-    error_map_pictures,
-    error_pictures,
-    error_tables,
-    exposure_blocks,
-    sample_blocks,
-    style_pictures,
+from lutforge.report.drawing import Drawing, Line, Panel, Raster
+from lutforge.report.error_maps import maps_of_shot, own_method
+from lutforge.report.figures import (
+    ENDS,
+    brightness_transfer_figure,
+    chromaticity_figure,
+    error_boxes,
+    error_by_colour_figure,
+    gamut_figure,
+    lattice_figure,
+    levels_on_errors,
+    plane_figure,
+    response_figure,
 )
-from lutforge.report.error_maps import own_method
-from lutforge.report.page import BulletList, Report, Section
-from lutforge.report.scene_blocks import departure_blocks, falloff_blocks
-from lutforge.report.tables import balance_table, matrix_table
+from lutforge.report.page import Block, BulletList, Picture, Report, Section, Text
+from lutforge.report.tables import TITLES, Table, balance_table, error_table, matrix_table, more_tables
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
+from lutforge.settings import setting_name
+from lutforge.simulate.camera import nikon_d5100
+from lutforge.simulate.scene import still_life
 
 
 @matplotlib.rc_context({"text.parse_math": False})  # names may hold dollar signs
@@ -84,3 +110,417 @@ def _subtitle(profile: CameraProfile) -> str:
         f"Picture styles: {', '.join(profile.styles)}. White balances: {', '.join(profile.white_balances)}. "
         f"Shots: {len(profile.shots)}. Model: {model}, preset {options.preset}."
     )
+
+
+# --- Answers: how good a profile is, what it is fit for, what to photograph next -------------------------------------
+
+
+FIT = {
+    "less than an eye sees side by side": "yes",
+    "what an eye just sees side by side": "yes",
+    "visible": "with care",
+    "far off": "not yet: add shots",
+}
+"""By what `visibility` says of an error: whether a profile is fit for a use."""
+
+
+def answers(
+    profile: CameraProfile, own: str, evaluation: Evaluation | None, data: Mapping[str, StyleData]
+) -> tuple[Section, ...]:
+    """Answer the three questions; own: the method of `evaluation` that is the profile's model.
+
+    Without an evaluation the errors are those that the profile holds. Each figure is one that `calibrate` or `evaluate`
+    prints, too.
+    """
+    errors = _errors_of_profile(profile) if evaluation is None else _errors(own, evaluation)
+    strangers = sorted({str(style.samples.camera[0]) for style in data.values()} - {profile.camera})
+    good = (
+        *map(Text, told(profile.diagnoses)),
+        *(Text(f"The samples are of {name}, not of {profile.camera}: so are the errors.") for name in strangers),
+        *(Text(_how_good(name, *found)) for name, found in errors.items()),
+        *(Text(note) for note in profile.notes if is_response_alone(profile)),
+    )
+    uses = Table("", ("job", "fit for it?", "why", "command"), tuple(_uses(own, evaluation, errors)))
+    return (
+        Section("How good is it?", good or (Text("Not known: the profile holds no errors. Give its samples, too."),)),
+        Section("What for?", (uses,) if errors else ()),
+        Section("What to shoot next?", tuple(_next_shots(profile, data))),
+    )
+
+
+Errors = tuple[float, float | None, float | None, bool]
+"""A style's mean error RAW → JPEG, its mean ΔE00, its mean error JPEG → RAW, and whether shots were held out."""
+
+
+def _errors(own: str, evaluation: Evaluation) -> dict[str, Errors]:
+    rows = {(row.style, row.direction): row for row in evaluation.rows if row.method == own and row.shot == "all"}
+    found: dict[str, Errors] = {}
+    for (style, direction), row in rows.items():
+        if direction == "render":
+            back = rows.get((style, "linearize"))
+            backward = None if back is None else back.figures.mean
+            found[style] = (row.figures.mean, row.figures.de00_mean, backward, row.held_out)
+    return found
+
+
+def _errors_of_profile(profile: CameraProfile) -> dict[str, Errors]:
+    return {
+        name: (errors["render_mean"], errors.get("render_de00_mean"), errors.get("linearize_mean"), True)
+        for name, errors in ((name, style.errors) for name, style in profile.styles.items())
+        if "render_mean" in errors
+    }
+
+
+def _how_good(style: str, mean: float, de00: float | None, backward: float | None, held_out: bool) -> str:
+    seen = "" if de00 is None else f", ΔE00 {de00:.2f}"
+    figures = f"the JPEG predicted from RAW is {mean:.4f} of full scale off in the mean{seen}"
+    if not held_out:
+        return (
+            f"{style}: on the shots that it was fitted to, {figures}. How well it predicts other shots is not known: "
+            "calibrate from two shots or more."
+        )
+    judged = "" if de00 is None else f": {visibility(de00)}"
+    back = "" if backward is None else f" RAW recovered from the JPEG is {backward:.4f} of full scale off."
+    return f"{style}: on shots that it had not seen, {figures}{judged}.{back}"
+
+
+def _uses(own: str, evaluation: Evaluation | None, errors: Mapping[str, Errors]) -> Iterator[tuple[str, ...]]:
+    """A row for each job: of the style, or the pair of settings, that is worst at it."""
+    look = ("the camera's look on RAW, in other programs", "lutforge kit")
+    light = ("linear light from its JPEGs", "lutforge bake … linearize")
+    other = ("its JPEGs with another white balance, exposure or style", "lutforge apply")
+    if not all(held_out for *_, held_out in errors.values()):
+        for job, command in (look, light, other):
+            yield job, "not known", "one shot only: none is left to try it on", command
+        return
+    rendered = {name: de00 for name, (_, de00, _, _) in errors.items() if de00 is not None}
+    if rendered:
+        worst = max(rendered, key=lambda name: rendered[name])
+        yield look[0], FIT[visibility(rendered[worst])], _said(rendered[worst], worst, len(rendered)), look[1]
+    linear = {name: back for name, (_, _, back, _) in errors.items() if back is not None}
+    if linear:
+        worst = max(linear, key=lambda name: linear[name])
+        named = f" ({worst})" if len(linear) > 1 else ""
+        reason = f"{linear[worst]:.4f} of full scale off in the mean{named}; what the JPEG clipped is lost"
+        yield light[0], FIT[visibility(rendered[worst])] if worst in rendered else "yes", reason, light[1]
+    pairs = [row for row in (evaluation.refinish if evaluation else ()) if row.method == own and row.figures.de00_mean]
+    if pairs:
+        pair = max(pairs, key=lambda row: row.figures.de00_mean or 0.0)
+        de00 = pair.figures.de00_mean or 0.0
+        yield other[0], FIT[visibility(de00)], _said(de00, f"{pair.source} → {pair.target}", len(pairs)), other[1]
+    else:
+        yield other[0], "not measured", "no two of the shots show one scene under two settings", other[1]
+
+
+def _said(de00: float, name: str, count: int) -> str:
+    return f"ΔE00 {de00:.2f} in the mean{f', at worst ({name})' if count > 1 else ''}: {visibility(de00)}"
+
+
+def _next_shots(profile: CameraProfile, data: Mapping[str, StyleData]) -> Iterator[Block]:
+    """The colours to photograph next, style by style."""
+    if not data:
+        yield Text("Give the shots or their samples to the report, too: it then names the colours that they lack.")
+    for name, style in data.items():
+        gaps = colour_gaps(style.encoded, linearizing_error(profile.styles[name]))
+        if gaps:
+            yield Text(f"{name}: of the colours that real surfaces have, these are known least:")
+            yield BulletList(tuple(str(gap) for gap in gaps[:4]))
+        else:
+            yield Text(f"{name}: the samples come near most colours that real surfaces have.")
+
+
+# --- Errors, maps of real shots, samples, and the models of a style --------------------------------------------------
+
+
+MAPS_TEXT = (
+    "Each shot's JPEG predicted from its RAW, and its white-balanced RAW from its JPEG: by the profile's own model, a "
+    "lattice of evenly spaced nodes, the physical model with its gamut map by RBFs, and a polynomial. Each direction "
+    "has one scale in all maps; grey: clipped, or outside the RAW. Above each map is its mean over the picture, edges "
+    "and textures included; the tables count the shot's even areas only."
+)
+
+
+def error_tables(own: str, evaluation: Evaluation) -> Iterator[Block]:
+    """Tabulate the errors of both directions, of RAW, of refinishing, and of exposure pairs."""
+    for direction, title in TITLES.items():
+        rows = [row for row in evaluation.rows if row.direction == direction and row.shot.startswith("all")]
+        if rows:
+            held = "held out by shot" if all(row.held_out for row in rows) else "NOT all held out"
+            yield error_table(f"{title}, all shots, {held}", rows, own)
+    shots = [
+        row
+        for row in evaluation.rows
+        if row.direction == "render" and row.method == own and not row.shot.startswith("all")
+    ]
+    if shots:
+        yield error_table("RAW → JPEG by shot", shots)
+    yield from _by_distance(own, evaluation)
+    yield from more_tables(evaluation, own)
+
+
+def _by_distance(own: str, evaluation: Evaluation) -> Iterator[Block]:
+    """How the error grows away from the samples, in encoded RGB."""
+    rows = []
+    for style, found in evaluation.predictions.items():
+        told = held_out_errors(found, own, fit_matrix_and_response(found.data.balanced, found.data.encoded))
+        for distance, errors in by_distance(told):
+            rows.append((style, f"{distance:.0f}", f"{errors['render']:.4f}", f"{errors['linearize']:.4f}"))
+    if rows:
+        header = ("style", "codes to the nearest sample", "RAW → JPEG", "JPEG → RAW, as rendered")
+        yield Table("Mean error by distance to the nearest sample", header, tuple(rows))
+
+
+def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Block]:
+    """Draw errors by method, and by colour."""
+    for style in dict.fromkeys(row.style for row in evaluation.rows):
+        directions = []
+        for direction, title in TITLES.items():
+            rows = [row for row in evaluation.rows if row.direction == direction and row.style == style]
+            methods = [(row.method, row.figures) for row in rows if row.shot == "all"]
+            if methods:
+                directions.append((title, methods))
+        if directions:
+            yield Picture(
+                f"errors_{style}",
+                error_boxes(directions, own),
+                f"{style}: box from the first to the third quartile, line to the maximum, white the median, diamond "
+                "the mean. Logarithmic.",
+            )
+    for style, predictions in evaluation.predictions.items():
+        error = np.linalg.norm(np.clip(predictions.predicted.render[own], 0, 1) - predictions.data.encoded, axis=1)
+        said = np.isfinite(error)
+        held = "held out by shot" if predictions.held_out[said].all() else "NOT all held out"
+        yield Picture(
+            f"error_by_colour_{style}",
+            error_by_colour_figure(predictions.data.encoded[said], error[said]),
+            f"{style}: which colours are predicted badly, RAW → JPEG, {held}.",
+        )
+
+
+def error_map_pictures(
+    profile: CameraProfile, own: str, evaluation: Evaluation, files: Mapping[str, Path]
+) -> Iterator[Block]:
+    """Draw the errors of the best, the middle and the worst shot whose RAW file is at hand."""
+    rows = [row for row in evaluation.rows if row.direction == "render" and row.method == own and row.shot in files]
+    rows.sort(key=lambda row: row.figures.mean)
+    chosen = {rows[round(index)].shot: rows[round(index)] for index in np.linspace(0, len(rows) - 1, 3) if rows}
+    if chosen:
+        yield Text(MAPS_TEXT)
+    for name, row in chosen.items():
+        maps = maps_of_shot(profile, evaluation, name, files[name])
+        held = "not seen by the fits" if maps.held_out else "the fit had seen it"
+        caption = f"{name}, {maps.setting}; {held}; mean error of the shot's samples {row.figures.mean:.4f}."
+        yield Picture(f"error_map_{setting_name(name)}", maps.drawing, caption)
+
+
+def sample_blocks(samples: SampleSet, accounts: Sequence[ShotSamples]) -> Iterator[Block]:
+    """Show the samples and the shots that they are from."""
+    yield Picture("samples", chromaticity_figure(samples.srgb), "The JPEG colours of all samples.")
+    by_name = {account.shot: account for account in accounts}
+    rows = []
+    for name, taken in samples.by_shot():
+        setting = f"{taken.style[0]}/{taken.white_balance[0]}"
+        time = taken.exposure_s[0]
+        exposure = "–" if not np.isfinite(time) else f"{time:g} s" if time >= 0.3 else f"1/{1 / time:.0f} s"
+        account = by_name.get(name)
+        clipped = "–" if account is None else str(sum(account.clipped.values()))
+        rejected = "–" if account is None else str(sum(account.rejected.values()))
+        rows.append((name, setting, exposure, str(len(taken)), clipped, rejected))
+    yield Table("Shots", ("shot", "setting", "exposure", "samples", "areas clipped", "areas rejected"), tuple(rows))
+
+
+def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
+    """Say whether each style's response is a fixed property of the camera, as pairs of exposures show it."""
+    for name, style in data.items():
+        try:
+            pairs = pairs_of_samples(style.samples)
+            verdict, functions = judge(pairs), transfer_functions(pairs)
+        except CalibrationError:  # no two shots show the same patches at different exposures, or too few
+            continue
+        yield Text(f"{name}: {verdict.told}.")
+        header = ("f is fitted to", "red", "green", "blue")
+        rows = tuple((what, *(f"{value:.4f}" for value in each)) for what, each in response_deltas(pairs).items())
+        caption = f"{name}: linearization error of f over pairs of exposures, unsaturated colours (1 = full scale)"
+        yield Table(caption, header, rows)
+        yield from _shutters(name, style.samples, pairs)
+        caption = (
+            f"{name}: JPEG values of one exposure against another's, with f(k f⁻¹(I)); crosses leave it. Dashed: an f "
+            "that is fitted to all colours, outliers too."
+        )
+        yield Picture(f"brightness_transfer_{name}", brightness_transfer_figure(functions), caption)
+
+
+def _shutters(name: str, samples: SampleSet, pairs: ExposurePairs) -> Iterator[Block]:
+    """Tabulate how exact the exposure times of the files are, beside RAW, which is linear (thesis 3.1)."""
+    stated = np.array([np.nanmedian(samples.exposure_s[samples.shot == shot]) for shot in pairs.shots])
+    if not np.all(stated > 0):
+        return
+    error = pairs.shot_exposure - np.log(stated)
+    rows = [
+        (shot, f"{time:.3g} s" if time >= 0.3 else f"1/{1 / time:.3g} s", f"{ratio:.3f}")
+        for shot, time, ratio in zip(pairs.shots, stated, np.exp(error - np.median(error)), strict=True)
+    ]
+    yield Table(f"{name}: exposures of the shots, as RAW tells them", ("shot", "stated", "true / stated"), rows)
+
+
+def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data: StyleData | None) -> Iterator[Block]:
+    """Draw the models of a style."""
+    what = "the tone response" if style.physical else "the grey axis of the lattice"
+    yield Picture(f"response_{name}", response_figure(style), f"{name}: {what}, per channel.")
+    maps = {f"{name}, rendering": model.gamut_map for model in style.physical[:1]}
+    if maps:
+        maps[f"{name}, linearizing"] = style.physical[0].inverse_gamut_map
+        text = (
+            "The gamut map at constant luminance Y in linear sRGB: arrows lead from the colour before it to the colour "
+            "after; dots are control points."
+        )
+        yield Picture(f"gamut_map_{name}", gamut_figure(maps), text)
+    for direction, lattice in style.lattices.items():
+        source, target = ENDS[direction]
+        caption = f"{direction}: nodes lie densely where the function bends; those without samples continue the model."
+        yield Picture(f"lattice_{direction}_{name}", lattice_figure(style, [direction]), caption)
+        if data is not None:
+            options = options_from_json(profile.options)
+            histograms = uniform_lattice_errors(data, options, direction)
+            caption = f"{direction}: node levels (ticks) follow the error that a uniform lattice makes."
+            yield Picture(f"levels_{direction}_{name}", levels_on_errors(lattice, histograms, source), caption)
+        yield Picture(
+            f"planes_{direction}_{name}",
+            plane_figure(lattice, target, dict.fromkeys(range(3), 0.4)),
+            f"{direction}: where three planes of nodes go.",
+        )
+
+
+# --- What a camera did beyond its fixed rendering: lens falloffs, single shots that depart ---------------------------
+
+
+def falloff_blocks(falloffs: Sequence[Falloff]) -> Iterator[Block]:
+    """A table and a plot of the falloffs; nothing where there are none."""
+    if not falloffs:
+        return
+    rows = tuple(
+        (falloff.setting, f"{falloff.corner_ev:.2f}", *(f"{100 * value:.1f} %" for value in falloff.centre))
+        for falloff in falloffs
+    )
+    header = ("lens setting", "corners, EV", "centre right", "centre down")
+    yield Table("Lens falloff that the camera corrects in its JPEGs only", header, rows)
+    yield Picture(
+        "falloff",
+        _falloff_figure(falloffs),
+        "How much brighter than the RAW the JPEGs are, against the distance from the middle. The profile renders the "
+        "middle; RAW is brightened by this first. Centres: in per cent of half the diagonal.",
+    )
+
+
+def departure_blocks(departures: Sequence[Departure]) -> Iterator[Block]:
+    """A table of the shots that depart from the fixed rendering; nothing where there are none."""
+    if departures:
+        yield Table(
+            "Shots that depart from the fixed rendering, with standard errors",
+            ("shot", "exposure, EV", "contrast", "saturation"),
+            [(each.shot, *each.cells) for each in departures],
+        )
+
+
+def _falloff_figure(falloffs: Sequence[Falloff]) -> Drawing:
+    """Draw the falloffs over the distance from their centres."""
+    radius = np.linspace(0.0, 1.0, 101)
+    along = np.column_stack([radius, 0 * radius])
+    lines = tuple(
+        Line(radius, falloff.stops(along + falloff.centre), f"C{index % 10}", label=falloff.setting)
+        for index, falloff in enumerate(falloffs)
+    )
+    return Drawing(((Panel("", lines, "distance from the centre, half the diagonal = 1", "EV"),),), 3.4, 6.0)
+
+
+# --- Two cameras, or two styles of one, side by side: what each makes of the same light ------------------------------
+
+
+def build_comparison(first: CameraProfile, one: str, second: CameraProfile, other: str) -> Report:
+    """A page about two settings, STYLE/WB, of two profiles: a chart and a picture through both, and their ΔE00.
+
+    Light is that of neutral white balance; the second is exposed so that both show 18 % grey equally light. Raises
+    SettingsError on an unknown setting.
+    """
+    render = through_camera(first, one, "linear-srgb")
+    ev = _level_exposure(render, second, other)
+    beside = through_camera(second, other, "linear-srgb", ev)
+    names = tuple(f"{profile.camera} {setting}" for profile, setting in ((first, one), (second, other)))
+    patches, chart = _chart()
+    a, b = render(chart), beside(chart)
+    difference, (lab_a, lab_b) = delta_e_2000(a, b), (srgb_to_lab(a), srgb_to_lab(b))
+    lightness = lab_b[:, 0] - lab_a[:, 0]
+    chroma = np.hypot(*lab_b[:, 1:].T) - np.hypot(*lab_a[:, 1:].T)
+    rows = tuple(
+        (patch, _codes(a[n]), _codes(b[n]), f"{difference[n]:.1f}", f"{lightness[n]:+.1f}", f"{chroma[n]:+.1f}")
+        for n, patch in enumerate(patches)
+    )
+    scene = _scene()
+    pictures = render(scene), beside(scene)
+    apart = delta_e_2000(*pictures)
+    lead = (
+        f"The chart's colours differ by ΔE00 {difference.mean():.1f} in the mean, most by {difference.max():.1f} "
+        f"({patches[int(difference.argmax())]}); the picture's by {apart.mean():.1f}.",
+    )
+    caption = f"Left halves: {names[0]}; right halves: {names[1]}."
+    seen = f"Left: {names[0]}; middle: {names[1]}; right: ΔE00, {apart.max():.0f} at the most."
+    header = ("patch", names[0], names[1], "ΔE00", "ΔL*", "ΔC*")
+    table = Table("JPEG codes, and the differences of the second from the first", header, rows)
+    return Report(
+        f"{names[0]} beside {names[1]}",
+        f"the same light through both; the second at {ev:+.2f} EV, so that 18 % grey is equally light",
+        lead,
+        (
+            Section("A chart", (Picture("chart", _chart_figure(a, b), caption), table)),
+            Section("A picture", (Picture("picture", _picture_figure(*pictures, apart), seen),)),
+        ),
+    )
+
+
+def _level_exposure(render: Transform, camera: CameraProfile, setting: str) -> float:
+    """The exposure in stops at which a camera shows 18 % grey as light as a rendering does; 0 where there is none."""
+    grey = np.full((1, 3), 0.18)
+    wanted = srgb_to_lab(render(grey))[0, 0]
+
+    def apart(ev: float) -> float:
+        return float(srgb_to_lab(through_camera(camera, setting, "linear-srgb", ev)(grey))[0, 0] - wanted)
+
+    return float(brentq(apart, -4.0, 4.0, xtol=1e-3)) if apart(-4.0) < 0 < apart(4.0) else 0.0
+
+
+def _chart() -> tuple[list[str], Array]:
+    """Names and linear sRGB (24, 3) of the ColorChecker Classic's patches, 2005 measurements, by colour-science."""
+    import colour  # imported here: it takes a second
+
+    chart = colour.CCS_COLOURCHECKERS["ColorChecker 2005"]
+    xyz = colour.xyY_to_XYZ(np.array(list(chart.data.values())))
+    linear = np.asarray(colour.XYZ_to_RGB(xyz, "sRGB", chart.illuminant, apply_cctf_encoding=False), dtype=np.float64)
+    return [name.partition(" (")[0] for name in chart.data], linear.clip(0.0, None)
+
+
+def _scene() -> Array:
+    """Linear sRGB (h, w, 3) of a still life."""
+    camera = nikon_d5100()
+    raw = still_life(300, 450).irradiance(camera, "daylight")
+    return np.clip(raw * camera.multipliers("daylight") @ camera.matrix.T, 0.0, None)
+
+
+def _codes(encoded: Array) -> str:
+    return " ".join(f"{255 * value:.0f}" for value in np.clip(encoded, 0, 1))
+
+
+def _chart_figure(a: Array, b: Array) -> Drawing:
+    """Draw a patch of the chart as two halves, within dark lines."""
+    halves = np.stack([a.reshape(4, 6, 3), b.reshape(4, 6, 3)], axis=2).reshape(4, 12, 3)
+    dark = "#191919"
+    lines = [Line(np.full(2, x), np.array([0.0, 4.0]), dark, width=6.0) for x in range(1, 6)]
+    lines += [Line(np.array([0.0, 6.0]), np.full(2, y), dark, width=6.0) for y in range(1, 4)]
+    return Drawing(((Panel("", (Raster(halves, (6, 4)), *lines), bare=True, equal=True),),), 6.1)
+
+
+def _picture_figure(a: Array, b: Array, apart: Array) -> Drawing:
+    """Draw a picture through both, and how far they are apart."""
+    scale = (0.0, max(float(apart.max()), 1.0))
+    panels = [Panel("", (Raster(picture),), bare=True, equal=True) for picture in (a, b)]
+    panels.append(Panel("", (Raster(apart),), bare=True, equal=True, scale=scale, scale_name="ΔE00"))
+    return Drawing((tuple(panels),), 3.2, 13.0)

@@ -91,8 +91,8 @@ def error_table(caption: str, rows: Sequence[EvaluationRow], own: str = "") -> T
 
 def more_tables(evaluation: Evaluation, own: str = "") -> Iterator[Table]:
     """Tabulate an evaluation's errors of RAW, over exposure pairs and of refinishing, where there are such."""
-    from lutforge.evaluation.edited import EDITS
     from lutforge.evaluation.errors_table import FIGURES
+    from lutforge.evaluation.linearization import EDITS
 
     tables = (
         _by_method(

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
-from lutforge.simulate.scene import Scene
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES, Scene
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from lutforge.samples.extract import extract
 from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import BORDER, CameraSettings, Photograph, photograph
-from lutforge.simulate.scenes import chart_scene
+from lutforge.simulate.scene import chart_scene
 from tests.calibration.samples_simulated import chart_140, photograph_patches
 
 CAMERA = nikon_d5100()

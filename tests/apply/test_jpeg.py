@@ -20,8 +20,7 @@ from lutforge.apply.image import apply_image
 from lutforge.apply.jpeg import Canvases
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
-from lutforge.images.exif import exif_places
-from lutforge.images.jpeg_header import JpegHeader, Segment, read_header
+from lutforge.images.jpeg_header import JpegHeader, Segment, exif_places, read_header
 from lutforge.images.output_spec import IN_ANOTHER_SPACE
 from lutforge.images.read import read_image
 from lutforge.shots.tags import SOFTWARE, tags

@@ -29,8 +29,7 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.shots.picture_settings import read_picture_settings
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
-from lutforge.simulate.scene import palette
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES, palette
 
 STYLES, BALANCES = ("standard", "vivid"), ("tungsten", "fluorescent", "daylight", "flash", "cloudy", "shade")
 LEVELS = (0.12, 0.45, 1.0)

@@ -16,7 +16,7 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.grading import Grading, apply
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
-from lutforge.simulate.scenes import still_life
+from lutforge.simulate.scene import still_life
 from tests.apply.test_profile_recipe import samples_of
 
 STYLES, BALANCES, EXPOSURES = ("standard", "vivid"), ("tungsten", "daylight", "shade"), (-2, -1, 0, 1, 2)

@@ -26,11 +26,10 @@ from numpy.typing import NDArray
 
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.interpolation import INTERPOLATIONS
-from lutforge.luts.bake import bake_forms
+from lutforge.luts.bake import bake_forms, bake_steps
 from lutforge.luts.processor import evaluate
 from lutforge.luts.programs import target_of
 from lutforge.luts.reading import file_processor
-from lutforge.luts.steps import bake_steps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.published_model import import_published
 from lutforge.model.transform import ColourFunction

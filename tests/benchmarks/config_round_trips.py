@@ -31,7 +31,7 @@ from lutforge.images.read import read_image
 from lutforge.inverse.baked_render import BakedRender
 from lutforge.inverse.colours import as_8_bit
 from lutforge.inverse.colours import raw_colours as spread
-from lutforge.inverse.preimage import preimages
+from lutforge.inverse.linearization import preimages
 from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.cameras import name_cameras

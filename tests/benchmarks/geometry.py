@@ -32,8 +32,7 @@ from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import SHOTS
 from lutforge.simulate.photograph import CameraSettings, photograph
-from lutforge.simulate.scene import Scene, palette
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES, Scene, palette
 
 SHAPE = (808, 1216)
 RADIUS = math.hypot(*SHAPE) / 2

@@ -11,7 +11,7 @@ from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.images.read import read_image
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import HELD_OUT, demo_shots
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES
 from tests.benchmarks import refinish_table
 from tests.benchmarks.rows_of_today import Row, Rows
 

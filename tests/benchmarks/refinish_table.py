@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.images.read import read_image
-from lutforge.luts.steps import grading_steps
+from lutforge.luts.bake import grading_steps
 from lutforge.model.camera_profile import raw_to_balanced
 from lutforge.model.transform import through_stages
 from lutforge.samples.sample_set import concatenate
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES
 
 SENSORS: Mapping[str, Callable[[], SimulatedCamera]] = {"d5100": nikon_d5100, "sd-merrill": sigma_sd_merrill}
 STYLES = ("standard", "vivid")

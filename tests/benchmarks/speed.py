@@ -34,7 +34,7 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES
 from tests.apply.graded_images import write_cube
 from tests.benchmarks.bare_scripts import BARE_FLOAT, BARE_JPEG, BARE_RAW
 from tests.real_data import D40

@@ -30,13 +30,15 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import (
     LIGHT_OF_WHITE_BALANCE,
     SimulatedCamera,
+    SimulatedGamutMap,
     SimulatedStyle,
     SimulatedWhiteBalance,
+    ToneResponse,
     _fit_matrix,
+    invert_increasing,
     nikon_d5100,
     sigma_sd_merrill,
 )
-from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse, invert_increasing
 from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 
 from lutforge.calibration.physical.bracket import BracketFit
 from lutforge.colour.srgb import srgb_encode
-from lutforge.simulate.gamut_map import ToneResponse
+from lutforge.simulate.camera import ToneResponse
 
 
 def bracket(

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.srgb import srgb_encode
-from lutforge.evaluation.edited import EDITS, INVERTED, edited_errors
 from lutforge.evaluation.held_out import Predictions
+from lutforge.evaluation.linearization import EDITS, INVERTED, edited_errors
 from lutforge.evaluation.methods import LATTICE
 
 MIX = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.5, 1.5]])

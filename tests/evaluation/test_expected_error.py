@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lutforge as lf
-from lutforge.evaluation.expected_error import HeldOut, by_distance
+from lutforge.evaluation.measured_profile import HeldOut, by_distance
 from lutforge.model.coverage import Refinish, confidence, linearizing_error
 from lutforge.simulate.camera import nikon_d5100
 from tests.calibration.spoilt_samples import simulated

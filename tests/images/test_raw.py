@@ -8,8 +8,7 @@ import pytest
 import rawpy
 
 from lutforge.errors import ImageError
-from lutforge.images.raw import read_raw
-from lutforge.images.saturation import saturation_spike
+from lutforge.images.raw import read_raw, saturation_spike
 from lutforge.simulate.dng import write_dng
 
 

@@ -16,8 +16,7 @@ from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
 from lutforge.model.camera_profile import load_profile
 from lutforge.pipeline.calibration import calibrate as calibrate_profile
-from lutforge.pipeline.raw_substitutes import raw_substitute, sample_pairs
-from lutforge.pipeline.sampling import gather_samples
+from lutforge.pipeline.sampling import gather_samples, raw_substitute, sample_pairs
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from tests.conftest import CommandLine

@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import LutError, SettingsError
+from lutforge.luts.axes import node_levels
 from lutforge.luts.ops import Matrix
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
-from lutforge.luts.shaper import node_levels
 from lutforge.luts.verify import verify
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.published_model import import_published

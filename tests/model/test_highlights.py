@@ -9,7 +9,7 @@ import pytest
 
 import lutforge as lf
 from lutforge.arrays import Array
-from lutforge.luts.steps import bake_steps
+from lutforge.luts.bake import bake_steps
 from lutforge.model.camera_profile import ModelName
 from lutforge.model.highlights import clipped, white_as_grey
 from lutforge.model.lattice import Lattice, grid, uniform_levels

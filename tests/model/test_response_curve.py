@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from lutforge.errors import ProfileError
-from lutforge.model.emor import inverse_emor, log_inverse_emor
-from lutforge.model.response import Response
+from lutforge.model.response import Response, inverse_emor, log_inverse_emor
 
 
 def test_encode_undoes_linearize_and_clamps() -> None:

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.base_config import ROLES
-from lutforge.ocio.cameras import name_cameras
+from lutforge.ocio.cameras import UniqueNames, file_stem, name_cameras, part_name
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config
-from lutforge.ocio.names import UniqueNames, file_stem, part_name
 from tests.ocio.test_config import MATRIX, ociocheck, plain_profile, write_config
 
 

@@ -11,7 +11,7 @@ from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import import_published
 from lutforge.pipeline.reports import compare
-from lutforge.report.compare import build_comparison
+from lutforge.report.report import build_comparison
 from lutforge.report.tables import Table
 
 

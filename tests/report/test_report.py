@@ -16,9 +16,8 @@ from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
-from lutforge.report.error_blocks import exposure_blocks
 from lutforge.report.page import BulletList, Picture, Report, Text, write_figures, write_page
-from lutforge.report.report import build_report
+from lutforge.report.report import build_report, exposure_blocks
 from lutforge.report.tables import Table
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples

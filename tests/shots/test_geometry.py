@@ -17,8 +17,7 @@ from lutforge.shots.read import read_shot
 from lutforge.shots.shot import Shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
-from lutforge.simulate.scene import Scene
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES, Scene
 
 SHAPE = (404, 608)
 MIDDLE, RADIUS = (304.0, 202.0), math.hypot(*SHAPE) / 2

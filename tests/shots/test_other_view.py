@@ -12,8 +12,7 @@ from lutforge.pipeline.sampling import sample_by_reference
 from lutforge.shots.other_view import read_other_view
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import CameraSettings, photograph
-from lutforge.simulate.scene import Scene
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES, Scene
 from tests.conftest import CommandLine
 
 cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed")

@@ -18,7 +18,7 @@ from lutforge.shots.read import EMBEDDED, read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.dng import write_dng
 from lutforge.simulate.photograph import CameraSettings, photograph
-from lutforge.simulate.scenes import paint_wall, still_life
+from lutforge.simulate.scene import paint_wall, still_life
 
 
 @pytest.fixture(scope="module")

@@ -15,14 +15,16 @@ from lutforge.simulate.photograph import (
     BORDER,
     CameraSettings,
     Photograph,
+    capture,
+    demosaic,
     develop,
     develop_again,
+    filtered,
+    normalized,
     photograph,
     shrink,
 )
-from lutforge.simulate.scene import Scene
-from lutforge.simulate.scenes import SCENES, chart_scene
-from lutforge.simulate.sensor import capture, demosaic, filtered, normalized
+from lutforge.simulate.scene import SCENES, Scene, chart_scene
 
 HEIGHT, WIDTH = 248, 376
 

@@ -13,8 +13,14 @@ from lutforge.colour.spectra import (
 )
 from lutforge.colour.srgb import srgb_decode, srgb_encode
 from lutforge.errors import ProfileError, SettingsError
-from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from lutforge.simulate.gamut_map import SimulatedGamutMap, ToneResponse, invert_increasing
+from lutforge.simulate.camera import (
+    SimulatedCamera,
+    SimulatedGamutMap,
+    ToneResponse,
+    invert_increasing,
+    nikon_d5100,
+    sigma_sd_merrill,
+)
 
 CAMERAS = [nikon_d5100(), sigma_sd_merrill()]
 CAMERA = pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: camera.model)

@@ -11,7 +11,7 @@ import pytest
 from lutforge.atomic_write import scratch_folder
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES
 
 CODE = """
 import sys

@@ -39,7 +39,7 @@ from lutforge.samples.table import read_samples
 from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
-from lutforge.simulate.scenes import SCENES
+from lutforge.simulate.scene import SCENES
 from tests.model.profiles_synthetic import small_profile
 from tests.real_data import S40
 

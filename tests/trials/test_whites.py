@@ -23,9 +23,9 @@ from lutforge.apply.baked_grades import BakedGrades
 from lutforge.apply.setting_change import SettingChange
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.inverse.linearization import InverseOptions
+from lutforge.luts.bake import bake_steps
 from lutforge.luts.programs import target_of
 from lutforge.luts.sequence import Lut
-from lutforge.luts.steps import bake_steps
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.transform import Transform
 from lutforge.ocio.cameras import name_cameras

@@ -14,8 +14,7 @@ from lutforge.calibration.physical.curve_basis import CurveBasis, log_emor_basis
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.robust_fit import Light, robust_fit
 from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturation, starting_beta
-from lutforge.model.emor import log_inverse_emor
-from lutforge.model.response import Response
+from lutforge.model.response import Response, log_inverse_emor
 from lutforge.solvers.robust_weights import RobustWeights, geman_mcclure
 
 WEIGHTS = RobustWeights(geman_mcclure, multiple=3.0, least=1.0)
