@@ -1,10 +1,10 @@
 """The lookup table JPEG → RAW that undoes a baked render: how a config's linearization is made.
 
-Colours from the whole cube of JPEG values are inverted exactly, one by one (`preimages`), and the table is fitted to the
-RAW found for them by lattice regression, behind the inverse of the render's output curve, so that only the bends of the
-render's lattice are left to it. Errors count as the render shows them. From fit to fit the largest errors count more
-(Lawson's algorithm, see `solvers/robust_weights.py`), which brings the maximum down. Beyond the colours that the render
-makes the table continues smoothly.
+Colours from the whole cube of JPEG values are inverted exactly, one by one (`preimages`), and the table is fitted to
+the RAW found for them by lattice regression, behind the inverse of the render's output curve, so that only the bends of
+the render's lattice are left to it. Errors count as the render shows them. From fit to fit the largest errors count
+more (Lawson's algorithm, see `solvers/robust_weights.py`), which brings the maximum down. Beyond the colours that the
+render makes the table continues smoothly.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,5 @@
 """Check a config of any origin: it must be valid and complete, and each transform must work on pixels both ways."""
 
-import re
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.arrays import Pixels
 from lutforge.boundary import reading, require_file
 from lutforge.errors import ConfigError, one_line
-from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL
+from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL, stated_errors
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.ocio.merge import LUT_SUFFIXES
 from lutforge.sobol import sobol
@@ -33,9 +32,6 @@ _PIXELS = np.array(
     [[0, 0, 0], [0.18, 0.18, 0.18], [1, 1, 1], [0.5, 0.2, 0.1], [0.1, 0.4, 0.7], [-0.01, 0.5, 1.2]],
     dtype=np.float32,
 )
-
-_NUMBER = r"(\d+(?:\.\d+)?(?:e-?\d+)?)"
-_STATED = re.compile(rf"round trip mean {_NUMBER}, max {_NUMBER}", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -114,8 +110,7 @@ def _lossy_round_trips(config: OCIO.Config) -> Iterator[Finding]:
     """
     spaces: dict[str, list[str]] = {}
     for trip in round_trips(config):
-        said = _STATED.search(config.getColorSpace(trip.space).getDescription())
-        mean, largest = (float(number) for number in said.groups()) if said else (0.0, 0.0)
+        mean, largest = stated_errors(config.getColorSpace(trip.space).getDescription())
         mean, largest = max(mean, trip.mean), max(largest, trip.maximum)
         if mean > MEAN_GOAL or largest > MAX_GOAL:
             spaces.setdefault(f"mean {mean:.2g}, max {largest:.2g}", []).append(trip.space)

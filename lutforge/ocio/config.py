@@ -147,25 +147,25 @@ def write_config(
 @one_blas_thread
 def _all_baked(
     parts: Sequence[Rendering], inverse: InverseOptions | None, progress: Progress
-) -> tuple[dict[str, str], dict[str, str]]:
+) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
     """Bake renderings, as many beside each other as there are cores; a single one has all cores for itself.
 
     Returned are the texts of their files by name, and what is known of their error by stem.
     """
-    begun, telling, texts, errors = count(), Lock(), dict[str, str](), dict[str, str]()
+    begun, telling, texts, errors = count(), Lock(), dict[str, str](), dict[str, tuple[str, ...]]()
 
-    def bake_one(rendering: Rendering) -> tuple[dict[str, str], str]:
+    def bake_one(rendering: Rendering) -> tuple[dict[str, str], tuple[str, ...]]:
         def tell(what: str) -> None:
             with telling:
                 progress(f"{rendering.camera.name} {rendering.style}: {what}", next(begun) / (STEPS * len(parts)))
 
         made = baked(rendering, inverse, tell)
-        return {name: compact_text(lut) for name, lut in made.luts.items()}, made.error
+        return {name: compact_text(lut) for name, lut in made.luts.items()}, made.errors
 
     made = each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts)
-    for rendering, (files, error) in zip(parts, made, strict=True):
+    for rendering, (files, lines) in zip(parts, made, strict=True):
         texts |= files
-        errors[rendering.stem] = error
+        errors[rendering.stem] = lines
     return texts, errors
 
 
@@ -207,7 +207,7 @@ def _assembled(
     parts: Sequence[Rendering],
     base: BaseConfig | None,
     version: str | None,
-    errors: Mapping[str, str],
+    errors: Mapping[str, tuple[str, ...]],
 ) -> OCIO.Config:
     """The whole config, valid. errors: what is known of the LUTs of a rendering, by its stem."""
     if base is not None and base.config.getMinorVersion() < OLDEST:
@@ -219,7 +219,7 @@ def _assembled(
         add_raw(config, camera, groups)
     for rendering in parts:
         default = defaults[rendering.camera.name, rendering.style]
-        add_jpegs(config, rendering, default, groups, errors.get(rendering.stem, ""))
+        add_jpegs(config, rendering, default, groups, errors.get(rendering.stem, ()))
     any_camera = any_names(None if base is None else base.config)
     add_contextual(config, cameras, any_camera)
     add_looks(config, cameras, parts, UniqueNames(_other_looks(base, any_camera[0])), any_camera[0])

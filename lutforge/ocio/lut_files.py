@@ -4,8 +4,8 @@ A config is loaded by every program at every start, so its files hold 4096 entri
 and five digits, without the spaces that line them up: an error below 1e-5 of the encoded scale.
 """
 
-import re
 from dataclasses import replace
+from xml.dom import minidom
 
 import numpy as np
 
@@ -66,15 +66,17 @@ def compact_text(lut: Lut) -> str:
     """
     outline = replace(lut, ops=tuple(_ends(op) for op in lut.ops))
     tables = iter([_table(op) for op in lut.ops if isinstance(op, Curve | Cube)])
-
-    def array(found: re.Match[str]) -> str:
-        is_table = found[1].startswith("2 ")  # a matrix has three rows
-        numbers = next(tables) if is_table else np.fromstring(found[2], sep=" ").reshape(3, -1)
-        dim, rows = " ".join(map(str, numbers.shape)), numbers.reshape(-1, numbers.shape[-1])
-        return f'<Array dim="{dim}">\n{short_rows(rows, DECIMALS)}</Array>'
-
-    text = clf.text_of(outline).replace(clf.identifier(outline), clf.identifier(lut), 1)
-    return re.sub(r'<Array dim="([\d ]*)">([^<]*)</Array>', array, text)
+    document = minidom.parseString(clf.text_of(outline))
+    for root in document.getElementsByTagName("ProcessList"):
+        root.setAttribute("id", clf.identifier(lut))
+    for array in document.getElementsByTagName("Array"):
+        is_table = array.getAttribute("dim").startswith("2 ")  # a matrix has three rows
+        text = array.firstChild
+        assert isinstance(text, minidom.Text)
+        numbers = next(tables) if is_table else np.fromstring(text.data, sep=" ").reshape(3, -1)
+        array.setAttribute("dim", " ".join(map(str, numbers.shape)))
+        text.data = f"\n{short_rows(numbers.reshape(-1, numbers.shape[-1]), DECIMALS)}"
+    return document.toxml("UTF-8").decode() + "\n"
 
 
 def _ends(op: Op) -> Op:

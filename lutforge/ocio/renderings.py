@@ -74,10 +74,10 @@ class Rendering:
 
 @dataclass(frozen=True, eq=False)
 class BakedRendering:
-    """The LUTs of a rendering by file name, as the files hold them, and what is to be said about their error."""
+    """The LUTs of a rendering by file name, as the files hold them, and their errors, lines of a key and a value."""
 
     luts: dict[str, Lut]
-    error: str
+    errors: tuple[str, ...]
 
 
 def renderings(cameras: Iterable[Camera], taken: Iterable[str] = ()) -> tuple[Rendering, ...]:
@@ -127,15 +127,15 @@ def baked(
     title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
     tell("baking the render")
     luts: dict[str, Lut] = {}
-    said = []
+    errors: list[str] = []
     if rendering.render is not None:
         render = bake(rendering.render, title=f"{title} render")
         render = render if render.cube is None else compact(render)
-        said.append(f"render LUT against the model: {_error(render, rendering.render)}")
-        luts[rendering.render_file] = replace(render, comments=tuple(said))
+        errors.append(f"render LUT against the model: {_error(render, rendering.render)}")
+        luts[rendering.render_file] = replace(render, comments=tuple(errors))
     if rendering.linearize is not None:
         model: ColourFunction = rendering.linearize
-        trip = ""
+        trip: list[str] = []
         if rendering.render is None or render.cube is None:  # a response alone is its own exact inverse
             linearize = bake(rendering.linearize, title=f"{title} linearize")
             linearize = linearize if linearize.cube is None else compact(linearize)
@@ -148,11 +148,11 @@ def baked(
             linearize = compact(inverse.as_lut(f"{title} linearize"))
             style = rendering.camera.profile.styles[rendering.style]
             tell("measuring what comes back")
-            trip = str(measure(render, linearize, shown=lambda jpeg: ~uncovered(style, jpeg)))
+            trip = str(measure(render, linearize, shown=lambda jpeg: ~uncovered(style, jpeg))).splitlines()
         tell("comparing with the model")
-        told = [f"linearize LUT against the model: {_error(linearize, model, rendering.render)}", *filter(None, [trip])]
-        luts[rendering.linearize_file] = replace(linearize, comments=tuple(told))
-        said += told
+        lines = [f"linearize LUT against the model: {_error(linearize, model, rendering.render)}", *trip]
+        luts[rendering.linearize_file] = replace(linearize, comments=tuple(lines))
+        errors += lines
         for source, target, refinish in rendering.refinishes():
             if rendering.calibrated_file not in luts:  # the same for all pairs
                 calibrated = bake(
@@ -160,7 +160,7 @@ def baked(
                 )
                 luts[rendering.calibrated_file] = compact(calibrated)
             luts[rendering.balance_file(source, target)] = _balance(rendering, source, target, refinish)
-    return BakedRendering(luts, "; ".join(said))
+    return BakedRendering(luts, tuple(errors))
 
 
 def _balance(rendering: Rendering, source: str, target: str, refinish: Transform) -> Lut:

@@ -78,15 +78,18 @@ def reference_to_jpeg(rendering: Rendering, balance: str) -> OCIO.GroupTransform
     return OCIO.GroupTransform([matrix_transform(inverse(matrix)), file_transform(rendering.render_file)])
 
 
-def add_jpegs(config: OCIO.Config, rendering: Rendering, default: str, groups: dict[object, str], error: str) -> None:
+def add_jpegs(
+    config: OCIO.Config, rendering: Rendering, default: str, groups: dict[object, str], errors: Sequence[str]
+) -> None:
     """The JPEGs of a rendering, a colour space for each white balance.
 
-    default: the white balance that the style is known by; error: what is known of the LUTs, or "".
+    default: the white balance that the style is known by; errors: of the LUTs, a line each.
     """
     camera, style = rendering.camera, rendering.camera.profile.styles[rendering.style]
     held_out = "; ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in sorted(style.errors.items()))
     for balance in rendering.white_balances:
         name = camera.jpeg(rendering.style, balance)
+        what = f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}"
         aliases = [file_stem(name)]
         if balance == default:
             aliases.append(space_name(camera.name, camera.styles[rendering.style], DEFAULT))
@@ -97,11 +100,7 @@ def add_jpegs(config: OCIO.Config, rendering: Rendering, default: str, groups: d
             equalityGroup=groups.setdefault((rendering.stem, camera.to_reference(balance).tobytes()), aliases[0]),
             encoding="sdr-video",
             categories=["file-io"],
-            description=(
-                f"JPEG of the {camera.profile.camera}, picture style {rendering.style}, white balance {balance}. "
-                f"Held-out error of the profile: {held_out or 'not measured'}"
-                + (f". {error[:1].upper()}{error[1:]}" if error else "")
-            ),
+            description="\n".join((what, f"held-out error of the profile: {held_out or 'not measured'}", *errors)),
             bitDepth=OCIO.BIT_DEPTH_F32,
         )
         if rendering.linearize is not None:

@@ -10,7 +10,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 
 from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.ocio.base_config import losses, minor_version
+from lutforge.ocio.base_config import INTEROP_IDS, LOSSES, minor_version
 from lutforge.ocio.cameras import as_profiles
 from lutforge.ocio.check import Finding, check_config, load_config
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
@@ -63,7 +63,7 @@ def write_config(
         LutForgeError: nothing can be written there. All but the failed check is raised before the work.
     """
     output = Path(output)
-    lost = losses(minor_version(version)) if version is not None else ()
+    lost = LOSSES if version is not None and minor_version(version) < INTEROP_IDS else ()
     archive = output.suffix.lower() == ARCHIVE_SUFFIX
     several = profiles if isinstance(profiles, list | tuple) else ()
     inputs = [entry for entry in (*several, merge) if isinstance(entry, str | Path)]
@@ -90,5 +90,5 @@ def write_config(
         tuple(config.getViewTransformNames()),
         tuple(config.getLookNames()),
         findings,
-        tuple(lost),
+        lost,
     )

@@ -182,7 +182,7 @@ def row(name: str, rendering: Rendering, jpegs: list[Path]) -> tuple[str, float,
         mean, largest = max(mean, float(error.mean())), max(largest, float(error.max()))
     change = np.linalg.norm(by_file - by_model, axis=1)
     beyond = "!" if mean > MEAN_GOAL or largest > MAX_GOAL else " "
-    stated = done.error.split("max ")[1].split(";")[0]
+    stated = done.errors[0].split("max ")[1]
     return (
         (
             f"{name:42s}{render.size:4d}{linearize.size:4d}{mean:10.5f}{largest:8.4f} {beyond}"

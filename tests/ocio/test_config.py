@@ -238,7 +238,7 @@ def test_what_a_colour_space_says_of_itself(written: Written) -> None:
     assert space.getEncoding() == "sdr-video"
     assert list(space.getCategories()) == ["file-io"]
     assert "render mean 0.0123" in space.getDescription()
-    assert "Render LUT against the model: mean" in space.getDescription()
+    assert "render LUT against the model: mean" in space.getDescription()
     assert "round trip mean" in space.getDescription()
     assert "not measured" in config.getColorSpace("Nikon D40 vivid daylight").getDescription()
     assert "multipliers 1.2000, 1.0000, 2.4000" in config.getColorSpace("Nikon D40 RAW tungsten").getDescription()

@@ -2,6 +2,7 @@ import re
 import time
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -29,7 +30,8 @@ def lut(size: int = 5) -> Lut:
 
 def test_the_compact_text_is_that_of_opencolorio(tmp_path: Path) -> None:
     own, compact = clf.text_of(lut()), compact_text(lut())
-    ours, theirs = (re.sub(r">[^<]*</Array>", "></Array>", text) for text in (compact, own))
+    empty = (re.sub(r">[^<]*</Array>", "></Array>", text) for text in (compact, own))
+    ours, theirs = (ElementTree.canonicalize(text) for text in empty)
     assert ours == theirs  # the identifier and the sizes of arrays too
     (tmp_path / "compact.clf").write_text(compact)
     for op, wanted in zip(read_lut(tmp_path / "compact.clf").ops, read_lut(_written(tmp_path, own)).ops, strict=True):

@@ -70,7 +70,7 @@ def test_a_space_that_does_not_come_back_is_a_warning(path: Path) -> None:
     )
     config.addColorSpace(space)
     assert said(config).startswith("warning: colour space one way: to the reference and back, RGB is off by mean 0.0")
-    space.setDescription("It says: round trip mean 0.0002, max 0.25, of more colours")
+    space.setDescription("Of more colours:\nround trip mean: 0.0002\nround trip max: 0.25")
     config.addColorSpace(space)
     assert said(config).endswith(", max 0.25")
     trip = next(trip for trip in round_trips(config) if trip.space == "one way")

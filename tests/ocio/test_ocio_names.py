@@ -9,11 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.ocio.base_config import ROLES
+from lutforge.ocio.base_config import DEFAULT_VERSION, base_config
 from lutforge.ocio.cameras import UniqueNames, file_stem, name_cameras, part_name
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config
 from tests.ocio.test_config import MATRIX, ociocheck, plain_profile, write_config
+
+ROLES = {role.lower() for role in base_config(DEFAULT_VERSION).getRoleNames()}
 
 
 def test_parts() -> None:
@@ -54,7 +56,9 @@ def test_any_names_give_spaces_of_their_own(cameras: list[str], style: str, bala
     ]
     spaces = [name for camera in name_cameras(profiles) for name in camera.spaces()]
     assert len({name.lower() for name in spaces}) == len(spaces)
-    assert not {name.lower() for name in spaces} & set(ROLES)
+    assert not {name.lower() for name in spaces} & {
+        role.lower() for role in base_config(DEFAULT_VERSION).getRoleNames()
+    }
 
 
 HOSTILE = [
