@@ -1,9 +1,7 @@
 """Write a file under a temporary name and rename it: a killed run leaves the old file or the new, never half."""
 
 import glob
-import hashlib
 import os
-import platform
 import re
 import shutil
 import tempfile
@@ -122,6 +120,8 @@ def scratch_folder(beside: str | Path | None = None) -> Iterator[Path]:
     beside: what the block makes; the new folder lies beside it, or without it in the system's temporary folder. Raises
     LutForgeError, which names `beside`, where something cannot be written.
     """
+    import platform  # here, as hashlib below: every command loads this file, and few need them
+
     parent = Path(tempfile.gettempdir()) if beside is None else Path(beside).absolute().parent
     _make_folder(parent)
     mine = f".lutforge-{platform.node()}-"
@@ -161,5 +161,9 @@ def _is_over(process: int, folder: Path) -> bool:
 
 def _prefix(path: Path) -> str:
     """How the temporary names of a path begin; a name that is too long to be made longer is replaced by its hash."""
-    stem = path.stem if len(os.fsencode(path.name)) < 200 else hashlib.sha256(os.fsencode(path.name)).hexdigest()[:32]
-    return f".{stem}.lutforge-"
+    name = os.fsencode(path.name)
+    if len(name) < 200:
+        return f".{path.stem}.lutforge-"
+    import hashlib
+
+    return f".{hashlib.sha256(name).hexdigest()[:32]}.lutforge-"

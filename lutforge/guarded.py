@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from threading import Lock, Timer
 from typing import IO, Any, ParamSpec, TypeVar
@@ -64,11 +65,17 @@ def guarded(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> 
     return value  # type: ignore[no-any-return]  # pickled
 
 
-def _started() -> "subprocess.Popen[bytes]":
+def prepare(module: str) -> None:
+    """Begin the other process: it loads the module of a function to come while this one does other things."""
+    with _lock:
+        _started(module)
+
+
+def _started(module: str = __name__) -> "subprocess.Popen[bytes]":
     global _process
     if _process is None or _process.poll() is not None:
         paths = [str(Path(entry).absolute()) for entry in sys.path]
-        command = [sys.executable, "-c", "from lutforge.guarded import serve; serve()"]
+        command = [sys.executable, "-c", f"from lutforge.guarded import serve; serve({module!r})"]
         _process = keep(command, {**os.environ, "PYTHONPATH": os.pathsep.join(paths)})
     return _process
 
@@ -87,11 +94,12 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
     process.wait()
 
 
-def serve() -> None:
-    """Answer calls until the process that asks is gone."""
+def serve(module: str) -> None:
+    """Load a module, and answer calls until the process that asks is gone."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
     _limit_memory()
+    import_module(module)
     while True:
         try:
             folder, function, arguments, words = pickle.load(sys.stdin.buffer)

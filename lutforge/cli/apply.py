@@ -60,6 +60,10 @@ def apply(
 
     IMAGES are files, folders, and sequences: shot.####.exr, shot.1001-1100####.exr, shot.%04d.exr.
     """
+    from lutforge.guarded import prepare
+
+    if grade.suffix.lower() not in (".npz", ".ocio", ".ocioz"):
+        prepare("lutforge.luts.reading")  # what reads the LUT first loads beside what grades
     from lutforge.pipeline.grading import Grading
 
     grading = Grading(

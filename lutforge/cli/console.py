@@ -1,7 +1,4 @@
-"""What all commands share: arguments, progress bars on stderr, tables and notes.
-
-Rich draws bars and tables, and is loaded where one is drawn.
-"""
+"""What all commands share: arguments, progress bars on stderr, tables and notes."""
 
 import os
 import sys
@@ -9,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
+from unicodedata import combining, east_asian_width
 
 import typer
 
@@ -100,27 +98,26 @@ def for_each(title: str, files: Sequence[Path], show: Callable[[Path], None]) ->
 
 
 def print_tables(*tables: Table) -> None:
-    """Tables on stdout, those that have rows; columns of numbers are set right."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table as Lines
-
-    # Tables are as wide as they need: a narrow terminal wraps whole lines, not letters.
-    width = max(Console().width, 140) if sys.stdout.isatty() else 240
+    """Tables on stdout, those that have rows; columns of numbers are set right. A narrow terminal wraps whole lines."""
+    bold, plain = ("\x1b[1m", "\x1b[0m") if sys.stdout.isatty() and os.name == "posix" else ("", "")
     for table in (table for table in tables if table.rows):
-        lines = Lines(
-            title=escape(harmless(table.caption)),
-            title_justify="left",
-            title_style="bold",
-            header_style="bold",
-            box=None,
-            pad_edge=False,
-        )
-        for name, numeric in zip(table.header, table.numeric, strict=True):
-            lines.add_column(name, justify="right" if numeric else "left", overflow="fold", no_wrap=numeric)
-        for row in table.rows:
-            lines.add_row(*(escape(harmless(cell)) for cell in row))
-        Console(highlight=False, width=width, soft_wrap=True).print(lines)
+        lines = [[harmless(cell) for cell in row] for row in (table.header, *table.rows)]
+        widths = [max(map(_columns, column)) for column in zip(*lines, strict=True)]
+        if table.caption:
+            print(f"{bold}{harmless(table.caption)}{plain}")
+        for row, line in enumerate(lines):
+            space = [" " * (width - _columns(cell)) for cell, width in zip(line, widths, strict=True)]
+            cells = (
+                gap + cell if numeric else cell + gap
+                for cell, gap, numeric in zip(line, space, table.numeric, strict=True)
+            )
+            if text := "  ".join(cells).rstrip():
+                print(text if row else f"{bold}{text}{plain}")
+
+
+def _columns(text: str) -> int:
+    """How wide a terminal shows the text: ideographs take two columns, combining marks none."""
+    return len(text) if text.isascii() else sum(1 + (east_asian_width(c) in "WF") - (combining(c) > 0) for c in text)
 
 
 def argument(help: str, **more: Any) -> Any:

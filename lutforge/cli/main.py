@@ -3,46 +3,23 @@
 import io
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer
 
 from lutforge import __version__
-from lutforge.cli.apply import apply
-from lutforge.cli.bake import bake
-from lutforge.cli.calibrate import calibrate
-from lutforge.cli.check import check
-from lutforge.cli.compare import compare
-from lutforge.cli.config import config
 from lutforge.cli.console import complain
-from lutforge.cli.demo import demo
-from lutforge.cli.evaluate import evaluate
-from lutforge.cli.import_nus import export_nus, import_nus
-from lutforge.cli.inspect import inspect
-from lutforge.cli.kit import kit
-from lutforge.cli.report import report
-from lutforge.cli.response import response
-from lutforge.cli.sample import sample
-from lutforge.cli.studio import studio
-from lutforge.cli.transfer import transfer
 from lutforge.errors import LutForgeError
 
-app = typer.Typer(
-    name="lutforge",
-    help="Calibrate a camera from its RAW and JPEG files, and bake its rendering into LUTs and OpenColorIO configs.",
-    invoke_without_command=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+PURPOSE = "Calibrate a camera from its RAW and JPEG files, and bake its rendering into LUTs and OpenColorIO configs."
 
-for command in (
-    demo, inspect, sample, calibrate, response, evaluate, bake, kit, config, apply, transfer, check, report,
-    compare, studio,
-):  # fmt: skip
-    app.command()(command)
-app.command("import-nus")(import_nus)
-app.command("export-nus")(export_nus)
+COMMANDS = (
+    "demo", "inspect", "sample", "calibrate", "response", "evaluate", "bake", "kit", "config", "apply", "transfer",
+    "check", "report", "compare", "studio", "import-nus", "export-nus",
+)  # fmt: skip
+"""In the order of the help; each is the function of that name in a file of that name."""
 
 UsageErrors: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 """The root of typer's errors of usage, which typer itself does not name."""
@@ -54,13 +31,28 @@ def _show_version(value: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _root(
     context: typer.Context,
     version: bool = typer.Option(False, "--version", callback=_show_version, is_eager=True, help="Print the version."),
 ) -> None:
     if context.invoked_subcommand is None:
         print(context.get_help())
+
+
+def command_line(first: str = "") -> typer.Typer:
+    """The command line with the command that the first word names, which need not wait for the others, or with all."""
+    app = typer.Typer(
+        name="lutforge",
+        help=PURPOSE,
+        invoke_without_command=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(_root)
+    for name in (first,) if first in COMMANDS else COMMANDS:
+        module = import_module(f"lutforge.cli.{'import_nus' if name == 'export-nus' else name.replace('-', '_')}")
+        app.command(name)(getattr(module, name.replace("-", "_")))
+    return app
 
 
 def main() -> None:
@@ -73,7 +65,7 @@ def main() -> None:
     if "" in sys.argv[1:]:  # a path would take it for this folder
         _stop("an empty word: is a variable of the shell not set?", 2)
     try:
-        status = app(standalone_mode=False)
+        status = command_line(*sys.argv[1:2])(standalone_mode=False)
         sys.stdout.flush()  # a full disk is told here
     except LutForgeError as error:
         _stop(str(error), 2)

@@ -153,7 +153,7 @@ def test_programs_are_listed_and_named_in_any_case(lutforge: CommandLine, profil
 def test_help_loads_no_numbers() -> None:
     code = (
         "import sys; sys.argv = ['lutforge', '--help']\n"
-        "import lutforge.cli.main\n"
+        "from lutforge.cli.main import command_line\ncommand_line()\n"
         "print([m for m in ('numpy', 'numba', 'scipy', 'colour', 'OpenImageIO') if m in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -10,7 +10,7 @@ from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 from typer.testing import CliRunner
 
-from lutforge.cli.main import app
+from lutforge.cli.main import command_line
 from lutforge.colour.spectra import chart_reflectances
 from lutforge.progress import silent
 from lutforge.samples.chart_kinds import chart_kind
@@ -110,7 +110,7 @@ def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(folder: 
     for command in commands:
         words = [word.replace("drone", "theirs") for word in shlex.split(command)[1:]]
         words = [str(root / word) if word.startswith("bracket/") else word for word in words]
-        assert CliRunner().invoke(app, words).exit_code == 0, command
+        assert CliRunner().invoke(command_line(), words).exit_code == 0, command
     for path in made:
         theirs = root / path.name.replace("drone", "theirs")
         assert theirs.read_bytes().replace(b"theirs", b"drone") == path.read_bytes(), path
@@ -133,5 +133,5 @@ def test_a_chart_gives_an_input_transform(tmp_path: Path, monkeypatch: pytest.Mo
     export._save_profile()
     command = shlex.split(page.session.written["profile"].command)[1:]
     words = [str(tmp_path / word) if word.startswith("chart/") else word for word in command]
-    assert CliRunner().invoke(app, [*words[:-1], str(tmp_path / "theirs.npz")]).exit_code == 0
+    assert CliRunner().invoke(command_line(), [*words[:-1], str(tmp_path / "theirs.npz")]).exit_code == 0
     assert (tmp_path / "theirs.npz").read_bytes() == (tmp_path / "camera.npz").read_bytes()

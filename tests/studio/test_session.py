@@ -29,7 +29,7 @@ from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.candidates import read_small
 from lutforge.apply.profile_recipe import ProfileRecipe
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
-from lutforge.cli.main import app
+from lutforge.cli.main import command_line
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
@@ -386,7 +386,7 @@ def test_an_export_is_the_command_that_it_tells(
     assert lines and all("\n" not in line for line in lines)
     assert command != "bake" or "read back, against the model" in lines[0]
     words = shlex.split(str(export).replace("mine", "theirs"))
-    result = CliRunner().invoke(app, words[1:])
+    result = CliRunner().invoke(command_line(), words[1:])
     assert result.exit_code == 0, result.output
     mine, theirs = (tmp_path / f"{name}{suffix}" for name in ("mine", "theirs"))
     for file in sorted(mine.rglob("*")) if mine.is_dir() else [mine]:

@@ -1,6 +1,7 @@
 """HaldCLUT: a uniform cube of L² nodes per axis as an image of L³ × L³ pixels, red fastest (Eskil Steenberg's Hald).
 
-For RawTherapee, darktable, G'MIC and ImageMagick; 16 bits per channel, PNG or TIFF.
+For RawTherapee, darktable, G'MIC and ImageMagick; 16 bits per channel, PNG or TIFF. What reads and writes images is
+loaded where there is one: every LUT loads this file.
 """
 
 import struct
@@ -9,11 +10,8 @@ from math import isqrt
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.errors import LutError
-from lutforge.images.read import Region
-from lutforge.images.write import image_writer
 from lutforge.luts.formats.text import cube_of_rows, plain, rows_of_cube
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import FileFormat, Lut, register
@@ -24,6 +22,11 @@ SIZES = tuple(level * level for level in range(2, 12))
 
 def write(lut: Lut, path: Path) -> None:
     """Write a cube in 16 bits, outputs clamped to [0, 1]. Raises LutError, and ImageError where the disk is full."""
+    import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+
+    from lutforge.images.read import Region
+    from lutforge.images.write import image_writer
+
     _, cube = lut.shaper_and_cube()
     side = isqrt(lut.size) ** 3
     codes = np.rint(np.clip(rows_of_cube(cube.values), 0.0, 1.0) * 65535).astype(np.uint16).reshape(side, side, 3)
@@ -35,6 +38,8 @@ def write(lut: Lut, path: Path) -> None:
 
 def read(path: Path) -> Lut:
     """Read it through OpenImageIO, after its size is known to be a Hald's. Raises LutError."""
+    import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+
     data = path.read_bytes()
     magic = (b"\x89PNG", b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")
     if not data.startswith(magic):
