@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from lutforge.arrays import Array
 from lutforge.errors import LutError
@@ -240,6 +239,8 @@ def _slope(y: Array, t: Array, share: Array) -> Array:
 
 def _curve(slope: Array, t: Array) -> Array:
     """The running sum of a slope, from 0 to 1, at SHAPER_SIZE even steps."""
+    import scipy  # here: what grades by a file that is there loads this one, and makes no axes
+
     density = scipy.ndimage.gaussian_filter1d(slope, 4.0, mode="nearest")
     total = float(np.sum(density * np.diff(t)))
     # Half of a straight line beside the slope, so that the curve rises where the function is flat.
@@ -252,6 +253,8 @@ def _curve(slope: Array, t: Array) -> Array:
 
 def _mass(y: Array, t: Array, u: Array, share: Array, weight: Function | None) -> Array:
     """Share of the nodes in each step, from the curvature that is left along u."""
+    import scipy
+
     step, wide = np.diff(t), np.diff(u)
     bend = np.diff(np.diff(y, axis=1) / wide[:, None], axis=1) * (2 / (wide[1:] + wide[:-1]))[:, None]
     square = np.sum(bend**2, axis=2)

@@ -1,6 +1,6 @@
 """Use case: a profile and samples → its errors."""
 
-from __future__ import annotations  # so that help() shows the names of types  # so that help() shows the names of types
+from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Sequence
 from dataclasses import dataclass

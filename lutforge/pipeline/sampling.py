@@ -12,13 +12,10 @@ import numpy as np
 
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import LutForgeError, SampleError, SettingsError, ShotError
-from lutforge.images.development import Development, read_developed
 from lutforge.notes import in_common
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet, concatenate
-from lutforge.shots.pair import read_pair
-from lutforge.shots.shot import Shot
 from lutforge.threads import cores
 
 if TYPE_CHECKING:  # tables are read without what decodes RAW files
@@ -241,6 +238,8 @@ def raw_substitute(developed: str | Path | None, developed_space: str | None) ->
         raise SettingsError("--developed-space names the space of the pictures in --developed: give both")
     if developed_space is None:
         raise SettingsError("--developed needs --developed-space, the space that its pictures are encoded in")
+    from lutforge.images.development import read_developed
+
     space = rgb_space(developed_space).name
     pictures = _pictures(Path(developed))
 
@@ -261,6 +260,9 @@ def sample_pairs(
     from_space: the space that the pictures of the first folder are encoded in; those of the second are sRGB. Raises
     ShotError where no pair is usable, SettingsError on an unknown space.
     """
+    from lutforge.images.development import read_developed
+    from lutforge.shots.pair import read_pair
+
     space = rgb_space(from_space).name
     first, second = _pictures(Path(from_folder)), _pictures(Path(to_folder))
     stems = sorted(first.keys() & second.keys())
