@@ -77,6 +77,7 @@ class Ran:
 def run(*words: object, **environment: str) -> Ran:
     """Run a command with the package of this folder. Raises RuntimeError where it fails."""
     env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), **environment}
+    env.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its byte code
     before, began, most = os.times(), time.perf_counter(), 0.0
     with tempfile.TemporaryFile() as told:
         command = psutil.Popen(list(map(str, words)), env=env, stdout=subprocess.DEVNULL, stderr=told)
@@ -167,9 +168,9 @@ def float_lines(folder: Path, lut: Path) -> Iterator[Line]:
 def start_lines(folder: Path, lut: Path, profile: Path) -> Iterator[Line]:
     (picture,) = jpegs(folder / "one", 1, 600, 800)
     yield timed("start: lutforge --help", 0.25, lambda: lutforge("--help"))
-    yield timed("start: inspect a profile", 0.5, lambda: lutforge("inspect", profile))
+    yield timed("start: inspect a profile", 0.25, lambda: lutforge("inspect", profile))
     one = "start: apply a LUT to one small JPEG"
-    yield timed(one, 1.0, lambda: lutforge("apply", lut, picture, "-o", folder / "out"))
+    yield timed(one, 0.35, lambda: lutforge("apply", lut, picture, "-o", folder / "out"))
 
 
 def raw_lines(folder: Path, count: int = 60) -> Iterator[Line]:
