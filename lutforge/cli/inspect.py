@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from lutforge.cli.console import argument, for_each, note, option, print_tables, progress_bar
+from lutforge.cli.console import argument, for_each, note, option, print_tables, progress_bar, say
 from lutforge.report.tables import Table, held_out_table
 
 
@@ -36,6 +36,9 @@ def _show(file: Path) -> None:
     from lutforge.pipeline.inspection import inspect as look
 
     found = look(file)
+    if found.lines:
+        say(*found.lines)
+        return
     print_tables(Table(str(file), ("", ""), found.rows))
     if found.profile is not None:
         print_tables(held_out_table(found.profile))

@@ -1,6 +1,5 @@
 """Use case: a file of any kind → what it is, and what it can be used for."""
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,11 +25,15 @@ Rows = Iterator[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Inspection:
-    """What a file is. rows: name and value, as lines of a table; profile: what it holds, where it is one."""
+    """What a file is. rows: name and value, as lines of a table.
+
+    profile: what the file holds, where it is one; lines: what `check` shows of a LUT, in place of rows.
+    """
 
     path: Path
-    rows: tuple[tuple[str, str], ...]
+    rows: tuple[tuple[str, str], ...] = ()
     profile: "CameraProfile | None" = None
+    lines: tuple[str, ...] = ()
 
 
 def files_to_inspect(path: str | Path) -> list[Path]:
@@ -62,7 +65,8 @@ def inspect(path: str | Path) -> Inspection:
     if suffix in PICTURE_SUFFIXES:
         rows = _picture(path)
     elif suffix in _lut_suffixes():
-        rows = _lut(path)
+        use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILES else "a LUT: apply, check"
+        return Inspection(path, lines=(*check(path), f"  use       {use}"))
     else:
         rows = _shot(path)
     return Inspection(path, tuple(rows))
@@ -159,17 +163,6 @@ def check(path: str | Path) -> list[str]:
     from lutforge.luts.check import check_lut, report_lines
 
     return report_lines(check_lut(path))
-
-
-def _lut(path: Path) -> Rows:
-    for line in check(path):
-        # Readers stand before a colon; what is in the file after a number, or in columns.
-        name, *text = re.split(r"(?<!^\d)(?:: |\s{2,})|(?<=^\d\.) ", line.strip(), maxsplit=1)
-        yield name, text[0] if text else ""
-    yield (
-        "use",
-        "a camera profile: a RAW developer" if path.suffix.lower() in CAMERA_PROFILES else "a LUT: apply, check",
-    )
 
 
 def _lut_suffixes() -> frozenset[str]:
