@@ -7,10 +7,10 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.apply.setting_change import SettingChange
-from lutforge.luts.axes import lattice_ops
 from lutforge.luts.bake import bake, grading_lut, grading_steps
 from lutforge.luts.ops import Cube, Matrix, Range
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from lutforge.model.camera_profile import raw_to_balanced
 from lutforge.model.coverage import Refinish, confidence
 from lutforge.model.gamut_map import GamutMap

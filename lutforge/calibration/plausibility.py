@@ -27,7 +27,7 @@ from lutforge.calibration.physical.matrix_and_response import (
 )
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
-from lutforge.model.diagnosis import Diagnosis
+from lutforge.model.profile_data import Diagnosis
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
 

@@ -20,9 +20,8 @@ from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.diagnosis import Diagnosis
 from lutforge.model.falloff import Falloff
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile_data import Diagnosis, PictureStyle
 from lutforge.model.reference_raw import with_own_raw
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet

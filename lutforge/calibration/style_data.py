@@ -15,8 +15,7 @@ from lutforge.calibration.physical.matrix_and_response import (
     with_matrix_of_all,
 )
 from lutforge.errors import CalibrationError
-from lutforge.model.directions import Both
-from lutforge.model.profile_data import PhysicalModel
+from lutforge.model.profile_data import Both, PhysicalModel
 from lutforge.model.response import smooth_response
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet

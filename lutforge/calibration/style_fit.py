@@ -13,9 +13,8 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.thesis.lattice import fit_thesis
-from lutforge.model.directions import Both, Direction
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import PhysicalModel
+from lutforge.model.profile_data import Both, Direction, PhysicalModel
 from lutforge.solvers.blas import one_blas_thread
 
 

@@ -16,7 +16,6 @@ from lutforge.cli.console import (
 )
 from lutforge.cli.sample import tell
 from lutforge.errors import SettingsError
-from lutforge.model.diagnosis import told
 from lutforge.report.tables import held_out_table
 
 if TYPE_CHECKING:
@@ -52,7 +51,7 @@ def calibrate(
     samples = _sampled(sources or [], pairs, from_space, (developed, developed_space)).samples
     with progress_bar("calibrating") as progress:
         profile = fit(samples, options, progress)
-    note(*told(profile.diagnoses), *profile.notes)
+    note(*map(str, profile.diagnoses), *profile.notes)
     print_tables(held_out_table(profile))
     profile.save(output)
     shots = "1 shot" if len(profile.shots) == 1 else f"{len(profile.shots)} shots"

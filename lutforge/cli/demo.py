@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from lutforge import child_processes
 from lutforge.cli.console import note, option, print_tables, progress_bar, say
-from lutforge.model.diagnosis import told
 from lutforge.report.tables import Table, held_out_table
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ def demo(
     say("3. Calibrate")
     with progress_bar("calibrating") as progress:
         profile = calibrate(sampled.samples, CalibrationOptions(size=size), progress)
-    note(*told(profile.diagnoses), *profile.notes)
+    note(*map(str, profile.diagnoses), *profile.notes)
     profile.save(output / "camera.npz")
     calibration_sheet(profile, "standard", output / "calibration.png")
     print_tables(held_out_table(profile))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import delta_e_2000
 
 JUST_VISIBLE = 1.0
 """The ΔE00 that is just noticed side by side, about (CIE 142-2001)."""

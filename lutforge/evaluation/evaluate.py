@@ -19,9 +19,8 @@ from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, error_rows
 from lutforge.evaluation.held_out import Predictions, predict
 from lutforge.evaluation.linearization import edited_errors, linearization_errors
 from lutforge.evaluation.refinish_errors import refinish_errors
-from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.camera_profile import CameraProfile, is_response_alone
 from lutforge.model.reference_raw import with_own_raw
-from lutforge.model.response_profile import is_response_alone
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.sample_set import SampleSet
 

@@ -33,7 +33,7 @@ from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.linearization import EDITS, EditedError, LinearizationError
 from lutforge.evaluation.methods import LATTICE, RBF
 from lutforge.evaluation.refinish_errors import RefinishError
-from lutforge.model.directions import Direction
+from lutforge.model.profile_data import Direction
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import Fit, Fitter, fit_baselines, fits_of_profile
-from lutforge.model.directions import Both, Direction
-from lutforge.model.profile_data import PhysicalModel, PictureStyle
+from lutforge.model.profile_data import Both, Direction, PhysicalModel, PictureStyle
 from lutforge.solvers.blas import one_blas_thread
 from lutforge.threads import each
 

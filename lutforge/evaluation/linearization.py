@@ -12,7 +12,7 @@ from lutforge.calibration.physical.response_from_exposures import (
     fit_response_to_exposures,
 )
 from lutforge.calibration.physical.unsaturated import BETA, saturation
-from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.methods import LATTICE, RBF

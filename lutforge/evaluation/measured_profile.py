@@ -19,10 +19,9 @@ from lutforge.evaluation.held_out import Predictions, predict
 from lutforge.evaluation.methods import BASELINES, LATTICE, RBF, Predictor
 from lutforge.interpolation import Levels, interpolate
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.directions import Both, Direction
 from lutforge.model.gamut_map import even_slope
 from lutforge.model.lattice import grid
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile_data import Both, Direction, PictureStyle
 from lutforge.progress import Progress, part
 
 

@@ -15,9 +15,8 @@ from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import fit_lattices, fit_physical
 from lutforge.calibration.thesis.lattice import fit_uniform
 from lutforge.errors import CalibrationError
-from lutforge.model.directions import Both
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import PhysicalModel, PictureStyle
+from lutforge.model.profile_data import Both, PhysicalModel, PictureStyle
 
 Predictor = Callable[[Array], Array]
 

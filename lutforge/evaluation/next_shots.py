@@ -10,8 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lutforge.arrays import Array, Mask
-from lutforge.colour.colour_difference import srgb_to_lab
-from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode
+from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode, srgb_to_lab
 
 TONES = ((35.0, "dark"), (65.0, "medium"), (101.0, "light"))
 """Names by upper bound of L*."""

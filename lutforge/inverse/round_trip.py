@@ -1,15 +1,96 @@
-"""Measures the round trip of a JPEG that is linearized and rendered again.
+"""The round trip of a JPEG that is linearized and rendered again, and the colours that it is fitted to and measured on.
 
 It is measured on colours that a render makes of RAW, and on the 8-bit codes nearest to them, as files hold them.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import permutations, product
 
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.inverse.colours import as_8_bit, climbed, raw_colours
+from lutforge.interpolation import Levels
+from lutforge.model.lattice import grid
+from lutforge.sobol import sobol
+
+
+def in_every_cell(levels: Levels, rng: np.random.Generator) -> Array:
+    """Return colours (n, 3) in every cell of a lattice.
+
+    They are its nodes, one colour in each tetrahedron of each cell, and one in each such part of its faces and edges.
+
+    On faces and edges of the cube channels are clipped. The first and the last cell of each axis separate clipped
+    colours from others, and have no colours but their nodes. In all other cells these colours determine the
+    interpolation.
+    """
+    nodes = grid(levels).reshape(-1, 3)
+    r, g, b = (axis[1:-1] for axis in levels)
+    levels = (r, g, b)
+    sides = [ends for ends in product((None, 0.0, 1.0), repeat=3) if None in ends]
+    return np.concatenate([nodes, *(_within(levels, ends, rng) for ends in sides)])
+
+
+def _within(levels: Levels, ends: tuple[float | None, ...], rng: np.random.Generator) -> Array:
+    """Return a colour in each part of each cell, (n, 3). ends: the value 0 or 1 of a channel, None where it is free."""
+    free = [channel for channel, end in enumerate(ends) if end is None]
+    sizes = [len(levels[channel]) - 1 for channel in free]
+    cells = np.stack([index.ravel() for index in np.indices(sizes)], axis=1)
+    found = []
+    for order in permutations(range(len(free))):
+        place = np.sort(rng.random(cells.shape), axis=1)[:, order]  # falling fractions tell the tetrahedra apart
+        colours = np.empty((len(cells), 3))
+        for channel, end in enumerate(ends):
+            if end is not None:
+                colours[:, channel] = end
+        for number, channel in enumerate(free):
+            axis, cell = levels[channel], cells[:, number]
+            colours[:, channel] = axis[cell] + place[:, number] * (axis[cell + 1] - axis[cell])
+        found.append(colours)
+    return np.concatenate(found)
+
+
+def raw_colours(count: int, seed: int) -> Array:
+    """RAW colours (5 count, 3): over the whole range, its faces and edges, the darks of each, and near neutrals."""
+    even, number = sobol(count, seed=seed), np.arange(count)
+    face = even.copy()
+    face[number, number % 3] = number // 3 % 2
+    edge = face.copy()
+    edge[number, (number + 1) % 3] = number // 6 % 2
+    grey = np.clip(even[:, :1] ** 2 * (0.75 + 0.5 * even[:, ::-1]), 0.0, 1.0)
+    half = count // 2
+    return np.concatenate(
+        [
+            even, even[:half] ** 2, even[half:] ** 3, face[:half], face[half:] ** 2, face[:half] ** 3,
+            edge[half:] ** 2, grey,
+        ]
+    )  # fmt: skip
+
+
+def as_8_bit(jpeg: Array) -> Array:
+    """The nearest 8-bit codes of colours in [0, 1], in [0, 1]."""
+    return np.asarray(np.rint(jpeg * 255) / 255)
+
+
+def climbed(error: Callable[[Array], Array], x: Array, errors: Array, seed: int) -> Array:
+    """Search near the colours of largest error for larger ones, so that no narrow peak is overlooked.
+
+    errors: (n,), of x (n, 3) in [0, 1]. The search begins at the worst colour of each of 33³ boxes, 512 at most, and
+    tries random steps around it in six rounds, each with half the reach. Returns the colours found, (up to 512, 3).
+    """
+    rng = np.random.default_rng(seed)
+    count = min(32768, len(errors))
+    worst = np.flatnonzero(errors >= np.partition(errors, -count)[-count])  # sorted are these alone
+    worst = worst[np.argsort(-errors[worst], kind="stable")][:count]
+    boxes = (x[worst] * 32).astype(np.int64) @ np.array([1089, 33, 1])
+    at = x[worst[np.sort(np.unique(boxes, return_index=True)[1])]][:512]
+    for reach in 0.06 * 0.5 ** np.arange(6):
+        near = at[:, None] + reach * (0.1 + at[:, None]) * rng.uniform(-1, 1, (len(at), 16, 3))
+        near[:, 0] = at
+        near = np.clip(near, 0.0, 1.0)
+        at = near[np.arange(len(at)), error(near.reshape(-1, 3)).reshape(len(at), 16).argmax(axis=1)]
+    return at
+
 
 ColourFunction = Callable[[Array], Array]
 

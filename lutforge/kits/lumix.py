@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import SettingsError
 from lutforge.kits.kit import Kit, Look, Source, setting_of
 from lutforge.luts.bake import bake

@@ -7,7 +7,7 @@ from lutforge.kits.dcp import fit_dng_profile, write_dcp
 from lutforge.kits.icc import VARIANTS, fit_icc_profile, write_icc
 from lutforge.kits.kit import Kit, Look
 from lutforge.luts.bake import bake
-from lutforge.luts.verify import verify
+from lutforge.luts.check import verify
 
 
 @dataclass(frozen=True)

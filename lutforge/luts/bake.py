@@ -16,26 +16,16 @@ from typing import SupportsIndex
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
-from lutforge.luts.axes import (
-    FEW,
-    SHAPER_SIZE,
-    Axes,
-    fit_axes,
-    is_even,
-    lattice_ops,
-    levels_behind_gain,
-    measure_lines,
-    node_levels,
-    shaper,
-)
+from lutforge.luts.axes import Axes, fit_axes, measure_lines
 from lutforge.luts.least_squares import Samples, fit_cube, sample
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.parts import Parts, as_one, curve_alone, parts_of, slope_weight
 from lutforge.luts.programs import Target, target_of
 from lutforge.luts.sequence import MAX_SIZE, Form, Lut
+from lutforge.luts.shaper import FEW, SHAPER_SIZE, is_even, lattice_ops, levels_behind_gain, node_levels, shaper
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import NeutralHighlights
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels

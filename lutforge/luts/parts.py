@@ -12,8 +12,8 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.errors import LutError
 from lutforge.interpolation import apply_curve
-from lutforge.luts.axes import SHAPER_SIZE
 from lutforge.luts.ops import Curve, Matrix, Op, Range
+from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response

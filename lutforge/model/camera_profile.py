@@ -12,10 +12,12 @@ from lutforge.arrays import Array
 from lutforge.boundary import path_of
 from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError
+from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.highlights import neutral_highlights as highlights_between
-from lutforge.model.profile_data import PhysicalModel, ProfileData
+from lutforge.model.profile_data import PhysicalModel, PictureStyle, ProfileData
 from lutforge.model.profile_file import read_profile, save_profile
 from lutforge.model.raw_transfer import RawTransfer
+from lutforge.model.response import Response
 from lutforge.model.transform import (
     Clip,
     Decode,
@@ -29,7 +31,7 @@ from lutforge.model.transform import (
     Stage,
     Transform,
 )
-from lutforge.model.white_balance import resolve, shifted, temperature_of
+from lutforge.model.white_balance import WhiteBalance, resolve, shifted, temperature_of
 from lutforge.settings import Kelvin, Multipliers, Selector, Shift, parse_selector, require_exposure, split_shift
 
 ModelName = Literal["lattice", "rbf"]
@@ -369,3 +371,37 @@ def through_camera(
     stages = (*decode, MatrixStage(2.0**ev * np.linalg.inv(from_raw)), *profile.render(selector, model).stages)
     title = f"{profile.camera} {space} to {to}{_exposure(ev)}"
     return Transform(stages, _purpose("render", title, target=(profile, to), space=space))
+
+
+# --- The profile of a camera of which only the response is known: its JPEGs' own light stands in for RAW -------------
+
+
+SOURCE = "exposure bracket"
+"""What the options of such a profile name as its source."""
+
+
+def profile_of_response(
+    response: Response, camera: str, style: str, white_balance: str, shots: tuple[str, ...] = ()
+) -> CameraProfile:
+    """A profile with f alone: no matrix, no gamut map; linear light has the primaries of the JPEG."""
+    nothing = identity_gamut_map()
+    model = PhysicalModel((white_balance,), np.eye(3), response, nothing, nothing)
+    return CameraProfile(
+        camera=camera,
+        matrix=np.eye(3),
+        white_balances={white_balance: WhiteBalance((1.0, 1.0, 1.0))},
+        styles={style: PictureStyle(physical=(model,))},
+        shots=shots,
+        options={"source": SOURCE, "model": "rbf"},
+        notes=("only the response is known: linear light is that of the JPEG, in its own primaries and white balance",),
+    )
+
+
+def has_own_raw(profile: CameraProfile) -> bool:
+    """True where the profile is of the camera's own RAW, not of a response alone or through a reference camera."""
+    return not (is_response_alone(profile) or profile.raw_camera)
+
+
+def is_response_alone(profile: CameraProfile) -> bool:
+    """True for a profile that `profile_of_response` made."""
+    return profile.options.get("source") == SOURCE

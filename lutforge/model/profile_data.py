@@ -1,20 +1,57 @@
-"""What is stored of a calibrated camera: its white balances, its matrix, and per picture style its models."""
+"""What is stored of a calibrated camera: its white balances, its matrix, and per picture style its models.
 
-from collections.abc import Mapping
+What goes both ways, RAW → JPEG and back, is one `Both`. A `Diagnosis` is of implausible samples.
+"""
+
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Generic, Literal, TypeVar, get_args
 
 import numpy as np
 
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ProfileError
-from lutforge.model.diagnosis import Diagnosis
-from lutforge.model.directions import Both, Direction
 from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
+
+Direction = Literal["render", "linearize"]
+DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, eq=False)
+class Both(Generic[Value]):
+    """One thing of each direction. render: white-balanced RAW → JPEG; linearize: JPEG → white-balanced RAW."""
+
+    render: Value
+    linearize: Value
+
+    def __getitem__(self, direction: Direction) -> Value:
+        return self.render if direction == "render" else self.linearize
+
+    def __iter__(self) -> Iterator[Value]:
+        return iter((self.render, self.linearize))
+
+    def items(self) -> tuple[tuple[Direction, Value], ...]:
+        """Each with its direction."""
+        return (("render", self.render), ("linearize", self.linearize))
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A likely cause of samples that no camera makes; it concerns all shots, so that none can be blamed."""
+
+    cause: str
+    evidence: str
+    advice: str
+
+    def __str__(self) -> str:
+        """All three in one line."""
+        return f"{self.cause}: {self.evidence}; {self.advice}"
 
 
 def _is_invertible(matrix: Array) -> bool:

@@ -17,12 +17,10 @@ from lutforge.atomic_write import atomic_path
 from lutforge.boundary import reading
 from lutforge.errors import ProfileError
 from lutforge.interpolation import INTERPOLATIONS
-from lutforge.model.diagnosis import Diagnosis
-from lutforge.model.directions import DIRECTIONS, Direction
 from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import PhysicalModel, PictureStyle, ProfileData
+from lutforge.model.profile_data import DIRECTIONS, Diagnosis, Direction, PhysicalModel, PictureStyle, ProfileData
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
 

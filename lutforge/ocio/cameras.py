@@ -1,4 +1,7 @@
-"""The names of cameras in a config: unique, valid in programs and file systems, and different from the base's."""
+"""The names of cameras in a config: unique, valid in programs and file systems, and different from the base's.
+
+Names are such that OpenColorIO, file systems and archives all take them.
+"""
 
 import hashlib
 import re
@@ -13,8 +16,7 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.arrays import Array
 from lutforge.colour.rgb_spaces import from_linear_srgb
 from lutforge.errors import ConfigError
-from lutforge.model.camera_profile import CameraProfile, as_profile
-from lutforge.model.response_profile import has_own_raw
+from lutforge.model.camera_profile import CameraProfile, as_profile, has_own_raw
 
 _SIGNS = " ._()-"
 

@@ -17,9 +17,8 @@ from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.base_config import DEFAULT_VERSION, LUT_FOLDER, OLDEST, add_displays, base_config
 from lutforge.ocio.cameras import Camera, UniqueNames, config_names, name_cameras
-from lutforge.ocio.lut_files import compact_text
 from lutforge.ocio.merge import BaseConfig, merged, open_base
-from lutforge.ocio.renderings import STEPS, Rendering, baked, renderings
+from lutforge.ocio.renderings import STEPS, Rendering, baked, compact_text, renderings
 from lutforge.ocio.spaces import (
     REFINISH,
     add_contextual,

@@ -13,7 +13,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses  # noqa: N814 - the name that its documentation uses  # noqa: N814 - the name that its documentation uses
 
 from lutforge.arrays import Array
-from lutforge.model.response_profile import has_own_raw
+from lutforge.model.camera_profile import has_own_raw
 from lutforge.ocio.base_config import matrix_transform
 from lutforge.ocio.cameras import AS_SHOT, DEFAULT, Camera, UniqueNames, config_names, file_stem, space_name
 from lutforge.ocio.renderings import Rendering

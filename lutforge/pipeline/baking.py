@@ -17,12 +17,12 @@ from lutforge.kits.dcp import DIVISIONS, fit_dng_profile, read_dcp, write_dcp
 from lutforge.kits.icc import NODES, VARIANTS, fit_icc_profile, read_icc, scene_linear, write_icc
 from lutforge.kits.kit import look_of, setting_of
 from lutforge.luts.bake import bake_forms, bake_steps, takes_scenes
+from lutforge.luts.check import FileError, compare, verify
 from lutforge.luts.formats.clf import ACES_ID
 from lutforge.luts.formats.clf import KINDS as PROCESS_LISTS
 from lutforge.luts.input_and_output import ADOBE_RGB, ENCODED, input_and_output_of
 from lutforge.luts.programs import Target, files_for, program_named, target_of
 from lutforge.luts.sequence import FORMS, Form, Lut, format_of
-from lutforge.luts.verify import FileError, compare, verify
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.transform import ColourFunction, Purpose, Transform
 from lutforge.pipeline.outputs import Paths, check_output, one_of, several

@@ -9,7 +9,6 @@ import numpy as np
 
 from lutforge.errors import ImageError
 from lutforge.images.heif import HEIF_SUFFIXES, is_heif, read_heif
-from lutforge.model.diagnosis import told
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, TABLE_SUFFIXES
 from lutforge.samples.table import is_table, read_samples
 from lutforge.shots.discover import RAW_SUFFIXES, raw_beside
@@ -145,7 +144,7 @@ def _profile(profile: "CameraProfile") -> Rows:
         yield "style", f"{name}: {'; '.join(parts)}"
     for falloff in profile.falloffs:
         yield "lens falloff", f"{falloff.setting}: {falloff.corner_ev:.2f} EV in the corners"
-    yield from (("note", text) for text in (*told(profile.diagnoses), *profile.notes))
+    yield from (("note", text) for text in (*map(str, profile.diagnoses), *profile.notes))
     yield "use", "a camera profile: bake, config, apply, evaluate, report"
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from lutforge import __version__
 from lutforge.atomic_write import scratch_folder
-from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError, ShotError
 from lutforge.images.development import Development, run_command
 from lutforge.images.read import read_image

@@ -15,7 +15,7 @@ from lutforge.calibration.style_fit import uniform_lattice_errors
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.directions import DIRECTIONS, Direction
+from lutforge.model.profile_data import DIRECTIONS, Direction
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.settings import Multipliers, Selector
 

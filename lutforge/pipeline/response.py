@@ -22,8 +22,7 @@ from lutforge.errors import CalibrationError, ShotError
 from lutforge.images.development import run_command
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
-from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.response_profile import profile_of_response
+from lutforge.model.camera_profile import CameraProfile, profile_of_response
 from lutforge.pipeline.inspection import PICTURE_SUFFIXES
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, several
 from lutforge.progress import Progress, silent

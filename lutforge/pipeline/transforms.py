@@ -8,9 +8,8 @@ from pathlib import Path
 
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import SettingsError
-from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, match, through_camera
+from lutforge.model.camera_profile import MODELS, CameraProfile, as_profile, is_response_alone, match, through_camera
 from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
-from lutforge.model.response_profile import is_response_alone
 from lutforge.model.transform import Transform
 from lutforge.pipeline.outputs import one_of
 

@@ -8,13 +8,11 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.calibration.physical.bracket import BracketFit
 from lutforge.calibration.physical.brightness_transfer import TransferFunction
-from lutforge.colour.colour_difference import srgb_to_lab
-from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode, srgb_encode
+from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode, srgb_encode, srgb_to_lab
 from lutforge.evaluation.errors_table import ErrorFigures
-from lutforge.model.directions import Direction
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
-from lutforge.model.profile_data import PictureStyle
+from lutforge.model.profile_data import Direction, PictureStyle
 from lutforge.model.response import mean_response
 from lutforge.report.drawing import (
     CHANNELS,

@@ -15,7 +15,7 @@ from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_res
 from lutforge.calibration.shots.departures import Departure
 from lutforge.calibration.style_data import StyleData
 from lutforge.calibration.style_fit import uniform_lattice_errors
-from lutforge.colour.colour_difference import delta_e_2000, srgb_to_lab
+from lutforge.colour.srgb import delta_e_2000, srgb_to_lab
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import visibility
 from lutforge.evaluation.evaluate import evaluate
@@ -24,12 +24,10 @@ from lutforge.evaluation.linearization import response_deltas
 from lutforge.evaluation.measured_profile import by_distance, held_out_errors
 from lutforge.evaluation.methods import LATTICE
 from lutforge.evaluation.next_shots import colour_gaps
-from lutforge.model.camera_profile import CameraProfile, through_camera
+from lutforge.model.camera_profile import CameraProfile, is_response_alone, through_camera
 from lutforge.model.coverage import linearizing_error
-from lutforge.model.diagnosis import told
 from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import PictureStyle
-from lutforge.model.response_profile import is_response_alone
 from lutforge.model.transform import Transform
 from lutforge.progress import Progress, part, silent
 from lutforge.report.drawing import Drawing, Line, Panel, Raster
@@ -135,7 +133,7 @@ def answers(
     errors = _errors_of_profile(profile) if evaluation is None else _errors(own, evaluation)
     strangers = sorted({str(style.samples.camera[0]) for style in data.values()} - {profile.camera})
     good = (
-        *map(Text, told(profile.diagnoses)),
+        *(Text(str(diagnosis)) for diagnosis in profile.diagnoses),
         *(Text(f"The samples are of {name}, not of {profile.camera}: so are the errors.") for name in strangers),
         *(Text(_how_good(name, *found)) for name, found in errors.items()),
         *(Text(note) for note in profile.notes if is_response_alone(profile)),

@@ -16,7 +16,7 @@ from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import path_of, reading, require_file
 from lutforge.errors import SampleError
-from lutforge.samples.columns import (
+from lutforge.samples.sample_set import (
     MAX_ROWS,
     MAX_TEXT,
     NUMBER_COLUMNS,
@@ -29,11 +29,11 @@ from lutforge.samples.columns import (
     SRGB_COLUMNS,
     TEXT_COLUMNS,
     WB_COLUMNS,
+    SampleSet,
     is_valid,
     row_problem,
     wanted_columns,
 )
-from lutforge.samples.sample_set import SampleSet
 
 MAX_HEADER = 1 << 16
 ROWS_AT_A_TIME = 50_000

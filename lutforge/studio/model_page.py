@@ -12,9 +12,8 @@ from lutforge.calibration.options import LARGEST, PRESETS, SMALLEST, Calibration
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.diagnosis import told
-from lutforge.model.directions import DIRECTIONS as DIRECTION_NAMES
 from lutforge.model.gamut_map import GamutMap
+from lutforge.model.profile_data import DIRECTIONS as DIRECTION_NAMES
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.pipeline.predictions import without_a_model
 from lutforge.progress import Progress
@@ -263,7 +262,7 @@ def held_out_error(profile: CameraProfile) -> float | None:
 
 def _numbers(profile: CameraProfile) -> Html:
     """Matrix, multipliers and notes of a profile."""
-    notes = (*told(profile.diagnoses), *profile.notes)
+    notes = (*map(str, profile.diagnoses), *profile.notes)
     title = Html("<h2>Notes</h2>" if notes else "")
     return html("{}{}{}{}", table(matrix_table(profile)), table(balance_table(profile)), title, paragraphs(*notes))
 

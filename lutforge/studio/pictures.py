@@ -22,9 +22,9 @@ from lutforge.errors import ImageError, SettingsError
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile
 from lutforge.images.read import ImageReader
-from lutforge.luts.axes import lattice_ops
 from lutforge.luts.bake import bake
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import confidence
 from lutforge.model.transform import Transform

@@ -13,7 +13,7 @@ from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, ModelName
-from lutforge.model.directions import Direction
+from lutforge.model.profile_data import Direction
 from lutforge.model.response import Response
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.pipeline.predictions import Predicted, node_level_errors, predict

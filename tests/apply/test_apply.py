@@ -17,9 +17,9 @@ from lutforge.apply.inputs import Input
 from lutforge.errors import ImageError, LutError
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
-from lutforge.luts.axes import SHAPER_SIZE
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import grid, snap_levels
 from tests.luts.made_luts import lut_of_nodes
 

@@ -33,8 +33,8 @@ from lutforge.calibration.physical import kriging
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.style_data import ClippedColours, StyleData, unclipped
 from lutforge.calibration.style_fit import fit_lattices
-from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.spectra import light
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.model import gamut_map
 from lutforge.model.gamut_map import from_even, to_even
 from lutforge.model.published_model import read_published_model

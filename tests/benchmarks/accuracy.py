@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 import lutforge as lf
-from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.images.read import read_image
 from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill

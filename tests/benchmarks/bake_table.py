@@ -24,7 +24,7 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 from numpy.typing import NDArray
 
-from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.luts.bake import bake_forms, bake_steps
 from lutforge.luts.processor import evaluate

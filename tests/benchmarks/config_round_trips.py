@@ -28,15 +28,12 @@ import lutforge as lf
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.colour.spectra import WAVELENGTHS, light
 from lutforge.images.read import read_image
-from lutforge.inverse.baked_render import BakedRender
-from lutforge.inverse.colours import as_8_bit
-from lutforge.inverse.colours import raw_colours as spread
-from lutforge.inverse.linearization import preimages
-from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL
+from lutforge.inverse.linearization import BakedRender, preimages
+from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL, as_8_bit
+from lutforge.inverse.round_trip import raw_colours as spread
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.cameras import name_cameras
-from lutforge.ocio.lut_files import compact
-from lutforge.ocio.renderings import Rendering, baked, renderings
+from lutforge.ocio.renderings import Rendering, baked, compact, renderings
 from lutforge.simulate.camera import SimulatedStyle, SimulatedWhiteBalance, _fit_matrix, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.demo import demo_shots
 from tests.benchmarks.unseen_cameras import Logarithm, UnseenCamera, photographed, simulated, unseen_camera

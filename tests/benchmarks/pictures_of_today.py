@@ -7,7 +7,7 @@ from scipy import ndimage
 
 import lutforge as lf
 from lutforge.arrays import Mask
-from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.images.read import read_image
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import HELD_OUT, demo_shots

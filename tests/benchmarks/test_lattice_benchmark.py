@@ -29,10 +29,10 @@ from scipy.interpolate import RBFInterpolator
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_fit import fit_lattices
-from lutforge.luts.axes import lattice_ops
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100
 from tests.calibration.styles import style_of

@@ -14,10 +14,10 @@ from scipy.interpolate import RBFInterpolator
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.style_fit import fit_lattices
-from lutforge.luts.axes import lattice_ops
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from lutforge.model.lattice import Lattice
 from tests.calibration.styles import style_of
 from tests.real_data import PublishedPairs

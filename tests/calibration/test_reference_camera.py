@@ -12,8 +12,7 @@ from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import CalibrationError, ProfileError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.methods import RBF
-from lutforge.model.camera_profile import match
-from lutforge.model.response_profile import profile_of_response
+from lutforge.model.camera_profile import match, profile_of_response
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet, concatenate

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from lutforge.arrays import Array
-from lutforge.colour.colour_difference import lab_delta_e_2000, srgb_to_lab
-from lutforge.colour.srgb import SRGB_TO_XYZ
+from lutforge.colour.srgb import SRGB_TO_XYZ, lab_delta_e_2000, srgb_to_lab
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array
-from lutforge.colour.colour_difference import delta_e_2000
-from lutforge.colour.srgb import srgb_encode
+from lutforge.colour.srgb import delta_e_2000, srgb_encode
 from lutforge.evaluation.held_out import Predictions
 from lutforge.evaluation.linearization import EDITS, INVERTED, edited_errors
 from lutforge.evaluation.methods import LATTICE

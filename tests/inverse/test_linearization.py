@@ -6,13 +6,11 @@ from numpy.typing import NDArray
 
 from lutforge.errors import LutError
 from lutforge.interpolation import Interpolation
-from lutforge.inverse.baked_render import BakedRender
-from lutforge.inverse.colours import as_8_bit, in_every_cell, raw_colours
-from lutforge.inverse.linearization import InverseOptions, Linearization, inverse_of, preimages
-from lutforge.inverse.round_trip import MAX_GOAL, RoundTrip, measure, rounded_up
-from lutforge.luts.axes import shaper
+from lutforge.inverse.linearization import BakedRender, InverseOptions, Linearization, inverse_of, preimages
+from lutforge.inverse.round_trip import MAX_GOAL, RoundTrip, as_8_bit, in_every_cell, measure, raw_colours, rounded_up
 from lutforge.luts.ops import Cube, Curve, Matrix
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import shaper
 from lutforge.model.lattice import grid, uniform_levels
 
 Array = NDArray[np.float64]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.colour.colour_difference import delta_e_2000, srgb_to_lab
-from lutforge.colour.srgb import srgb_decode, srgb_encode
+from lutforge.colour.srgb import delta_e_2000, srgb_decode, srgb_encode, srgb_to_lab
 from lutforge.errors import LutForgeError
 from lutforge.kits.icc import VARIANTS, fit_icc_profile, icc_lines, read_icc, write_icc
 from lutforge.kits.kit import look_of

@@ -14,8 +14,8 @@ import pytest
 
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError, SettingsError
 from lutforge.images.raw import read_raw
 from lutforge.images.read import read_image

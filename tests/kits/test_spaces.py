@@ -8,10 +8,9 @@ import pytest
 
 from lutforge.calibration.calibrate import calibrate
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.rgb_spaces import matrix_between, rgb_space
 from lutforge.colour.spectra import surface_reflectances
-from lutforge.colour.srgb import srgb_encode
+from lutforge.colour.srgb import delta_e_2000, srgb_encode
 from lutforge.errors import SettingsError
 from lutforge.luts.check import check_lut
 from lutforge.luts.processor import evaluate

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.interpolation import Interpolation, Levels
-from lutforge.luts.axes import SHAPER_SIZE, is_even, shaper
 from lutforge.luts.bake import joined
 from lutforge.luts.ops import Cube, Matrix, Range
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import SHAPER_SIZE, is_even, shaper
 
 Array = NDArray[np.float64]
 

@@ -194,7 +194,7 @@ def baked(program: Program, transform: ColourFunction, folder: Path) -> Lut:
 
 
 def main() -> None:
-    from lutforge.colour.colour_difference import delta_e_2000
+    from lutforge.colour.srgb import delta_e_2000
     from lutforge.model.camera_profile import load_profile
 
     transform: ColourFunction = smooth_look

@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.luts.axes import SHAPER_SIZE
 from lutforge.luts.bake import bake_forms, bake_steps
+from lutforge.luts.check import verify
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.processor import evaluate
 from lutforge.luts.programs import Target
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import FORMS, Form, suffixes
-from lutforge.luts.verify import verify
+from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from lutforge.model.published_model import import_published

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import delta_e_2000
 from tests.luts.reader_programs import PROGRAMS, Program, baked, rendered, smooth_look
 
 LIMITS = {

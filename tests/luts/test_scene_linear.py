@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.rgb_spaces import from_linear_srgb
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError, SettingsError
-from lutforge.luts.axes import node_levels
+from lutforge.luts.check import verify
 from lutforge.luts.ops import Matrix
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
-from lutforge.luts.verify import verify
+from lutforge.luts.shaper import node_levels
 from lutforge.model.camera_profile import CameraProfile, through_camera
 from lutforge.model.published_model import import_published
 from lutforge.model.transform import Transform

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lutforge.errors import ImageError, LutError
-from lutforge.luts.axes import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, on_grid, shaper
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.processor import evaluate
 from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, on_grid, shaper
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
 from tests.luts.made_luts import lut_of_nodes
 

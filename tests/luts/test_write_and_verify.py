@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from lutforge.colour.colour_difference import delta_e_2000
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutError
 from lutforge.interpolation import INTERPOLATIONS, Interpolation
-from lutforge.luts.axes import SHAPER_SIZE
+from lutforge.luts.check import verify
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.processor import evaluate
 from lutforge.luts.programs import PROGRAMS
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut, suffixes
-from lutforge.luts.verify import verify
+from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import grid, snap_levels, uniform_levels
 from lutforge.pipeline.baking import bake
 from tests.luts.made_luts import lut_of_nodes

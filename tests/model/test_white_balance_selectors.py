@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.physical.white_balance import named_white_balances
-from lutforge.colour.colour_difference import delta_e_2000
 from lutforge.colour.spectra import WAVELENGTHS, light, surface_reflectances
+from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle

@@ -10,7 +10,7 @@ from lutforge.luts.formats import clf
 from lutforge.luts.ops import Cube, Curve, Matrix, Range
 from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
-from lutforge.ocio.lut_files import compact_text
+from lutforge.ocio.renderings import compact_text
 
 
 def lut(size: int = 5) -> Lut:

@@ -17,8 +17,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
 from lutforge.model.profile_file import save_profile
 from lutforge.model.white_balance import WhiteBalance
-from lutforge.samples.columns import NUMBER_COLUMNS
-from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.sample_set import NUMBER_COLUMNS, SampleSet
 from lutforge.samples.table import is_table, read_samples, write_samples
 
 HEADER = "camera,style,white_balance,shot,patch,exposure_s,raw_r,raw_g,raw_b,srgb_r,srgb_g,srgb_b,wb_r,wb_g,wb_b"

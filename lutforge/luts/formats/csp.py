@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.arrays import Array
-from lutforge.luts.axes import node_levels
 from lutforge.luts.formats.text import plain, rows, rows_of_cube, write_text
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import FileFormat, Lut, register
+from lutforge.luts.shaper import node_levels
 
 
 def write(lut: Lut, path: Path) -> None:
