@@ -1,52 +1,56 @@
 """Registration of a camera's JPEG on its RAW: one scale and an offset, and what the camera straightened.
 
-They are found by search, and refined below a tenth of a pixel.
-
 The two pictures differ by a tone curve and a colour matrix, so what is compared is their local structure:
-luma, gamma-compressed, band-passed, and divided by its local contrast. A coarse search (`cross_correlation`) proposes
-places. The one where the RAW's colours explain the JPEG's best is taken, if no other does nearly as well, and refined
-coarse to fine (`lucas_kanade`), and ends with how the lens bent what the JPEG shows straight (`geometry`), where
-that is beyond chance. Each step works on the coarsest copies that serve it (`pyramid`); the RAW is always
-averaged over exactly the area of a JPEG pixel.
+luma, gamma-compressed, band-passed, and divided by its local contrast. A coarse search proposes places. The one where
+the RAW's colours explain the JPEG's best is taken, if no other does nearly as well, and refined below a tenth of a
+pixel, coarse to fine, with how the lens bent what the JPEG shows straight (`geometry`), where that is beyond chance.
+Each step works on the coarsest copies that serve it (`pyramid`); the RAW is always averaged over exactly the area of a
+JPEG pixel.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
-from lutforge.arrays import Codes
+from lutforge.arrays import Array, Codes, Single
+from lutforge.compiled import REASSOCIATED, compiled
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
-from lutforge.shots.cross_correlation import search
-from lutforge.shots.geometry import Distortion, Placement, Registration
-from lutforge.shots.lucas_kanade import HOPELESS, Fit, fringes, moved_to_fit
-from lutforge.shots.predicted_colours import explained
-from lutforge.shots.pyramid import RawPyramid, ReducedJpeg
+from lutforge.shots.geometry import Placement, Registration
+from lutforge.shots.predicted_colours import explained, predicted_luma, roots, usual_luma
+from lutforge.shots.pyramid import COARSE_SIDE, RawLevel, RawPyramid, ReducedJpeg, block_mean, on_jpeg_pixels
 
 SIGNIFICANT = 30.0
 """Evidence for a distortion from which on it is believed: the 17 pictures of six cameras without one show up to 18."""
 MIN_CORRELATION = 0.5
 """Below this, structure does not agree: another scene, or a picture too blurred or noisy to register."""
-
-
-def register(raw: RawImage, jpeg: Codes) -> Registration:
-    """Scale and offset of a JPEG (h, w, 3) that is oriented like the sensor.
-
-    Raises ShotError where it is too small, or where nothing correlates by at least MIN_CORRELATION.
-    """
-    return register_rotated(raw, jpeg, (0,))[1]
+HOPELESS = 0.3
+"""A place that correlates less after three steps is none to be near of: where the JPEG lies, two steps suffice."""
+OVERLAP = 0.8
+"""The share of a JPEG that must lie on the RAW."""
+DEVIATION = 6.0
+"""Standard deviation, in pixels, of what is taken for shading and tone: structure much coarser does not count."""
+BLOCKS = 32
+"""Blocks along the longer side, over which gradients are summed up: a displacement is the same all over one."""
+PARTS = 6
+"""Parts a side of the picture whose pulls tell how sure a fit is: structure of one part is hardly that of another."""
+_NO_MATCH = (
+    "the JPEG does not match the RAW ({}): another scene, cropped or retouched, or too little structure to register"
+)
 
 
 def register_rotated(
     raw: RawImage, jpeg: Codes, turns: Sequence[int] = (0, 1, 2, 3), expected: Placement | None = None
 ) -> tuple[Codes, Registration]:
-    """Turn the JPEG to the sensor's orientation, and register it.
+    """Turn the JPEG (h, w, 3) to the sensor's orientation, and register it.
 
     turns: quarter turns (numpy.rot90) that may do it, the likeliest first; the first to match clearly is taken, else
     the one that explains the JPEG's colours best. expected: of another shot of the camera; where this one clearly lies
-    there, too, no other place is searched. Raises ShotError as `register`, and where another place or turn explains
-    the colours nearly as well.
+    there, too, no other place is searched. Raises ShotError where the JPEG is too small, where nothing correlates by at
+    least MIN_CORRELATION, and where another place or turn explains the colours nearly as well.
     """
     pyramid = RawPyramid.of(raw, jpeg)
     for turn in turns if expected is not None else ():
@@ -93,7 +97,6 @@ def _as_expected(raw: RawImage, pyramid: RawPyramid, jpeg: Codes, expected: Plac
     if (height, width, raw.pixel_size) != expected.raw or jpeg.shape[:2] != expected.jpeg:
         return None
     reduced, start = ReducedJpeg.of(raw, jpeg), expected.registration
-    start = replace(start, distortion=start.distortion or _flat(pyramid))
     level = reduced.coarsest
     found, over = (_judged(pyramid, reduced, start, 0, one) for one in (level, level.upside_down))
     if not found.is_clear or 1 - over.explained < 1.5 * (1 - found.explained):
@@ -106,11 +109,6 @@ def _as_expected(raw: RawImage, pyramid: RawPyramid, jpeg: Codes, expected: Plac
     return registration if registration.correlation >= MIN_CORRELATION else None
 
 
-_NO_MATCH = (
-    "the JPEG does not match the RAW ({}): another scene, cropped or retouched, or too little structure to register"
-)
-
-
 @dataclass(frozen=True, eq=False)
 class _Candidate:
     """A place of the reduced, turned JPEG.
@@ -119,7 +117,7 @@ class _Candidate:
     """
 
     jpeg: ReducedJpeg
-    fit: Fit
+    fit: "_Fit"
     turn: int
     searched: float
     explained: float
@@ -134,15 +132,13 @@ def _judged(
 ) -> _Candidate:
     """A place that the coarse search found, moved to where it fits best on a coarse copy, and how well it does."""
     level = level or jpeg.coarsest
-    start = replace(start, distortion=start.distortion or _flat(pyramid))
     fit = _fit(pyramid, level, start)
     scaled = fit.place.reduced(level.factor)
-    raw = pyramid.for_scale(scaled.scale)
-    pixels, local = scaled.straightened(raw.pixels, raw.pixel_size, level.weight.shape)
-    return _Candidate(jpeg, fit, turn, start.scale, explained(replace(raw, pixels=pixels), level, local))
+    raw, local = pyramid.for_scale(scaled.scale).straightened(scaled, level)
+    return _Candidate(jpeg, fit, turn, start.scale, explained(raw, level, local))
 
 
-def _refined(pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration, count: int = 3) -> Fit:
+def _refined(pyramid: RawPyramid, jpeg: ReducedJpeg, start: Registration, count: int = 3) -> "_Fit":
     """Refine on ever finer copies of the JPEG."""
     fit = _fit(pyramid, jpeg.coarsest, start, count)
     for times in range(jpeg.halvings - 1, -1, -1):
@@ -155,42 +151,299 @@ def _with_lens(pyramid: RawPyramid, candidate: _Candidate, place: Registration) 
 
     Both are looked for on the coarsest copy, where chance has never reached the limit.
     """
-    jpeg, flat, bent = candidate.jpeg, _flat(pyramid), candidate.fit.evidence(candidate.fit.step[3:], 3) > SIGNIFICANT
+    jpeg, bent = candidate.jpeg, candidate.fit.evidence(3) > SIGNIFICANT
     if bent:
-        fit = _refined(pyramid, jpeg, replace(candidate.fit.place, distortion=flat), 5)
-        lens = fit.place.distortion or flat
-        bent = fit.evidence(np.array([lens.k1, lens.k2]), 3) > SIGNIFICANT
+        fit = _refined(pyramid, jpeg, candidate.fit.place, 5)
+        bent = fit.evidence(3) > SIGNIFICANT
         place = fit.place if bent else place
-    larger = _fringes(pyramid, jpeg.coarsest, place)
-    coloured = larger.evidence(larger.step[:2], 0) > SIGNIFICANT
+    _, evidence = _fringes(pyramid, jpeg.coarsest, place)
+    coloured = evidence > SIGNIFICANT
     for _ in range(2 if coloured else 0):
-        larger = _fringes(pyramid, jpeg.halved(max(jpeg.halvings - 1, 0)), place)
-        lens, (red, blue) = place.distortion or flat, (float(share) for share in larger.step[:2])
-        place = replace(place, distortion=replace(lens, red=lens.red + red, blue=lens.blue + blue))
+        place, _ = _fringes(pyramid, jpeg.halved(max(jpeg.halvings - 1, 0)), place)
     if bent:
         fit = _fit(pyramid, jpeg, place, 7)
-        lens = fit.place.distortion or flat
-        if fit.evidence(np.array([lens.x - flat.x, lens.y - flat.y]), 5) > SIGNIFICANT:
+        if fit.evidence(5) > SIGNIFICANT:
             return fit.place
-    if bent or coloured:
-        return _fit(pyramid, jpeg, place, 5 if bent else 3).place
-    return replace(place, distortion=None) if place.distortion == flat else place
+    return _fit(pyramid, jpeg, place, 5 if bent else 3).place if bent or coloured else place
 
 
-def _flat(pyramid: RawPyramid) -> Distortion:
-    """No distortion, about the middle of the RAW."""
-    size = np.array(pyramid.finest.pixels.shape[1::-1]) * pyramid.finest.pixel_size
-    return Distortion(float(size[0]) / 2, float(size[1]) / 2, float(np.linalg.norm(size)) / 2)
+def search(raw: RawPyramid, jpeg: ReducedJpeg, scale: float | None = None) -> list[Registration]:
+    """The best place at all plausible scales (or at the one given) with all offsets, and the second best of that scale.
+
+    Searched on a small copy, whose structure is a masked template: its normalized cross-correlation with that of the
+    RAW is computed in the frequency domain (Padfield 2012, https://doi.org/10.1109/TIP.2011.2181402), with the energy
+    of the RAW's part only. In coordinates of the whole JPEG. Empty where there is nothing to compare.
+    """
+    factor = max(1, round(max(jpeg.luma.shape) / COARSE_SIDE))
+    mask = (block_mean(jpeg.weight, factor) > 0.5).astype(np.float32)
+    template, area = structure(block_mean(jpeg.luma, factor), mask, share(mask)), float(mask.sum())
+    whole = factor * jpeg.factor
+    size = [side * raw.finest.pixel_size for side in raw.finest.pixels.shape[:2]]
+    scales = _plausible_scales(size, mask) if scale is None else np.array([scale * whole])
+    if not scales.size:
+        return []
+    sides = [math.ceil(side / scales.min()) for side in size]
+    # Shifts that leave enough of the mask on the picture are told apart; others may fall on one another.
+    reach = [max(_rows_to_spare(mask.sum(axis=axis)[::way]) for way in (1, -1)) for axis in (1, 0)]
+    shape = [scipy.fft.next_fast_len(side + most + 1, real=True) for side, most in zip(sides, reach, strict=True)]
+    matched, covering = (np.conj(scipy.fft.rfft2(plane, shape)) for plane in (template, mask))
+    level, total, best = raw.for_scale(scales.min()), float((template**2).sum()), list[Registration]()
+    luma = usual_luma(level)
+    for each in scales.tolist():
+        rows, columns = (math.ceil(side * level.pixel_size / each) for side in luma.shape)
+        plane, cover = on_jpeg_pixels(luma, level.pixel_size, Registration(each, 0.0, 0.0, 0.0), (rows, columns))
+        field = structure(plane, cover, share(cover))
+        product, energy, overlap = (
+            scipy.fft.irfft2(scipy.fft.rfft2(picture, shape) * pattern, shape)
+            for picture, pattern in ((field, matched), (field * field, covering), (cover, covering))
+        )
+        score = product / np.sqrt(np.maximum(energy, 0.2 * total) * total + 1e-12)
+        score[overlap < OVERLAP * area - 0.5] = -1.0
+        if best and score.max() <= best[0].correlation:
+            continue
+        best = []
+        for _ in range(2):
+            y, x = np.unravel_index(int(np.argmax(score)), score.shape)
+            if best and score[y, x] < 0.5 * best[0].correlation:
+                break
+            down = int(y) - (shape[0] if y >= rows else 0)
+            across = int(x) - (shape[1] if x >= columns else 0)
+            best.append(Registration(each, each * across, each * down, float(score[y, x])))
+            # The second is a tenth of the picture or more away from the first.
+            near_y, near_x = (np.arange(-round(side / 10), round(side / 10) + 1) for side in template.shape)
+            score[np.ix_((y + near_y) % shape[0], (x + near_x) % shape[1])] = -1.0
+    return [place.reduced(1 / whole) for place in best]
 
 
-def _fringes(pyramid: RawPyramid, level: ReducedJpeg, place: Registration) -> Fit:
-    """By what shares red and blue are drawn larger, on one copy of the JPEG."""
-    scaled = place.reduced(level.factor)
-    return fringes(pyramid.for_scale(scaled.scale), level, scaled)
+def _rows_to_spare(mask: Single) -> int:
+    """How many of the first rows, whose masks add up to these sums (n,), may lie beside the picture."""
+    return int(np.searchsorted(np.cumsum(mask, dtype=np.float64), (1 - OVERLAP) * float(mask.sum()), side="right"))
 
 
-def _fit(pyramid: RawPyramid, level: ReducedJpeg, start: Registration, count: int = 3) -> Fit:
+def _plausible_scales(size: list[float], mask: Single) -> Array:
+    """Scales at which the picture (without bars) is as wide or as high as the RAW, 6 % less to 3 % more.
+
+    Cameras trim the borders before they make the JPEG. size: height and width of the RAW.
+    """
+    inside = np.flatnonzero(mask.max(axis=1)), np.flatnonzero(mask.max(axis=0))
+    if not inside[0].size or not inside[1].size:
+        return np.zeros(0)
+    ratios = [size[axis] / (inside[axis][-1] - inside[axis][0] + 1) for axis in (0, 1)]
+    steps = np.arange(-8, 6) * 0.0075
+    scales = np.sort(np.concatenate([ratio * np.exp(steps) for ratio in ratios]))
+    keep = np.concatenate([[True], np.diff(np.log(scales)) > 1e-9])
+    return np.asarray(scales[keep])
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A registration after an iteration of its fit.
+
+    place: the new registration; values: how far its parameters from k1 on are from those of a straight picture, or how
+    far they would move, where they were not fitted; covariance: of the parameters, estimated from how much the parts of
+    the picture disagree.
+    """
+
+    place: Registration
+    values: Array
+    covariance: Array
+
+    def evidence(self, first: int) -> float:
+        """How much two values, of the parameters from `first` on, are beyond chance: of chance alone, 2 on average.
+
+        Wald's statistic, of a covariance that the parts of the picture tell (White 1980,
+        https://doi.org/10.2307/1912934).
+        """
+        two = slice(first, first + 2)
+        return float(self.values[two] @ np.linalg.solve(self.covariance[two, two], self.values[two]))
+
+
+def _fit(pyramid: RawPyramid, level: ReducedJpeg, start: Registration, count: int = 3) -> _Fit:
     """Move a place to where it fits best on one copy of the JPEG; in coordinates of the whole JPEG, as `start`."""
     scaled = start.reduced(level.factor)
-    fit = moved_to_fit(pyramid.for_scale(scaled.scale), level, scaled, count)
+    fit = _moved_to_fit(pyramid.for_scale(scaled.scale), level, scaled, count)
     return replace(fit, place=fit.place.reduced(1 / level.factor))
+
+
+def _moved_to_fit(
+    raw: RawLevel,
+    jpeg: ReducedJpeg,
+    start: Registration,
+    count: int = 3,
+    tested: int = 5,
+    planes: tuple[Single, Single] | None = None,
+) -> _Fit:
+    """Move to the place near `start` where the structures of RAW and JPEG agree best; in the JPEG's coordinates.
+
+    Gauss–Newton steps minimize the squared difference of the structures (Lucas & Kanade 1981,
+    https://www.ijcai.org/Proceedings/81-2/Papers/017.pdf). count: how many parameters of `Registration.moved` are
+    fitted: 3, 5 or 7. The values and the covariance that are returned are of as many, or of more, `tested`: of k1 and
+    k2 as they would be, were they fitted. planes: of the RAW and of the JPEG, compared instead of their lumas.
+    """
+    weight, size = jpeg.weight, max(count, tested)
+    lens = start.distortion or raw.flat
+    place = replace(start, distortion=lens)
+    whole, within = share(weight), _eroded(weight)
+    target = structure(jpeg.luma if planes is None else planes[1], weight, whole)
+    block = max(8, max(weight.shape) // BLOCKS)
+    down, across = (np.arange(side // block) * block + block / 2 for side in weight.shape)
+    centres = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    part = (PARTS * centres / weight.shape[::-1]).astype(np.intp) @ np.array([1, PARTS])
+    shifts = place.shifts(centres, size)
+    spread = np.array([np.inf, np.inf, np.inf, 0.3, 0.3, 0.02 * lens.radius, 0.02 * lens.radius])[:size]
+    for index in range(8):
+        if index == 0 or count > 3:
+            straight, local = raw.straightened(place, jpeg)
+            luma = predicted_luma(straight, jpeg, local) if planes is None else planes[0]
+            corner = place.offset_x - local.offset_x, place.offset_y - local.offset_y
+        local = Registration(place.scale, place.offset_x - corner[0], place.offset_y - corner[1], 0.0)
+        plane, cover = on_jpeg_pixels(luma, raw.pixel_size, local, (weight.shape[0], weight.shape[1]))
+        inside = bool(cover.all())
+        mask = weight if inside else weight * cover
+        moving = structure(plane, mask, whole if inside else share(mask))
+        seen = target * mask
+        own, product, square = (float(np.vdot(*pair)) for pair in ((seen, target), (seen, moving), (moving, moving)))
+        place = replace(place, correlation=product / (math.sqrt(square * own) + 1e-12))
+        sums = np.zeros((len(down), len(across), 5))
+        like = product / (own + 1e-12)
+        _add_products(moving, np.float32(like) * target, within if inside else _eroded(mask), block, sums)
+        gradients = sums[..., [0, 1, 1, 2]].reshape(-1, 2, 2) @ shifts
+        normal, pull = np.zeros((PARTS**2, size, size)), np.zeros((PARTS**2, size))
+        np.add.at(normal, part, shifts.swapaxes(1, 2) @ gradients)
+        np.add.at(pull, part, (shifts.swapaxes(1, 2) @ sums[..., 3:].reshape(-1, 2, 1))[..., 0])
+        prior = DEVIATION**2 * max(square - like * product, 0.0) / (float(mask.sum()) + 1e-12) / spread**2
+        lens = place.distortion or lens
+        away = np.array([0.0, 0.0, 0.0, lens.k1, lens.k2, lens.x - raw.flat.x, lens.y - raw.flat.y])[:size]
+        step, covariance = _solved(normal[:, :count, :count], pull[:, :count], prior[:count], away[:count])
+        change = np.abs(shifts[..., :count] @ step).max()
+        if not np.isfinite(change) or change > 12:
+            break
+        place = place.moved(step)
+        if change < 5e-3 or (index > 1 and place.correlation < HOPELESS):
+            break
+    if count > 3:
+        return _Fit(place, away + step, covariance)
+    return _Fit(replace(place, distortion=start.distortion), *_solved(normal, pull, prior, away))
+
+
+def _fringes(pyramid: RawPyramid, level: ReducedJpeg, place: Registration) -> tuple[Registration, float]:
+    """A place with red and blue drawn larger than green, where the JPEG shows them of one size, and the evidence of it.
+
+    Each of the RAW's channels is registered by itself, on what the JPEG's colours tell of it.
+    """
+    scaled = place.reduced(level.factor)
+    raw, local = pyramid.for_scale(scaled.scale).straightened(scaled, level)
+    pairs = zip(*roots(raw, level, local), strict=True)
+    fits = [_moved_to_fit(raw, level, local, tested=3, planes=pair) for pair in pairs]
+    red, green, blue = (fit.place.scale for fit in fits)
+    errors = [fit.covariance[0, 0] + fits[1].covariance[0, 0] for fit in fits]
+    lens = place.distortion or raw.flat
+    lens = replace(lens, red=lens.red + red / green - 1, blue=lens.blue + blue / green - 1)
+    return replace(place, distortion=lens), (red - green) ** 2 / errors[0] + (blue - green) ** 2 / errors[2]
+
+
+def _solved(normal: Array, pull: Array, prior: Array, away: Array) -> tuple[Array, Array]:
+    """A Gauss–Newton step (n,), and its covariance by the parts of the picture (White 1980, a sandwich).
+
+    normal: (parts, n, n) normal matrices; pull: (parts, n) right sides; prior, away: (n,) weight of a prior of the
+    parameters, and how far they are from it.
+    """
+    total = normal.sum(axis=0) + np.diag(prior)
+    unit = 1 / np.sqrt(np.diag(total) + 1e-30)
+    inverse = unit[:, None] * np.linalg.pinv(total * np.outer(unit, unit)) * unit
+    step = inverse @ (pull.sum(axis=0) - prior * away)
+    scores = pull - normal @ step
+    return step, inverse @ (scores.T @ scores) @ inverse * len(pull) / (len(pull) - len(step))
+
+
+@compiled(fastmath=REASSOCIATED)
+def _add_products(moving: Single, target: Single, weight: Single, side: int, sums: Array) -> None:
+    """Fill the products (H, W, 5) of the gradient with itself, xx, xy, yy, and with what is to change, x, y, by blocks.
+
+    The gradient is of the mean of both pictures (h, w): an unbiased, faster converging step (Benhimane & Malis 2004,
+    https://doi.org/10.1109/IROS.2004.1389474).
+    """
+    down, across = sums.shape[:2]
+    width = across * side
+    terms, quarter = np.zeros((3, width), np.float32), np.float32(0.25)
+    for row in range(1, min(down * side, moving.shape[0] - 1)):
+        above, here, below = moving[row - 1], moving[row], moving[row + 1]
+        over, wanted, under = target[row - 1], target[row], target[row + 1]
+        for x in range(1, min(width, moving.shape[1] - 1)):
+            share = quarter * weight[row, x]
+            terms[0, x] = share * (here[x + 1] - here[x - 1] + wanted[x + 1] - wanted[x - 1])
+            terms[1, x] = share * (below[x] - above[x] + under[x] - over[x])
+            terms[2, x] = weight[row, x] * (wanted[x] - here[x])
+        for block in range(across):
+            xx = xy = yy = by_x = by_y = np.float32(0)
+            for x in range(block * side, (block + 1) * side):
+                xx += terms[0, x] * terms[0, x]
+                xy += terms[0, x] * terms[1, x]
+                yy += terms[1, x] * terms[1, x]
+                by_x += terms[0, x] * terms[2, x]
+                by_y += terms[1, x] * terms[2, x]
+            own = sums[row // side, block]
+            own[0], own[1], own[2], own[3], own[4] = own[0] + xx, own[1] + xy, own[2] + yy, own[3] + by_x, own[4] + by_y
+
+
+def _eroded(mask: Single) -> Single:
+    """The least of each pixel's mask and of its eight neighbours': where a gradient is of the picture alone."""
+    return np.asarray(scipy.ndimage.minimum_filter(mask, 3))
+
+
+def share(weight: Single) -> Single:
+    """How much of the weight around each pixel there is, (h, w)."""
+    return np.asarray(np.maximum(blurred(weight), np.float32(1e-6)))
+
+
+def structure(luma: Single, weight: Single, around: Single) -> Single:
+    """Return the local structure of luma (h, w): detail over its local deviation, times the weight.
+
+    weight: (h, w) of the pixels; around: `share` of the weight. Detail below the noise of rounding to 8 bits is none.
+    """
+    detail = luma - blurred(luma * weight) / around
+    energy = blurred(detail * detail * weight) / around
+    floor = 0.5 * float(np.vdot(energy, weight)) / (float(weight.sum()) + 1e-12)
+    energy += np.float32(floor + (0.3 / 255) ** 2)
+    return np.asarray(detail / np.sqrt(energy) * weight)
+
+
+def blurred(image: Single) -> Single:
+    """Return the image (h, w) filtered by a Gaussian of DEVIATION, mirrored at its borders."""
+    taps = np.exp(-0.5 * (np.arange(4 * DEVIATION + 1) / DEVIATION) ** 2)
+    taps /= 2 * taps.sum() - taps[0]
+    out = np.empty_like(image)
+    _blur(np.ascontiguousarray(image), taps.astype(np.float32), out)
+    return out
+
+
+@compiled()
+def _mirrored(place: int, size: int) -> int:
+    """The place within 0 … size − 1 that lies there when the image is mirrored at both ends, again and again."""
+    inside = place % (2 * size)
+    return inside if inside < size else 2 * size - 1 - inside
+
+
+@compiled(fastmath={"contract"})
+def _blur(image: Single, taps: Single, out: Single) -> None:
+    """Fill `out` with the image, filtered by symmetric taps, of which the middle one is the first, along both axes."""
+    rows, columns = image.shape
+    reach = len(taps) - 1
+    line = np.empty(columns + 2 * reach, dtype=np.float32)
+    for y in range(rows):
+        middle, own, to = line[reach : reach + columns], image[y], out[y]
+        for x in range(columns):
+            middle[x] = taps[0] * own[x]
+        for k in range(1, reach + 1):
+            above, below = image[_mirrored(y - k, rows)], image[_mirrored(y + k, rows)]
+            for x in range(columns):
+                middle[x] += taps[k] * (above[x] + below[x])
+        for k in range(reach):
+            line[reach - 1 - k] = middle[_mirrored(-1 - k, columns)]
+            line[reach + columns + k] = middle[_mirrored(columns + k, columns)]
+        for x in range(columns):
+            to[x] = taps[0] * middle[x]
+        for k in range(1, reach + 1):
+            before, after = line[reach - k : reach - k + columns], line[reach + k : reach + k + columns]
+            for x in range(columns):
+                to[x] += taps[k] * (before[x] + after[x])

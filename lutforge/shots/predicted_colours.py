@@ -1,20 +1,19 @@
 """What a camera's JPEG would be of a RAW at a place: a quadratic of the channels, fitted where the two overlap.
 
 The colour matrix and the tone curve are unknown; a fixed luma would invert the contrast of many edges between saturated
-colours.
+colours. RAW is compressed like a picture, by square roots, only where a step of a registration looks at it: roots make
+the noise of photons alike at all brightnesses (Anscombe 1948, https://doi.org/10.1093/biomet/35.3-4.246), and come near
+enough to a camera's tone curve for a quadratic of them to tell its luma.
 """
-
-from collections.abc import Iterator
 
 import numpy as np
 
-from lutforge.arrays import Array, Index, Single
-from lutforge.shots.area_means import cells_of_jpeg
-from lutforge.shots.compressed_raw import means_of_roots, quadratic
+from lutforge.arrays import Array, Index, Pixels, Single
+from lutforge.compiled import compiled
 from lutforge.shots.geometry import Registration
-from lutforge.shots.pyramid import RawLevel, ReducedJpeg
+from lutforge.shots.pyramid import LUMA, RawLevel, ReducedJpeg, cells_of_jpeg
 
-ENOUGH = 8_000
+ENOUGH = 4_000
 """Pixels, about, that tell the ten weights of the quadratic."""
 
 
@@ -23,10 +22,11 @@ def explained(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> float:
 
     At a wrong place the layout may agree by chance or symmetry; the colours hardly do.
     """
-    terms, use = _terms_at(raw, jpeg, place)
+    roots, use = _roots_at(raw, jpeg, place)
     codes = jpeg.codes.reshape(-1, 3)[use].astype(np.float64)
     if len(codes) < 200:
         return 0.0
+    terms = quadratic_terms(roots)
     residual = codes - terms @ least_squares(terms, codes)
     total = float(np.square(codes - codes.mean(axis=0)).sum())
     return 1 - float(np.square(residual).sum()) / max(total, 1e-9)
@@ -34,17 +34,31 @@ def explained(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> float:
 
 def predicted_luma(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> Single:
     """RAW (h, w) as the luma that the camera would make of it."""
-    terms, use = _terms_at(raw, jpeg, place)
-    weights = least_squares(terms, jpeg.luma.ravel()[use].astype(np.float64))
+    roots, use = _roots_at(raw, jpeg, place)
+    weights = least_squares(quadratic_terms(roots), jpeg.luma.ravel()[use].astype(np.float64))
     return quadratic(raw.pixels, raw.gains, weights.astype(np.float32))
 
 
-def _terms_at(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[Array, Index]:
-    """The quadratic terms (n, 10) of the RAW under about ENOUGH of the JPEG's pixels, and which these are (n,)."""
+def usual_luma(raw: RawLevel) -> Single:
+    """RAW (h, w) as the luma of its compressed channels as they are."""
+    return quadratic(raw.pixels, raw.gains, np.concatenate([[0], LUMA, np.zeros(6)]).astype(np.float32))
+
+
+def roots(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[list[Single], list[Single]]:
+    """The roots of each channel of the RAW, and, (h, w) each, what the JPEG tells of them: a quadratic of its codes."""
+    known, use = _roots_at(raw, jpeg, place)
+    weights = least_squares(quadratic_terms(jpeg.codes.reshape(-1, 3)[use].astype(np.float64)), known)
+    ones, squares = np.ones(3, np.float32), np.square(jpeg.codes)
+    own = [np.sqrt(np.maximum(raw.pixels[..., channel], 0) * raw.gains[channel]) for channel in range(3)]
+    return own, [quadratic(squares, ones, each) for each in weights.T.astype(np.float32)]
+
+
+def _roots_at(raw: RawLevel, jpeg: ReducedJpeg, place: Registration) -> tuple[Array, Index]:
+    """The roots (n, 3) of the RAW under about ENOUGH of the JPEG's pixels, and which these are (n,)."""
     borders, covers = cells_of_jpeg(place, jpeg.weight.shape, raw.pixels.shape, raw.pixel_size)
     use = np.flatnonzero((jpeg.weight * covers).ravel() > 0.5)
     use = use[:: max(1, len(use) // ENOUGH)]
-    return np.stack([*quadratic_terms(*means_of_roots(raw.pixels, raw.gains, *borders, use).T)], axis=1), use
+    return means_of_roots(raw.pixels, raw.gains, *borders, use), use
 
 
 def least_squares(terms: Array, values: Array) -> Array:
@@ -54,6 +68,57 @@ def least_squares(terms: Array, values: Array) -> Array:
     return np.asarray(np.linalg.solve(normal, terms.T @ values))
 
 
-def quadratic_terms(r: Array, g: Array, b: Array) -> Iterator[Array]:
-    """The terms of a quadratic of three channels."""
-    yield from (np.ones_like(r), r, g, b, r * r, g * g, b * b, r * g, g * b, b * r)
+def quadratic_terms(channels: Array) -> Array:
+    """The terms (n, 10) of a quadratic of three channels (n, 3): 1, r, g, b, r², g², b², rg, gb, br."""
+    ones, others = np.ones_like(channels[:, :1]), np.roll(channels, -1, axis=1)
+    return np.concatenate([ones, channels, channels * channels, channels * others], axis=1)
+
+
+def quadratic(raw: Pixels, gains: Single, weights: Single) -> Single:
+    """Return a quadratic (h, w) of the roots of RAW (h, w, 3) times gains (3,).
+
+    weights: (10,) of 1, r, g, b, r², g², b², rg, gb, br.
+    """
+    values = np.empty(raw.shape[:2], np.float32)
+    _quadratic(np.ascontiguousarray(raw), np.tile(gains, raw.shape[1]), weights, values)
+    return values
+
+
+def means_of_roots(raw: Pixels, gains: Single, rows: Array, columns: Array, cells: Index) -> Array:
+    """Return the means (n, 3) of the roots of RAW (h, w, 3) times gains (3,) over some cells of a grid.
+
+    rows, columns: the H + 1 and W + 1 borders of the grid, in pixels of the RAW, within it; cells: (n,), row by row.
+    """
+    means = np.zeros((len(cells), 3))
+    _means_of_roots(raw, gains, rows, columns, cells, means)
+    return means
+
+
+@compiled(fastmath={"contract"})
+def _quadratic(raw: Pixels, gains: Single, weights: Single, values: Single) -> None:
+    """Fill values (h, w). gains: (3 w,) of the values of a row."""
+    constant, in_r, in_g, in_b, rr, gg, bb, rg, gb, br = weights
+    roots = np.empty(len(gains), np.float32)
+    for y in range(values.shape[0]):
+        line, to = raw[y].ravel(), values[y]
+        for x in range(len(roots)):
+            roots[x] = np.sqrt(max(line[x], np.float32(0)) * gains[x])
+        for x in range(len(to)):
+            r, g, b = roots[3 * x], roots[3 * x + 1], roots[3 * x + 2]
+            to[x] = (
+                r * (in_r + rr * r + rg * g + br * b) + g * (in_g + gg * g + gb * b) + b * (in_b + bb * b) + constant
+            )
+
+
+@compiled()
+def _means_of_roots(raw: Pixels, gains: Single, rows: Array, columns: Array, cells: Index, means: Array) -> None:
+    width = len(columns) - 1
+    for index in range(len(cells)):
+        top, bottom = rows[cells[index] // width], rows[cells[index] // width + 1]
+        left, right = columns[cells[index] % width], columns[cells[index] % width + 1]
+        for y in range(int(np.floor(top)), int(np.ceil(bottom))):
+            tall = min(y + 1.0, bottom) - max(float(y), top)
+            for x in range(int(np.floor(left)), int(np.ceil(right))):
+                share = tall * (min(x + 1.0, right) - max(float(x), left)) / ((bottom - top) * (right - left))
+                for channel in range(3):
+                    means[index, channel] += share * np.sqrt(max(raw[y, x, channel], np.float32(0)) * gains[channel])

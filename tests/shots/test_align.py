@@ -11,11 +11,16 @@ from scipy import ndimage
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
 from lutforge.shots import align
-from lutforge.shots.align import register, register_rotated
+from lutforge.shots.align import register_rotated
 from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.read import read_shot
 
 Array = NDArray[np.float64]
+
+
+def register(raw: RawImage, jpeg: NDArray[np.uint8]) -> Registration:
+    """The place of a JPEG that is oriented like the sensor."""
+    return register_rotated(raw, jpeg, (0,))[1]
 
 
 def raw_image(pixels: Array, pixel_size: float = 1.0) -> RawImage:

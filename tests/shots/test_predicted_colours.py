@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from lutforge.shots.area_means import cells_of_jpeg, on_jpeg_pixels
-from lutforge.shots.compressed_raw import means_of_roots, quadratic
 from lutforge.shots.geometry import Registration
+from lutforge.shots.predicted_colours import means_of_roots, quadratic
+from lutforge.shots.pyramid import cells_of_jpeg, on_jpeg_pixels
 
 RAW = np.random.default_rng(0).uniform(-0.01, 1.0, (40, 50, 3)).astype(np.float32)
 GAINS = np.array([1.5, 1.0, 2.0], np.float32)
