@@ -1,6 +1,6 @@
 """The grades of camera profiles as LUTs: what `apply` does to pixels, and what the studio's preview shows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +16,7 @@ from lutforge.model.coverage import Refinish, confidence
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
 from lutforge.model.transform import Transform, through_stages
+from lutforge.progress import Progress, silent
 
 
 class BakedGrades:
@@ -73,8 +74,17 @@ class BakedGrades:
         """Return the LUT of a step that is the same under all white balances."""
         core = _core(step)
         if core not in self._luts:
-            self._luts[core] = bake(step, display_referred=False)
+            (self._luts[core],) = baked_steps([step])
         return self._luts[core]
+
+
+def baked_steps(steps: Sequence[Transform], progress: Progress = silent) -> tuple[Lut, ...]:
+    """Bake steps of a look that are the same under all white balances."""
+    baked = []
+    for number, step in enumerate(steps):
+        progress("baking", number / len(steps))
+        baked.append(bake(step, display_referred=False))
+    return tuple(baked)
 
 
 def _core(step: Transform) -> Lattice | GamutMap:

@@ -3,15 +3,20 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from lutforge.model.camera_profile import CameraProfile, as_profile
+from lutforge.pipeline.evaluation import evaluate
 from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sample_origin import require_same_origin
 from lutforge.pipeline.sampling import SampledShots, gather_samples
 from lutforge.progress import Progress, part, silent, telling_of_compilation
+from lutforge.report.drawing import Drawing
+from lutforge.report.error_maps import ErrorMaps, maps_of_shot, own_method
 from lutforge.report.page import Report, write_figures, write_page
-from lutforge.report.report import build_comparison, build_report
+from lutforge.report.report import build_comparison, build_report, error_pictures, error_tables
+from lutforge.report.tables import Table
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 
 
@@ -83,6 +88,35 @@ def compare(
     page = build_comparison(a, one or _first_setting(a), b, other or _first_setting(b))
     write_page(page, output, part(progress, 0.5, 1.0))
     return page
+
+
+def compare_methods(
+    profile: CameraProfile, samples: SampleSet, size: int, progress: Progress = silent
+) -> tuple[dict[str, Drawing], tuple[Table, ...]]:
+    """Return figures by style and tables of the errors of all methods on shots left out, as a report shows them.
+
+    size: nodes per axis of the lattices. Raises CalibrationError where no shot can be left out.
+    """
+    evaluation = evaluate(profile, samples, progress, tables=True, sizes=(size,))
+    own, drawings = own_method(profile, evaluation), {}
+    for style, predictions in evaluation.predictions.items():
+        rows = tuple(row for row in evaluation.rows if row.style == style)
+        pictures = error_pictures(own, replace(evaluation, rows=rows, predictions={style: predictions}))
+        drawings[style] = Drawing(tuple(row for picture in pictures for row in picture.drawing.rows))
+    return drawings, tuple(error_tables(own, evaluation))
+
+
+def maps_of_file(
+    profile: CameraProfile, samples: SampleSet, shot: str, raw_file: Path, progress: Progress = silent
+) -> ErrorMaps:
+    """Leave shots of one style out in turn, and draw the errors of one of them; see `maps_of_shot`.
+
+    Raises CalibrationError where the samples do not determine the fits.
+    """
+    style = samples.style[samples.shot == shot][0]
+    evaluation = evaluate(profile, samples.select(samples.style == style), progress)
+    progress("error maps", 0.9)
+    return maps_of_shot(profile, evaluation, shot, raw_file)
 
 
 def _first_setting(profile: CameraProfile) -> str:

@@ -11,17 +11,14 @@ from lutforge.arrays import Array
 from lutforge.calibration.options import options_from_json
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
-from lutforge.evaluation.evaluate import evaluate
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.evaluation.held_out import Predictions, with_compared
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, lattice_name
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import Falloff, falloff_of
-from lutforge.progress import Progress
 from lutforge.report.drawing import ERROR_SCALE, Drawing, Lines, Panel, Raster
 from lutforge.samples.clipping import Extremes, clipping, saturation_levels
 from lutforge.samples.extract import places_in_picture
-from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.tiles import jpeg_cells
 from lutforge.shots.cells import raw_on_jpeg_cells
 from lutforge.shots.read import TURNS, read_shot
@@ -144,16 +141,3 @@ def maps_of_shot(profile: CameraProfile, evaluation: Evaluation, shot: str, raw_
     )
     methods = [method for method in dict.fromkeys(named) if method in fits]
     return error_maps(replace(read_shot(raw_file), name=shot), found, methods, profile.falloffs)
-
-
-def maps_of_file(
-    profile: CameraProfile, samples: SampleSet, shot: str, raw_file: Path, progress: Progress
-) -> ErrorMaps:
-    """Leave shots of one style out in turn, and predict one of them; see `maps_of_shot`.
-
-    Raises CalibrationError where the samples do not determine the fits.
-    """
-    style = samples.style[samples.shot == shot][0]
-    evaluation = evaluate(profile, samples.select(samples.style == style), progress)
-    progress("error maps", 0.9)
-    return maps_of_shot(profile, evaluation, shot, raw_file)

@@ -238,7 +238,7 @@ MAPS_TEXT = (
 )
 
 
-def error_tables(own: str, evaluation: Evaluation) -> Iterator[Block]:
+def error_tables(own: str, evaluation: Evaluation) -> Iterator[Table]:
     """Tabulate the errors of both directions, of RAW, of refinishing, and of exposure pairs."""
     for direction, title in TITLES.items():
         rows = [row for row in evaluation.rows if row.direction == direction and row.shot.startswith("all")]
@@ -256,7 +256,7 @@ def error_tables(own: str, evaluation: Evaluation) -> Iterator[Block]:
     yield from more_tables(evaluation, own)
 
 
-def _by_distance(own: str, evaluation: Evaluation) -> Iterator[Block]:
+def _by_distance(own: str, evaluation: Evaluation) -> Iterator[Table]:
     """How the error grows away from the samples, in encoded RGB."""
     rows = []
     for style, found in evaluation.predictions.items():
@@ -268,7 +268,7 @@ def _by_distance(own: str, evaluation: Evaluation) -> Iterator[Block]:
         yield Table("Mean error by distance to the nearest sample", header, tuple(rows))
 
 
-def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Block]:
+def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Picture]:
     """Draw errors by method, and by colour."""
     for style in dict.fromkeys(row.style for row in evaluation.rows):
         directions = []

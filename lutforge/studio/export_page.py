@@ -25,12 +25,10 @@ from lutforge.pipeline.transforms import TransformRequest
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
-from lutforge.studio.bokeh_figure import FILL
-from lutforge.studio.elements import TOGETHER, WIDE, checkbox, entry, html, offer, paragraphs, select, text, written
+from lutforge.studio import ui
 from lutforge.studio.model_page import held_out_error
 from lutforge.studio.session import Session, Written
-from lutforge.studio.workspace import WorkspaceError
-from lutforge.studio.workspace_file import SUFFIX, save_workspace
+from lutforge.studio.workspace import SUFFIX, WorkspaceError, save_workspace
 
 LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".dctl", ".csp", ".spi1d", ".3dl", ".png")
 
@@ -166,32 +164,34 @@ class ExportPage:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.proposed = "camera"
-        self.name = entry("Name of the files", value=self.proposed)
-        self.program = select("Program of the kit", {"compute a model first": ""})
-        self.check = checkbox("Check the kit on the shots")
-        self.kind = select("Transform of the LUT", ["refinish", "render", "linearize"])
-        self.space = select("Scene of render and linearize", ["raw", *SPACES])
-        self.suffix = select("LUT file", list(LUT_SUFFIXES))
+        self.name = ui.entry("Name of the files", value=self.proposed)
+        self.program = ui.select("Program of the kit", {"compute a model first": ""})
+        self.check = ui.checkbox("Check the kit on the shots")
+        self.kind = ui.select("Transform of the LUT", ["refinish", "render", "linearize"])
+        self.space = ui.select("Scene of render and linearize", ["raw", *SPACES])
+        self.suffix = ui.select("LUT file", list(LUT_SUFFIXES))
         self.written: set[Path] = set()
         self._offered: object = None
         self._cards: dict[tuple[Written, bool], pmui.Paper] = {}  # each stays while its file does: so does its button
         self.asked: list[Path] = []
-        self.look = text()
-        self.main = pn.Column(**{**FILL, "styles": {"overflow": "auto"}})
+        self.look = ui.text()
+        self.main = pn.Column(**ui.SCROLLED)
 
         def button(label: str, action: Any, **more: Any) -> pmui.Button:
-            return session.button(label, action, **{**WIDE, **more})
+            return session.button(label, action, **{**ui.WIDE, **more})
 
         bake, kit = (
             button("Bake LUT", self._bake, variant="contained"),
             button("Write kit", self._kit, variant="contained"),
         )
         self.controls = [
-            text(html("<p>Files go to <b>{}</b>; the commands are of that folder.</p>", session.folders.roots[0])),
+            ui.text(
+                ui.html("<p>Files go to <b>{}</b>; the commands are of that folder.</p>", session.folders.roots[0])
+            ),
             self.name,
             button("Save profile", self._save_profile, variant="contained"),
-            pn.Column(self.look, self.program, self.check, kit, **TOGETHER),
-            pn.Column(self.kind, self.space, self.suffix, bake, **TOGETHER),
+            pn.Column(self.look, self.program, self.check, kit, **ui.TOGETHER),
+            pn.Column(self.kind, self.space, self.suffix, bake, **ui.TOGETHER),
             button("Write config", self._config),
             button("Write report", self._report),
             button("Save parameters as text", self._parameters),
@@ -202,22 +202,24 @@ class ExportPage:
         """What was written, and whether it is of the model and look as they are; the programs that a kit can be for."""
         session = self.session
         if session.has_profile:
-            offer(self.program, kits_of(session.profile, session.look.target))
-            self.look.object = paragraphs(f"Kits and LUTs are of {session.look.target}; choose another under Look.")
+            ui.offer(self.program, kits_of(session.profile, session.look.target))
+            self.look.object = ui.paragraphs(f"Kits and LUTs are of {session.look.target}; choose another under Look.")
         if self._offered is not session.response and session.response is not None:  # what a bracket is taken for
             self.kind.value = "linearize"
             self.space.value = "aces2065-1" if session.response[0].chart else "raw"
         self._offered = session.response
-        nothing = paragraphs("Nothing is written yet. Each file will stand here with its error, and with its command.")
+        nothing = ui.paragraphs(
+            "Nothing is written yet. Each file will stand here with its error, and with its command."
+        )
         cards = {(each, session.is_old(each)): None for each in reversed(session.written.values())}
         if not cards or list(cards) != list(self._cards):
             self._cards = {key: self._cards.get(key) or self._card(*key) for key in cards}
-            self.main[:] = list(self._cards.values()) or [text(nothing)]
+            self.main[:] = list(self._cards.values()) or [ui.text(nothing)]
 
     def _card(self, made: Written, stale: bool) -> pmui.Paper:
         """What was written: lines that tell of it, and its command with a button that copies it."""
         title = f"{made.what}: {self.session.folders.name(made.path)}{' (stale)' if stale else ''}"
-        shown = text(html("<h2>{}</h2>{}", title, paragraphs(*made.lines)))
+        shown = ui.text(ui.html("<h2>{}</h2>{}", title, ui.paragraphs(*made.lines)))
         card = pmui.Paper(shown, variant="outlined", sizing_mode="stretch_width", margin=8)
         if made.command:
             words = f"Copy the command: {made.what}"
@@ -225,7 +227,7 @@ class ExportPage:
             copied = "navigator.clipboard.writeText(command); button.data.label = 'Copied';"
             copied += " setTimeout(() => { button.data.label = 'Copy'; }, 1500);"
             copy.js_on_click(args={"command": made.command, "button": copy}, code=copied)
-            card.append(pn.Row(text(html("<code>{}</code>", made.command)), copy, sizing_mode="stretch_width"))
+            card.append(pn.Row(ui.text(ui.html("<code>{}</code>", made.command)), copy, sizing_mode="stretch_width"))
         return card
 
     def _paths(self, *suffixes: str) -> list[Path]:
@@ -234,7 +236,7 @@ class ExportPage:
         A proposed name gives way to files of before. Raises WorkspaceError, once, where one that the visitor wrote has
         such.
         """
-        name = wished = written(self.name)
+        name = wished = ui.written(self.name)
         for number in count(2):
             paths = [self.session.folders.inside(name + suffix) for suffix in suffixes]
             for path, suffix in zip(paths, suffixes, strict=True):

@@ -1,30 +1,37 @@
-"""Look: a photograph with other settings while the sliders move, graded by what the exports hold."""
+"""Look: a photograph with other settings while the sliders move, graded by what the exports hold.
 
-from collections.abc import Callable
+The browser grades the picture: Python sends LUTs, and no pixels while sliders move.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import panel as pn
+import param
+from panel.custom import JSComponent
+from PIL import Image
 
-from lutforge.errors import SettingsError
+from lutforge.apply.baked_grades import BakedGrades, baked_steps
+from lutforge.apply.blocks import apply_to_pixels
+from lutforge.apply.setting_change import SettingChange
+from lutforge.arrays import Array, Pixels
+from lutforge.errors import LutError, SettingsError
+from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.coverage import confidence
+from lutforge.model.transform import Transform
 from lutforge.model.white_balance import temperature_range
 from lutforge.progress import silent
 from lutforge.settings import Selector, Shift
-from lutforge.studio.elements import NOTHING, TOGETHER, WIDE, entry, paragraphs, select, slider, text, written
-from lutforge.studio.look_view import LookView
-from lutforge.studio.pictures import (
-    IMAGE_SUFFIXES,
-    Photograph,
-    bake_all,
-    change_of,
-    coverage_lut,
-    graded,
-    grades_of,
-    look_lut,
-    open_photograph,
-)
+from lutforge.studio import ui
+from lutforge.studio.opening import IMAGE_SUFFIXES, Photograph, jpeg_of, open_photograph, upright
 from lutforge.studio.session import ChosenLook, Session, usual_setting
 from lutforge.studio.workspace import WorkspaceError
 
@@ -42,13 +49,13 @@ class SettingControl:
     def __init__(self, title: str, asks: bool = False) -> None:
         self.profile: CameraProfile
         self.has_tint, self.unknown = False, {UNKNOWN: ""} if asks else {}
-        self.style = select(f"{title}: style", self.unknown or NOTHING)
-        self.balance = select(f"{title}: white balance", self.unknown or NOTHING)
-        self.kelvin = slider(f"{title}: temperature, K", 5200, 2000, 10000, 50)
-        self.tint = slider(f"{title}: tint", 0, -50, 50, 1)
-        self.multipliers = entry(f"{title}: multipliers r,g,b", placeholder="2.10,1,1.43")
+        self.style = ui.select(f"{title}: style", self.unknown or ui.NOTHING)
+        self.balance = ui.select(f"{title}: white balance", self.unknown or ui.NOTHING)
+        self.kelvin = ui.slider(f"{title}: temperature, K", 5200, 2000, 10000, 50)
+        self.tint = ui.slider(f"{title}: tint", 0, -50, 50, 1)
+        self.multipliers = ui.entry(f"{title}: multipliers r,g,b", placeholder="2.10,1,1.43")
         self.widgets = (self.style, self.balance, self.kelvin, self.tint, self.multipliers)
-        self.layout = pn.Column(*self.widgets, **TOGETHER)
+        self.layout = pn.Column(*self.widgets, **ui.TOGETHER)
 
     def offer(self, profile: CameraProfile) -> None:
         """Offer the settings of a profile; what is chosen stays where it has that.
@@ -81,7 +88,7 @@ class SettingControl:
         self.kelvin.disabled = self.balance.value != BY_TEMPERATURE
         self.multipliers.disabled = self.balance.value != BY_MULTIPLIERS
         self.tint.disabled = not self.has_tint
-        if self.balance.value == BY_MULTIPLIERS and not written(self.multipliers):
+        if self.balance.value == BY_MULTIPLIERS and not ui.written(self.multipliers):
             gains = self.profile.multipliers(usual_setting(self.profile))
             begin = ",".join(f"{gain:.4g}" for gain in gains / gains[1])
             self.multipliers.param.update(value=begin, value_input=begin)
@@ -105,7 +112,7 @@ class SettingControl:
         plain = {
             AS_SHOT: "" if taken is None else f"{taken.white_balance}",
             BY_TEMPERATURE: f"{self.kelvin.value:g}K",
-            BY_MULTIPLIERS: written(self.multipliers),
+            BY_MULTIPLIERS: ui.written(self.multipliers),
         }.get(self.balance.value, self.balance.value)
         if not tint:
             return f"{style}/{plain}"
@@ -124,13 +131,13 @@ class LookPage:
         self._known: tuple[CameraProfile, Selector] | None = None  # what the pipette's RAW is of
         self.opened: dict[Path, Photograph] = {}  # of the film strip, without their pictures
         self.sources: dict[Path, tuple[str, list[Any]]] = {}  # what each was taken as, and by which controls
-        self.listed, self.path = select("Photograph in the folders", NOTHING), entry("or its path")
-        opening = session.button("Show", self._open_named, variant="contained", **WIDE)
+        self.listed, self.path = ui.select("Photograph in the folders", ui.NOTHING), ui.entry("or its path")
+        opening = session.button("Show", self._open_named, variant="contained", **ui.WIDE)
         self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as", asks=True)
-        self.ev = slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
+        self.ev = ui.slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
         session.watch(self._choose_look, self.ev, *self.wanted.widgets)
         session.watch(self._change, *self.source.widgets)
-        self.words = text()
+        self.words = ui.text()
         self.view = LookView(raw_name="RAW, by the model")
         self.view.param.watch(session.guarded(lambda event: self._choose(event.new)), "chosen")
         self.main = self.view
@@ -143,9 +150,9 @@ class LookPage:
     def refresh(self) -> None:
         """The settings of the session's profile, and the look with it."""
         names = self.session.folders.files(IMAGE_SUFFIXES)
-        self.listed.options = {**NOTHING, **{name: name for name in names}}
+        self.listed.options = {**ui.NOTHING, **{name: name for name in names}}
         if not self.session.has_profile:
-            self.words.object = paragraphs("Compute a model, or open a profile.")
+            self.words.object = ui.paragraphs("Compute a model, or open a profile.")
             return
         for control in (self.wanted, self.source):
             control.offer(self.session.profile)
@@ -159,7 +166,7 @@ class LookPage:
             done(function(*arguments, silent))
 
     def _open_named(self) -> None:
-        self._open(self.session.folders.inside(written(self.path) or self.listed.value))
+        self._open(self.session.folders.inside(ui.written(self.path) or self.listed.value))
 
     def _choose(self, index: int) -> None:
         path = list(self.opened)[index]
@@ -203,29 +210,21 @@ class LookPage:
         look = self._look
         unknown = "" if self.shown is None else "From what it was taken as, which is to be chosen below, to "
         taken = f"From {look.source} to " if look.source else unknown or "Wanted: "
-        self.words.object = paragraphs(f"{taken}{look.target}, {look.ev:+g} EV.")
+        self.words.object = ui.paragraphs(f"{taken}{look.target}, {look.ev:+g} EV.")
         if self.shown is not None:
-            strip = [(each.path.name, graded(each.small, self._lut_of(each))) for each in self.opened.values()]
+            strip = [(each.path.name, self._small_of(each)) for each in self.opened.values()]
             self.view.film(strip, list(self.opened).index(self.shown.path))
         self.session.on_look()
 
-    def _lut_of(self, photograph: Photograph) -> Any:
-        """The look of a photograph of the film strip; None where it is not known, or takes seconds to prepare."""
-        source = self.sources.get(
-            photograph.path, ("" if photograph.selector is None else f"{photograph.selector}", [])
-        )
+    def _small_of(self, each: Photograph) -> bytes:
+        """A photograph of the film strip with the look; as it is where that is not known, or takes long to prepare."""
+        profile, source = self.session.profile, self.sources.get(each.path, (f"{each.selector or ''}", []))[0]
         try:
-            look = ChosenLook(source[0], self.wanted.text(photograph.selector), float(self.ev.value))
-            return None if not look.source or self._slow_steps(look) else self._lut(look)
+            look = ChosenLook(source, self.wanted.text(each.selector), float(self.ev.value))
+            lut = None if not source or slow_steps(profile, look) else look_lut(profile, look)
         except (SettingsError, WorkspaceError):
-            return None
-
-    def _lut(self, look: ChosenLook) -> Any:
-        return look_lut(self.session.profile, look.source, look.target, look.ev)
-
-    def _slow_steps(self, look: ChosenLook) -> tuple[Any, ...]:
-        profile = self.session.profile
-        return grades_of(profile).slow_steps(change_of(profile, look.source, look.target, look.ev).transform)
+            return each.small
+        return _graded(lut, _pixels(each.small)) or each.small
 
     def _grade(self) -> None:
         """The photograph as the controls say."""
@@ -235,12 +234,12 @@ class LookPage:
         known = self.source.is_known
         try:
             look = ChosenLook(self.source.text(taken) if known else "", self.wanted.text(taken), float(self.ev.value))
-            slow = self._slow_steps(look) if known else ()
+            slow = slow_steps(profile, look) if known else ()
             if slow and (not self.session.is_busy or pn.state.curdoc is None):
-                self._start(BAKING, lambda luts: self._baked(slow, luts), bake_all, slow)
+                self._start(BAKING, lambda luts: self._baked(slow, luts), baked_steps, slow)
             if slow:
                 return
-            lut = self._lut(look) if known else None
+            lut = look_lut(profile, look) if known else None
         except SettingsError as error:
             raise WorkspaceError(str(error)) from error
         self.view.grade(lut, f"{look.target}{f' {look.ev:+g} EV' if look.ev else ''}" if known else "as it is")
@@ -263,3 +262,209 @@ class LookPage:
             self._known = known
             self.view.cover(None if given is None else coverage_lut(profile, given.style))
             self.view.raw_of = None if given is None or profile.raw_camera else profile.linearize(given)
+
+
+# --- The LUTs of looks, as `apply` bakes them -------------------------------------------------------------------------
+
+
+@lru_cache(4)
+def grades_of(profile: CameraProfile) -> BakedGrades:
+    """The baked steps of a profile, kept between changes of the look."""
+    return BakedGrades()
+
+
+def change_of(profile: CameraProfile, look: ChosenLook) -> SettingChange:
+    """What a look changes. Raises SettingsError."""
+    return SettingChange(profile, profile.selector(look.source), profile, profile.selector(look.target), look.ev)
+
+
+def slow_steps(profile: CameraProfile, look: ChosenLook) -> tuple[Transform, ...]:
+    """The steps of a look that take seconds to bake, and are not baked yet. Raises SettingsError."""
+    return grades_of(profile).slow_steps(change_of(profile, look).transform)
+
+
+def look_lut(profile: CameraProfile, look: ChosenLook) -> Lut | None:
+    """The LUT that `apply` grades with; None where the look changes nothing. Raises SettingsError."""
+    change = change_of(profile, look)
+    if not look.ev and str(change.given) == str(change.wanted):
+        return None
+    return grades_of(profile).refinish(change)
+
+
+@lru_cache(8)
+def coverage_lut(profile: CameraProfile, style: str) -> Lut:
+    """Encoded colours of a style → (confidence, unclipped, covered), as of `confidence`, without a wanted look."""
+    return Lut(lattice_ops(confidence(profile.styles[style])))
+
+
+# --- The picture in the page ------------------------------------------------------------------------------------------
+
+HERE = Path(__file__).parent
+
+
+def packed(lut: Lut) -> tuple[list[dict[str, Any]], dict[str, dict[str, Any]]]:
+    """The operations of a LUT as the page takes them, and their tables, float32, by a key of their content.
+
+    Raises LutError on curves at free knots.
+    """
+    ops, tables = zip(*map(_packed, lut.ops), strict=True)
+    return list(ops), {table["key"]: table for table in tables if table}
+
+
+@lru_cache(32)
+def _packed(op: Op) -> tuple[dict[str, Any], dict[str, Any]]:
+    match op:
+        case Matrix():
+            return {"kind": "matrix", "matrix": op.matrix.ravel().tolist(), "offset": op.offset.tolist()}, {}
+        case Range():
+            return {"kind": "range", "low": op.low, "high": op.high}, {}
+        case Curve() if op.inputs is None:
+            values, told = op.outputs, {"kind": "curve", "low": op.low, "high": op.high}
+        case Cube():
+            values, told = op.values, {"kind": op.interpolation}
+        case _:
+            raise LutError("LUT: the page has no curves at free knots; bake the transform anew")
+    table, size = np.ascontiguousarray(values, dtype=np.float32).tobytes(), list(values.shape[:-1])
+    key = f"{size} {blake2b(table, digest_size=16).hexdigest()}"
+    return {**told, "size": size, "key": key}, {"key": key, "size": size, "table": table}
+
+
+class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen as Any
+    """A picture with a look on it: wipe, zoom, pipette, scopes, overlays, a second setting beside the first.
+
+    `show` sets the picture, `grade` its look. The browser grades what is on the screen with WebGL2: each operation of
+    the LUT becomes a line of a shader, which interpolates in float32 as OpenColorIO does, so that a page shows what
+    `lut.processor()` gives, within rounding. A table is sent once, as bytes in a message, while any LUT holds it; the
+    page asks for those that it misses. Where there is no WebGL2, `renderer` is "python": the picture is then
+    graded here, averaged down to 2 million pixels, and sent as JPEG.
+
+    Parameters that the page changes, too: mode, wipe, beside_b, clipping, unsure, scopes, chosen. Those that it alone
+    sets: renderer; probe, the pixel under the pipette, while `raw_of` is set; kept, which counts "Keep as B" (`b`
+    and `b_name` are then those of `a`).
+    """
+
+    picture = param.Bytes(doc="The picture as a file that browsers read, JPEG or PNG; it is shown upright.")
+    title = param.String(doc="The picture's name.")
+    a = param.List(doc="The look, as of `packed`; empty: the picture as it is.")
+    b = param.List(doc="Another look, to compare with; empty: none.")
+    coverage = param.List(doc="A LUT whose third channel is below 0.5 for colours that no sample tells of; or empty.")
+    a_name = param.String(doc="What the look is called on the picture.")
+    b_name = param.String(doc="What the other look is called.")
+    a_picture = param.Bytes(doc="Without WebGL2: the picture with the look, as JPEG.")
+    b_picture = param.Bytes(doc="The same with the other look.")
+    number = param.Integer(0, doc="Counts the looks; the page says which one it shows in data-drawn.")
+    mode = param.Selector(default="wipe", objects=["graded", "original", "wipe", "side"])
+    wipe = param.Number(0.5, bounds=(0.0, 1.0), doc="Where the line is, as a share of the width.")
+    beside_b = param.Boolean(False, doc="On the left is B; else the original.")
+    clipping = param.Boolean(False, doc="Stripes over what clips in the graded picture.")
+    unsure = param.Boolean(False, doc="Stripes over what `coverage` says no sample tells of.")
+    scopes = param.Boolean(True, doc="Waveform and vectorscope beside the picture.")
+    theme = param.Selector(default="dark", objects=["dark", "light"], doc="The surround is 18 % grey in both.")
+    pictures = param.List(doc="The film strip: {name, thumbnail: bytes of a JPEG} each; shown from two on.")
+    chosen = param.Integer(0, doc="Which of `pictures` is shown; watch it, and call `show`.")
+    kept = param.Integer(0)
+    renderer = param.Selector(default="", objects=["", "webgl", "python"])
+    tells_raw = param.Boolean(False)
+    probe = param.List(doc="(x, y) of the upright picture, and its codes there.")
+    raw = param.List(doc="(x, y, R, G, B): RAW there.")
+    raw_name = param.String("RAW")
+
+    _debounce = 8  # ms; what the page changes is told so late
+    _esm = "\n".join((HERE / name).read_text(encoding="utf-8") for name in ("grading.js", "look.js"))
+    _stylesheets = [(HERE / "look.css").read_text(encoding="utf-8")]  # noqa: RUF012 - Panel's own way to declare it
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{"sizing_mode": "stretch_both", "min_height": 320, "margin": 0, **options})
+        self._luts: dict[str, Lut | None] = {"a": None, "b": None, "coverage": None}
+        self._tables: dict[str, dict[str, Any]] = {}  # of those LUTs, by their keys
+        self._raw_of: Callable[[Array], Array] | None = None
+        self._pixels_of = lru_cache(1)(_pixels)
+        self.param.watch(self._keep, "kept")
+        self.param.watch(self._probe, "probe")
+        self.param.watch(lambda *events: self._grade_here(), ["renderer", "clipping", "unsure"])
+
+    def show(self, picture: bytes, title: str = "") -> None:
+        """Show another picture, a JPEG or PNG file, with the look that is set."""
+        self.param.update(picture=picture, title=title, raw=[], probe=[])
+        self._grade_here()
+
+    def grade(self, lut: Lut | None, name: str = "") -> None:
+        """Set the look, a LUT of the picture's encoded RGB, or none.
+
+        Raises LutError on curves at free knots.
+        """
+        self._set("a", lut, number=self.number + 1, a_name=name)
+
+    def compare(self, lut: Lut | None, name: str = "") -> None:
+        """Set the other look, B; none takes it away."""
+        self._set("b", lut, b_name=name, beside_b=lut is not None)
+
+    def cover(self, lut: Lut | None) -> None:
+        """Set what `unsure` marks: a LUT of the picture's encoded RGB, see `coverage`; none takes it away."""
+        self._set("coverage", lut)
+
+    def _set(self, side: str, lut: Lut | None, **more: Any) -> None:
+        """Set a LUT, with other parameters; the page gets the tables that it has not."""
+        sides = {name: ([], {}) if one is None else packed(one) for name, one in {**self._luts, side: lut}.items()}
+        self._luts[side] = lut
+        held, self._tables = self._tables, {key: table for _, tables in sides.values() for key, table in tables.items()}
+        self._send([key for key in self._tables if key not in held])
+        self.param.update(**more)
+        self.param.update(**{side: sides[side][0]})  # at which the page draws
+        self._grade_here()
+
+    def _send(self, keys: list[str]) -> None:
+        tables = [self._tables[key] for key in keys if key in self._tables]
+        if tables and self.renderer != "python":
+            self._send_msg(tables)
+
+    def _handle_msg(self, data: Any) -> None:
+        self._send(data)  # the keys of tables that the page misses
+
+    def film(self, pictures: Sequence[tuple[str, bytes]], chosen: int = 0) -> None:
+        """Set the film strip: a name and a small JPEG each."""
+        strip = [{"name": name, "thumbnail": thumbnail} for name, thumbnail in pictures]
+        self.param.update(pictures=strip, chosen=chosen)
+
+    @property
+    def raw_of(self) -> Callable[[Array], Array] | None:
+        """Encoded RGB of the picture (3,) → RAW (3,), for the pipette, which calls it `raw_name`; or none."""
+        return self._raw_of
+
+    @raw_of.setter
+    def raw_of(self, function: Callable[[Array], Array] | None) -> None:
+        self._raw_of, self.tells_raw, self.raw = function, function is not None, []
+
+    def _keep(self, event: Any) -> None:
+        self.compare(self._luts["a"], self.a_name or "kept")
+
+    def _probe(self, event: Any) -> None:
+        if self._raw_of is not None and len(self.probe) == 5:
+            x, y, *codes = (int(value) for value in self.probe)
+            self.raw = [x, y, *map(float, self._raw_of(np.array(codes) / 255.0))]
+
+    def _grade_here(self) -> None:
+        if self.renderer != "python" or not self.picture:
+            return
+        pixels, cover = self._pixels_of(self.picture), self._luts["coverage"] if self.unsure else None
+        made = {f"{side}_picture": _graded(self._luts[side], pixels, self.clipping, cover) for side in ("a", "b")}
+        self.param.update(**made)
+
+
+def _pixels(picture: bytes) -> Pixels:
+    """A picture file upright, averaged down to what is graded here."""
+    return np.asarray(upright(picture, (1732, 1732)), dtype=np.float32) / np.float32(255)
+
+
+def _graded(lut: Lut | None, pixels: Pixels, clipping: bool = False, coverage: Lut | None = None) -> bytes:
+    """A picture through a LUT, with stripes over what clips, and over what `coverage` is unsure of, as the page's."""
+    if lut is None:
+        return b""
+    graded = apply_to_pixels(lut.processor(), pixels)
+    codes = (np.clip(graded, 0.0, 1.0) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+    stripe = np.add.outer(*map(np.arange, codes.shape[:2])) // 4 % 2 == 1
+    white, black = (codes == 255).any(axis=2) & ~stripe & clipping, (codes == 0).any(axis=2) & ~stripe & clipping
+    if coverage is not None:
+        codes[stripe & (apply_to_pixels(coverage.processor(), pixels)[..., 2] < 0.5)] = (0, 158, 115)
+    codes[black], codes[white] = (94, 60, 153), (230, 97, 1)
+    return jpeg_of(Image.fromarray(codes), quality=95, subsampling=0)

@@ -1,16 +1,22 @@
-"""The page of one visitor: five steps with their states, of which one is shown, in the whole window."""
+"""The page of one visitor, its looks, and its server: one session a visitor, on this computer alone unless told."""
 
+import secrets
+import socket
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
 import panel as pn
 import panel_material_ui as pmui
+from tornado.httputil import HTTPHeaders, HTTPServerRequest
+from tornado.web import ErrorHandler, OutputTransform
 
-from lutforge.studio.elements import html, text
-from lutforge.studio.folders import Folders
+from lutforge.errors import LutForgeError
+from lutforge.studio import ui
+from lutforge.studio.jobs import warm_up
+from lutforge.studio.opening import Folders
 from lutforge.studio.session import Session
-from lutforge.studio.theme import BESIDE, TEMPLATE, THEME
 
 State = Literal["to do", "done", "stale"]
 STEPS = ("Shots", "Samples", "Model", "Look", "Export")
@@ -32,7 +38,7 @@ class Page:
         on_dark = {"variant": "text", "sx": {"&.Mui-disabled": {"color": "#8f8f8f"}}}  # the bar is dark in both themes
         self.undo = self.session.button("Undo", self.session.undo, **on_dark)
         self.redo = self.session.button("Redo", self.session.redo, **on_dark)
-        self.next = text(margin=(6, 12))
+        self.next = ui.text(margin=(6, 12))
         bar = pn.Row(self.steps, self.undo, self.redo, sizing_mode="stretch_width")
         news = pn.Row(
             self.session.status, self.session.progress, self.session.cancel, sizing_mode="stretch_width", height=40
@@ -88,7 +94,7 @@ class Page:
         """The steps' states, and what to do next in this one."""
         states = states_of(self.session)
         self.steps.items = [{"label": f"{step}: {states[step][0]}", "icon": ICONS[states[step][0]]} for step in STEPS]
-        self.next.object = html("<b>{}.</b> {}", self.shown, states[self.shown][1])
+        self.next.object = ui.html("<b>{}.</b> {}", self.shown, states[self.shown][1])
         history = self.session.history
         self.undo.disabled = history is None or not history.past
         self.redo.disabled = history is None or not history.future
@@ -142,3 +148,207 @@ def states_of(session: Session) -> dict[str, tuple[State, str]]:
         "Shots": shots, "Samples": "done" if open_ else "to do", "Model": model, "Look": chosen, "Export": export,
     }  # fmt: skip
     return {step: (states[step], sentences[step]) for step in STEPS}
+
+
+# --- The page's looks: neutral greys, in which colours can be judged --------------------------------------------------
+
+_COMMON: dict[str, Any] = {
+    "typography": {"fontFamily": "system-ui, sans-serif", "fontSize": 13, "h3": {"fontSize": "0.95rem"}},
+    "shape": {"borderRadius": 4},
+    "components": {
+        "MuiButton": {
+            "styleOverrides": {"root": {"textTransform": "none", "transition": "none"}},
+            "defaultProps": {"disableElevation": True},
+        },
+        "MuiToggleButton": {
+            "styleOverrides": {"root": {"textTransform": "none", "color": "inherit", "whiteSpace": "nowrap"}},
+        },
+        "MuiInputLabel": {
+            "styleOverrides": {
+                "root": {"transition": "none", "color": "inherit"},
+                # On the border of its field at any size of letters; the toolkit's own 9 px are for letters of 16.
+                "outlined": {"&.MuiInputLabel-shrink": {"transform": "translate(14px, -0.5625rem) scale(0.75)"}},
+            },
+        },
+        # Inherited from the page, which changes its theme at once, where each control takes its own time.
+        **{name: {"styleOverrides": {"root": {"color": "inherit"}}} for name in ("MuiTypography", "MuiInputBase")},
+        "MuiSlider": {"styleOverrides": {"thumb": {"transition": "none"}, "track": {"transition": "none"}}},
+        "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
+        "MuiAppBar": {
+            "styleOverrides": {
+                "root": {
+                    "backgroundColor": "#1c1c1c", "backgroundImage": "none", "color": "#e6e6e6", "boxShadow": "none",
+                    "borderBottom": "1px solid #4a4a4a",
+                },
+            },
+        },
+        "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
+        "MuiStepLabel": {
+            "styleOverrides": {
+                "label": {"color": "#e6e6e6 !important"},
+                "iconContainer": {"& .MuiIcon-root": {"color": "#e6e6e6 !important"}},
+            },
+        },
+    },
+}  # fmt: skip
+
+
+def _palette(ink: str, quiet: str, faint: str, back: str, paper: str, error: str) -> dict[str, Any]:
+    return {
+        **_COMMON,
+        "palette": {
+            "primary": {"main": ink, "contrastText": back},
+            "text": {"primary": ink, "secondary": quiet, "disabled": faint},
+            "background": {"default": back, "paper": paper},
+            "error": {"main": error},
+        },
+    }
+
+
+THEME = {
+    "dark": _palette("#e6e6e6", "#bdbdbd", "#a0a0a0", "#1c1c1c", "#262626", "#ff8a80"),
+    "light": _palette("#1c1c1c", "#454545", "#666666", "#e8e8e8", "#f5f5f5", "#a11a0e"),
+}
+
+CSS = """
+html { font-size: clamp(16px, 0.7vw, 26px) !important; }
+body { background: #262626; color: #e6e6e6; font-family: system-ui, sans-serif; }
+#first { position: fixed; inset: 0; z-index: -1; padding: 1.1rem 1.5rem; }
+#first b { font-size: 1.4rem; display: block; margin-bottom: 1.5rem; }
+"""
+
+BESIDE = """
+.sidebar { padding-top: 0.5rem; }
+nav { width: max(290px, 17.6rem) !important; }
+main.main { width: calc(100% - max(290px, 17.6rem)) !important; }
+"""
+"""The page beside its controls, whose width grows with the letters."""
+
+TEMPLATE = """
+{% extends "base.html" %}
+{% block js_resources %}
+{{ (bokeh_js or "")
+   | replace('<script type="text/javascript" src', '<script defer type="text/javascript" src')
+   | replace('Bokeh.set_log_level("info");', '') }}
+{% endblock %}
+{% block loader %}
+<div id="first" aria-hidden="true"><b>LutForge studio</b>Opening …</div>
+<div id="loader"><div class="spinner"></div><div id="loader-error"></div></div>
+{% endblock %}
+"""
+"""The page as served: its scripts wait, so that something is painted before they are read."""
+
+
+# --- The server -------------------------------------------------------------------------------------------------------
+
+LOCAL = "127.0.0.1"
+EVERYWHERE = "0.0.0.0"
+
+
+def origins(address: str, port: int) -> list[str]:
+    """The hosts under whose names the page may be asked for, and whose pages may open its websocket."""
+    names = [address]
+    if address in (LOCAL, "localhost"):
+        names = [LOCAL, "localhost"]
+    elif address == EVERYWHERE:
+        own = socket.gethostname()
+        names = [LOCAL, "localhost", own, socket.getfqdn(), *socket.gethostbyname_ex(own)[2]]
+    return [f"{name.lower()}:{port}" for name in dict.fromkeys(names)]
+
+
+def _refuse_other_hosts(application: Any, hosts: list[str]) -> None:
+    """Answer nobody who calls this server by another name: a foreign page may have its own name resolve to here."""
+    find = application.find_handler
+
+    def find_handler(request: Any, **options: Any) -> Any:
+        if request.host.lower() not in hosts:
+            return application.get_handler_delegate(request, ErrorHandler, {"status_code": 403})
+        return find(request, **options)
+
+    application.find_handler = find_handler
+
+
+class ContentSecurityPolicy(OutputTransform):
+    """Lets a page run its own scripts alone: no script that stands in a name, and nothing from another place.
+
+    Bokeh's and Panel's own code is made of strings ('unsafe-eval') and modules of blobs; its scripts in the page get
+    the page's number (nonce), which no text that is shown can know. https://www.w3.org/TR/CSP3/
+    """
+
+    def __init__(self, request: HTTPServerRequest) -> None:
+        self.host = request.host
+
+    def transform_first_chunk(
+        self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool
+    ) -> tuple[int, HTTPHeaders, bytes]:
+        """Number the scripts of a page, and state the policy."""
+        number = secrets.token_urlsafe(16)
+        if headers.get("Content-Type", "").startswith("text/html"):
+            chunk = chunk.replace(b"<script", f'<script nonce="{number}"'.encode())
+            if "Content-Length" in headers:
+                headers["Content-Length"] = str(len(chunk))
+        headers["Content-Security-Policy"] = "; ".join(
+            (
+                "default-src 'self'",
+                f"script-src 'self' 'unsafe-eval' blob: 'nonce-{number}'",
+                "style-src 'self' 'unsafe-inline'",
+                "img-src 'self' data: blob:",
+                "font-src 'self' data:",
+                f"connect-src 'self' ws://{self.host} blob: data:",
+                "worker-src 'self' blob:",
+                "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+            )
+        )
+        return status_code, headers, chunk
+
+
+def serve(
+    folders: Folders,
+    inputs: tuple[Path, ...],
+    address: str,
+    port: int,
+    show: bool,
+    ready: Callable[[str], None] = lambda url: None,
+) -> None:
+    """Serve until interrupted.
+
+    inputs: opened in each new session; port: 0 for any that is free; ready: is told the address of the page.
+
+    Raises LutForgeError where the address or port cannot be had.
+    """
+    pn.extension(raw_css=[CSS], notifications=False, theme="dark")
+
+    def page() -> Any:
+        made = Page(folders, inputs)
+        if pn.state.curdoc is not None:
+            pn.state.curdoc.on_session_destroyed(lambda context: made.session.close())
+        return made.layout
+
+    try:
+        if not port:
+            with socket.socket() as probe:
+                probe.bind((address, 0))
+                port = int(probe.getsockname()[1])
+        server = pn.serve(
+            {"/": page},
+            address=address,
+            port=port,
+            websocket_origin=origins(address, port),
+            show=False,
+            start=False,
+            verbose=False,
+            title="LutForge studio",
+            websocket_max_message_size=64 << 20,
+        )
+    except OSError as error:
+        raise LutForgeError(
+            f"{address}:{port}: cannot serve here ({error.strerror or error}); choose another --port"
+        ) from error
+    _refuse_other_hosts(server._tornado, origins(address, port))
+    server._tornado.transforms.append(ContentSecurityPolicy)
+    warm_up()
+    url = f"http://{address}:{server.port}/"
+    server.io_loop.add_callback(lambda: ready(url))
+    if show:
+        server.io_loop.add_callback(lambda: server.show("/"))
+    server.run_until_shutdown()

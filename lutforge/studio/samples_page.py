@@ -1,132 +1,46 @@
 """Samples: linked plots, filters, marks by hand, named groups of outliers (thesis A.3, A.3.1)."""
 
 import re
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import panel as pn
 from bokeh.events import SelectionGeometry, Tap
 from bokeh.models import ColumnDataSource, LassoSelectTool, Range1d
+from bokeh.palettes import Cividis256
+from numpy.typing import NDArray
 
-from lutforge.arrays import Mask
-from lutforge.report.drawing import GREY, Dots, Drawing, Panel, Raster
+from lutforge.arrays import Array, Mask
+from lutforge.colour.srgb import SRGB_TO_XYZ, chromaticities, srgb_decode
+from lutforge.report.drawing import ERROR_SCALE, GREY, Dots, Drawing, Panel, Raster, thinned
 from lutforge.report.figures import chromaticity_outlines, cube_edges
 from lutforge.samples.sample_set import SampleSet
-from lutforge.studio.bokeh_figure import FILL, Figures, Space, dots_in_space, hex_colours, lines_in_space, plot
-from lutforge.studio.elements import (
-    NOTHING,
-    TOGETHER,
-    WIDE,
-    Html,
-    checkbox,
-    entry,
-    html,
-    limits,
-    offer,
-    paragraphs,
-    select,
-    text,
-    ticks,
-    written,
-)
-from lutforge.studio.plots import (
-    COLOURS,
-    OF_PAIRS,
-    PLOTS,
-    Points,
-    colours,
-    colours_in_space,
-    drawn,
-    in_chromaticity_diagram,
-    inside_polygon,
-    nearest,
-    points,
-    rows_at,
-    tristimulus,
-)
+from lutforge.studio import ui
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import COLUMNS, Workspace, WorkspaceError
 
+Rows = NDArray[np.intp]
+
 SELECT = "lasso_select,box_select,pan,wheel_zoom,reset,save"
 
-
-class BrushedPlot:
-    """A scatter plot of samples whose points can be selected; the session hears of it, and tells all others."""
-
-    def __init__(self, session: Session, title: str = "", **options: Any) -> None:
-        self.session = session
-        self.points: Points | None = None
-        self.framed: object = ""
-        self.chosen = np.zeros(0, dtype=np.intp)
-        self.source = ColumnDataSource({name: [] for name in ("x", "y", "colour", "marker", "size")})
-        self.lines = ColumnDataSource({"xs": [], "ys": []})
-        # Ranges are set as points are shown: an empty plot has none of its own.
-        self.figure = plot(title, SELECT, **{"x_range": Range1d(0, 1), "y_range": Range1d(0, 1), **options})
-        self.figure.multi_line("xs", "ys", source=self.lines, color=GREY, width=1.6)
-        marks = self.figure.scatter(
-            "x", "y", source=self.source, marker="marker", size="size", color="colour", line_width=0.8, fill_alpha=0.7
-        )
-        marks.selection_glyph = marks.glyph.clone(line_color=GREY, line_width=1.6, fill_alpha=1.0, size=8)
-        marks.nonselection_glyph = marks.glyph.clone(fill_alpha=0.18, line_alpha=0.25)
-        self.figure.toolbar.active_drag = self.figure.select_one(LassoSelectTool)
-        self.figure.on_event(SelectionGeometry, session.guarded(self._geometry))
-        self.figure.on_event(Tap, session.guarded(self._tap))
-
-    def show(self, workspace: Workspace, all_points: Points, by: str, size: float = 5.0, key: object = None) -> None:
-        """Show other points, decimated. key: what is drawn; where it is another than before, the ranges follow."""
-        self.points = all_points
-        always = np.flatnonzero(self.session.selected[all_points.row]) if len(all_points) else None
-        self.chosen = drawn(len(all_points), always)
-        row, partner = all_points.row[self.chosen], all_points.partner[self.chosen]
-        out = workspace.outliers[row] | workspace.outliers[partner]
-        self.source.selected.indices = []
-        self.source.data = {
-            "x": all_points.x[self.chosen],
-            "y": all_points.y[self.chosen],
-            "colour": colours(workspace, all_points, self.chosen, by),
-            "marker": np.where(out, "x", "circle").tolist(),
-            "size": np.full(len(row), size),
-        }
-        self.lines.data = {"xs": [x for x, _ in all_points.curves], "ys": [y for _, y in all_points.curves]}
-        if self.framed is not None and self.framed != key:
-            for axis, values in ((self.figure.x_range, all_points.x), (self.figure.y_range, all_points.y)):
-                low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
-                space = 0.04 * max(high - low, 1e-3)
-                low, high = low - space, high + space
-                axis.update(start=low, end=high, reset_start=low, reset_end=high)
-            self.framed = key
-        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = all_points.x_label, all_points.y_label
-        self.mark()
-
-    def mark(self) -> None:
-        """Show the session's selection in this plot."""
-        if self.points is not None:
-            selected = self.session.selected
-            row, partner = self.points.row[self.chosen], self.points.partner[self.chosen]
-            chosen = np.flatnonzero(selected[row] | selected[partner]).tolist() if len(row) else []
-            self.source.selected.indices = chosen
-
-    def _geometry(self, event: SelectionGeometry) -> None:
-        if not event.final or self.points is None:
-            return
-        shape, data = event.geometry, self.points
-        if shape["type"] == "poly":
-            where = inside_polygon(data.x, data.y, shape["x"], shape["y"])
-        elif shape["type"] == "rect":
-            low_x, high_x = sorted((shape["x0"], shape["x1"]))
-            low_y, high_y = sorted((shape["y0"], shape["y1"]))
-            where = (data.x >= low_x) & (data.x <= high_x) & (data.y >= low_y) & (data.y <= high_y)
-        else:
-            return
-        self.session.select(rows_at(data, where, len(self.session.selected)))
-
-    def _tap(self, event: Tap) -> None:
-        if self.points is None or event.x is None or event.y is None or len(self.points) == 0:
-            return
-        reach = 0.03 * max(float(np.ptp(self.points.x)), float(np.ptp(self.points.y)), 1e-6)
-        where = nearest(self.points, float(event.x), float(event.y), reach)
-        self.session.select(rows_at(self.points, where, len(self.session.selected)))
+PLOTS = {
+    "srgb_btf": "sRGB BTF",
+    "raw_btf": "RAW BTF",
+    "srgb_raw": "sRGB against RAW",
+    "saturation": "Saturation against brightness",
+    "transformed": "Transformed RAW against sRGB",
+    "rendering": "RAW → sRGB: transformed RAW against linearized sRGB",
+    "linearizing": "sRGB → RAW: transformed RAW against linearized sRGB",
+    "linearization": "Linearization",
+}
+OF_PAIRS = ("srgb_btf", "raw_btf", "linearization")
+OF_MODELS = ("transformed", "rendering", "linearizing", "linearization")
+COLOURS = ("exposure pair", "own colour", "shot", "residual")
+PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#5b5b5b", "#8c6d31")
+"""Okabe and Ito's colours, told apart by colour-blind eyes, and three more."""
+DIAGONAL = (np.array([[0.0, 1.0], [0.0, 1.0]]),)
 
 
 class SamplesPage:
@@ -136,46 +50,54 @@ class SamplesPage:
         self.session = session
         self._seen: SampleSet | None = None
         plots = {title: key for key, title in PLOTS.items()}
-        self.first = select("Left plot", plots, value="srgb_btf")
-        self.second = select("Right plot", plots, value="srgb_raw")
-        self.channel = select("Channel", {"Red": 0, "Green": 1, "Blue": 2}, value=1)
-        self.by = select("Colour by", list(COLOURS))
-        self.inliers = checkbox("Inliers only")
-        self.space_of = select("In xy and XYZ", ["JPEG colours", "transformed RAW", "both"])
-        self.picture_of = select("Picture of the shot", NOTHING)
+        self.first = ui.select("Left plot", plots, value="srgb_btf")
+        self.second = ui.select("Right plot", plots, value="srgb_raw")
+        self.channel = ui.select("Channel", {"Red": 0, "Green": 1, "Blue": 2}, value=1)
+        self.by = ui.select("Colour by", list(COLOURS))
+        self.inliers = ui.checkbox("Inliers only")
+        self.space_of = ui.select("In xy and XYZ", ["JPEG colours", "transformed RAW", "both"])
+        self.picture_of = ui.select("Picture of the shot", ui.NOTHING)
         views = (self.first, self.second, self.channel, self.by, self.space_of, self.picture_of, self.inliers)
         session.watch(self.refresh, *views)
-        self.limits = {name: limits(column.title, column.reach, column.step) for name, column in COLUMNS.items()}
-        session.watch(self._filter, *self.limits.values())
-        self.counts = text()
-        self.words = entry("Select row, shot or patch")
+        self.limits = {name: ui.limits(column.title, column.reach, column.step) for name, column in COLUMNS.items()}
+        self.counts = ui.text()
+        self.words = ui.entry("Select row, shot or patch")
         session.watch(self._find, self.words)
-        self.group, self.groups = entry("Outlier group", placeholder="name"), ticks("Groups in effect")
-        session.watch(self._groups, self.groups)
+        self.group, self.groups = ui.entry("Outlier group", placeholder="name"), ui.ticks("Groups in effect")
+        self.bound = [self._bind_limits(name, slider) for name, slider in self.limits.items()]
+        self.bound.append(session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups))
         small = {"sizing_mode": "stretch_width", "margin": 2}
         marks = {"Outliers": lambda: self._mark(1), "Keep": lambda: self._mark(-1), "Unmark": lambda: self._mark(0)}
         named = {"Save group": self._save_group, "Delete group": self._delete}
         rows = [
-            pn.Row(*(session.button(label, action, **small) for label, action in buttons.items()), **WIDE)
+            pn.Row(*(session.button(label, action, **small) for label, action in buttons.items()), **ui.WIDE)
             for buttons in (marks, named)
         ]
         self.controls = [
-            pn.Column(*views, **TOGETHER),
-            pn.Column(*self.limits.values(), self.counts, **TOGETHER),
-            pn.Column(self.words, rows[0], self.group, rows[1], self.groups, **WIDE),
+            pn.Column(*views, **ui.TOGETHER),
+            pn.Column(*self.limits.values(), self.counts, **ui.TOGETHER),
+            pn.Column(self.words, rows[0], self.group, rows[1], self.groups, **ui.WIDE),
         ]
-        self.left, self.right = (BrushedPlot(session) for _ in range(2))
+        self.left, self.right = BrushedPlot(session), BrushedPlot(session)
         ranges = {"x_range": Range1d(-0.08, 0.92), "y_range": Range1d(-0.03, 0.87)}
         self.chromaticity = BrushedPlot(session, "CIE xy: inliers ●, outliers ×", **ranges)
-        self.chromaticity.framed = None
         for outline in chromaticity_outlines():
             self.chromaticity.figure.line(*outline.T, color=GREY, width=1.0)
-        self.space, self.picture, self.selection = Space(), Figures(), text(styles={"overflow": "auto"}, height=110)
-        chosen = pn.Column(self.picture.layout, self.selection, **FILL)
+        self.space, self.picture, self.selection = (
+            ui.Space(),
+            ui.Figures(),
+            ui.text(styles={"overflow": "auto"}, height=110),
+        )
+        chosen = pn.Column(self.picture.layout, self.selection, **ui.FILL)
         self.main = pn.Column(
-            pn.Row(self.left.figure, self.right.figure, **FILL),
-            pn.Row(self.chromaticity.figure, self.space.layout, chosen, **FILL), **FILL,
+            pn.Row(self.left.figure, self.right.figure, **ui.FILL),
+            pn.Row(self.chromaticity.figure, self.space.layout, chosen, **ui.FILL), **ui.FILL,
         )  # fmt: skip
+
+    def _bind_limits(self, name: str, slider: Any) -> Callable[[Workspace], None]:
+        return self.session.bind(
+            slider, lambda now: now.limits_of(name), lambda now, value: now.with_limits(name, value)
+        )
 
     # --- what is shown -----------------------------------------------------------------------------------------------
 
@@ -191,24 +113,32 @@ class SamplesPage:
                 self.first.value, self.by.value = (OF_PAIRS[0], COLOURS[0]) if paired else ("saturation", COLOURS[1])
             if not workspace.has_raw:
                 self.second.value = "saturation"
-        offer(self.picture_of, [account.shot for account in self.session.opened.accounts if account.cells is not None])
-        self._set_controls(workspace)
-        for drawing, choice in ((self.left, self.first), (self.right, self.second)):
-            shown = points(workspace, choice.value, self.channel.value)
-            key = (choice.value, self.channel.value, workspace.samples)
-            drawing.show(workspace, self._chosen(workspace, shown), self.by.value, key=key)
-            drawing.figure.title.text = shown.missing or PLOTS[choice.value]
+        ui.offer(
+            self.picture_of, [account.shot for account in self.session.opened.accounts if account.cells is not None]
+        )
+        self.groups.options = list(workspace.groups)
+        for show in self.bound:
+            show(workspace)
+        found = ", ".join(f"{COLUMNS[name].title.lower()} {rows.sum():,}" for name, rows in workspace.filtered.items())
+        self.counts.object = ui.paragraphs(
+            f"{int((~workspace.outliers).sum()):,} of {len(workspace.samples):,} samples are inliers. Outside the "
+            f"limits of {found}; by hand, groups and shots {int(workspace.removed.sum()):,}."
+        )
+        for drawing, choice in ((self.left, self.first.value), (self.right, self.second.value)):
+            shown = points(workspace, choice, self.channel.value)
+            drawing.figure.title.text = shown.missing or PLOTS[choice]
+            drawing.show(workspace, self._chosen(shown), self.by.value)
+            drawing.frame((choice, self.channel.value, workspace.samples))
         by = "residual" if self.by.value == "residual" else "own colour"
-        shown = self._chosen(workspace, in_chromaticity_diagram(workspace, self.space_of.value))
-        self.chromaticity.show(workspace, shown, by, 4.0)
+        shown = in_chromaticity_diagram(workspace, self.space_of.value)
+        self.chromaticity.show(workspace, self._chosen(shown), by, 4.0)
         self._draw_space(workspace)
         self.mark()
 
-    def _chosen(self, workspace: Workspace, shown: Points) -> Points:
+    def _chosen(self, shown: "Points") -> "Points":
         """The points, those of inliers alone where that is ticked."""
-        if not self.inliers.value:
-            return shown
-        return shown.select(~(workspace.outliers[shown.row] | workspace.outliers[shown.partner]))
+        out = self.session.workspace.outliers
+        return shown.select(~(out[shown.row] | out[shown.partner])) if self.inliers.value else shown
 
     def _draw_space(self, workspace: Workspace) -> None:
         """Inliers in their own colours and outliers, red, in CIE XYZ, within the cube of sRGB."""
@@ -216,9 +146,9 @@ class SamplesPage:
         kept = drawn(len(row))
         xyz, row = tristimulus(linear[kept]), row[kept]
         out = workspace.outliers[row]
-        traces = [lines_in_space(tristimulus(cube_edges()))]
-        traces.append(dots_in_space(xyz[~out], hex_colours(workspace.samples.srgb[row[~out]])))
-        traces += [] if self.inliers.value else [dots_in_space(xyz[out], "#e0503c", symbol="x")]
+        traces = [ui.lines_in_space(tristimulus(cube_edges()))]
+        traces.append(ui.dots_in_space(xyz[~out], ui.hex_colours(workspace.samples.srgb[row[~out]])))
+        traces += [] if self.inliers.value else [ui.dots_in_space(xyz[out], "#e0503c", symbol="x")]
         self.space.show("CIE XYZ: outliers red", traces, ("X", "Z", "Y"))
 
     def mark(self) -> None:
@@ -227,108 +157,62 @@ class SamplesPage:
             drawing.mark()
         if self.session.history is not None:
             self._draw_picture(self.session.workspace)
-            self.selection.object = self._describe()
+            self.selection.object = self._describe(self.session.workspace)
 
     def _draw_picture(self, workspace: Workspace) -> None:
         """Draw a shot, that of the first selected sample or the chosen one, with frames round its samples."""
-        samples, selected = workspace.samples, self.session.selected
-        chosen = self.picture_of.value
+        samples, selected, chosen = workspace.samples, self.session.selected, self.picture_of.value
         if selected.any() and not (selected & (samples.shot == chosen)).any():
             chosen = str(samples.shot[np.flatnonzero(selected)[0]])
-        accounts = {account.shot: account for account in self.session.opened.accounts}
-        account, rows = accounts.get(chosen), samples.shot == chosen
+        account = {account.shot: account for account in self.session.opened.accounts}.get(chosen)
+        rows = samples.shot == chosen
         if account is None or account.cells is None or len(account.places) != rows.sum():
             self.picture.show(None, "Open the folder of the shots to see where samples are.")
             return
         picture = account.cells.picture / 255
         places = (account.places * [1, -1] + [0, 1]) * picture.shape[1::-1]
-
-        def frames(which: Mask, colour: str, size: float) -> Dots:
-            return Dots(places[which[rows]], colour, marker="square", size=size)
-
         out = workspace.outliers
-        marks = (
-            Raster(picture),
-            frames(~out & ~selected, "#ffffff", 5),
-            frames(out, "#ff8c00", 7),
-            frames(selected, "#00e5ff", 11),
-        )
+        kinds = ((~out & ~selected, "#ffffff", 5.0), (out, "#ff8c00", 7.0), (selected, "#00e5ff", 11.0))
+        frames = [Dots(places[which[rows]], colour, marker="square", size=size) for which, colour, size in kinds]
         title = f"{chosen}: outliers orange, selected blue"
-        self.picture.show(Drawing(((Panel(title, marks, bare=True, equal=True),),)))
+        self.picture.show(Drawing(((Panel(title, (Raster(picture), *frames), bare=True, equal=True),),)))
 
-    def _describe(self) -> Html:
-        rows = np.flatnonzero(self.session.selected)
+    def _describe(self, workspace: Workspace) -> ui.Html:
+        rows, samples = np.flatnonzero(self.session.selected), workspace.samples
         if len(rows) == 0:
-            return paragraphs("No sample selected: draw a lasso or a box in a plot, click a point, or name a row.")
-        samples, workspace = self.session.workspace.samples, self.session.workspace
+            return ui.paragraphs("No sample selected: draw a lasso or a box in a plot, click a point, or name a row.")
         out = int(workspace.outliers[rows].sum())
-        lines = [html("<h2>{} selected, {} of them outliers</h2>", f"{len(rows):,}", f"{out:,}")]
+        lines = [ui.html("<h2>{} selected, {} of them outliers</h2>", f"{len(rows):,}", f"{out:,}")]
         for row in rows[:8]:
             codes = ", ".join(f"{255 * value:.0f}" for value in samples.srgb[row])
             raw = "" if not workspace.has_raw else "; RAW " + ", ".join(f"{value:.3f}" for value in samples.raw[row])
             where = f"row {row}, shot {samples.shot[row]}, patch {samples.patch[row]}"
             setting = f"{samples.style[row]}/{samples.white_balance[row]}: JPEG {codes}{raw}"
-            (colour,) = hex_colours(samples.srgb[row : row + 1])
-            lines.append(html("<p><i class=colour style='background:{}'></i>{}<br>{}</p>", colour, where, setting))
-        lines += [html("<p>and {} more</p>", f"{len(rows) - 8:,}")] if len(rows) > 8 else []
-        return Html("".join(lines))
-
-    def _set_controls(self, workspace: Workspace) -> None:
-        for name, slider in self.limits.items():
-            slider.value = workspace.limits.get(name, COLUMNS[name].usual)
-        self.groups.options = list(workspace.groups)
-        self.groups.value = [name for name, group in workspace.groups.items() if group.active]
-        found = ", ".join(f"{COLUMNS[name].title.lower()} {rows.sum():,}" for name, rows in workspace.filtered.items())
-        kept = int((~workspace.outliers).sum())
-        self.counts.object = paragraphs(
-            f"{kept:,} of {len(workspace.samples):,} samples are inliers. Outside the limits of {found}; by hand, "
-            f"groups and shots {int(workspace.removed.sum()):,}."
-        )
+            (colour,) = ui.hex_colours(samples.srgb[row : row + 1])
+            lines.append(ui.html("<p><i class=colour style='background:{}'></i>{}<br>{}</p>", colour, where, setting))
+        lines += [ui.html("<p>and {} more</p>", f"{len(rows) - 8:,}")] if len(rows) > 8 else []
+        return ui.Html("".join(lines))
 
     # --- what is done ------------------------------------------------------------------------------------------------
 
-    def _filter(self) -> None:
-        if self.session.history is None:
-            return
-        wanted = {}
-        for name, slider in self.limits.items():
-            low, high = (float(value) for value in slider.value)
-            if (low, high) != COLUMNS[name].usual:
-                wanted[name] = (low, high)
-        if wanted != self.session.workspace.limits:
-            self.session.change(replace(self.session.workspace, limits=wanted))
-
-    def _picked(self) -> Mask:
-        if not self.session.workspace.has_raw:
-            raise WorkspaceError("the colours of a bracket are not chosen by hand: leave pictures out under Shots")
-        if not self.session.selected.any():
-            raise WorkspaceError("no samples selected: draw a lasso in a plot, or name rows")
-        return self.session.selected
-
     def _mark(self, mark: int) -> None:
-        rows = self._picked()
-        self.session.change(self.session.workspace.mark(rows, mark))
+        workspace, rows = self.session.workspace, self.session.selected
+        if not workspace.has_raw:
+            raise WorkspaceError("the colours of a bracket are not chosen by hand: leave pictures out under Shots")
+        if not rows.any():
+            raise WorkspaceError("no samples selected: draw a lasso in a plot, or name rows")
         done = {1: "marked as outliers", -1: "kept by hand", 0: "no longer marked"}[mark]
-        self.session.say(f"{int(rows.sum()):,} samples {done}")
+        self.session.change(workspace.mark(rows, mark), f"{int(rows.sum()):,} samples {done}")
 
     def _save_group(self) -> None:
-        workspace = self.session.workspace
+        workspace, name = self.session.workspace, ui.written(self.group)
         rows = self.session.selected if self.session.selected.any() else workspace.outliers
-        name = written(self.group)
-        self.session.change(workspace.with_group(name, rows))
-        self.session.say(f"outlier group {name}: {int(rows.sum()):,} samples, in effect")
-
-    def _groups(self) -> None:
-        if self.session.history is None:
-            return
-        workspace = self.session.workspace
-        if set(self.groups.value) != {name for name, group in workspace.groups.items() if group.active}:
-            self.session.change(workspace.with_active_groups(self.groups.value))
+        news = f"outlier group {name}: {int(rows.sum()):,} samples, in effect"
+        self.session.change(workspace.with_group(name, rows), news)
 
     def _delete(self) -> None:
-        name = written(self.group)
-        self.session.change(self.session.workspace.without_group(name))
-        self.session.say(f"outlier group {name} deleted")
+        name = ui.written(self.group)
+        self.session.change(self.session.workspace.without_group(name), f"outlier group {name} deleted")
 
     def _find(self) -> None:
         if self.words.value:
@@ -347,3 +231,242 @@ def find_rows(samples: SampleSet, words: str) -> Mask:
     if not rows.any():
         raise WorkspaceError(f"{words[:60] or 'nothing'}: no such row, shot or patch; rows count from 0 to {count - 1}")
     return rows
+
+
+# --- What each plot shows ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The points of a plot.
+
+    x, y: (n,); row, partner: (n,) the samples that a point stands for, equal where it is one; pair: (n,) the number of
+    the exposure pair, −1 for none; curves: (2, m) each; missing: why there are no points.
+    """
+
+    x: Array
+    y: Array
+    row: Rows
+    partner: Rows
+    pair: Rows
+    x_label: str = ""
+    y_label: str = ""
+    curves: tuple[Array, ...] = ()
+    missing: str = ""
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def select(self, keep: Mask) -> "Points":
+        """The points of a mask (n,)."""
+        return replace(self, **{name: getattr(self, name)[keep] for name in ("x", "y", "row", "partner", "pair")})
+
+
+def points(workspace: Workspace, plot: str, channel: int) -> Points:
+    """All points of one plot and channel that are known."""
+    samples, pairs, fitted, none = workspace.samples, workspace.pairs, workspace.fitted, np.zeros(0, dtype=np.intp)
+    nothing = Points(np.zeros(0), np.zeros(0), none, none, none)
+    if fitted is None and plot in OF_MODELS:
+        return replace(nothing, missing="fit a model first: this plot shows what it makes of the values")
+    if pairs is None and plot in OF_PAIRS:
+        return replace(nothing, missing="no two shots show the same patches at different exposures")
+    rows = (np.arange(len(samples)),) * 2
+    number = np.full(len(samples), -1, dtype=np.intp)
+    if pairs is not None:
+        number[pairs.second_row] = number[pairs.first_row] = pairs.of_shots
+        if plot in OF_PAIRS:
+            pairs = pairs.without(workspace.unticked)
+            rows, number = (pairs.first_row, pairs.second_row), pairs.of_shots
+    curves: tuple[Array, ...] = DIAGONAL if plot in ("rendering", "linearizing", "linearization") else ()
+    if pairs is not None and plot == "srgb_btf":
+        curves = _brightness_transfers(workspace, pairs.log_ratio, channel)
+        at, labels = (pairs.first, pairs.second), ("sRGB, shorter exposure", "sRGB, longer exposure")
+    elif pairs is not None and plot == "raw_btf":
+        at, labels = (pairs.raw_first, pairs.raw_second), ("RAW, shorter exposure", "RAW, longer exposure")
+    elif pairs is not None and fitted is not None and plot == "linearization":
+        linear = fitted.predicted.linearized
+        at = np.exp(pairs.log_ratio)[:, None] * linear[rows[0]], linear[rows[1]]
+        labels = ("k · linearized, shorter exposure", "linearized, longer exposure")
+    elif fitted is not None and plot == "transformed":
+        at, labels = (fitted.predicted.transformed, samples.srgb), ("transformed RAW, before the response", "sRGB")
+        even = np.linspace(0.0, 1.0, 257)
+        curves = (np.stack([even, next(iter(fitted.profile.styles.values())).tones(even)[:, channel]]),)
+    elif fitted is not None and plot == "rendering":
+        at = fitted.predicted.transformed, fitted.predicted.decoded
+        labels = ("transformed RAW", "linearized sRGB")
+    elif fitted is not None and plot == "linearizing":
+        at, labels = (fitted.predicted.scene, fitted.predicted.linearized), ("transformed RAW", "linearized sRGB")
+    elif plot == "saturation":
+        largest = samples.srgb.max(axis=1, keepdims=True).repeat(3, axis=1)
+        at = largest, workspace.columns["saturation"][:, None].repeat(3, axis=1)
+        labels = ("largest channel, sRGB", "saturation")
+    else:
+        at, labels = (samples.raw, samples.srgb), ("RAW, before white balance", "sRGB")
+    shown = Points(at[0][:, channel], at[1][:, channel], *rows, number, *labels, curves)
+    known = np.isfinite(shown.x) & np.isfinite(shown.y)
+    return replace(shown.select(known), missing="" if known.any() else "no sample has these values")
+
+
+def _brightness_transfers(workspace: Workspace, log_ratio: Array, channel: int) -> tuple[Array, ...]:
+    """(2, 256) each: f(k f⁻¹(I)) over I, the brightness transfer functions of the ratios k of exposure pairs."""
+    response = workspace.response
+    if response is None:
+        return ()
+    encoded = np.linspace(0.0, 1.0, 256)
+    linear = response.linearize(np.repeat(encoded[:, None], 3, axis=1))
+    # Times are read off to a hundredth of a stop: what differs by less is one ratio.
+    ratios = np.unique(np.rint(100 * log_ratio / np.log(2))).tolist()
+    return tuple(np.stack([encoded, response.encode(2.0 ** (ratio / 100) * linear)[:, channel]]) for ratio in ratios)
+
+
+def colours_in_space(workspace: Workspace, shown: str) -> tuple[Array, Rows]:
+    """Linear sRGB (n, 3) of the JPEG, of the transformed RAW, or of both, and the samples that they are of.
+
+    shown: "JPEG colours", "transformed RAW" or "both".
+    """
+    parts = [] if shown == "transformed RAW" else [srgb_decode(np.clip(workspace.samples.srgb, 0.0, 1.0))]
+    if shown != "JPEG colours" and workspace.fitted is not None:
+        parts.append(workspace.fitted.predicted.scene)
+    linear = np.concatenate([*parts, np.zeros((0, 3))])
+    known = np.isfinite(linear).all(axis=1)
+    return linear[known], np.tile(np.arange(len(workspace.samples)), len(parts))[known]
+
+
+def in_chromaticity_diagram(workspace: Workspace, shown: str) -> Points:
+    """The points of `colours_in_space` in CIE 1931 xy."""
+    linear, row = colours_in_space(workspace, shown)
+    x, y = chromaticities(linear).T
+    return Points(x, y, row, row, np.full(len(row), -1, dtype=np.intp), "x", "y")
+
+
+def tristimulus(linear: Array) -> Array:
+    """CIE X, Z, Y (…, 3) of linear sRGB, Y of white 1, in the order of axes of which the last is up."""
+    return np.asarray((linear @ SRGB_TO_XYZ.T)[..., [0, 2, 1]])
+
+
+def drawn(count: int, always: Rows | None = None, most: int = 4000) -> Rows:
+    """Which of `count` points are drawn: at most `most`, the same ones each time, and up to as many that must be."""
+    chosen = thinned(count, most)
+    if always is not None and count > most:
+        chosen = np.union1d(chosen, always[thinned(len(always), most)])
+    return chosen
+
+
+def colours(workspace: Workspace, all_points: Points, chosen: Rows, by: str) -> list[str]:
+    """A colour "#rrggbb" of each chosen point. by: one of COLOURS."""
+    row, pair = all_points.row[chosen], all_points.pair
+    if by == "own colour":
+        return ui.hex_colours(workspace.samples.srgb[row])
+    if by == "residual":
+        scale = np.clip(np.nan_to_num(workspace.residual[row]) / ERROR_SCALE, 0.0, 1.0)
+        return [Cividis256[place] for place in np.rint(255 * scale).astype(np.intp).tolist()]
+    if by == "shot":
+        number = np.unique(workspace.samples.shot, return_inverse=True)[1][row]
+    else:
+        number = np.where(pair < 0, -1, np.searchsorted(np.unique(pair[pair >= 0]), pair))[chosen]
+    return [PALETTE[index % len(PALETTE)] if index >= 0 else GREY for index in number.tolist()]
+
+
+# --- What is selected -------------------------------------------------------------------------------------------------
+
+
+class BrushedPlot:
+    """A scatter plot of samples whose points can be selected; the session hears of it, and tells all others."""
+
+    def __init__(self, session: Session, title: str = "", **options: Any) -> None:
+        self.session = session
+        self.points: Points | None = None
+        self.framed: object = None
+        self.chosen = np.zeros(0, dtype=np.intp)
+        self.source = ColumnDataSource({name: [] for name in ("x", "y", "colour", "marker", "size")})
+        self.lines = ColumnDataSource({"xs": [], "ys": []})
+        # Ranges are set as points are shown: an empty plot has none of its own.
+        self.figure = ui.plot(title, SELECT, **{"x_range": Range1d(0, 1), "y_range": Range1d(0, 1), **options})
+        self.figure.multi_line("xs", "ys", source=self.lines, color=GREY, width=1.6)
+        marks = self.figure.scatter(
+            "x", "y", source=self.source, marker="marker", size="size", color="colour", line_width=0.8, fill_alpha=0.7
+        )
+        marks.selection_glyph = marks.glyph.clone(line_color=GREY, line_width=1.6, fill_alpha=1.0, size=8)
+        marks.nonselection_glyph = marks.glyph.clone(fill_alpha=0.18, line_alpha=0.25)
+        self.figure.toolbar.active_drag = self.figure.select_one(LassoSelectTool)
+        self.figure.on_event(SelectionGeometry, session.guarded(self._geometry))
+        self.figure.on_event(Tap, session.guarded(self._tap))
+
+    def show(self, workspace: Workspace, all_points: Points, by: str, size: float = 5.0) -> None:
+        """Show other points, decimated."""
+        self.points = all_points
+        self.chosen = drawn(len(all_points), np.flatnonzero(self.session.selected[all_points.row]))
+        out = workspace.outliers[all_points.row] | workspace.outliers[all_points.partner]
+        self.source.selected.indices = []
+        self.source.data = {
+            "x": all_points.x[self.chosen],
+            "y": all_points.y[self.chosen],
+            "colour": colours(workspace, all_points, self.chosen, by),
+            "marker": np.where(out[self.chosen], "x", "circle").tolist(),
+            "size": np.full(len(self.chosen), size),
+        }
+        self.lines.data = {"xs": [x for x, _ in all_points.curves], "ys": [y for _, y in all_points.curves]}
+        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = all_points.x_label, all_points.y_label
+
+    def frame(self, key: object) -> None:
+        """Let the ranges follow the points. key: what is drawn; as long as it is the same, the ranges stay."""
+        if self.points is None or key == self.framed:
+            return
+        self.framed = key
+        for axis, values in ((self.figure.x_range, self.points.x), (self.figure.y_range, self.points.y)):
+            low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+            low, high = low - 0.04 * max(high - low, 1e-3), high + 0.04 * max(high - low, 1e-3)
+            axis.update(start=low, end=high, reset_start=low, reset_end=high)
+
+    def mark(self) -> None:
+        """Show the session's selection in this plot."""
+        if self.points is not None and len(self.points):
+            selected = self.session.selected[self.points.row] | self.session.selected[self.points.partner]
+            self.source.selected.indices = np.flatnonzero(selected[self.chosen]).tolist()
+
+    def _geometry(self, event: SelectionGeometry) -> None:
+        shape, data = event.geometry, self.points
+        if not event.final or data is None:
+            return
+        if shape["type"] == "poly":
+            where = inside_polygon(data.x, data.y, shape["x"], shape["y"])
+        elif shape["type"] == "rect":
+            (left, right), (low, high) = (sorted((shape[f"{axis}0"], shape[f"{axis}1"])) for axis in "xy")
+            where = (data.x >= left) & (data.x <= right) & (data.y >= low) & (data.y <= high)
+        else:
+            return
+        self.session.select(rows_at(data, where, len(self.session.selected)))
+
+    def _tap(self, event: Tap) -> None:
+        if self.points is None or event.x is None or event.y is None or len(self.points) == 0:
+            return
+        reach = 0.03 * max(float(np.ptp(self.points.x)), float(np.ptp(self.points.y)), 1e-6)
+        where = nearest(self.points, float(event.x), float(event.y), reach)
+        self.session.select(rows_at(self.points, where, len(self.session.selected)))
+
+
+def inside_polygon(x: Array, y: Array, corners_x: Sequence[float], corners_y: Sequence[float]) -> Mask:
+    """(n,) of points (n,): inside a polygon, even-odd rule."""
+    from matplotlib.path import Path
+
+    corners = np.column_stack([corners_x, corners_y])
+    if len(corners) < 3:
+        return np.zeros(len(x), dtype=np.bool_)
+    return np.asarray(Path(corners).contains_points(np.column_stack([x, y])), dtype=np.bool_)
+
+
+def rows_at(all_points: Points, where: Mask, count: int) -> Mask:
+    """(count,) the samples that the points of a mask stand for."""
+    rows = np.zeros(count, dtype=np.bool_)
+    rows[all_points.row[where]] = rows[all_points.partner[where]] = True
+    return rows
+
+
+def nearest(all_points: Points, x: float, y: float, reach: float) -> Mask:
+    """(n,) the one point nearest to (x, y), where it is within reach."""
+    where = np.zeros(len(all_points), dtype=np.bool_)
+    if len(where):
+        distance = np.hypot(all_points.x - x, all_points.y - y)
+        closest = int(np.argmin(distance))
+        where[closest] = distance[closest] <= reach
+    return where

@@ -20,12 +20,10 @@ from lutforge.model.white_balance import NAMED_KELVIN
 from lutforge.pipeline.charts import FittedChart
 from lutforge.pipeline.predictions import predict
 from lutforge.pipeline.response import FittedResponse
-from lutforge.studio.brackets import BracketRequest
-from lutforge.studio.elements import html, text
-from lutforge.studio.folders import Folders
+from lutforge.studio import ui
 from lutforge.studio.jobs import Job
-from lutforge.studio.workspace import MODELS, FittedModel, History, Workspace, WorkspaceError, fit_model
-from lutforge.studio.workspace_file import Opened, open_paths, with_profile
+from lutforge.studio.opening import BracketRequest, Folders, Opened, open_paths
+from lutforge.studio.workspace import MODELS, FittedModel, History, Workspace, WorkspaceError, fit_model, with_profile
 
 
 @dataclass(frozen=True)
@@ -86,8 +84,8 @@ class Session:
         self._wrong = False
         self._asked: list[Callable[[], None]] = []  # callbacks of widgets that the visitor has moved
         self._works: dict[str, list[_Work]] = {"long": [], "short": []}  # the first of each is under way
-        self.status = text(margin=(2, 12), height=22)
-        self.progress = text(visible=False, sizing_mode="fixed", width=200, height=24, margin=(4, 8))
+        self.status = ui.text(margin=(2, 12), height=22)
+        self.progress = ui.text(visible=False, sizing_mode="fixed", width=200, height=24, margin=(4, 8))
         self.cancel = self.button("Cancel", self._cancel, visible=False)
 
     # --- state -------------------------------------------------------------------------------------------------------
@@ -137,25 +135,26 @@ class Session:
         """Whether a file is of another profile or look than the present ones, or its model is stale."""
         return self.is_stale or written.of[0] is not self.made[0] or written.of[1] != self.look
 
-    def change(self, workspace: Workspace) -> None:
-        """Make this the present state of the workspace."""
+    def change(self, workspace: Workspace, news: str = "") -> None:
+        """Make this the present state of the workspace, and tell the news, if there are any."""
         assert self.history is not None
-        self.history = self.history.do(workspace)
-        self.on_change()
+        self._move(self.history.do(workspace), news)
 
     def undo(self) -> None:
         """One state back."""
         if self.history is not None and self.history.past:
-            self.history = self.history.undo()
-            self.say("undone")
-            self.on_change()
+            self._move(self.history.undo(), "undone")
 
     def redo(self) -> None:
         """One state on."""
         if self.history is not None and self.history.future:
-            self.history = self.history.redo()
-            self.say("done again")
-            self.on_change()
+            self._move(self.history.redo(), "done again")
+
+    def _move(self, history: History, news: str) -> None:
+        self.history = history
+        if news:
+            self.say(news)
+        self.on_change()
 
     def select(self, rows: Mask) -> None:
         """Select samples, in all plots."""
@@ -201,8 +200,8 @@ class Session:
             now = self.workspace
             if now.samples is not workspace.samples:
                 raise WorkspaceError("other samples were opened meanwhile: compute again")
-            self.change(now.with_model(kind, replace(fitted, task=task)))
-            self.say(f"{MODELS[kind]}: fitted to {int(task.rows.sum()):,} samples")
+            news = f"{MODELS[kind]}: fitted to {int(task.rows.sum()):,} samples"
+            self.change(now.with_model(kind, replace(fitted, task=task)), news)
             if others:
                 self.fit(*others)
 
@@ -303,6 +302,30 @@ class Session:
         for widget in widgets:
             widget.param.watch(changed, of)
 
+    def bind(
+        self, widget: Any, read: Callable[[Workspace], Any], put: Callable[[Workspace, Any], Workspace]
+    ) -> Callable[[Workspace], None]:
+        """Let a control change one thing of the workspace; what is returned shows that of a workspace in it.
+
+        read: what the control shows of a workspace; put: a workspace with what it says instead.
+        """
+        wishes: list[Any] = []  # as asked: what is drawn anew before the callback is due may set the control back
+
+        def wish(event: Any) -> None:
+            wishes[:] = wishes if self.refreshing else [event.new]
+
+        def changed() -> None:
+            if self.history is not None and wishes and read(self.workspace) != wishes[0]:
+                self.change(put(self.workspace, wishes[0]))
+
+        def show(workspace: Workspace) -> None:
+            with self.setting():
+                widget.value = read(workspace)
+
+        widget.param.watch(wish, "value")
+        self.watch(changed, widget)
+        return show
+
     def rested(self, callback: Callable[[], None]) -> Callable[[], None]:
         """The callback, guarded, once for many calls, a fifth of a second after the last of them."""
         run, waiting = self.guarded(callback), list[Any]()
@@ -383,7 +406,7 @@ class Session:
                 self._begin(kind)
 
     def _share(self, done: float) -> None:
-        self.progress.object = html(
+        self.progress.object = ui.html(
             "<progress aria-label='done' value='{}' style='width:100%'></progress>", f"{done:.2f}"
         )
 

@@ -1,5 +1,6 @@
 """Shots: files by dropping, by a list or by their path; what each shot gave; brackets and their responses."""
 
+from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,10 @@ from typing import Any
 import numpy as np
 import panel as pn
 import panel_material_ui as pmui
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 
+from lutforge.arrays import Array, Mask
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import falloff_of
 from lutforge.pipeline.charts import FittedChart
@@ -20,26 +24,10 @@ from lutforge.report.tables import response_table
 from lutforge.samples.chart_kinds import chart_names
 from lutforge.samples.extract import OUTCOMES, ShotSamples
 from lutforge.samples.sample_set import SampleSet
-from lutforge.studio.bokeh_figure import FILL, Figures
-from lutforge.studio.brackets import BracketRequest, fit_request
-from lutforge.studio.elements import (
-    NOTHING,
-    TOGETHER,
-    WIDE,
-    Html,
-    checkbox,
-    entry,
-    html,
-    paragraphs,
-    select,
-    table,
-    text,
-    written,
-)
-from lutforge.studio.pictures import framed, jpeg_url, swatches
+from lutforge.studio import ui
+from lutforge.studio.opening import OPENED_SUFFIXES, BracketRequest, fit_request, jpeg_of
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Workspace, WorkspaceError
-from lutforge.studio.workspace_file import OPENED_SUFFIXES
 
 SHOWN = ("JPEG and RAW", "samples, framed", "tiles")
 OUTCOME_COLOURS = ("#ffffff", "#e69f00", "#111111", "#8c8c8c", "#cc79a7", "#4f83e0")
@@ -61,29 +49,29 @@ class ShotsPage:
         self.boxes: dict[str, pmui.Checkbox] = {}
         self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, sizing_mode="stretch_width")
         self.drop.param.watch(session.guarded(lambda event: self._take()), "value")
-        self.listed = select("Folder or file", NOTHING)
-        self.path = entry("or its path")
-        self.shown = select("Shown", list(SHOWN))
+        self.listed = ui.select("Folder or file", ui.NOTHING)
+        self.path = ui.entry("or its path")
+        self.shown = ui.select("Shown", list(SHOWN))
         session.watch(self.refresh, self.shown)
-        self.notes, self.legend = text(), text()
+        self.notes, self.legend = ui.text(), ui.text()
         self.grid = pn.FlexBox(sizing_mode="stretch_width")
-        sample = session.button("Sample", self._open, variant="contained", **WIDE)
-        again = session.button("List again", self.list_files, variant="text", **WIDE)
-        self.chart = select("Chart in the pictures", {"none": "", **{name: name for name in chart_names()}})
-        self.light = entry("Light on the chart", value="D50")
-        self.corners = entry("Its corners, where it is not found", placeholder="x,y x,y x,y x,y")
-        self.times = entry("Exposure times, where not stated", placeholder="1/60,1/30,1/15")
-        self.all_colours = checkbox("Count saturated colours, too")
+        sample = session.button("Sample", self._open, variant="contained", **ui.WIDE)
+        again = session.button("List again", self.list_files, variant="text", **ui.WIDE)
+        self.chart = ui.select("Chart in the pictures", {"none": "", **{name: name for name in chart_names()}})
+        self.light = ui.entry("Light on the chart", value="D50")
+        self.corners = ui.entry("Its corners, where it is not found", placeholder="x,y x,y x,y x,y")
+        self.times = ui.entry("Exposure times, where not stated", placeholder="1/60,1/30,1/15")
+        self.all_colours = ui.checkbox("Count saturated colours, too")
         session.watch(self._enable, self.chart)
-        fit = session.button("Fit response", self._fit, variant="contained", **WIDE)
+        fit = session.button("Fit response", self._fit, variant="contained", **ui.WIDE)
         self.bracket = pn.Column(
-            self.chart, self.light, self.corners, self.times, self.all_colours, fit, visible=False, **TOGETHER
+            self.chart, self.light, self.corners, self.times, self.all_colours, fit, visible=False, **ui.TOGETHER
         )
         self.controls = [self.drop, self.listed, self.path, sample, again, self.bracket, self.shown, self.notes]
-        self.curves, self.findings = Figures(), text(sizing_mode="stretch_both", styles={"overflow": "auto"})
-        self.response = pn.Row(self.curves.layout, self.findings, visible=False, **{**FILL, "min_height": 260})
-        scrolled = pn.Column(self.legend, self.grid, **{**FILL, "styles": {"overflow": "auto"}})
-        self.main = pn.Column(self.response, scrolled, **FILL)
+        self.curves, self.findings = ui.Figures(), ui.text(**ui.SCROLLED)
+        self.response = pn.Row(self.curves.layout, self.findings, visible=False, **{**ui.FILL, "min_height": 260})
+        scrolled = pn.Column(self.legend, self.grid, **ui.SCROLLED)
+        self.main = pn.Column(self.response, scrolled, **ui.FILL)
         self._enable()
         self.list_files()
 
@@ -93,11 +81,11 @@ class ShotsPage:
         shots, files = folders.with_shots(), folders.files(OPENED_SUFFIXES)
         named = {f"{folders.roots[0].name}, this folder" if name == "." else name: name for name in (*shots, *files)}
         chosen = self.listed.value
-        self.listed.options = {**NOTHING, **named}
+        self.listed.options = {**ui.NOTHING, **named}
         self.listed.value = chosen if chosen in named.values() else "." if "." in shots else ""
 
     def _open(self) -> None:
-        named = written(self.path) or self.listed.value
+        named = ui.written(self.path) or self.listed.value
         if not named and self._dropped is not None:
             self.session.open((Path(self._dropped.name),))
         else:
@@ -129,7 +117,7 @@ class ShotsPage:
         bracket = self.session.opened.bracket
         assert bracket is not None
         files = tuple(file for file in bracket.files if file.name not in self.session.pictures_out)
-        times, light, corners = map(written, (self.times, self.light, self.corners))
+        times, light, corners = map(ui.written, (self.times, self.light, self.corners))
         request = BracketRequest(files, times, self.all_colours.value, self.chart.value, light, corners)
         if len(request.files) < 2:
             raise WorkspaceError("a response needs two pictures or more: take some in again")
@@ -147,8 +135,8 @@ class ShotsPage:
         if self.session.response is not None:
             fit = self.session.response[1].fit
             self.curves.show(bracket_figure(fit))
-            notes = paragraphs(*fit.told, fit.verdict.told, *self.session.profile.notes)
-            self.findings.object = html("{}{}", notes, table(response_table(fit)))
+            notes = ui.paragraphs(*fit.told, fit.verdict.told, *self.session.profile.notes)
+            self.findings.object = ui.html("{}{}", notes, ui.table(response_table(fit)))
 
     # --- what is shown -----------------------------------------------------------------------------------------------
 
@@ -172,15 +160,17 @@ class ShotsPage:
             with session.setting():
                 box.value = name not in left_out
         unused = (f"not used: {line}" for line in session.opened.left_out[:20])
-        failed = paragraphs(*file_notes(session.opened.accounts), *unused)
+        failed = ui.paragraphs(*file_notes(session.opened.accounts), *unused)
         untick = "Untick a shot to leave it out. " if self.boxes else ""
         known = "" if profile is not None or workspace is None else "The falloff is known once a model is computed."
-        self.notes.object = html("{}{}", paragraphs(untick + known if bracket is None else f"{bracket}."), failed)
+        self.notes.object = ui.html("{}{}", ui.paragraphs(untick + known if bracket is None else f"{bracket}."), failed)
         legend = zip(("kept: in its own colour", *OUTCOMES[1:]), OUTCOME_COLOURS, strict=True)
-        marks = [html("<i class=colour style='background:{}'></i>{} &emsp; ", colour, what) for what, colour in legend]
-        self.legend.object = Html("".join(marks)) if self.shown.value == "tiles" and session.opened.accounts else ""
+        marks = [
+            ui.html("<i class=colour style='background:{}'></i>{} &emsp; ", colour, what) for what, colour in legend
+        ]
+        self.legend.object = ui.Html("".join(marks)) if self.shown.value == "tiles" and session.opened.accounts else ""
 
-    def _draw(self, cards: dict[str, Html]) -> None:
+    def _draw(self, cards: dict[str, ui.Html]) -> None:
         """A card a shot: a box to take it in or leave it out, its pictures, and what is known of it.
 
         A shot keeps its box and its card, of which the text alone changes: no click falls into their redrawing.
@@ -189,14 +179,14 @@ class ShotsPage:
         papers = {}
         for name, card in cards.items():
             if name not in self.papers:
-                box = checkbox(name, True)
+                box = ui.checkbox(name, True)
                 self.session.watch(self._leave_out, box)
-                papers[name] = pmui.Paper(box, text(card), variant="outlined", **width)
+                papers[name] = pmui.Paper(box, ui.text(card), variant="outlined", **width)
             else:
                 papers[name] = self.papers[name]
                 papers[name][1].object = card
         if not papers or list(papers) != list(self.papers):
-            self.grid[:] = list(papers.values()) or [text(paragraphs(EMPTY))]
+            self.grid[:] = list(papers.values()) or [ui.text(ui.paragraphs(EMPTY))]
         self.papers, self.boxes = papers, {name: paper[0] for name, paper in papers.items()}
 
     def _leave_out(self) -> None:
@@ -207,7 +197,7 @@ class ShotsPage:
             self.session.change(replace(self.session.workspace, out=out))
             self.session.say(f"{len(out)} shots left out" if out else "all shots take part")
 
-    def _cards(self, workspace: Workspace, profile: CameraProfile | None) -> Iterator[tuple[str, Html]]:
+    def _cards(self, workspace: Workspace, profile: CameraProfile | None) -> Iterator[tuple[str, ui.Html]]:
         accounts = {account.shot: account for account in self.session.opened.accounts}
         outliers = {
             str(name): workspace.outliers[workspace.samples.shot == name] for name in set(workspace.samples.shot)
@@ -229,7 +219,7 @@ class ShotsPage:
             urls = {title: jpeg_url(picture) for title, picture in pictures.items()}
             yield name, card_of(name, urls, facts_of(name, samples, account, profile))
 
-    def _cards_of_bracket(self) -> Iterator[tuple[str, Html]]:
+    def _cards_of_bracket(self) -> Iterator[tuple[str, ui.Html]]:
         """A card a picture: its exposure as stated and as it was."""
         bracket, response = self.session.opened.bracket, self.session.response
         assert bracket is not None
@@ -245,12 +235,12 @@ class ShotsPage:
             yield file.name, card_of(file.name, {"picture": jpeg_url(small)}, facts)
 
 
-def card_of(name: str, pictures: dict[str, str], facts: list[str]) -> Html:
+def card_of(name: str, pictures: dict[str, str], facts: list[str]) -> ui.Html:
     """Pictures by title beside each other, above what is known."""
     images = [
-        html("<img src='{}' alt='{} of {}' title='{}'>", url, title, name, title) for title, url in pictures.items()
+        ui.html("<img src='{}' alt='{} of {}' title='{}'>", url, title, name, title) for title, url in pictures.items()
     ]
-    return html("<div class=pictures>{}</div>{}", Html("".join(images)), paragraphs(*facts))
+    return ui.html("<div class=pictures>{}</div>{}", ui.Html("".join(images)), ui.paragraphs(*facts))
 
 
 def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile: CameraProfile | None) -> list[str]:
@@ -266,3 +256,30 @@ def facts_of(name: str, samples: SampleSet, account: ShotSamples | None, profile
         )
         facts += [f"falloff: corners {lens.corner_ev:+.2f} EV"] if lens is not None else []
     return facts
+
+
+def jpeg_url(file: bytes | NDArray[np.uint8]) -> str:
+    """A JPEG file, or a picture (h, w, 3) as one, as a data URL."""
+    data = file if isinstance(file, bytes) else jpeg_of(Image.fromarray(np.ascontiguousarray(file)))
+    return "data:image/jpeg;base64," + b64encode(data).decode("ascii")
+
+
+def swatches(encoded: Array) -> NDArray[np.uint8]:
+    """The colours of samples (n, 3) as a picture of squares, for a shot whose files are not there."""
+    few = encoded[np.linspace(0, len(encoded) - 1, min(len(encoded), 600)).astype(np.intp)]
+    columns = max(1, int(np.ceil(np.sqrt(1.5 * len(few)))))
+    grid = np.full((-(-len(few) // columns) * columns, 3), 0.46)
+    grid[: len(few)] = few
+    codes: NDArray[np.uint8] = np.rint(255 * np.clip(grid, 0, 1)).astype(np.uint8)
+    return np.kron(codes.reshape(-1, columns, 3), np.ones((8, 8, 1), dtype=np.uint8))
+
+
+def framed(picture: NDArray[np.uint8], places: Array, outlier: Mask) -> NDArray[np.uint8]:
+    """A picture (h, w, 3) with a frame round each sample, orange if an outlier. places: (n, 2), shares of its sides."""
+    image = Image.fromarray(np.ascontiguousarray(picture))
+    draw, reach = ImageDraw.Draw(image), max(2, image.width // 110)
+    for (x, y), out in sorted(
+        zip((places * image.size).tolist(), outlier.tolist(), strict=True), key=lambda one: one[1]
+    ):
+        draw.rectangle((x - reach, y - reach, x + reach, y + reach), outline="#ff8c00" if out else "#ffffff")
+    return np.asarray(image)

@@ -1,28 +1,42 @@
-"""The state of one calibration at work, as values: samples, what counts as an outlier, fitted models; undo and redo."""
+"""The state of one calibration at work, as values: samples, outliers, models; undo and redo; and the file of it.
 
+The file is a zip of JSON, a sample table, marks and profiles; read with limits, not unpickled.
+"""
+
+import json
+import shutil
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.exposure_pairs import ExposurePairs
+from lutforge.atomic_write import atomic_path, scratch_folder
+from lutforge.boundary import reading
+from lutforge.calibration.options import CalibrationOptions, options_from_json
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
 from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import CalibrationError, LutForgeError
-from lutforge.model.camera_profile import CameraProfile, ModelName
+from lutforge.model.camera_profile import CameraProfile, ModelName, load_profile
 from lutforge.model.profile_data import Direction
+from lutforge.model.profile_file import save_profile
 from lutforge.model.response import Response
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.pipeline.predictions import Predicted, node_level_errors, predict
 from lutforge.progress import Progress
-from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.sample_set import SampleSet, with_setting_names
+from lutforge.samples.table import read_samples, write_samples
 
 MODELS = {"matrix": "Response, matrix and white balance", "rbf": "Gamut map", "lattice": "Lattice"}
 """In the order of the calibration; each is kept as a camera profile."""
 MOST_GROUPS = 100
+SUFFIX = ".workspace"
+DOCUMENT, SAMPLES, MARKS = "workspace.json", "samples.npz", "marks.npy"
 
 
 class WorkspaceError(LutForgeError):
@@ -167,8 +181,13 @@ class Workspace:
 
     @cached_property
     def filtered(self) -> dict[str, Mask]:
-        """(n,) by column: the rows outside its limits."""
-        return {name: _outside(values, COLUMNS[name], self.limits.get(name)) for name, values in self.columns.items()}
+        """(n,) by column: the rows outside its limits, to a millionth; what is unknown is inside."""
+        rows = {}
+        for name, values in self.columns.items():
+            low, high = self.limits_of(name)
+            first, last = COLUMNS[name].reach
+            rows[name] = ((values < low - 1e-6) & (low > first)) | ((values > high + 1e-6) & (high < last))
+        return rows
 
     @cached_property
     def removed(self) -> Mask:
@@ -184,18 +203,11 @@ class Workspace:
 
         They are removed, outside the limits, or in none of the exposure pairs that are ticked, where some are not.
         """
-        rows = np.logical_or.reduce([*self.filtered.values(), self.in_no_pair]) & (self.hand >= 0)
-        return np.asarray(rows | self.removed)
-
-    @cached_property
-    def in_no_pair(self) -> Mask:
-        """(n,): rows in none of the ticked exposure pairs; none where all are ticked."""
-        rows = np.zeros(len(self.samples), dtype=np.bool_)
+        rows = np.logical_or.reduce(list(self.filtered.values()))
         if self.pairs is not None and self.unticked:
             ticked = self.pairs.without(self.unticked)
-            rows[:] = True
-            rows[ticked.first_row] = rows[ticked.second_row] = False
-        return rows
+            rows |= ~np.isin(np.arange(len(rows)), [ticked.first_row, ticked.second_row])
+        return np.asarray((rows & (self.hand >= 0)) | self.removed)
 
     def fitting_rows(self, model: str) -> Mask:
         """(n,): the samples that a fit of this model takes.
@@ -249,6 +261,20 @@ class Workspace:
             raise WorkspaceError(f"{MOST_GROUPS} outlier groups are enough; delete one first")
         return replace(self, groups={**self.groups, name: Group(rows.copy())})
 
+    @property
+    def active_groups(self) -> list[str]:
+        """The names of the outlier groups in effect."""
+        return [name for name, group in self.groups.items() if group.active]
+
+    def limits_of(self, name: str) -> tuple[float, float]:
+        """The limits of a column."""
+        return self.limits.get(name, COLUMNS[name].usual)
+
+    def with_limits(self, name: str, limits: tuple[float, float]) -> "Workspace":
+        """Set the limits of a column; its usual ones are not held."""
+        others = {key: value for key, value in self.limits.items() if key != name}
+        return replace(self, limits=others if limits == COLUMNS[name].usual else {**others, name: limits})
+
     def with_active_groups(self, names: list[str]) -> "Workspace":
         """Make just these groups active."""
         groups = {name: replace(group, active=name in names) for name, group in self.groups.items()}
@@ -263,13 +289,6 @@ class Workspace:
     def with_model(self, name: str, fitted: FittedModel) -> "Workspace":
         """Add a fitted model, in use from now on."""
         return replace(self, models={**self.models, name: fitted}, model=name)
-
-
-def _outside(values: Array, column: Column, limits: tuple[float, float] | None) -> Mask:
-    """(n,): the values outside the limits, to a millionth; what is unknown is inside."""
-    low, high = column.usual if limits is None else limits
-    below = (values < low - 1e-6) & (low > column.reach[0])
-    return np.asarray(below | ((values > high + 1e-6) & (high < column.reach[1])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,3 +328,114 @@ def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedMo
     progress("predicting all samples", 0.9)
     errors = node_level_errors(profile, chosen) if task.kind == "lattice" and not profile.raw_camera else {}
     return FittedModel(profile, predict(profile, samples), errors)
+
+
+# --- The file --------------------------------------------------------------------------------------------------------
+
+
+def save_workspace(workspace: Workspace, path: str | Path) -> None:
+    """Write a workspace, atomically. Raises WorkspaceError on another suffix than .workspace."""
+    path = Path(path)
+    if path.suffix.lower() != SUFFIX:
+        raise WorkspaceError(f"{path}: a workspace file ends in {SUFFIX}")
+    if not workspace.has_raw:
+        raise WorkspaceError("a bracket has no workspace: save its profile, and open the pictures again")
+    document = {
+        "format": "lutforge-workspace",
+        "version": 4,
+        "limits": workspace.limits,
+        "groups": [{"name": name, "active": group.active} for name, group in workspace.groups.items()],
+        "models": list(workspace.models),
+        "model": workspace.model,
+        "options": workspace.options.as_json(),
+        "out": sorted(workspace.out),
+        "unticked": sorted(workspace.unticked),
+        "own_stages": workspace.own_stages,
+    }
+    # A column for the marks of the hand, one for each group, and one for the rows that each model was fitted to.
+    every = np.ones(len(workspace.samples), dtype=np.bool_)
+    masks = [group.rows for group in workspace.groups.values()]
+    masks += [every if model.task is None else model.task.rows for model in workspace.models.values()]
+    marks = np.stack([workspace.hand, *(mask.astype(np.int8) for mask in masks)], axis=1)
+    with (
+        scratch_folder() as folder,
+        atomic_path(path) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
+    ):
+        archive.writestr(DOCUMENT, json.dumps(document, indent=1, ensure_ascii=False))
+        write_samples(folder / SAMPLES, workspace.samples)
+        np.save(folder / MARKS, marks, allow_pickle=False)
+        for name, model in workspace.models.items():
+            save_profile(model.profile, folder / f"{name}.npz")
+        for name in (SAMPLES, MARKS, *(f"{name}.npz" for name in workspace.models)):
+            archive.write(folder / name, name)
+
+
+def open_workspace(path: str | Path) -> Workspace:
+    """Read a workspace, without its exposure pairs, which follow from the samples. Raises WorkspaceError."""
+    path = Path(path)
+    with reading(path.name, "a LutForge workspace", WorkspaceError):
+        with zipfile.ZipFile(path) as archive, scratch_folder() as folder:
+            document = _document(archive)
+            samples = read_samples(_extract(archive, SAMPLES, folder))
+            marks = _marks(np.load(_extract(archive, MARKS, folder), allow_pickle=False), document)
+            profiles = {name: load_profile(_extract(archive, f"{name}.npz", folder)) for name in document["models"]}
+        groups = {
+            str(entry["name"])[:60]: Group(marks[:, index] != 0, bool(entry["active"]))
+            for index, entry in enumerate(document["groups"], start=1)
+        }
+        models: dict[str, FittedModel] = {}
+        for index, (name, profile) in enumerate(profiles.items(), start=1 + len(groups)):
+            stages = models.get("matrix") if document["own_stages"] and name != "matrix" else None
+            task = FitTask(name, marks[:, index] != 0, options_from_json(profile.options), stages)
+            models[name] = FittedModel(profile, predict(profile, samples), task=task)
+        return Workspace(
+            samples, limits={str(name): (float(low), float(high)) for name, (low, high) in document["limits"].items()},
+            hand=marks[:, 0], groups=groups, models=models,
+            model=str(document["model"]), options=options_from_json(document["options"]),
+            out=frozenset(map(str, document["out"])), own_stages=bool(document["own_stages"]),
+            unticked=frozenset((str(one), str(other)) for one, other in document["unticked"]),
+        )  # fmt: skip
+
+
+def _document(archive: zipfile.ZipFile) -> dict[str, Any]:
+    if DOCUMENT not in archive.namelist() or archive.getinfo(DOCUMENT).file_size > 1 << 20:
+        raise WorkspaceError("not a LutForge workspace")
+    document = json.loads(archive.read(DOCUMENT))
+    if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
+        raise WorkspaceError("not a LutForge workspace")
+    if document.get("version") != 4:
+        raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 4")
+    if len(document["groups"]) > MOST_GROUPS or not set(document["models"]) <= set(MODELS):
+        raise WorkspaceError("it names models or groups that no workspace has")
+    return document
+
+
+def _extract(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
+    """One entry into the folder, under our own name, no more than 4 GB of it."""
+    if archive.getinfo(name).file_size > 4 << 30:
+        raise WorkspaceError(f"refused, {name} in it is larger than any workspace's")
+    with archive.open(name) as source, (folder / name).open("wb") as target:
+        shutil.copyfileobj(source, target, 1 << 20)
+    return folder / name
+
+
+def _marks(marks: NDArray[Any], document: dict[str, Any]) -> NDArray[np.int8]:
+    if marks.dtype != np.int8 or marks.ndim != 2 or marks.shape[1] != 1 + len(document["groups"] + document["models"]):
+        raise WorkspaceError("damaged, its marks are not of its groups and models")
+    return np.ascontiguousarray(marks)
+
+
+def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:
+    """Add a profile as the fitted model, under the name of the model that it holds."""
+    has_lattice = any(style.render is not None for style in profile.styles.values())
+    kind = "lattice" if has_lattice and profile.options.get("model") != "rbf" else "rbf"
+    return workspace.with_model(kind, FittedModel(profile, predict(profile, workspace.samples)))
+
+
+def find_pairs(samples: SampleSet) -> ExposurePairs | None:
+    """The exposure pairs, None where there are none."""
+    try:
+        return pairs_of_samples(with_setting_names(samples))
+    except CalibrationError:
+        return None

@@ -19,9 +19,8 @@ import panel as pn
 from playwright.sync_api import expect, sync_playwright
 
 from lutforge.studio import look_page
-from lutforge.studio.folders import Folders
-from lutforge.studio.page import Page
-from lutforge.studio.theme import CSS
+from lutforge.studio.opening import Folders
+from lutforge.studio.page import CSS, Page
 from tests.studio.test_page import CHROMIUM, Visit
 
 SOCKET = """

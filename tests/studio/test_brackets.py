@@ -19,12 +19,10 @@ from tests.calibration.brackets_simulated import bracket
 from tests.calibration.charts_simulated import photograph_chart
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
-from lutforge.studio.brackets import BracketRequest, bracket_in
 from lutforge.studio.export_page import Export
 from lutforge.studio.export_page import run as run_export
-from lutforge.studio.folders import Folders
+from lutforge.studio.opening import BracketRequest, Folders, bracket_in, open_paths
 from lutforge.studio.page import STEPS, Page, states_of
-from lutforge.studio.workspace_file import open_paths
 
 
 @pytest.fixture(scope="module")

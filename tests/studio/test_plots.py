@@ -10,11 +10,20 @@ from tests.studio.shots_for_the_studio import chart_samples
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.colour.srgb import chromaticities, srgb_decode
 from lutforge.samples.sample_set import SampleSet
-from lutforge.studio.plots import COLOURS, PLOTS, colours, drawn, inside_polygon, nearest, points, rows_at, tristimulus
-from lutforge.studio.samples_page import find_rows
+from lutforge.studio.samples_page import (
+    COLOURS,
+    PLOTS,
+    colours,
+    drawn,
+    find_rows,
+    inside_polygon,
+    nearest,
+    points,
+    rows_at,
+    tristimulus,
+)
 from lutforge.studio.shots_page import card_of, facts_of
-from lutforge.studio.workspace import Workspace, WorkspaceError, fit_model
-from lutforge.studio.workspace_file import find_pairs
+from lutforge.studio.workspace import Workspace, WorkspaceError, find_pairs, fit_model
 
 HOSTILE = "<script>alert(1)</script>"
 

@@ -48,15 +48,12 @@ from lutforge.studio.export_page import (
     run,
     wanted_lut,
 )
-from lutforge.studio.folders import FolderError, Folders
 from lutforge.studio.jobs import Job
-from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl
-from lutforge.studio.page import STEPS, Page, states_of
-from lutforge.studio.pictures import look_lut
-from lutforge.studio.server import ContentSecurityPolicy, origins
+from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
+from lutforge.studio.opening import FolderError, Folders, Opened, open_paths
+from lutforge.studio.page import STEPS, ContentSecurityPolicy, Page, origins, states_of
 from lutforge.studio.session import ChosenLook, Session
-from lutforge.studio.workspace import FittedModel, History, Workspace, WorkspaceError
-from lutforge.studio.workspace_file import Opened, find_pairs, open_paths, with_profile
+from lutforge.studio.workspace import FittedModel, History, Workspace, WorkspaceError, find_pairs, with_profile
 
 
 def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
@@ -126,7 +123,7 @@ def test_what_the_look_shows_is_what_apply_makes(profile: CameraProfile, tmp_pat
     write_image(tmp_path / "burnt.png", pixels, read_image(tmp_path / "picture.png"))
     profile.save(tmp_path / "camera.npz")
     for ev in (-0.7, 0.0, 0.7):
-        lut = look_lut(profile, "standard/tungsten", "vivid/4500K+5", ev)
+        lut = look_lut(profile, ChosenLook("standard/tungsten", "vivid/4500K+5", ev))
         assert lut is not None
         recipe = ProfileRecipe((tmp_path / "camera.npz",), "standard/tungsten", "vivid/4500K+5", ev)
         apply_batch(recipe, [tmp_path / "burnt.png"], tmp_path / "out")
@@ -135,7 +132,7 @@ def test_what_the_look_shows_is_what_apply_makes(profile: CameraProfile, tmp_pat
         codes = np.clip(shown, 0.0, 1.0) * 255
         assert np.abs(codes - applied).max() <= 0.5 + 1e-3  # apply's codes are those that are shown, rounded
         assert np.ptp(applied[0, 0, :3]) <= 12  # white stays white
-    assert look_lut(profile, "standard/daylight", "standard/daylight", 0.0) is None
+    assert look_lut(profile, ChosenLook("standard/daylight", "standard/daylight")) is None
 
 
 def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp_path: Path) -> None:

@@ -18,8 +18,15 @@ from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.pipeline.predictions import predict, without_a_model
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.studio.workspace import History, Workspace, WorkspaceError, fit_model
-from lutforge.studio.workspace_file import find_pairs, open_workspace, save_workspace
+from lutforge.studio.workspace import (
+    History,
+    Workspace,
+    WorkspaceError,
+    find_pairs,
+    fit_model,
+    open_workspace,
+    save_workspace,
+)
 
 
 def silent(what: str, share: float) -> None:

@@ -1,0 +1,311 @@
+"""What a visitor opens: paths inside the studio's folders; samples, shots, profiles, brackets; photographs."""
+
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageOps
+
+from lutforge.apply.candidates import read_small
+from lutforge.apply.source_settings import choose_camera, source_selector
+from lutforge.atomic_write import scratch_folder
+from lutforge.boundary import reading
+from lutforge.calibration.physical.exposure_pairs import ExposurePairs
+from lutforge.errors import CalibrationError, ImageError, LutForgeError, SettingsError, ShotError
+from lutforge.images.heif import HEIF_SUFFIXES
+from lutforge.images.icc import foreign_profile
+from lutforge.images.read import ImageReader
+from lutforge.model.camera_profile import CameraProfile, load_profile
+from lutforge.pipeline.charts import FittedChart, KnownChart, write_input_transform
+from lutforge.pipeline.inspection import PICTURE_SUFFIXES
+from lutforge.pipeline.outputs import TABLE_SUFFIXES
+from lutforge.pipeline.response import FittedResponse, bracket_samples, parse_times, response
+from lutforge.pipeline.sampling import gather_samples
+from lutforge.progress import Progress
+from lutforge.samples.chart_kinds import chart_kind, parse_corners
+from lutforge.samples.extract import ShotSamples
+from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.table import is_table
+from lutforge.settings import Selector
+from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, discover, raw_beside
+from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
+from lutforge.studio.workspace import SUFFIX, Workspace, find_pairs, open_workspace, with_profile
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF_SUFFIXES)
+OPENED_SUFFIXES = (*TABLE_SUFFIXES, SUFFIX)
+
+
+# --- Folders ---------------------------------------------------------------------------------------------------------
+
+
+class FolderError(LutForgeError):
+    """A path outside the folders that the studio was started with."""
+
+
+@dataclass(frozen=True)
+class Folders:
+    """The folders, resolved: symbolic links are followed before a path is judged."""
+
+    roots: tuple[Path, ...]
+
+    @classmethod
+    def of(cls, paths: Iterable[str | Path]) -> "Folders":
+        """Folders by name. Raises FolderError where one is none."""
+        roots = []
+        for path in dict.fromkeys(Path(path).resolve() for path in paths):
+            if not path.is_dir():
+                raise FolderError(f"{path}: not a folder; name a folder that exists")
+            roots.append(path)
+        return cls(tuple(roots))
+
+    def inside(self, text: str) -> Path:
+        """The resolved path that a visitor names, relative to the first folder.
+
+        Raises FolderError where it lies outside of all.
+        """
+        shown = " ".join(text.split())[:200]
+        if not shown:
+            raise FolderError("no file named: write its path, or choose one from the list")
+        if "\0" in text:
+            raise FolderError(f"{shown}: not a path")
+        try:
+            path = (self.roots[0] / text.strip()).resolve()
+        except (OSError, RuntimeError) as error:
+            raise FolderError(f"{shown}: cannot be followed ({type(error).__name__}); name another path") from error
+        if not any(path.is_relative_to(root) for root in self.roots):
+            folders = ", ".join(map(str, self.roots))
+            raise FolderError(f"{shown}: outside the folders of this studio ({folders}); start it with --folder")
+        return path
+
+    def files(self, suffixes: Iterable[str]) -> list[str]:
+        """Files with these suffixes in the folders and the folders in them, as a visitor may name them."""
+        wanted = {suffix.lower() for suffix in suffixes}
+        found = []
+        for root in self.roots:
+            for pattern in ("*", "*/*"):
+                for path in sorted(root.glob(pattern)):
+                    if path.suffix.lower() in wanted and not path.name.startswith(".") and path.is_file():
+                        if any(path.resolve().is_relative_to(folder) for folder in self.roots):
+                            found.append(self.name(path))
+                        if len(found) >= 500:  # more would make a list that nobody reads
+                            return found
+        return list(dict.fromkeys(found))
+
+    def with_shots(self) -> list[str]:
+        """The folders that hold RAW files, or at least two JPEGs of which none has any, as a visitor may name them."""
+        raw, jpeg = (
+            [(self.roots[0] / name).parent for name in self.files(kind)] for kind in (RAW_SUFFIXES, JPEG_SUFFIXES)
+        )
+        brackets = {folder for folder in jpeg if jpeg.count(folder) > 1}
+        return sorted(self.name(folder) for folder in {*raw, *brackets})
+
+    def name(self, path: Path) -> str:
+        """A path as a visitor would name it: relative to the first folder where it lies there."""
+        return str(path.relative_to(self.roots[0])) if path.is_relative_to(self.roots[0]) else str(path)
+
+
+# --- Photographs ------------------------------------------------------------------------------------------------------
+
+
+def picture_bytes(path: Path) -> bytes:
+    """A picture in sRGB as a file that browsers read: itself, or PNG of at most 8 million pixels. Raises ImageError."""
+    if path.suffix.lower() in (".jpg", ".jpeg", ".png"):
+        with ImageReader(path) as image:
+            as_it_is = not foreign_profile(image.spec)
+        if as_it_is:
+            return path.read_bytes()
+    pixels, buffer = read_small(path, 8_000_000), BytesIO()
+    Image.fromarray(np.rint(255 * pixels).astype(np.uint8)).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def upright(picture: bytes, most: tuple[int, int]) -> Image.Image:
+    """A picture file, upright, averaged down to at most so many pixels across and down."""
+    with Image.open(BytesIO(picture)) as file:
+        file.draft("RGB", most)  # a JPEG is decoded at a fraction of its size
+        small = ImageOps.exif_transpose(file.convert("RGB"))
+    small.thumbnail(most)
+    return small
+
+
+def thumbnail(picture: bytes) -> bytes:
+    """A picture file as a small JPEG, upright."""
+    return jpeg_of(upright(picture, (480, 320)))
+
+
+def jpeg_of(image: Image.Image, quality: int = 92, **options: int) -> bytes:
+    """A picture as a JPEG file."""
+    buffer = BytesIO()
+    image.save(buffer, format="JPEG", quality=quality, **options)
+    return buffer.getvalue()
+
+
+@dataclass(frozen=True, eq=False)
+class Photograph:
+    """A picture, as a file that browsers read, and in small. selector: its settings, None where it does not tell.
+
+    style: told by the metadata, "" where they do not; notes: what the visitor should know.
+    """
+
+    path: Path
+    picture: bytes
+    small: bytes
+    selector: Selector | None
+    style: str
+    notes: tuple[str, ...]
+
+
+def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> Photograph:
+    """Read a picture, and what it was taken as. Raises ImageError."""
+    progress("reading", 0.1)
+    settings, picture = read_picture_settings(path), picture_bytes(path)
+    with reading(path, "a picture", ImageError):
+        small = thumbnail(picture)
+    notes: tuple[str, ...] = ()
+    selector, style = None, settings.style if settings.style in profile.styles else ""
+    try:
+        choose_camera(path, settings, {profile.camera.lower(): profile}, asked=False)
+        selector, notes = source_selector(path, settings, profile, None)
+    except SettingsError:
+        pass
+    return Photograph(path, picture, small, selector, style, (*settings.notes, *notes))
+
+
+# --- Brackets ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Bracket:
+    """Pictures without RAW. exposure_s: relative, NaN where not stated; small: JPEGs of them; camera: "" if unknown.
+
+    samples, pairs: the JPEG colours that two exposures share, None where the exposures are not stated or nothing is.
+    """
+
+    files: tuple[Path, ...]
+    exposure_s: tuple[float, ...]
+    small: tuple[bytes, ...]
+    camera: str
+    samples: SampleSet | None = None
+    pairs: ExposurePairs | None = None
+
+    def __str__(self) -> str:
+        count, known = len(self.files), np.array(self.exposure_s)
+        seen = f"{count} pictures{f' of {self.camera}' if self.camera else ''} without RAW"
+        if not np.isfinite(known).all():
+            return f"{seen}; they do not state their exposures: write them under “Exposure times”"
+        steps = len(np.unique(known))
+        if steps < 2:
+            return f"{seen}, all of one exposure: a response needs one scene at several"
+        stops = np.log2(known.max() / known.min())
+        return f"{seen}: a bracket of {steps} exposures over {stops:.1f} stops, if they show one scene"
+
+
+def bracket_in(sources: Sequence[Path], progress: Progress) -> Bracket | None:
+    """Return the pictures that files and folders hold; None where there is anything else, such as RAW files, or one.
+
+    Raises ImageError.
+    """
+    folders = [path for path in sources if path.is_dir()]
+    with suppress(ShotError):
+        if folders and discover(folders):
+            return None
+    files = [file for path in sources for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
+    if any(file in sources and file.suffix.lower() not in PICTURE_SUFFIXES for file in files):
+        return None
+    files = [file for file in files if file.suffix.lower() in PICTURE_SUFFIXES and raw_beside(file) is None]
+    if len(files) < 2:
+        return None
+    small = []
+    for index, file in enumerate(files):
+        progress(file.name, index / len(files))
+        with reading(file.name, "a picture", ImageError):
+            small.append(thumbnail(picture_bytes(file)))
+    times, camera = tuple(map(stated_exposure, files)), read_picture_settings(files[0]).camera
+    found: tuple[SampleSet | None, ExposurePairs | None] = (None, None)
+    with suppress(CalibrationError):  # which Fit response then tells, with what to do
+        found = bracket_samples(files, times, camera, progress)
+    return Bracket(tuple(files), times, tuple(small), camera, *found)
+
+
+@dataclass(frozen=True)
+class BracketRequest:
+    """What `lutforge response` is asked for. times, chart, light, corners: as typed there, "" where not."""
+
+    files: tuple[Path, ...]
+    times: str = ""
+    all_colours: bool = False
+    chart: str = ""
+    light: str = ""
+    corners: str = ""
+
+    def command(self, profile: Path) -> str:
+        """The command that makes the same profile."""
+        words = ["lutforge", "response", *map(str, self.files)]
+        for option, value in (("--times", self.times), ("--chart", self.chart)):
+            words += [option, value] if value else []
+        for option, value in (("--light", self.light), ("--corners", self.corners)):
+            words += [option, value] if value and self.chart else []
+        words += ["--all-colours"] if self.all_colours and not self.chart else []
+        return shlex.join([*words, "-o", str(profile)])
+
+
+def fit_request(request: BracketRequest, progress: Progress) -> FittedResponse | FittedChart:
+    """Fit the response of a bracket, and with a chart the whole rendering. Raises LutForgeError."""
+    times = parse_times(request.times) if request.times else None
+    with scratch_folder() as folder:
+        output, files = folder / "camera.npz", list(request.files)
+        if not request.chart:
+            return response(files, output, times, all_colours=request.all_colours, progress=progress)
+        corners = parse_corners(request.corners) if request.corners else None
+        known = KnownChart(chart_kind(request.chart), request.light or "D50", corners)
+        return write_input_transform(files, output, known, times, progress=progress)
+
+
+# --- Samples and profiles ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """What was opened.
+
+    workspace: None where it was profiles alone; profile_source: the file of the profile; accounts: of shots; left_out:
+    why other shots have none; files: by shot its RAW file; bracket: pictures without RAW, where that is all.
+    """
+
+    workspace: Workspace | None = None
+    profile: CameraProfile | None = None
+    accounts: tuple[ShotSamples, ...] = ()
+    left_out: tuple[str, ...] = ()
+    files: Mapping[str, Path] = field(default_factory=dict)
+    profile_source: Path | None = None
+    bracket: Bracket | None = None
+
+
+def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
+    """A workspace; or samples, shots and folders together; or profiles, with samples beside them.
+
+    Raises LutForgeError in one line.
+    """
+    if len(paths) == 1 and paths[0].suffix.lower() == SUFFIX:
+        progress("reading", 0.0)
+        workspace = open_workspace(paths[0])
+        return Opened(replace(workspace, pairs=find_pairs(workspace.samples)))
+    profiles = [path for path in paths if path.suffix.lower() == ".npz" and not is_table(path)]
+    source = profiles[-1] if profiles else None
+    profile = None if source is None else load_profile(source)
+    sources = [path for path in paths if path not in profiles]
+    if not sources:
+        return Opened(profile=profile, profile_source=source)
+    if (bracket := bracket_in(sources, progress)) is not None:
+        shown = None if bracket.samples is None else Workspace(bracket.samples, bracket.pairs)
+        return Opened(shown, bracket=bracket)
+    sampled = gather_samples(sources, progress)
+    progress("looking for exposure pairs", 0.95)
+    workspace = Workspace(sampled.samples, find_pairs(sampled.samples))
+    if profile is not None:
+        workspace = with_profile(workspace, profile)
+    return Opened(workspace, profile, sampled.shots, sampled.left_out, sampled.files, source)

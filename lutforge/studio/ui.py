@@ -1,0 +1,309 @@
+"""What pages are made of: controls by their labels, figures, and HTML in which all that comes from files is text."""
+
+from collections.abc import Iterable
+from html import escape
+from typing import Any
+
+import numpy as np
+import panel as pn
+import panel_material_ui as pmui
+from bokeh.models import (
+    ColorBar,
+    ColumnDataSource,
+    CustomAction,
+    CustomJS,
+    DataRange1d,
+    HoverTool,
+    LinearColorMapper,
+    Range1d,
+)
+from bokeh.plotting import figure
+from panel.models.plotly import PlotlyPlot
+
+from lutforge.arrays import Array
+from lutforge.report.drawing import GREY, Arrows, Bars, Dots, Drawing, Labels, Line, Lines, Mark, Panel, Raster
+from lutforge.report.tables import Table
+
+FILL = {"sizing_mode": "stretch_both", "margin": 0}
+SCROLLED: dict[str, Any] = {**FILL, "styles": {"overflow": "auto"}}
+NOTHING = {"–": ""}
+"""The options of a list from which nothing can be chosen yet."""
+WIDE = {"sizing_mode": "stretch_width", "margin": (4, 8)}
+TOGETHER = {"sizing_mode": "stretch_width", "margin": 0}
+"""Layout of controls that stand together in a column."""
+NARROW: dict[str, Any] = {"sizing_mode": "fixed", "width": 230}
+
+TEXT = """
+:host { font: 0.875rem/1.4 system-ui, sans-serif; color: var(--mui-palette-text-primary); }
+table { border-collapse: collapse; width: 100%; }
+th, td { text-align: right; padding: 2px 8px; border-bottom: 1px solid var(--mui-palette-divider);
+  font-variant-numeric: tabular-nums; }
+th { font-weight: 600; } th:first-child, td:first-child { text-align: left; }
+h2 { font-size: 0.9375rem; margin: 6px 0 2px; } p { margin: 3px 0; }
+code { font-size: 0.8125rem; overflow-wrap: anywhere; white-space: pre-wrap; }
+a { color: inherit; }
+.pictures { display: flex; gap: 6px; background: #767676; height: 12rem; justify-content: center; }
+.pictures img { flex: 1 1 0; min-width: 0; height: 100%; object-fit: contain; }
+.out { opacity: 0.3; }
+i.colour { display: inline-block; width: 0.9em; height: 0.9em; margin-right: 0.4em; vertical-align: -0.1em;
+  outline: 1px solid var(--mui-palette-divider); }
+"""
+
+
+class Html(str):
+    """HTML that was made here, from texts that were escaped."""
+
+
+def html(form: str, *values: object) -> Html:
+    """HTML of a form with {} in the places of values; each value is escaped, unless it is HTML already."""
+    return Html(form.format(*(value if isinstance(value, Html) else escape(str(value)) for value in values)))
+
+
+def paragraphs(*lines: object) -> Html:
+    """A paragraph a line, each escaped."""
+    return Html("".join(html("<p>{}</p>", line) for line in lines))
+
+
+def text(shown: Html | None = None, **options: Any) -> pn.pane.HTML:
+    """A pane of HTML, made by `html`."""
+    return pn.pane.HTML(shown or "", stylesheets=[TEXT], **{**WIDE, **options})
+
+
+def table(shown: Table) -> Html:
+    """An HTML table; all cells are escaped."""
+    head = "".join(html("<th scope='col'>{}</th>", cell or Html("&nbsp;")) for cell in shown.header)
+    body = "".join("<tr>" + "".join(html("<td>{}</td>", cell) for cell in row) + "</tr>" for row in shown.rows)
+    return html("<h2>{}</h2><table><tr>{}</tr>{}</table>", shown.caption, Html(head), Html(body))
+
+
+def slider(label: str, value: float, start: float, end: float, step: float = 0.01, **more: Any) -> pmui.FloatSlider:
+    """A slider that the keyboard moves, too."""
+    made = pmui.FloatSlider(label=label, value=value, start=start, end=end, step=step, size="small", **{**WIDE, **more})
+    made._priority_changes = ["value"]  # Panel's pause of 50 ms is what a picture would lag behind
+    made._busy__ignore = ["value"]  # and the news that the server is busy
+    return made
+
+
+def limits(label: str, reach: tuple[float, float], step: float) -> pmui.RangeSlider:
+    """A slider with two ends."""
+    return pmui.RangeSlider(label=label, value=reach, start=reach[0], end=reach[1], step=step, size="small", **WIDE)
+
+
+def select(label: str, options: Any, **more: Any) -> pmui.Select:
+    """A list to choose from."""
+    return pmui.Select(label=label, options=options, size="small", **{**WIDE, "margin": (8, 8), **more})
+
+
+def entry(label: str, **more: Any) -> pmui.TextInput:
+    """A line to write into."""
+    return pmui.TextInput(label=label, size="small", **{**WIDE, "margin": (8, 8), **more})
+
+
+def checkbox(label: str, value: bool = False) -> pmui.Checkbox:
+    """A box to tick."""
+    return pmui.Checkbox(label=label, value=value, **WIDE)
+
+
+def written(line: pmui.TextInput) -> str:
+    """What stands in a line, whether or not it was finished with the enter key."""
+    return str(line.value_input or line.value or "").strip()
+
+
+def offer(choice: pmui.Select, names: Iterable[str]) -> None:
+    """Offer these names; what is chosen stays where it is one of them, else the first is chosen."""
+    known = list(names)
+    choice.options = known or NOTHING
+    if choice.value not in known:
+        choice.value = known[0] if known else ""
+
+
+def ticks(label: str) -> pmui.CheckBoxGroup:
+    """A list of which any can be ticked."""
+    return pmui.CheckBoxGroup(label=label, options=[], **WIDE)
+
+
+def sections(parts: dict[str, Any]) -> pmui.Accordion:
+    """Controls by the titles of folds, closed at first."""
+    return pmui.Accordion(*parts.items(), disable_gutters=True, **{**WIDE, "margin": (4, 4)})
+
+
+# --- Figures ----------------------------------------------------------------------------------------------------------
+
+_SAVE_SVG = """
+const view = Bokeh.index.find_one_by_id(drawing.id);
+view.export("svg").to_blob().then((blob) => {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = `${(drawing.title.text || "plot").replace(/[^\\w-]+/g, "_")}.svg`;
+  link.click();
+});
+"""
+
+
+def plot(title: str, tools: str = "pan,wheel_zoom,box_zoom,reset,save", **options: Any) -> Any:
+    """An empty Bokeh figure that fills its place and is saved as PNG or SVG by its tools."""
+    drawing = figure(
+        title=title, tools=tools, toolbar_location="right", sizing_mode="stretch_both", min_width=160, min_height=140,
+        min_border=4, **options,
+    )  # fmt: skip
+    drawing.toolbar.logo = None
+    svg = CustomJS(args={"drawing": drawing}, code=_SAVE_SVG)
+    drawing.add_tools(CustomAction(description="Save as SVG", icon="text_align_left", callback=svg))
+    return drawing
+
+
+def hex_colours(rgb: Array) -> list[str]:
+    """Encoded colours (n, 3) in [0, 1] as "#rrggbb"."""
+    codes = np.rint(np.clip(rgb, 0.0, 1.0) * 255).astype(np.int64)
+    return [f"#{value:06x}" for value in (codes[:, 0] << 16) | (codes[:, 1] << 8) | codes[:, 2]]
+
+
+class Figures:
+    """The place of a drawing in the page. Panels of one kind stay as they are, and show other data."""
+
+    def __init__(self) -> None:
+        self.layout = pn.Column(**FILL)
+        self._kinds: object = None
+        self._panels: list[_BokehPanel] = []
+
+    def show(self, drawing: Drawing | None, missing: str = "") -> None:
+        """Show a drawing; None: a sentence in its place."""
+        rows = () if drawing is None else drawing.rows
+        kinds = [[(panel.log, panel.rows, [_glyph(mark)[1:] for mark in panel.marks]) for panel in row] for row in rows]
+        if kinds != self._kinds or not rows:
+            together: dict[str, Any] = {}  # pictures beside each other are moved and zoomed as one
+            made = [[_BokehPanel(panel, together) for panel in row] for row in rows]
+            self._kinds, self._panels = kinds, [panel for row in made for panel in row]
+            self.layout[:] = [pn.Row(*(panel.figure for panel in row), **FILL) for row in made]
+        if not rows and missing:
+            self.layout[:] = [text(paragraphs(missing))]
+        for held, panel in zip(self._panels, [panel for row in rows for panel in row], strict=True):
+            held.show(panel)
+
+
+class _BokehPanel:
+    def __init__(self, panel: Panel, together: dict[str, Any]) -> None:
+        self.mapper = LinearColorMapper(palette="Cividis256", low=0.0, high=1.0, nan_color=GREY)
+        if panel.bare and not together:
+            together |= {name: DataRange1d(range_padding=0) for name in ("x_range", "y_range")}
+        ranges = together if panel.bare else {
+            name: DataRange1d() if reach is None else Range1d(*reach)
+            for name, reach in (("x_range", panel.x_range), ("y_range", panel.y_range))
+        }  # fmt: skip
+        scale = "log" if panel.log else "linear"
+        self.figure = plot(panel.title, x_axis_type=scale, match_aspect=panel.equal, **ranges)
+        self.figure.xaxis.ticker.desired_num_ticks = 4
+        if panel.rows:
+            self.figure.yaxis.ticker = list(range(len(panel.rows)))
+            self.figure.yaxis.major_label_overrides = dict(enumerate(panel.rows))
+        if panel.bare:
+            self.figure.axis.visible = self.figure.grid.visible = False
+        self.sources = []
+        for mark in panel.marks:
+            columns, glyph, options = _glyph(mark, self.mapper)
+            self.sources.append(ColumnDataSource(columns))
+            getattr(self.figure, glyph)(source=self.sources[-1], **options)
+            if isinstance(mark, Arrows):  # their heads
+                self.figure.scatter("x1", "y1", color=options["color"], size=3, source=self.sources[-1])
+            if glyph == "image":
+                self.figure.add_tools(HoverTool(tooltips=[("value", "@image{0.0000}")]))
+        if panel.scale_name.strip():
+            self.figure.add_layout(ColorBar(color_mapper=self.mapper, width=6), "right")
+        if self.figure.legend:
+            place = "bottom_right" if isinstance(panel.marks[0], Line) else "top_right"
+            self.figure.legend.update(padding=2, margin=4, background_fill_alpha=0.5, location=place)
+
+    def show(self, panel: Panel) -> None:
+        self.mapper.update(low=panel.scale[0], high=panel.scale[1])
+        for mark, source in zip(panel.marks, self.sources, strict=True):
+            source.data = _glyph(mark)[0]
+        self.figure.title.text = panel.title
+        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = panel.x, panel.y
+        for axis, reach in ((self.figure.x_range, panel.x_range), (self.figure.y_range, panel.y_range)):
+            if reach is not None:
+                axis.update(start=reach[0], end=reach[1])
+
+
+def _glyph(mark: Mark, mapper: LinearColorMapper | None = None) -> tuple[dict[str, Any], str, dict[str, Any]]:
+    """The columns of a mark, its Bokeh glyph, and the options of that, which tell marks of one kind."""
+    by_value = {"field": "value", "transform": mapper}
+    label = getattr(mark, "label", "")
+    named = {"legend_label": label} if label else {}
+    columns: dict[str, Any]
+    match mark:
+        case Line():
+            look = {"color": mark.colour, "line_dash": mark.dash, "line_width": mark.width}
+            columns = {"x": mark.x, "y": mark.y}
+            return columns, "line", {**look, **named}
+        case Lines():
+            columns = {"xs": [one[:, 0] for one in mark.curves], "ys": [one[:, 1] for one in mark.curves]}
+            return columns, "multi_line", {"color": mark.colour, "line_width": 0.9, "alpha": 0.8}
+        case Dots():
+            columns = {"x": mark.points[:, 0], "y": mark.points[:, 1]}
+            if mark.values is not None:
+                columns["value"] = mark.values
+            elif not isinstance(mark.colour, str):
+                columns["colour"] = hex_colours(mark.colour)
+            colour = by_value if mark.values is not None else mark.colour if isinstance(mark.colour, str) else "colour"
+            filled = 0.0 if mark.marker == "square" else 1.0
+            look = {"color": colour, "size": mark.size, "marker": mark.marker, "fill_alpha": filled, "line_width": 1.5}
+            return columns, "scatter", {**look, **named}
+        case Arrows():
+            ends = {"x0": mark.start[:, 0], "y0": mark.start[:, 1], "x1": mark.end[:, 0], "y1": mark.end[:, 1]}
+            return {**ends, "value": mark.values}, "segment", {"color": by_value, "line_width": 1.8}
+        case Raster():
+            height, width = mark.values.shape[:2]
+            size, image = mark.size or (width, height), mark.values
+            place = {"x": [0], "y": [0], "dw": [size[0]], "dh": [size[1]]}
+            if image.ndim == 2:
+                return {"image": [image[::-1]], **place}, "image", {"color_mapper": mapper}
+            codes = np.full((height, width, 4), 255, dtype=np.uint8)
+            codes[..., :3] = np.rint(np.clip(image, 0.0, 1.0) * 255)
+            words = codes.view(np.uint32)[..., 0]  # RGBA, as Bokeh takes them
+            return {"image": [words[::-1]], **place}, "image_rgba", {}
+        case Bars():
+            columns = {"left": mark.left, "right": mark.right, "bottom": mark.bottom, "top": mark.top}
+            return columns, "quad", {"fill_color": mark.colour, "fill_alpha": 0.6, "line_color": None, **named}
+        case Labels():
+            columns = {"x": mark.points[:, 0], "y": mark.points[:, 1], "text": list(mark.texts)}
+            return columns, "text", {"text_align": "center", "text_font_size": "0.7em"}
+
+
+class Space:
+    """A scene in three dimensions, turned and zoomed by the mouse: Panel's copy of plotly.js, which WebGL draws."""
+
+    def __init__(self) -> None:
+        saved = {"format": "png", "scale": 2}
+        options = {"displaylogo": False, "responsive": True, "toImageButtonOptions": saved}
+        self.plot = PlotlyPlot(config=options, sizing_mode="stretch_both")
+        self.layout = pn.pane.Bokeh(self.plot, **FILL)
+
+    def show(self, title: str, traces: list[dict[str, Any]], axes: tuple[str, str, str]) -> None:
+        """Show plotly's traces; the axes' names are of x, y, z, of which z is up."""
+        named = zip(("xaxis", "yaxis", "zaxis"), axes, strict=True)
+        scene = {
+            key: {"title": {"text": name}, "color": GREY, "gridcolor": GREY, "zeroline": False} for key, name in named
+        }
+        camera = {"eye": {"x": 1.6, "y": -1.6, "z": 0.9}}
+        self.plot.layout = {
+            "title": {"text": title, "font": {"size": 14}}, "font": {"color": GREY}, "showlegend": False,
+            "paper_bgcolor": "rgba(0,0,0,0)", "margin": {"l": 0, "r": 0, "t": 30, "b": 0}, "uirevision": "kept",
+            "scene": {**scene, "aspectmode": "cube", "camera": camera},
+        }  # fmt: skip
+        self.plot.data_sources = [ColumnDataSource() for _ in traces]
+        self.plot.data = [{"hoverinfo": "skip", **trace} for trace in traces]
+        self.plot._render_count += 1
+
+
+def lines_in_space(ends: Array, colour: str = GREY, width: float = 1.0) -> dict[str, Any]:
+    """A trace of lines between points (n, k, 3) in the order of the axes."""
+    gaps = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1).reshape(-1, 3)
+    x, y, z = ([None if np.isnan(value) else value for value in axis] for axis in gaps.T.tolist())
+    return {"type": "scatter3d", "mode": "lines", "x": x, "y": y, "z": z, "line": {"color": colour, "width": width}}
+
+
+def dots_in_space(points: Array, colour: str | list[str], size: float = 2.0, symbol: str = "circle") -> dict[str, Any]:
+    """A trace of points (n, 3) in the order of the axes."""
+    x, y, z = points.T.tolist()
+    marker = {"color": colour, "size": size, "symbol": symbol}
+    return {"type": "scatter3d", "mode": "markers", "x": x, "y": y, "z": z, "marker": marker}
