@@ -141,7 +141,6 @@ class LookPage:
         self.view = LookView(raw_name="RAW, by the model")
         self.view.param.watch(session.guarded(lambda event: self._choose(event.new)), "chosen")
         self.main = self.view
-        self._look = ChosenLook()
         self._tell_soon = session.rested(self._told)  # the page's words wait while the picture moves
         self.controls = [
             self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
@@ -207,7 +206,7 @@ class LookPage:
 
     def _told(self) -> None:
         """The words of the look, and the other photographs with it."""
-        look = self._look
+        look = self.session.look
         unknown = "" if self.shown is None else "From what it was taken as, which is to be chosen below, to "
         taken = f"From {look.source} to " if look.source else unknown or "Wanted: "
         self.words.object = ui.paragraphs(f"{taken}{look.target}, {look.ev:+g} EV.")
@@ -247,7 +246,6 @@ class LookPage:
         if self.shown is not None and known:
             self.sources[self.shown.path] = look.source, [widget.value for widget in self.source.widgets]
         self.session.chosen = look
-        self._look = look
         self._tell_soon()
 
     def _baked(self, steps: tuple[Any, ...], luts: tuple[Any, ...]) -> None:

@@ -36,11 +36,9 @@ PLOTS = {
     "linearization": "Linearization",
 }
 OF_PAIRS = ("srgb_btf", "raw_btf", "linearization")
-OF_MODELS = ("transformed", "rendering", "linearizing", "linearization")
 COLOURS = ("exposure pair", "own colour", "shot", "residual")
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#5b5b5b", "#8c6d31")
 """Okabe and Ito's colours, told apart by colour-blind eyes, and three more."""
-DIAGONAL = (np.array([[0.0, 1.0], [0.0, 1.0]]),)
 
 
 class SamplesPage:
@@ -251,7 +249,7 @@ class Points:
     pair: Rows
     x_label: str = ""
     y_label: str = ""
-    curves: tuple[Array, ...] = ()
+    curves: Sequence[Array] = ()
     missing: str = ""
 
     def __len__(self) -> int:
@@ -264,59 +262,62 @@ class Points:
 
 def points(workspace: Workspace, plot: str, channel: int) -> Points:
     """All points of one plot and channel that are known."""
-    samples, pairs, fitted, none = workspace.samples, workspace.pairs, workspace.fitted, np.zeros(0, dtype=np.intp)
-    nothing = Points(np.zeros(0), np.zeros(0), none, none, none)
-    if fitted is None and plot in OF_MODELS:
-        return replace(nothing, missing="fit a model first: this plot shows what it makes of the values")
-    if pairs is None and plot in OF_PAIRS:
-        return replace(nothing, missing="no two shots show the same patches at different exposures")
-    rows = (np.arange(len(samples)),) * 2
-    number = np.full(len(samples), -1, dtype=np.intp)
+    samples, pairs, fitted = workspace.samples, workspace.pairs, workspace.fitted
+    largest = samples.srgb.max(axis=1, keepdims=True).repeat(3, axis=1)
+    saturation = workspace.columns["saturation"][:, None].repeat(3, axis=1)
+    shown = {
+        "srgb_raw": (samples.raw, samples.srgb, "RAW, before white balance", "sRGB"),
+        "saturation": (largest, saturation, "largest channel, sRGB", "saturation"),
+    }
+    row = partner = np.arange(len(samples))
+    number, curves = np.full(len(samples), -1, dtype=np.intp), list[Array]()
     if pairs is not None:
         number[pairs.second_row] = number[pairs.first_row] = pairs.of_shots
+        pairs = pairs.without(workspace.unticked)
+        shown["srgb_btf"] = pairs.first, pairs.second, "sRGB, shorter exposure", "sRGB, longer exposure"
+        shown["raw_btf"] = pairs.raw_first, pairs.raw_second, "RAW, shorter exposure", "RAW, longer exposure"
         if plot in OF_PAIRS:
-            pairs = pairs.without(workspace.unticked)
-            rows, number = (pairs.first_row, pairs.second_row), pairs.of_shots
-    curves: tuple[Array, ...] = DIAGONAL if plot in ("rendering", "linearizing", "linearization") else ()
-    if pairs is not None and plot == "srgb_btf":
-        curves = _brightness_transfers(workspace, pairs.log_ratio, channel)
-        at, labels = (pairs.first, pairs.second), ("sRGB, shorter exposure", "sRGB, longer exposure")
-    elif pairs is not None and plot == "raw_btf":
-        at, labels = (pairs.raw_first, pairs.raw_second), ("RAW, shorter exposure", "RAW, longer exposure")
-    elif pairs is not None and fitted is not None and plot == "linearization":
-        linear = fitted.predicted.linearized
-        at = np.exp(pairs.log_ratio)[:, None] * linear[rows[0]], linear[rows[1]]
-        labels = ("k · linearized, shorter exposure", "linearized, longer exposure")
-    elif fitted is not None and plot == "transformed":
-        at, labels = (fitted.predicted.transformed, samples.srgb), ("transformed RAW, before the response", "sRGB")
-        even = np.linspace(0.0, 1.0, 257)
-        curves = (np.stack([even, next(iter(fitted.profile.styles.values())).tones(even)[:, channel]]),)
-    elif fitted is not None and plot == "rendering":
-        at = fitted.predicted.transformed, fitted.predicted.decoded
-        labels = ("transformed RAW", "linearized sRGB")
-    elif fitted is not None and plot == "linearizing":
-        at, labels = (fitted.predicted.scene, fitted.predicted.linearized), ("transformed RAW", "linearized sRGB")
-    elif plot == "saturation":
-        largest = samples.srgb.max(axis=1, keepdims=True).repeat(3, axis=1)
-        at = largest, workspace.columns["saturation"][:, None].repeat(3, axis=1)
-        labels = ("largest channel, sRGB", "saturation")
-    else:
-        at, labels = (samples.raw, samples.srgb), ("RAW, before white balance", "sRGB")
-    shown = Points(at[0][:, channel], at[1][:, channel], *rows, number, *labels, curves)
-    known = np.isfinite(shown.x) & np.isfinite(shown.y)
-    return replace(shown.select(known), missing="" if known.any() else "no sample has these values")
+            row, partner, number = pairs.first_row, pairs.second_row, pairs.of_shots
+        if plot == "srgb_btf":
+            curves = brightness_transfers(workspace, pairs.log_ratio, channel)
+    if fitted is not None:
+        made = fitted.predicted
+        shown["transformed"] = made.transformed, samples.srgb, "transformed RAW, before the response", "sRGB"
+        shown["rendering"] = made.transformed, made.decoded, "transformed RAW", "linearized sRGB"
+        shown["linearizing"] = made.scene, made.linearized, "transformed RAW", "linearized sRGB"
+        if pairs is not None and plot == "linearization":
+            first = np.exp(pairs.log_ratio)[:, None] * made.linearized[row]
+            names = "k · linearized, shorter exposure", "linearized, longer exposure"
+            shown[plot] = first, made.linearized[partner], *names
+        if plot == "transformed":
+            even = np.linspace(0.0, 1.0, 257)
+            curves = [np.stack([even, next(iter(fitted.profile.styles.values())).tones(even)[:, channel]])]
+        elif plot in ("rendering", "linearizing", "linearization"):
+            curves = [np.array([[0.0, 1.0], [0.0, 1.0]])]
+    if plot not in shown:
+        unfitted = fitted is None and plot not in ("srgb_btf", "raw_btf")
+        missing = (
+            "fit a model first: this plot shows what it makes of the values" if unfitted
+            else "no two shots show the same patches at different exposures"
+        )  # fmt: skip
+        none = np.zeros(0, dtype=np.intp)
+        return Points(np.zeros(0), np.zeros(0), none, none, none, missing=missing)
+    x, y, *labels = shown[plot]
+    all_points = Points(x[:, channel], y[:, channel], row, partner, number, *labels, curves)
+    known = np.isfinite(all_points.x) & np.isfinite(all_points.y)
+    return replace(all_points.select(known), missing="" if known.any() else "no sample has these values")
 
 
-def _brightness_transfers(workspace: Workspace, log_ratio: Array, channel: int) -> tuple[Array, ...]:
+def brightness_transfers(workspace: Workspace, log_ratio: Array, channel: int) -> list[Array]:
     """(2, 256) each: f(k f⁻¹(I)) over I, the brightness transfer functions of the ratios k of exposure pairs."""
     response = workspace.response
     if response is None:
-        return ()
+        return []
     encoded = np.linspace(0.0, 1.0, 256)
     linear = response.linearize(np.repeat(encoded[:, None], 3, axis=1))
     # Times are read off to a hundredth of a stop: what differs by less is one ratio.
     ratios = np.unique(np.rint(100 * log_ratio / np.log(2))).tolist()
-    return tuple(np.stack([encoded, response.encode(2.0 ** (ratio / 100) * linear)[:, channel]]) for ratio in ratios)
+    return [np.stack([encoded, response.encode(2.0 ** (ratio / 100) * linear)[:, channel]]) for ratio in ratios]
 
 
 def colours_in_space(workspace: Workspace, shown: str) -> tuple[Array, Rows]:

@@ -248,8 +248,8 @@ class Session:
 
         @wraps(callback)
         def guarded(*arguments: Any) -> None:
-            document = pn.state.curdoc
-            if document is None or document.session_context is None:
+            document = served_document()
+            if document is None:
                 run(*arguments)
                 return
 
@@ -331,8 +331,8 @@ class Session:
         run, waiting = self.guarded(callback), list[Any]()
 
         def later() -> None:
-            document = pn.state.curdoc
-            if document is None or document.session_context is None:
+            document = served_document()
+            if document is None:
                 run()
                 return
             for one in waiting:
@@ -425,6 +425,12 @@ class Session:
             for work in works:
                 if work.job is not None:
                     work.job.cancel()
+
+
+def served_document() -> Any:
+    """The document of the page that is being served; None without one, as in a script."""
+    document = pn.state.curdoc
+    return None if document is None or document.session_context is None else document
 
 
 def usual_setting(profile: CameraProfile) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import panel as pn
 import panel_material_ui as pmui
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image, ImageColor, ImageDraw
 
 from lutforge.arrays import Array, Mask
 from lutforge.model.camera_profile import CameraProfile
@@ -194,23 +194,21 @@ class ShotsPage:
         if self.session.opened.bracket is not None:
             self.session.pictures_out = tuple(out)
         if self.session.history is not None and out != self.session.workspace.out:
-            self.session.change(replace(self.session.workspace, out=out))
-            self.session.say(f"{len(out)} shots left out" if out else "all shots take part")
+            news = f"{len(out)} shots left out" if out else "all shots take part"
+            self.session.change(replace(self.session.workspace, out=out), news)
 
     def _cards(self, workspace: Workspace, profile: CameraProfile | None) -> Iterator[tuple[str, ui.Html]]:
         accounts = {account.shot: account for account in self.session.opened.accounts}
-        outliers = {
-            str(name): workspace.outliers[workspace.samples.shot == name] for name in set(workspace.samples.shot)
-        }
         for name, samples in workspace.samples.by_shot():
             account = accounts.get(name)
             cells = None if account is None else account.cells
             if account is None or cells is None:
                 pictures = {"samples": swatches(samples.srgb)}
             elif self.shown.value == SHOWN[1]:
-                pictures = {"samples, outliers orange": framed(cells.picture, account.places, outliers[name])}
+                out = workspace.outliers[workspace.samples.shot == name]
+                pictures = {"samples, outliers orange": framed(cells.picture, account.places, out)}
             elif self.shown.value == SHOWN[2]:
-                colours = np.array([[int(one[at : at + 2], 16) for at in (1, 3, 5)] for one in OUTCOME_COLOURS])
+                colours = np.array([ImageColor.getrgb(colour) for colour in OUTCOME_COLOURS])
                 mixed = 0.3 * cells.jpeg + 0.7 * colours[cells.outcome]
                 kept = cells.outcome[..., None] == 0
                 pictures = {"tiles": np.where(kept, cells.jpeg, mixed).astype(np.uint8).repeat(4, 0).repeat(4, 1)}

@@ -378,8 +378,10 @@ def open_workspace(path: str | Path) -> Workspace:
         with zipfile.ZipFile(path) as archive, scratch_folder() as folder:
             document = _document(archive)
             samples = read_samples(_extract(archive, SAMPLES, folder))
-            marks = _marks(np.load(_extract(archive, MARKS, folder), allow_pickle=False), document)
+            marks = np.load(_extract(archive, MARKS, folder), allow_pickle=False)
             profiles = {name: load_profile(_extract(archive, f"{name}.npz", folder)) for name in document["models"]}
+        if marks.dtype != np.int8 or marks.shape[1:] != (1 + len(document["groups"]) + len(profiles),):
+            raise WorkspaceError("damaged, its marks are not of its groups and models")
         groups = {
             str(entry["name"])[:60]: Group(marks[:, index] != 0, bool(entry["active"]))
             for index, entry in enumerate(document["groups"], start=1)
@@ -418,12 +420,6 @@ def _extract(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
     with archive.open(name) as source, (folder / name).open("wb") as target:
         shutil.copyfileobj(source, target, 1 << 20)
     return folder / name
-
-
-def _marks(marks: NDArray[Any], document: dict[str, Any]) -> NDArray[np.int8]:
-    if marks.dtype != np.int8 or marks.ndim != 2 or marks.shape[1] != 1 + len(document["groups"] + document["models"]):
-        raise WorkspaceError("damaged, its marks are not of its groups and models")
-    return np.ascontiguousarray(marks)
 
 
 def with_profile(workspace: Workspace, profile: CameraProfile) -> Workspace:
