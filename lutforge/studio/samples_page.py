@@ -287,8 +287,8 @@ def points(workspace: Workspace, plot: str, channel: int) -> Points:
         shown["linearizing"] = made.scene, made.linearized, "transformed RAW", "linearized sRGB"
         if pairs is not None and plot == "linearization":
             first = np.exp(pairs.log_ratio)[:, None] * made.linearized[row]
-            names = "k · linearized, shorter exposure", "linearized, longer exposure"
-            shown[plot] = first, made.linearized[partner], *names
+            labels = "k · linearized, shorter exposure", "linearized, longer exposure"
+            shown[plot] = first, made.linearized[partner], *labels
         if plot == "transformed":
             even = np.linspace(0.0, 1.0, 257)
             curves = [np.stack([even, next(iter(fitted.profile.styles.values())).tones(even)[:, channel]])]
@@ -302,8 +302,8 @@ def points(workspace: Workspace, plot: str, channel: int) -> Points:
         )  # fmt: skip
         none = np.zeros(0, dtype=np.intp)
         return Points(np.zeros(0), np.zeros(0), none, none, none, missing=missing)
-    x, y, *labels = shown[plot]
-    all_points = Points(x[:, channel], y[:, channel], row, partner, number, *labels, curves)
+    x, y, x_label, y_label = shown[plot]
+    all_points = Points(x[:, channel], y[:, channel], row, partner, number, x_label, y_label, curves)
     known = np.isfinite(all_points.x) & np.isfinite(all_points.y)
     return replace(all_points.select(known), missing="" if known.any() else "no sample has these values")
 
