@@ -357,7 +357,8 @@ class ComparisonView(View):
         words = ui.text(ui.paragraphs("Fits every method once for each group of shots left out: this takes a while."))
         self.style, self.tables = ui.select("Style", ui.NOTHING, **ui.NARROW), ui.text(**ui.SCROLLED)
         self.drawings: dict[str, Drawing] = {}
-        super().__init__(session, compute, self.style, words, beside=self.tables)
+        super().__init__(session, compute, self.style, words)
+        self.layout.append(self.tables)
 
     def draw(self) -> None:
         """What was compared, until it is compared again."""
