@@ -24,7 +24,7 @@ def _context() -> Any:
     if os.name != "posix":
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["lutforge.studio.opening", "lutforge.pipeline.reports"])
+    context.set_forkserver_preload(["lutforge.studio.opening"])
     return context
 
 
