@@ -41,6 +41,7 @@ class Calibration:
     styles: Mapping[str, CalibratedStyle] = field(default_factory=dict)
 
 
+@one_blas_thread
 def calibrate(
     samples: SampleSet,
     options: CalibrationOptions | None = None,
@@ -90,6 +91,7 @@ def calibrate(
     return Calibration(profile, styles)
 
 
+@one_blas_thread
 def calibrate_stages(
     samples: SampleSet, options: CalibrationOptions | None = None, progress: Progress = silent
 ) -> CameraProfile:
@@ -125,7 +127,6 @@ def _weaknesses(samples: SampleSet, data: Mapping[str, StyleData], clipped: int)
     return notes
 
 
-@one_blas_thread
 def _fit_styles(
     data: Mapping[str, StyleData],
     physical: Mapping[str, PhysicalModel],

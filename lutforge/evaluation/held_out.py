@@ -62,6 +62,7 @@ def _by_fold(
     return result
 
 
+@one_blas_thread
 def predict(
     style: PictureStyle,
     name: str,
@@ -138,7 +139,6 @@ def with_compared(
     return replace(predictions, fits=fits)
 
 
-@one_blas_thread
 def _without_each(
     trains: Sequence[StyleData], fitter: Fitter, progress: Callable[[float], None]
 ) -> list[dict[str, Fit]]:

@@ -23,8 +23,10 @@ from lutforge.model.gamut_map import even_slope
 from lutforge.model.lattice import grid
 from lutforge.model.profile_data import Both, Direction, PictureStyle
 from lutforge.progress import Progress, part
+from lutforge.solvers.blas import one_blas_thread
 
 
+@one_blas_thread
 def measured(calibration: Calibration, options: CalibrationOptions, progress: Progress) -> CameraProfile:
     """Return the calibrated profile with its errors on shots left out, and notes on what makes them weak."""
     profile = calibration.profile

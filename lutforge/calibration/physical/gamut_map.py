@@ -77,7 +77,7 @@ def fit_gamut_map(
     nugget = options.nugget
     if nugget is None:
         nugget = _choose_nugget(source, target, slope, names, options)
-    chosen = _first_centres(source, min(64, options.most, len(source)))
+    chosen = farthest_points(source, min(64, options.most, len(source)))
     while True:
         gamut_map = solve(source[chosen], target[chosen], nugget / slope[chosen] ** 2)
         residual = np.linalg.norm(gamut_map(source) - target, axis=1) * slope
@@ -141,13 +141,13 @@ def merge_coincident(
     return merged_source, merged_target, slope[first], names[first]
 
 
-def _first_centres(source: Array, count: int) -> NDArray[np.intp]:
-    """Farthest-point sampling: the corner colours first, then what is farthest from those chosen."""
-    chosen = [int(np.argmin(source.sum(axis=1)))]
-    distance = np.linalg.norm(source - source[chosen[0]], axis=1)
+def farthest_points(points: Array, count: int) -> NDArray[np.intp]:
+    """Choose `count` of the points (n, 3): the darkest first, then always the one farthest from those chosen."""
+    chosen = [int(np.argmin(points.sum(axis=1)))]
+    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
     while len(chosen) < count:
         chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(source - source[chosen[-1]], axis=1))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return np.array(chosen)
 
 

@@ -2,24 +2,28 @@
 
 A fixed rendering takes each scene colour to one JPEG colour I, so that y = log₂ Σ Tw E is a smooth function λ of I.
 Brightness that depends on place, shot or setting is added linearly with a few coefficients β: y = λ(I) + z·β + ε
-(Robinson 1988, https://doi.org/10.2307/1912705). λ is a sum of radial basis functions for each style. It is projected
-out of y and of every column of z, and β is fitted to the residuals, which gives the β of the joint fit (Frisch & Waugh
-1933, https://doi.org/10.2307/1907330). So the gamut map need not be known.
+(Robinson 1988, https://doi.org/10.2307/1912705). λ is a Gaussian process for each style, with the kernel of the gamut
+map, spanned by its values at a few of the colours. It is projected out of y and of every column of z, and β is fitted
+to the residuals, which gives the β of the joint fit (Frisch & Waugh 1933, https://doi.org/10.2307/1907330). So the
+gamut map need not be known.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.physical.radial_basis import SMOOTHNESS, RadialBasisProblem, spread
+from lutforge.calibration.physical.gamut_map import farthest_points
+from lutforge.model.gamut_map import kriging_covariance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 
 NOISE = 0.03
 """Standard deviation of y, in stops, of bright samples; that of darker ones is larger, because codes are rounded."""
+PRIOR = 10.0
+"""Standard deviation of λ, in stops, from black to white."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +69,12 @@ def partial_model(samples: SampleSet, multipliers: Array, usable: Mask) -> Parti
         mine = np.sort(rng.permutation(mine)[:4000])
         encoded = np.ascontiguousarray(samples.srgb[mine])
         shots, member = np.unique(samples.shot[mine], return_inverse=True)
-        try:
-            problem = RadialBasisProblem(encoded, encoded[spread(encoded, min(150, len(mine) // 8))])
-            stiff = SMOOTHNESS * problem.bending + 1e-9 * len(mine) * np.eye(len(problem.bending))
-        except (LinAlgError, ValueError):
-            continue
-        own = len(problem.bending)
-        penalty = np.zeros((own + len(shots), own + len(shots)))
-        penalty[:own, :own] = stiff
-        np.fill_diagonal(penalty[own:, own:], (NOISE / 0.1) ** 2)
+        centres = encoded[farthest_points(encoded, min(150, len(mine) // 8))]
+        covariance = np.tril(kriging_covariance(centres))
+        covariance += np.tril(covariance, -1).T + 1e-9 * np.eye(len(centres))
         parts.append(mine)
-        designs.append(np.hstack([problem.design, np.eye(len(shots))[member]]))
-        bending.append(penalty)
+        designs.append(np.hstack([kriging_covariance(encoded, centres), np.eye(len(shots))[member]]))
+        bending.append(block_diag((NOISE / PRIOR) ** 2 * covariance, (NOISE / 0.1) ** 2 * np.eye(len(shots))))
     if not parts:
         return None
     rows = np.concatenate(parts)
