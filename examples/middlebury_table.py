@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
-from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.unsaturated import BETA, saturation
 from lutforge.calibration.physical.white_balance import complete_multipliers
+from lutforge.calibration.style import StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.linearization import model_delta
 from lutforge.evaluation.methods import colour_polynomial, mixed_channel_polynomials
@@ -36,8 +36,8 @@ AUTOMATIC = ("CanonPowerShotS50", "CanonPowerShotS60", "CasioEX-Z55")
 NOTES = """Made by `examples/middlebury_table.py` from the patch means of the photographs of Chakrabarti, Scharstein &
 Zickler, "An empirical camera model for internet color vision" (BMVC 2009), as trimmed by Zhao et al. 2022
 (github.com/zyfccc). RMSE of RAW before white balance, 1 = full scale; δ is equation (4.11) over all exposure pairs of
-both lights, in linear sRGB. Both files are 8-bit, which alone costs about 0.001. Choices of the method were made with
-both tables in view; that they are not choices for these cameras is shown by `tests/benchmarks/unseen_cameras.py`.
+both lights, in linear sRGB. Both files are 8-bit, which alone costs about 0.001. The full model is the one that
+`lutforge calibrate` fits; its kernel was chosen on a Canon S40 and a Nikon D40, which are not among these cameras.
 
 - CanonPowerShotS50, CanonPowerShotS60, CasioEX-Z55: their white balance followed the light (greys of other RAW ratios
   came out equally grey), and the file does not say how; every method got the same three gains per test shot, read from
@@ -46,8 +46,6 @@ both tables in view; that they are not choices for these cameras is shown by `te
   greys come out as 93 90 96, 132 149 159 and 180 194 216 in three exposures of light 2: it renders each shot
   differently (the thesis's photofinishing mode), so that no fixed f and T fit, and the response found is a compromise
   between shots.
-- SonyDSLR-A100: trained on light 1, a polynomial per channel is best, for one patch: a saturated blue of light 2, of
-  code 0.98 where light 1 has none above 0.95, comes out 0.17 too bright, and is most of the error.
 - PentaxK10D: its chart stays below 0.4 of saturation; h has nothing to do there and costs nothing.
 """
 
@@ -87,15 +85,13 @@ def unclipped(samples: SampleSet) -> NDArray[np.bool_]:
 
 
 def fit(samples: SampleSet) -> tuple[PhysicalModel, Array]:
-    """The model of one camera, and the multipliers (3,) of its one setting."""
+    """The model that `lutforge calibrate` fits to one camera, and the multipliers (3,) of its one setting."""
     try:
         start, _ = complete_multipliers(samples)
     except CalibrationError:  # nothing neutral in the JPEGs: the setting did not fit the light
         start = np.ones((len(samples), 3))
-    stages = fit_stages(samples, start, np.zeros(len(samples), dtype=np.bool_))
-    multipliers, response = stages.multipliers[0], stages.responses["standard"]
-    maps = fit_gamut_maps(samples.raw * multipliers, samples.srgb, samples.shot, stages.matrix, response, ("wb1",))
-    return maps.model, multipliers
+    multipliers = np.median(start, axis=0)
+    return StyleData(samples.raw * multipliers, samples.srgb, samples.shot, samples).model, multipliers
 
 
 def measure(samples: SampleSet, light: str = "light1") -> Row:

@@ -5,16 +5,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lutforge.arrays import Array
+from lutforge.arrays import Array, Mask
 from lutforge.calibration.lattice.bake import node_coverage
+from lutforge.calibration.lattice.monochrome import monochrome_note
 from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
+from lutforge.calibration.physical.physical_model import CameraStages, fit_gamut_maps, fit_stages
+from lutforge.calibration.physical.unsaturated import BETA, LEAST_UNSATURATED, saturation
 from lutforge.calibration.physical.white_balance import named_white_balances
 from lutforge.calibration.preparation import prepare
-from lutforge.calibration.shots.thin_samples import thin_colours, thin_settings
-from lutforge.calibration.stages import base_of, fit_camera_stages, stages_of
-from lutforge.calibration.style_data import StyleData, style_data
-from lutforge.calibration.style_fit import fit_lattices
+from lutforge.calibration.style import StyleData, fit_lattices, style_data, unclipped
+from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
@@ -67,7 +70,7 @@ def calibrate(
             fitted = stages_of(stages, samples, multipliers)
         multipliers = fitted.multipliers
         if options.preset == "thesis":
-            physical = {name: maps.model for name, maps in fitted.maps(samples, options).items()}
+            physical = fitted.maps(samples, options)
             matrix = fitted.matrix if matrix is None else matrix
     data, clipped = style_data(samples, multipliers)
     data = {name: replace(style, most_centres=options.physical.centres) for name, style in data.items()}
@@ -155,3 +158,122 @@ def _matrix_of_most(styles: Mapping[str, CalibratedStyle]) -> Array:
     """Ts of the style with most samples; the identity where all styles are black and white."""
     coloured = [style for style in styles.values() if not style.data.monochrome]
     return max(coloured, key=lambda style: len(style.data.shot)).data.unsaturated.matrix if coloured else np.eye(3)
+
+
+def thin_settings(samples: SampleSet) -> tuple[str, ...]:
+    """Return notes on white balances with a single shot, and on styles with a single exposure."""
+    notes = []
+    for name in np.unique(samples.white_balance):
+        shots = np.unique(samples.shot[samples.white_balance == name])
+        if len(shots) == 1 and len(np.unique(samples.shot)) > 1:
+            notes.append(
+                f'white balance "{name}": one shot only ({shots[0]}); nothing can be checked against it: add a second'
+            )
+    for name in np.unique(samples.style):
+        rows = samples.style == name
+        times = samples.exposure_s[rows & np.isfinite(samples.exposure_s)]
+        if len(times) and np.ptp(np.log2(times)) < 0.1:
+            notes.append(
+                f'style "{name}": one exposure only: shoot the same at −2 and +1 EV, too, for dark and light tones'
+            )
+    return tuple(notes)
+
+
+def thin_colours(encoded: Array, style: str, *, monochrome: bool = False) -> tuple[str, ...]:
+    """Notes on the colours that a style's unclipped samples (n, 3) lack; monochrome: the style is black and white."""
+    notes = []
+    if (saturation(encoded) < BETA).sum() < LEAST_UNSATURATED:
+        notes.append(
+            f'style "{style}": hardly any unsaturated colours, so its greys are guessed: '
+            "shoot a grey card or a colour chart at several exposures"
+        )
+    brightest = float(np.max(encoded, initial=0.0))
+    # Encoded value that the brightest unclipped sample of a style should reach
+    if brightest < 0.85:
+        notes.append(
+            f'style "{style}": no sample is brighter than {brightest:.0%} of white, so brighter tones are guessed, '
+            "and the errors do not show it: expose more"
+        )
+    if monochrome:
+        return (*notes, monochrome_note(style))
+    shares = encoded / encoded.sum(axis=1, keepdims=True)
+    spread = np.linalg.svd(shares - shares.mean(axis=0), compute_uv=False)
+    # Shares of red, green and blue that spread less than this in their second direction are of one hue, or grey
+    if spread[1] < 0.02 * np.sqrt(len(encoded)):
+        notes.append(
+            f'style "{style}": all colours are grey or of one hue, so all others are guessed: '
+            "shoot a colour chart or a scene of many colours"
+        )
+    return tuple(notes)
+
+
+@dataclass(frozen=True, eq=False)
+class Stages(CameraStages):
+    """The stages of one camera, for all its samples. usable: (n,) those that a gamut map can be fitted to."""
+
+    usable: Mask
+
+    def maps(self, samples: SampleSet, options: CalibrationOptions) -> dict[str, PhysicalModel]:
+        """Fit h and h⁻¹ of each style that has samples. Raises CalibrationError."""
+        balances, maps = tuple(str(name) for name in np.unique(samples.white_balance)), {}
+        for name, response in self.responses.items():
+            rows = self.usable & (samples.style == name)
+            if rows.any():
+                maps[name] = fit_gamut_maps(
+                    samples.raw[rows] * self.multipliers[rows], samples.srgb[rows], samples.shot[rows], self.matrix,
+                    response, balances, options.physical,
+                )  # fmt: skip
+        return maps
+
+    def styles(self, white_balances: tuple[str, ...]) -> dict[str, PictureStyle]:
+        """The styles as a profile has them, with gamut maps that change nothing."""
+        none = identity_gamut_map()
+        return {
+            name: PictureStyle(physical=(PhysicalModel(white_balances, self.matrix, response, none, none),))
+            for name, response in self.responses.items()
+        }
+
+
+def fit_camera_stages(samples: SampleSet, multipliers: Array, options: CalibrationOptions) -> Stages:
+    """Fit f of every style, Ts and the unknown Tw of samples of one camera; black-and-white styles are left out.
+
+    multipliers: (n, 3), guesses where the samples tell none. Raises CalibrationError.
+    """
+    without = [name for name, style in style_data(samples, multipliers)[0].items() if style.monochrome]
+    usable = unclipped(samples, multipliers) & ~np.isin(samples.style, without)
+    if not usable.any():
+        raise CalibrationError(
+            f'style "{without[0]}" is black and white: its JPEGs hold no colour to fit the physical model to: '
+            'use the "lattice" model, or add shots in another style'
+        )
+    inside, known = samples.select(usable), np.all(np.isfinite(samples.wb), axis=1)
+    stages = fit_stages(inside, multipliers[usable], known[usable], options.preset, options.physical)
+    completed = multipliers.copy()
+    completed[usable] = stages.multipliers
+    automatic = np.where(samples.white_balance == "auto", np.char.add("auto\x00", samples.shot), samples.white_balance)
+    for setting in np.unique(automatic[~known]):
+        fitted = ~known & (automatic == setting) & usable
+        if fitted.any():
+            completed[~known & (automatic == setting)] = completed[fitted][0]
+    return Stages(stages.matrix, completed, stages.responses, usable)
+
+
+def stages_of(profile: CameraProfile, samples: SampleSet, multipliers: Array) -> Stages:
+    """Take the stages of a profile for samples with multipliers Tw (n, 3). Raises CalibrationError: it has none."""
+    models = {name: style.physical[0] for name, style in profile.styles.items() if style.physical}
+    responses = {name: model.response for name, model in models.items()}
+    usable = unclipped(samples, multipliers) & np.isin(samples.style, list(responses))
+    if not usable.any():
+        raise CalibrationError(
+            f"the given response and matrix are of the styles {', '.join(responses) or 'none'}; the samples are of "
+            f"{', '.join(np.unique(samples.style))}"
+        )
+    return Stages(next(iter(models.values())).matrix, multipliers, responses, usable)
+
+
+def base_of(profile: CameraProfile, style: str) -> MatrixAndResponse | None:
+    """Return the matrix and response of a style as what a lattice follows; None where the profile has none."""
+    physical = profile.styles[style].physical if style in profile.styles else ()
+    if not physical:
+        return None
+    return MatrixAndResponse(physical[0].matrix, physical[0].response)

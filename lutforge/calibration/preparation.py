@@ -17,7 +17,7 @@ from lutforge.calibration.physical.white_balance import (
 from lutforge.calibration.plausibility import NOT_ONE_CAMERA, implausible
 from lutforge.calibration.shots.departures import departing_shots, departure_notes
 from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
-from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
+from lutforge.calibration.style import LEAST_SAMPLES, StyleData, style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import Falloff

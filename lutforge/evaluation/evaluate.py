@@ -13,7 +13,7 @@ from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_gains
 from lutforge.calibration.shots.departures import Departure, find_departures
 from lutforge.calibration.shots.falloff import at_the_centre
-from lutforge.calibration.style_data import style_data, styles_with_enough, unclipped
+from lutforge.calibration.style import style_data, styles_with_enough, unclipped
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation, EvaluationRow, error_rows, raw_errors
 from lutforge.evaluation.held_out import Predictions, predict

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.style_data import LEAST_SAMPLES, StyleData
+from lutforge.calibration.style import LEAST_SAMPLES, StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import Fit, Fitter, fit_baselines, fits_of_profile
 from lutforge.model.profile_data import Both, Direction, PhysicalModel, PictureStyle

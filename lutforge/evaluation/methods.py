@@ -11,8 +11,7 @@ from numpy.polynomial import Polynomial
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse, with_matrix_of_all
-from lutforge.calibration.style_data import StyleData
-from lutforge.calibration.style_fit import fit_lattices, fit_physical
+from lutforge.calibration.style import StyleData, fit_lattices, fit_physical
 from lutforge.calibration.thesis.lattice import fit_uniform
 from lutforge.errors import CalibrationError
 from lutforge.model.lattice import Lattice

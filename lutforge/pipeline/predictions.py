@@ -10,8 +10,7 @@ from lutforge.arrays import Array
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.white_balance import complete_multipliers, with_known_balances
 from lutforge.calibration.shots.falloff import at_the_centre
-from lutforge.calibration.style_data import style_data
-from lutforge.calibration.style_fit import uniform_lattice_errors
+from lutforge.calibration.style import style_data, uniform_lattice_errors
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile

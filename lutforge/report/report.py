@@ -13,8 +13,7 @@ from lutforge.calibration.physical.brightness_transfer import judge, transfer_fu
 from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.shots.departures import Departure
-from lutforge.calibration.style_data import StyleData
-from lutforge.calibration.style_fit import uniform_lattice_errors
+from lutforge.calibration.style import StyleData, uniform_lattice_errors
 from lutforge.colour.srgb import delta_e_2000, srgb_to_lab
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.errors_table import visibility

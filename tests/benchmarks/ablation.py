@@ -31,8 +31,7 @@ import lutforge as lf
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import kriging
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.style_data import ClippedColours, StyleData, unclipped
-from lutforge.calibration.style_fit import fit_lattices
+from lutforge.calibration.style import ClippedColours, StyleData, fit_lattices, unclipped
 from lutforge.colour.spectra import light
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.model import gamut_map

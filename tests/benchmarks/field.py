@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.calibration.physical.white_balance import complete_multipliers
-from lutforge.calibration.style_data import style_data
+from lutforge.calibration.style import style_data
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.errors import LutForgeError
 from lutforge.evaluation.methods import LATTICE, fit_baselines

@@ -28,7 +28,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.interpolate import RBFInterpolator
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.style_fit import fit_lattices
+from lutforge.calibration.style import fit_lattices
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut

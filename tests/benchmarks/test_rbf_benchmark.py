@@ -57,7 +57,7 @@ def test_greedy_fit(benchmark: BenchmarkFixture) -> None:
 
 
 def test_evaluation(benchmark: BenchmarkFixture) -> None:
-    gamut_map = solve(SOURCE[:CENTRES], TARGET[:CENTRES], np.full(CENTRES, 1e-3))
+    gamut_map = solve(SOURCE[:CENTRES], TARGET[:CENTRES], 1e-3)
     _timed(benchmark, lambda: gamut_map(PIXELS), 5)
     assert _median(benchmark) <= 0.8 or not _idle()
 
@@ -71,5 +71,5 @@ def test_scipy_evaluation_of_a_fiftieth(benchmark: BenchmarkFixture) -> None:
     scipy_map = RBFInterpolator(SOURCE[:CENTRES], TARGET[:CENTRES], kernel="linear", degree=1, smoothing=1e-3)
     pixels = PIXELS[::50]
     expected = _timed(benchmark, lambda: scipy_map(pixels), 1)
-    ours = solve(SOURCE[:CENTRES], TARGET[:CENTRES], np.full(CENTRES, 1e-3))(pixels)
+    ours = solve(SOURCE[:CENTRES], TARGET[:CENTRES], 1e-3)(pixels)
     np.testing.assert_allclose(ours, expected, atol=1e-4)

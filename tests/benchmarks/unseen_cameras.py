@@ -20,10 +20,12 @@ from dataclasses import astuple, dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lutforge.calibration.options import Preset
+from lutforge.calibration.options import PhysicalOptions, Preset
+from lutforge.calibration.physical.kriging import fit_camera_model
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.white_balance import complete_multipliers
-from lutforge.calibration.style_data import unclipped
+from lutforge.calibration.style import unclipped
 from lutforge.colour.spectra import WAVELENGTHS, light
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
@@ -243,13 +245,16 @@ def measure(camera: UnseenCamera, preset: Preset = "lutforge", seed: int = 0) ->
     samples = photographed(camera, known=True, seed=seed)
     stages = fit_stages(samples, samples.wb, np.ones(len(samples), dtype=np.bool_), preset)
     response, balanced = stages.responses["standard"], samples.raw * samples.wb
-    maps = fit_gamut_maps(
-        balanced, samples.srgb, samples.shot, stages.matrix, response, tuple(camera.lights), preset=preset
-    )
+    lights = tuple(camera.lights)
+    if preset == "thesis":
+        physical = PhysicalOptions()
+        model = fit_gamut_maps(balanced, samples.srgb, samples.shot, stages.matrix, response, lights, physical)
+    else:
+        model = fit_camera_model(MatrixAndResponse(stages.matrix, response), balanced, samples.srgb, lights)
     others = photograph_patches(camera, surfaces(300, 99), balances=tuple(camera.lights), exposure_error=0.0, seed=5)
     others = others.select(unclipped(others, others.wb))
-    back = maps.model.linearize(others.srgb) / others.wb - others.raw
-    rendered = maps.model.render(others.raw * others.wb)
+    back = model.linearize(others.srgb) / others.wb - others.raw
+    rendered = model.render(others.raw * others.wb)
     return Errors(
         response_error(camera, response, samples.srgb),
         ts_unknown,

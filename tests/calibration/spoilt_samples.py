@@ -10,7 +10,7 @@ from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_res
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.plausibility import WARM_TO_COOL, implausible
 from lutforge.calibration.shots.departures import departing_shots
-from lutforge.calibration.style_data import unclipped
+from lutforge.calibration.style import unclipped
 from lutforge.colour.srgb import srgb_decode
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples

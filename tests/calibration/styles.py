@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.calibration.style_data import StyleData
+from lutforge.calibration.style import StyleData
 from lutforge.samples.sample_set import SampleSet
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions, Preset
-from lutforge.calibration.style_data import unclipped
+from lutforge.calibration.style import unclipped
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.model.camera_profile import ModelName

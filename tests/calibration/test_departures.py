@@ -8,7 +8,7 @@ import pytest
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.white_balance import complete_multipliers
 from lutforge.calibration.shots.departures import Departure, departing_shots
-from lutforge.calibration.style_data import unclipped
+from lutforge.calibration.style import unclipped
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet

@@ -9,7 +9,7 @@ import pytest
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.shots.falloff import at_the_centre, fit_falloffs
-from lutforge.calibration.style_data import unclipped
+from lutforge.calibration.style import unclipped
 from lutforge.errors import ProfileError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.model.camera_profile import load_profile

@@ -7,7 +7,7 @@ import pytest
 
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.white_balance import with_fitted_gains
-from lutforge.calibration.style_data import unclipped
+from lutforge.calibration.style import unclipped
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet

@@ -18,7 +18,7 @@ def test_it_is_scipys_linear_rbf() -> None:
     x = RNG.uniform(size=(300, 3))
     y, probe = _curved(x), RNG.uniform(size=(500, 3))
     expected = RBFInterpolator(x, y, kernel="linear", degree=1)(probe)
-    np.testing.assert_allclose(solve(x, y, np.zeros(300))(probe), expected, atol=3e-6)
+    np.testing.assert_allclose(solve(x, y, 0.0)(probe), expected, atol=3e-6)
 
 
 def test_smoothing_is_scipys_with_the_thesis_sign() -> None:
@@ -26,7 +26,7 @@ def test_smoothing_is_scipys_with_the_thesis_sign() -> None:
     x = RNG.uniform(size=(200, 3))
     y, probe = _curved(x) + 0.01 * RNG.standard_normal(x.shape), RNG.uniform(size=(300, 3))
     expected = RBFInterpolator(x, y, kernel="linear", degree=1, smoothing=0.05)(probe)
-    np.testing.assert_allclose(solve(x, y, np.full(200, 0.05))(probe), expected, atol=3e-6)
+    np.testing.assert_allclose(solve(x, y, 0.05)(probe), expected, atol=3e-6)
 
 
 def test_linear_maps_need_no_centres_but_the_first() -> None:
@@ -72,8 +72,8 @@ def test_noise_is_smoothed_by_the_choice_on_held_out_shots() -> None:
 def test_coincident_points_take_the_median() -> None:
     source = np.repeat([[0.2, 0.3, 0.4], [0.7, 0.6, 0.5]], [5, 1], axis=0)
     target = np.array([[0.1] * 3, [0.2] * 3, [0.3] * 3, [0.3] * 3, [9.0] * 3, [0.5] * 3])
-    merged, values, slope, names = merge_coincident(source, target, np.ones(6), np.array(list("abcdef")), 0.5 / 255)
-    assert len(merged) == len(slope) == len(names) == 2
+    merged, values, names = merge_coincident(source, target, np.array(list("abcdef")), 0.5 / 255)
+    assert len(merged) == len(names) == 2
     np.testing.assert_allclose(values[np.argmin(merged[:, 0])], 0.3)
     np.testing.assert_allclose(values[np.argmax(merged[:, 0])], 0.5)
 

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # i
 from lutforge import threads as shared
 from lutforge.calibration.lattice.bake import node_coverage
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.style_fit import fit_lattices
+from lutforge.calibration.style import fit_lattices
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.model.lattice import Lattice
 from lutforge.simulate.camera import nikon_d5100

@@ -6,7 +6,7 @@ import pytest
 from lutforge.calibration.options import Preset
 from lutforge.calibration.physical.matrix import fit_matrix
 from lutforge.calibration.physical.unsaturated import BETA, saturation, untouched
-from lutforge.calibration.style_data import unclipped
+from lutforge.calibration.style import unclipped
 from lutforge.errors import CalibrationError
 from lutforge.simulate.camera import nikon_d5100
 from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_patches

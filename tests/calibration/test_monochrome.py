@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.style_data import style_data
+from lutforge.calibration.style import style_data
 from lutforge.errors import CalibrationError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate

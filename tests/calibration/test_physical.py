@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
-from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map
+from lutforge.calibration.physical.kriging import fit_camera_model
+from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.calibration.physical.physical_model import fit_gamut_maps, fit_stages
 from lutforge.calibration.physical.unsaturated import untouched
 from lutforge.calibration.physical.white_balance import complete_multipliers
-from lutforge.calibration.style_data import unclipped
+from lutforge.calibration.style import unclipped
 from lutforge.evaluation.linearization import model_delta
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
@@ -38,7 +40,8 @@ def test_ground_truth(known: bool) -> None:
     np.testing.assert_allclose(stages.multipliers, _truth(samples), rtol=0.005)
     response = stages.responses["standard"]
     balanced = samples.raw * stages.multipliers
-    model = fit_gamut_maps(balanced, samples.srgb, samples.shot, stages.matrix, response, BALANCES).model
+    base = MatrixAndResponse(stages.matrix, response)
+    model = fit_camera_model(base, balanced, samples.srgb, BALANCES)
     others = photograph_patches(CAMERA, surfaces(300, 99), exposure_error=0.0, seed=5)
     others = others.select(unclipped(others, _truth(others)))
     balanced = others.raw * _truth(others)
@@ -69,13 +72,13 @@ def test_ground_truth_of_a_sensor_whose_channels_overlap(style: str, patches: in
     if patches < 100:
         return
     balanced = samples.raw * stages.multipliers
-    maps = fit_gamut_maps(balanced, samples.srgb, samples.shot, stages.matrix, response, balances)
+    model = fit_camera_model(MatrixAndResponse(stages.matrix, response), balanced, samples.srgb, balances)
     others = photograph_patches(
         camera, surfaces(300, 99), styles=(style,), balances=balances, exposure_error=0.0, seed=5
     )
     others = others.select(unclipped(others, others.wb))
-    assert np.linalg.norm(maps.model.render(others.raw * others.wb) - others.srgb, axis=1).mean() <= 0.003
-    back = maps.model.linearize(others.srgb) / others.wb - others.raw
+    assert np.linalg.norm(model.render(others.raw * others.wb) - others.srgb, axis=1).mean() <= 0.003
+    back = model.linearize(others.srgb) / others.wb - others.raw
     assert np.sqrt(np.mean(back**2)) <= 0.003
 
 
@@ -98,10 +101,11 @@ def test_the_thesis_preset_weighs_all_colours_of_the_gamut_map_alike() -> None:
     linear = np.random.default_rng(3).uniform(0.02, 0.9, (300, 3))
     response = Response(np.linspace(0.0, 1.0, 256)[:, None] ** [2.2, 2.2, 2.2])
     encoded, shot = response.encode(linear**1.1), np.repeat(["a", "b", "c"], 100)
-    model = fit_gamut_maps(linear, encoded, shot, np.eye(3), response, (), (0.1, 0.1), "thesis").model
+    physical = PhysicalOptions(rho=0.1 / (8.0 * PhysicalOptions.centres * np.pi))
+    model = fit_gamut_maps(linear, encoded, shot, np.eye(3), response, (), physical)
     mapped, maps = response.linearize(encoded), (model.gamut_map, model.inverse_gamut_map)
     for found, (x, y) in zip(maps, ((linear, mapped), (mapped, linear)), strict=True):
-        alike = fit_gamut_map(x, y, GamutMapOptions(nugget=0.1), groups=shot)
+        alike = fit_gamut_map(x, y, GamutMapOptions(nugget=physical.nugget), groups=shot)
         np.testing.assert_array_equal(found(x), alike.gamut_map(x))  # (4.8)
 
 
@@ -135,8 +139,8 @@ def test_refinish_with_the_physical_model() -> None:
     samples = photograph_patches(CAMERA, chart_140(), balances=("tungsten", "daylight", "shade"))
     samples = samples.select(unclipped(samples, samples.wb))
     stages = fit_stages(samples, samples.wb, np.ones(len(samples), dtype=np.bool_))
-    response, balanced = stages.responses["standard"], samples.raw * samples.wb
-    model = fit_gamut_maps(balanced, samples.srgb, samples.shot, stages.matrix, response, BALANCES).model
+    base = MatrixAndResponse(stages.matrix, stages.responses["standard"])
+    model = fit_camera_model(base, samples.raw * samples.wb, samples.srgb, BALANCES)
     balances = {name: WhiteBalance(CAMERA.white_balances[name].multipliers) for name in ("tungsten", "daylight")}
     profile = CameraProfile(CAMERA.name, stages.matrix, balances, {"standard": PictureStyle(physical=(model,))})
     raw = CAMERA.expose(surfaces(200, 3), "daylight") * 0.4

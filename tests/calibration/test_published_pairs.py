@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.style_fit import fit_lattices
+from lutforge.calibration.style import fit_lattices
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut

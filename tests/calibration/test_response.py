@@ -12,7 +12,7 @@ from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket, pairs
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import BETA, check_tones, saturation
-from lutforge.calibration.style_data import unclipped
+from lutforge.calibration.style import unclipped
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet

@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lutforge.calibration.lattice.rising_axis import with_rising_axis
+from lutforge.calibration.lattice.bake import with_rising_axis
 from lutforge.interpolation import Interpolation, Levels, interpolate
 from lutforge.model.lattice import grid, uniform_levels
 

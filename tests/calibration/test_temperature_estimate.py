@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.physical.colour_temperature import named_temperature, with_temperatures
+from lutforge.calibration.physical.white_balance import named_temperature, with_temperatures
 from lutforge.colour.colour_temperature import camera_from_xyz, white_of
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate

@@ -11,7 +11,7 @@ import pytest
 
 from lutforge.arrays import Array
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.calibration.style_data import style_data
+from lutforge.calibration.style import style_data
 from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate

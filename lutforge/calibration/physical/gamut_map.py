@@ -4,7 +4,7 @@ Centres are chosen greedily (Carr et al., "Reconstruction and representation of 
 SIGGRAPH 2001): fit few, look at the residual of all pairs, add the worst, until the tolerance or the cap is met.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +12,16 @@ from scipy.linalg import lapack
 
 from lutforge.arrays import Array, Mask
 from lutforge.errors import CalibrationError
-from lutforge.model.gamut_map import GamutMap, from_even, to_even
+from lutforge.model.gamut_map import GamutMap
 
 
 @dataclass(frozen=True)
 class GamutMapOptions:
-    """Options of a fit. tolerance: residual, in the units of the values, below which a pair is met; most: of centres.
+    """Options of a fit. tolerance: residual, in linear values, below which a pair is met; most: of centres.
 
     nugget: 8Nπρ of (4.8), the weight of smoothness against fidelity; None chooses it on held-out shots.
-    nuggets: its candidates; folds: parts in which shots are left out for it. offset: of the even scale that the map
-    works on, where its residuals count, too; 0 for linear values (thesis). coincident: pairs whose encoded colours lie
-    in one cell of this size are one pair, their median.
+    nuggets: its candidates; folds: parts in which shots are left out for it. coincident: pairs whose colours lie in one
+    cell of this size are one pair, their median.
     Raises CalibrationError on values that are not positive.
     """
 
@@ -32,7 +31,6 @@ class GamutMapOptions:
     nugget: float | None = None
     nuggets: tuple[float, ...] = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
     folds: int = 5
-    offset: float = 0.0
     coincident: float = 0.5 / 255.0
 
     def __post_init__(self) -> None:
@@ -42,7 +40,7 @@ class GamutMapOptions:
 
 @dataclass(frozen=True, eq=False)
 class GamutMapFit:
-    """A fitted gamut map. nugget: 8Nπρ; worst: weighted residual of all pairs, not of centres only."""
+    """A fitted gamut map. nugget: 8Nπρ; worst: residual of all pairs, not of centres only."""
 
     gamut_map: GamutMap
     nugget: float
@@ -55,49 +53,39 @@ def fit_gamut_map(
     options: GamutMapOptions | None = None,
     *,
     groups: NDArray[np.str_] | None = None,
-    importance: Array | None = None,
 ) -> GamutMapFit:
     """Fit target = h(source), both (n, 3) linear.
 
-    groups: (n,) shot names, whole shots are left out to choose ρ. importance: (n,) factor that turns a residual into
-    the units of the tolerance (the slope of f, for encoded values); important pairs are also followed more closely.
-    Time O(centres³ + n · centres); memory 8 · centres² bytes and twice that while solving.
-    Raises CalibrationError below 8 distinct colours, or where they all lie in one plane.
+    groups: (n,) shot names, whole shots are left out to choose ρ. Time O(centres³ + n · centres); memory 8 · centres²
+    bytes and twice that while solving. Raises CalibrationError below 8 distinct colours, or where they all lie in one
+    plane.
     """
     options = options or GamutMapOptions()
-    slope = np.ones(len(source)) if importance is None else np.asarray(importance, dtype=np.float64)
     names = np.arange(len(source)).astype(str) if groups is None else groups
-    source, target = to_even(source, options.offset), to_even(target, options.offset)
-    source, target, slope, names = merge_coincident(source, target, slope, names, options.coincident)
+    source, target, names = merge_coincident(source, target, names, options.coincident)
     if len(source) < 8 or np.linalg.matrix_rank(source - source.mean(axis=0), tol=1e-4 * np.sqrt(len(source))) < 3:
         raise CalibrationError(
             f"{len(source)} distinct colours cannot tell a gamut map: shoot a chart or a scene of many colours"
         )
-    slope = slope / np.median(slope)
-    nugget = options.nugget
-    if nugget is None:
-        nugget = _choose_nugget(source, target, slope, names, options)
+    nugget = _choose_nugget(source, target, names, options) if options.nugget is None else options.nugget
     chosen = farthest_points(source, min(64, options.most, len(source)))
     while True:
-        gamut_map = solve(source[chosen], target[chosen], nugget / slope[chosen] ** 2)
-        residual = np.linalg.norm(gamut_map(source) - target, axis=1) * slope
+        gamut_map = solve(source[chosen], target[chosen], nugget)
+        residual = np.linalg.norm(gamut_map(source) - target, axis=1)
         open_pairs = residual > options.tolerance
         open_pairs[chosen] = False
         room = min(options.most, len(source)) - len(chosen)
         if room <= 0 or not open_pairs.any():
-            break
+            return GamutMapFit(gamut_map, nugget, float(residual.max()))
         # Centres are multiplied by this from round to round
         wanted = min(room, max(int(len(chosen) * (1.6 - 1.0)), 8))
         chosen = np.concatenate([chosen, _worst_apart(source, residual, open_pairs, wanted)])
-    if options.offset:
-        gamut_map = replace(gamut_map, centres=from_even(gamut_map.centres, options.offset), offset=options.offset)
-    return GamutMapFit(gamut_map, nugget, float(residual.max()))
 
 
-def solve(centres: Array, values: Array, nugget: Array) -> GamutMap:
-    """(4.8) for all three channels: [D − diag(nugget), P; Pᵀ, 0] [λ; a] = [values; 0].
+def solve(centres: Array, values: Array, nugget: float) -> GamutMap:
+    """(4.8) for all three channels: [D − nugget I, P; Pᵀ, 0] [λ; a] = [values; 0].
 
-    centres, values: (n, 3); nugget: (n,) = 8Nπρ. The matrix is symmetric and indefinite; LAPACK's dgesv overwrites it.
+    centres, values: (n, 3); nugget: 8Nπρ. The matrix is symmetric and indefinite; LAPACK's dgesv overwrites it.
     Raises CalibrationError where the centres coincide or lie in a plane.
     """
     count = len(centres)
@@ -121,15 +109,13 @@ def solve(centres: Array, values: Array, nugget: Array) -> GamutMap:
 
 
 def merge_coincident(
-    source: Array, target: Array, slope: Array, names: NDArray[np.str_], size: float
-) -> tuple[Array, Array, Array, NDArray[np.str_]]:
-    """One pair a cell: the medians of what coincides in the source (about 0.2 % of the thesis's points).
+    source: Array, target: Array, names: NDArray[np.str_], size: float
+) -> tuple[Array, Array, NDArray[np.str_]]:
+    """One pair a cell of this size: the medians of what coincides in the source (about 0.2 % of the thesis's points).
 
-    Cells are `size` wide where the slope is 1, smaller where it is steeper. The name is that of the first.
+    The name is that of the first.
     """
-    step = size / np.maximum(slope, 0.5)
-    exponent = np.floor(np.log2(step)).astype(np.int64)  # cells of sizes that are powers of 2
-    keys = np.column_stack([np.floor(source / np.exp2(exponent)[:, None]).astype(np.int64), exponent])
+    keys = np.floor(source / size).astype(np.int64)
     _, first, place, counts = np.unique(keys, axis=0, return_index=True, return_inverse=True, return_counts=True)
     place = place.reshape(-1)
     order = np.argsort(place, kind="stable")
@@ -138,7 +124,7 @@ def merge_coincident(
     for cell in np.flatnonzero(counts > 1):
         rows = order[starts[cell] : starts[cell] + counts[cell]]
         merged_source[cell], merged_target[cell] = np.median(source[rows], axis=0), np.median(target[rows], axis=0)
-    return merged_source, merged_target, slope[first], names[first]
+    return merged_source, merged_target, names[first]
 
 
 def farthest_points(points: Array, count: int) -> NDArray[np.intp]:
@@ -165,14 +151,12 @@ def _worst_apart(source: Array, residual: Array, candidates: Mask, wanted: int) 
     return best
 
 
-def _choose_nugget(
-    source: Array, target: Array, slope: Array, names: NDArray[np.str_], options: GamutMapOptions
-) -> float:
+def _choose_nugget(source: Array, target: Array, names: NDArray[np.str_], options: GamutMapOptions) -> float:
     """The smoothest candidate of least error on shots left out, a fold at a time, on a subset of the pairs."""
     rng, folds = np.random.default_rng(0), options.folds
     # a subset is enough, and quick
     rows = rng.permutation(len(source))[:800]
-    source, target, slope = source[rows], target[rows], slope[rows]
+    source, target = source[rows], target[rows]
     shots, shot = np.unique(names[rows], return_inverse=True)
     # Of fewer shots one may be the only one of its exposure: then single pairs are left out, not whole shots.
     fold = rng.permutation(len(shots))[shot] % folds if len(shots) >= folds else np.arange(len(rows)) % folds
@@ -183,8 +167,8 @@ def _choose_nugget(
             train, test = fold != held, fold == held
             if train.sum() < 8:
                 continue
-            gamut_map = solve(source[train], target[train], nugget / slope[train] ** 2)
-            score += float(np.sum(np.linalg.norm(gamut_map(source[test]) - target[test], axis=1) * slope[test]))
+            gamut_map = solve(source[train], target[train], nugget)
+            score += float(np.sum(np.linalg.norm(gamut_map(source[test]) - target[test], axis=1)))
         scores.append(score)
     good = [nugget for nugget, score in zip(options.nuggets, scores, strict=True) if score <= 1.005 * min(scores)]
     return max(good)

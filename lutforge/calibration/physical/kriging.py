@@ -5,6 +5,13 @@ samples (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, eq
 (4.8) of the thesis: φ is the kernel, 8Nπρ the noise, and the polynomial the identity. The numbers of the kernel, its
 noise and the weight of distances along the grey axis were chosen on the Canon S40 and the published Nikon D40 among
 factors of two, within which errors change by 3 %; the table of parts in the guide has the other cameras.
+
+Near the edge of its gamut a camera takes wide ranges of scenes to few codes. There the rendering is a gentle function,
+which extrapolates well beyond the samples; its inverse is steep and does not. So h⁻¹ is fitted to the samples and to
+pairs of a likely scene and the code that the rendering gives it. The logarithms of the cone responses to natural scenes
+are nearly normally distributed (Ruderman, Cronin & Chiao 1998, https://doi.org/10.1364/JOSAA.15.002036): the density of
+likely scenes is a kernel density estimate in log RAW, the scenes of the calibration, each with a kernel whose shape is
+their covariance. Neutral light is always likely, up to where the camera clips, and samples rarely reach there.
 """
 
 from collections.abc import Callable
@@ -15,12 +22,38 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.linalg.lapack import dpotrf, dpotrs
 
 from lutforge.arrays import Array, Mask
-from lutforge.calibration.physical.likely_scenes import likely_scenes, neutral_scenes
 from lutforge.calibration.physical.matrix_and_response import MatrixAndResponse
 from lutforge.errors import CalibrationError
 from lutforge.model.gamut_map import GamutMap, flattened, from_even, identity_gamut_map, kriging_covariance, to_even
 from lutforge.model.profile_data import PhysicalModel
+from lutforge.sobol import sobol
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
+
+
+def likely_scenes(balanced: Array, count: int) -> Array:
+    """Draw at most `count` scenes (m, 3) below 1 around those of the samples, Tw E (n, 3), the same ones every time.
+
+    The kernel is Student's t with three degrees of freedom, because a broad prior has wide tails. Its width, half the
+    samples' standard deviation, is about that of Silverman's rule for 150 samples, as many as a chart has.
+    """
+    rng, width, freedom, darkest = np.random.default_rng(0), 0.5, 3.0, 1e-4
+    seen = np.log(np.maximum(balanced, darkest))
+    shape = np.linalg.cholesky(np.cov(seen.T) + 1e-6 * np.eye(3))
+    normal = rng.standard_normal((2 * count, 3)) @ shape.T
+    step = width * normal / np.sqrt(rng.chisquare(freedom, (2 * count, 1)) / freedom)
+    drawn = np.exp(seen[rng.integers(0, len(seen), len(step))] + step)
+    return np.asarray(drawn[np.all(drawn < 1.0, axis=1)][:count])
+
+
+def neutral_scenes(count: int) -> Array:
+    """Return near-neutral light (count, 3) from black to saturation, at perceptually even steps.
+
+    Red and blue differ from green by up to a tenth.
+    """
+    level, red, blue = sobol(count, seed=0).T
+    light = 1.0 + 0.1 * np.stack([2.0 * red - 1.0, np.zeros(count), 2.0 * blue - 1.0], axis=1)
+    return np.asarray(from_even(level, 0.005)[:, None] * light / light.max(axis=1, keepdims=True))
+
 
 OFFSET = 0.005
 """ε of the even scale."""

@@ -12,11 +12,10 @@ from lutforge.calibration.physical.curve_basis import log_emor_basis
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.gamut_map import GamutMapOptions, fit_gamut_map
 from lutforge.calibration.physical.matrix import LEAST_CONDITION, fit_matrix, hue_spread
-from lutforge.calibration.physical.matrix_and_response import encoding_slope, fit_matrix_and_response
+from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
 from lutforge.calibration.physical.response_from_exposures import fit_response_to_exposures
 from lutforge.calibration.physical.unsaturated import check_tones, saturation, starting_beta, untouched
 from lutforge.errors import CalibrationError
-from lutforge.model.gamut_map import even_slope
 from lutforge.model.profile_data import PhysicalModel
 from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
@@ -159,15 +158,6 @@ def _scaled_to_raw(response: Response, balanced: Array, encoded: Array) -> Respo
     return Response(response.inverse / factors)
 
 
-@dataclass(frozen=True, eq=False)
-class GamutMaps:
-    """The whole model of a style, and the smoothness 8Nπρ that was chosen for h and h⁻¹; None where it is not known."""
-
-    model: PhysicalModel
-    nugget: float | None
-    inverse_nugget: float | None
-
-
 def fit_gamut_maps(
     balanced: Array,
     encoded: Array,
@@ -175,31 +165,15 @@ def fit_gamut_maps(
     matrix: Array,
     response: Response,
     white_balances: tuple[str, ...],
-    nuggets: tuple[float | None, float | None] = (None, None),
-    preset: Preset = "lutforge",
-    most_centres: int = PhysicalOptions.centres,
-) -> GamutMaps:
+    physical: PhysicalOptions,
+) -> PhysicalModel:
     """h and h⁻¹ of one style, on all its unclipped samples, saturated colours included; all white balances together.
 
-    balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,). nuggets: smoothness of h and h⁻¹; None chooses it on held-out
-    shots. preset: "thesis" has h on linear values, "lutforge" on the even scale; h⁻¹ is on linear values.
-
-    The residual of h counts in JPEG values; that of h⁻¹ between RAW and JPEG values, so that dark colours count. With
-    the preset "thesis" all residuals count alike, in linear values, as (4.8) has it.
+    balanced: Tw E (n, 3); encoded: I (n, 3); shot: (n,). Both are on linear values, and all residuals count alike, as
+    (4.8) has it.
     """
     linear, mapped = balanced @ matrix.T, response.linearize(encoded)
-    offset = 0.0 if preset == "thesis" else 0.01  # about the linear value where JPEG responses become straight
-    slope = np.ones_like(encoded) if preset == "thesis" else encoding_slope(response, encoded)
-    forward = fit_gamut_map(
-        linear,
-        mapped,
-        GamutMapOptions(most=most_centres, nugget=nuggets[0], offset=offset),
-        groups=shot,
-        importance=(slope / even_slope(mapped, offset)).mean(axis=1),
-    )
-    back = fit_gamut_map(
-        mapped, linear, GamutMapOptions(most=most_centres, nugget=nuggets[1]), groups=shot,
-        importance=np.sqrt(slope.mean(axis=1)),
-    )  # fmt: skip
-    model = PhysicalModel(white_balances, matrix, response, forward.gamut_map, back.gamut_map)
-    return GamutMaps(model, forward.nugget, back.nugget)
+    options = GamutMapOptions(most=physical.centres, nugget=physical.nugget)
+    forward = fit_gamut_map(linear, mapped, options, groups=shot)
+    back = fit_gamut_map(mapped, linear, options, groups=shot)
+    return PhysicalModel(white_balances, matrix, response, forward.gamut_map, back.gamut_map)
