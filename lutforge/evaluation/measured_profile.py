@@ -134,11 +134,14 @@ class HeldOut:
 
 
 def held_out_errors(predictions: Predictions, method: str, base: MatrixAndResponse) -> dict[Direction, HeldOut]:
-    """Measure held-out samples by direction; empty where there are too few. method: the one that the profile has."""
+    """Measure held-out samples by direction. method: the one that the profile has.
+
+    It is empty where the samples are too few, or where one fit predicts them all: what it was fitted to is not there.
+    """
     data, rows = predictions.data, predictions.held_out.copy()
     for values in predictions.predicted:
         rows &= np.isfinite(values[method]).all(axis=1) if method in values else False
-    if rows.sum() < 24 or data.monochrome:
+    if rows.sum() < 24 or data.monochrome or len(np.unique(predictions.fold)) < 2:
         return {}
     distance, deviation = np.zeros(len(rows)), Both(np.zeros(len(rows)), np.zeros(len(rows)))
     for fold in np.unique(predictions.fold[rows]):

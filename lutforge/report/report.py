@@ -173,8 +173,8 @@ def _how_good(style: str, mean: float, de00: float | None, backward: float | Non
     figures = f"the JPEG predicted from RAW is {mean:.4f} of full scale off in the mean{seen}"
     if not held_out:
         return (
-            f"{style}: on the shots that it was fitted to, {figures}. How well it predicts other shots is not known: "
-            "calibrate from two shots or more."
+            f"{style}: on these shots, to which it was fitted in part or in whole, {figures}. How well it predicts "
+            "others is not known: calibrate from two shots or more."
         )
     judged = "" if de00 is None else f": {visibility(de00)}"
     back = "" if backward is None else f" RAW recovered from the JPEG is {backward:.4f} of full scale off."

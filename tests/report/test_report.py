@@ -193,6 +193,12 @@ def test_one_shot_is_not_praised() -> None:
         assert "not known" in answered(report, question) and "eye" not in answered(report, question)
 
 
+@pytest.mark.parametrize("names", [("d",), ("a", "d")])
+def test_a_shot_that_the_profile_has_not_seen_is_reported(names: tuple[str, ...]) -> None:
+    report = build_report(calibrate(shots(), CalibrationOptions(size=5)), shots(names))
+    assert answered(report, 0).startswith("standard: on ")
+
+
 def test_samples_of_another_camera_are_said_first() -> None:
     samples = shots(("one", "two"))
     profile = calibrate(samples, CalibrationOptions(size=5))
