@@ -60,10 +60,10 @@ def bake(
 
     wanted = TransformRequest(kind, source, target, ev, space, model, other, tuple(transfer or ()))
     with progress_bar("baking") as progress:
-        baked = bake_files(
+        files, notes = bake_files(
             profile, wanted, output or (), program=reader, size=size, tolerance=tolerance, interpolation=interpolation,
             stages=stages, colours=colours, progress=progress,
         )  # fmt: skip
-    for file in baked.files:
+    for file in files:
         say(*str(file).splitlines())
-    note(*baked.notes)
+    note(*notes)

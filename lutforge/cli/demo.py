@@ -92,7 +92,7 @@ def _bake(profile: "CameraProfile", shots: "DemoShots", folder: Path) -> None:
             ["refinish.clf", "refinish.resolve.cube", "refinish.cube"],
         ),
     ):
-        for file in bake_files(profile, wanted, [folder / name for name in names]).files:
+        for file in bake_files(profile, wanted, [folder / name for name in names])[0]:
             say(f"   {file.path}: {file.summary}; {file.error}")
 
 

@@ -25,9 +25,9 @@ def inspect(
         from lutforge.pipeline.evaluation import inspect_scene
 
         with progress_bar("sampling") as progress:
-            found = inspect_scene(scene, files, progress)
-        print_tables(found.table)
-        note(*found.notes)
+            table, notes = inspect_scene(scene, files, progress)
+        print_tables(table)
+        note(*notes)
         return
     for_each("inspecting", [file for path in files for file in files_to_inspect(path)], _show)
 

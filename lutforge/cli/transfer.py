@@ -33,9 +33,9 @@ def transfer(
         raise SettingsError("--piecewise and --root-polynomial are two forms; choose one")
     form: Form = "piecewise" if piecewise else "root-polynomial" if root_polynomial else "matrix"
     with progress_bar("sampling") as progress:
-        fitted = write_transfer(source, target, output, form, progress, _tell)
-    say(f"{output}: {fitted.source} to {fitted.target}, from {fitted.common} common colours: {NAMES[form]}")
-    known = {form: error for form, error in fitted.errors.items() if error is not None}
+        common, fitted = write_transfer(source, target, output, form, progress, _tell)
+    say(f"{output}: {fitted[form].source} to {fitted[form].target}, from {common} common colours: {NAMES[form]}")
+    known = {form: transfer.error for form, transfer in fitted.items() if transfer.error is not None}
     if known:
         errors = ", ".join(f"{NAMES[form]} {error:.2%}" for form, error in known.items())
         say(f"  held-out error, relative: {errors}")

@@ -1,7 +1,6 @@
 """What stands in front of a JPEG's pixels: size, quantization tables, and every metadata segment byte for byte."""
 
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from mmap import mmap
@@ -246,11 +245,6 @@ def _number(block: bytes, order: str, at: int) -> int:
 def _directory(block: bytes, order: str, at: int) -> tuple[dict[int, int], int]:
     """Return the offset of the value field of each tag of a directory, and of the next directory (0: none)."""
     (count,) = struct.unpack_from(f"{order}H", block, at)
-    entries = dict(_entries(block, order, at + 2, count))
-    end = at + 2 + 12 * count
+    start, end = at + 2, at + 2 + 12 * count
+    entries = {int(struct.unpack_from(f"{order}H", block, entry)[0]): entry + 8 for entry in range(start, end, 12)}
     return entries, _number(block, order, end) if end + 4 <= len(block) else 0
-
-
-def _entries(block: bytes, order: str, at: int, count: int) -> Iterator[tuple[int, int]]:
-    for entry in range(at, at + 12 * count, 12):
-        yield int(struct.unpack_from(f"{order}H", block, entry)[0]), entry + 8

@@ -90,7 +90,8 @@ def fit_axes(
     t = lines.t
     share = lines.share if weight is None else np.full(LINES, 1 / LINES)  # a weight looks for the largest errors
     if curve is None:
-        slopes = [_slope(y, t, share) for y in lines.values]
+        squares = [np.sum((np.diff(y, axis=1) / np.diff(t)[:, None]) ** 2, axis=2) for y in lines.values]
+        slopes = [np.sqrt(_mean(square, share)) for square in squares]
         if shared:
             slopes = [np.sqrt(np.mean(np.square(slopes), axis=0))] * 3
         curve = np.stack([_curve(slope, t) for slope in slopes], axis=1)
@@ -116,11 +117,6 @@ def _lines(function: Function, t: Array, axis: int, places: Array, gain: Array) 
 def _mean(values: Array, share: Array, grey: float = 0.25) -> Array:
     """The mean over the lines (LINES + 1, m), of which the grey axis counts the share `grey`."""
     return np.asarray((1 - grey) * (share @ values[1:]) + grey * values[0])
-
-
-def _slope(y: Array, t: Array, share: Array) -> Array:
-    slope = np.diff(y, axis=1) / np.diff(t)[:, None]
-    return np.asarray(np.sqrt(_mean(np.sum(slope**2, axis=2), share)))
 
 
 def _curve(slope: Array, t: Array) -> Array:

@@ -356,14 +356,14 @@ def bake_steps(
 
     if isinstance(transform, Transform) and any(isinstance(stage, NeutralHighlights) for stage in transform.stages):
         return Lut(joined(grading_lut(transform, baked).ops), title, comments)
-    steps = _steps(transform) if isinstance(transform, Transform) else [transform]
+    steps: list[ColourFunction] = [transform]
+    if isinstance(
+        transform, Transform
+    ):  # cut in front of each clip but the first, and of matrices and gains ahead of it
+        stages = transform.stages
+        cuts = [at for at, stage in enumerate(stages) if isinstance(stage, Clip)][1:]
+        steps = [Transform(stages[i:j]) for i, j in zip([0, *cuts], [*cuts, len(stages)], strict=True)]
     return Lut(joined([op for step in steps for op in baked(step).ops]), title, comments)
-
-
-def _steps(transform: Transform) -> list[ColourFunction]:
-    """The transform cut in front of each clip but the first, and of the matrices and gains in front of that."""
-    cuts = [at for at, stage in enumerate(transform.stages) if isinstance(stage, Clip)][1:]
-    return [Transform(transform.stages[i:j]) for i, j in zip([0, *cuts], [*cuts, len(transform.stages)], strict=True)]
 
 
 def grading_lut(transform: Transform, baked: Callable[[Transform], Lut]) -> Lut:

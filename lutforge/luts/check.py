@@ -60,7 +60,10 @@ def check_lut(path: str | Path) -> LutReport:
     domain = _domain(lut)
     outputs = _outputs(lut)
     beyond = bool(outputs.min() < -1e-6 or outputs.max() > 1 + 1e-6)
-    falling = _falling(lut.cube.values) if lut.cube is not None else 0.0
+    falling = 0.0
+    if lut.cube is not None:
+        steps = [np.diff(lut.cube.values[..., channel], axis=channel) for channel in range(3)]
+        falling = float(np.mean(np.concatenate([(step < -FALL).ravel() for step in steps])))
     dialect = _dialect(lut)
     black, white = (_triple(colour) for colour in lut(np.array(domain)))
     found = {"OpenColorIO, Nuke": "cannot read it"}
@@ -151,12 +154,6 @@ def _outputs(lut: Lut) -> Array:
                 y = behind(y)
             return y
     return lut(np.array([[0.0] * 3, [1.0] * 3]))
-
-
-def _falling(cube: Array) -> float:
-    """Share of the steps along each channel's own axis at which that channel falls."""
-    steps = [np.diff(cube[..., channel], axis=channel) for channel in range(3)]
-    return float(np.mean(np.concatenate([(step < -FALL).ravel() for step in steps])))
 
 
 def _problems(lut: Lut, falling: float, beyond: bool, said: InputAndOutput | None) -> list[str]:
@@ -367,16 +364,12 @@ def verify(
     return compare(x, got, reference(x), display_referred)
 
 
-def _files(path: Path) -> list[Path]:
-    """The file, or the pair that it belongs to, in the order in which they are used."""
-    pair = [path.with_suffix(end) for end in spi.PAIR]
-    return pair if path.suffix.lower() in spi.PAIR and all(file.is_file() for file in pair) else [path]
-
-
 def _read_back(path: Path, method: Interpolation) -> Callable[[Array], Single]:
     """What a reader of the file makes of colours (n, 3)."""
     if own_reader(path) is None:
-        processors = [file_processor(file, method) for file in _files(path)]
+        pair = [path.with_suffix(end) for end in spi.PAIR]  # in the order in which they are used
+        is_pair = path.suffix.lower() in spi.PAIR and all(file.is_file() for file in pair)
+        processors = [file_processor(file, method) for file in (pair if is_pair else [path])]
 
         def values_of(x: Array) -> Single:
             y = x.astype(np.float32)

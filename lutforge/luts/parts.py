@@ -77,7 +77,8 @@ def parts_of(transform: ColourFunction) -> Parts:
     curve = None
     # Behind a clip in the middle only an output curve magnifies what the axes of its input are made for.
     if behind is not None or not any(isinstance(stage, Clip) for stage in body):
-        curve = _first_curve(body)
+        first = body[0] if body else None
+        curve = _input_curve(first.response) if isinstance(first, Decode) else None
         if curve is None and isinstance(last, Encode):
             curve = np.repeat([[0.0], [1.0]], 3, axis=1)  # a gamut map is smooth in linear light
     lattice = last if isinstance(last, Lattice) and len(body) == 1 else None
@@ -113,14 +114,6 @@ def as_one(transform: ColourFunction, highest: float) -> Parts:
     """A transform with nothing taken out of it, its inputs from 0 to `highest`."""
     cube_values = transform if highest == 1 else lambda x: transform(x * highest)
     return Parts(_checked(cube_values), stops=float(np.log2(max(highest, 1.0))))
-
-
-def _first_curve(stages: tuple[Stage, ...]) -> Array | None:
-    """Return the input curve of a transform that begins with an inverse response, or None."""
-    match stages:
-        case (Decode(response=response), *_):
-            return _input_curve(response)
-    return None
 
 
 def _input_curve(response: Response) -> Array:

@@ -11,7 +11,7 @@ from lutforge.arrays import Array, Mask
 from lutforge.interpolation import Levels, interpolate
 from lutforge.model.highlights import CLIPPED, clipped
 from lutforge.model.lattice import Lattice, grid
-from lutforge.model.profile_data import PhysicalModel, PictureStyle
+from lutforge.model.profile_data import PictureStyle
 
 FARTHEST = 24.0 / 255.0
 """Default limit: distance to the nearest sample, in encoded RGB."""
@@ -105,17 +105,8 @@ def _interpolated(lattice: Lattice | None, expected: Array, at: Array) -> Array:
 
 def _sampled(style: PictureStyle) -> Array:
     """Encoded colours (n, 3) that the style has samples at."""
-    parts = [_centres(model) for model in style.physical]
+    parts = [model.response.encode(model.inverse_gamut_map.centres) for model in style.physical]
     if not parts and style.linearize is not None and "linearize" in style.coverage:
-        parts.append(_touched(style.linearize, style.coverage["linearize"]))
+        touched = np.nonzero(style.coverage["linearize"] > 0)
+        parts.append(np.stack([axis[at] for axis, at in zip(style.linearize.levels, touched, strict=True)], axis=1))
     return np.concatenate(parts) if parts else np.zeros((0, 3))
-
-
-def _centres(model: PhysicalModel) -> Array:
-    return model.response.encode(model.inverse_gamut_map.centres)
-
-
-def _touched(lattice: Lattice, coverage: Array) -> Array:
-    r, g, b = np.nonzero(coverage > 0)
-    levels = lattice.levels
-    return np.stack([levels[0][r], levels[1][g], levels[2][b]], axis=1)

@@ -51,15 +51,6 @@ class Finding:
         return f"{self.where}: {self.what}"
 
 
-@dataclass(frozen=True)
-class SpaceRoundTrip:
-    """A colour space to the reference and back, on values that it can hold: norm of the change of these values."""
-
-    space: str
-    mean: float
-    maximum: float
-
-
 def load_config(path: str | Path) -> OCIO.Config:
     """Read config.ocio or an .ocioz archive. Raises ConfigError in one line."""
     path = Path(path)
@@ -109,21 +100,22 @@ def _lossy_round_trips(config: OCIO.Config) -> Iterator[Finding]:
     What a description states was searched for by more colours: the larger counts.
     """
     spaces: dict[str, list[str]] = {}
-    for trip in round_trips(config):
-        mean, largest = stated_errors(config.getColorSpace(trip.space).getDescription())
-        mean, largest = max(mean, trip.mean), max(largest, trip.maximum)
+    for name, *measured in round_trips(config):
+        stated = stated_errors(config.getColorSpace(name).getDescription())
+        mean, largest = map(max, measured, stated)
         if mean > MEAN_GOAL or largest > MAX_GOAL:
-            spaces.setdefault(f"mean {mean:.2g}, max {largest:.2g}", []).append(trip.space)
+            spaces.setdefault(f"mean {mean:.2g}, max {largest:.2g}", []).append(name)
     for found, names in spaces.items():
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
         what = f"to the reference and back, RGB is off by {found}"
         yield Finding("warning", f"colour space {names[0]}{others}", what)
 
 
-def round_trips(config: OCIO.Config) -> Iterator[SpaceRoundTrip]:
+def round_trips(config: OCIO.Config) -> Iterator[tuple[str, float, float]]:
     """Each colour space to the reference and back, on values that have been there once: it can hold those.
 
-    These start from [0, 1], from its faces and from the darks of both.
+    Given are its name, and the mean and the maximum of the norm of the change of these values. They start from [0, 1],
+    from its faces and from the darks of both.
     """
     values = sobol(1 << 12, seed=3)
     face = values.copy()
@@ -135,7 +127,7 @@ def round_trips(config: OCIO.Config) -> Iterator[SpaceRoundTrip]:
         first = _applied(back, _applied(there, start))
         second = _applied(back, _applied(there, first))
         error = np.linalg.norm(second - first, axis=1)
-        yield SpaceRoundTrip(name, float(error.mean()), float(error.max()))
+        yield name, float(error.mean()), float(error.max())
 
 
 def _processor(config: OCIO.Config, source: str, target: str) -> OCIO.CPUProcessor:

@@ -97,7 +97,7 @@ def config_luts(
     """The LUT files that the config of these profiles refers to: file name → LUT, as the file holds it."""
     luts: dict[str, Lut] = {}
     for rendering in renderings(name_cameras(profiles)):
-        luts |= baked(rendering, inverse).luts
+        luts |= baked(rendering, inverse)[0]
     return luts
 
 
@@ -158,8 +158,8 @@ def _all_baked(
             with telling:
                 progress(f"{rendering.camera.name} {rendering.style}: {what}", next(begun) / (STEPS * len(parts)))
 
-        made = baked(rendering, inverse, tell)
-        return {name: compact_text(lut) for name, lut in made.luts.items()}, made.errors
+        luts, errors = baked(rendering, inverse, tell)
+        return {name: compact_text(lut) for name, lut in luts.items()}, errors
 
     made = each(bake_one, parts) if len(parts) > 1 else map(bake_one, parts)
     for rendering, (files, lines) in zip(parts, made, strict=True):

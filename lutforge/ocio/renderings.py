@@ -157,14 +157,6 @@ class Rendering:
                 yield source, target, refinish
 
 
-@dataclass(frozen=True, eq=False)
-class BakedRendering:
-    """The LUTs of a rendering by file name, as the files hold them, and their errors, lines of a key and a value."""
-
-    luts: dict[str, Lut]
-    errors: tuple[str, ...]
-
-
 def renderings(cameras: Iterable[Camera], taken: Iterable[str] = ()) -> tuple[Rendering, ...]:
     """The renderings of cameras; taken: file stems that others use. Raises ConfigError on a style without a model."""
     files = UniqueNames(taken, "_")
@@ -204,10 +196,11 @@ STEPS = 4
 
 def baked(
     rendering: Rendering, options: InverseOptions | None = None, tell: Callable[[str], None] = lambda what: None
-) -> BakedRendering:
+) -> tuple[dict[str, Lut], tuple[str, ...]]:
     """Bake the render as it is, and the linearization as its inverse, so that JPEG → reference → JPEG comes back.
 
-    The linearization of a style without a render is that of its profile. tell: called with each step as it begins.
+    Returned are the LUTs by file name, as the files hold them, and their errors, lines of a key and a value. The
+    linearization of a style without a render is that of its profile. tell: called with each step as it begins.
     """
     title = f"{rendering.camera.name} {rendering.camera.styles[rendering.style]}"
     tell("baking the render")
@@ -229,7 +222,15 @@ def baked(
             inverse = inverse_of(BakedRender.of(render), rendering.linearize, options)
             inverse.values[-1, -1, -1] = BEYOND
             calibrated = model
-            model = lambda x: _with_white(x, calibrated(x))  # noqa: E731 - of this branch alone
+
+            def with_white(x: ArrayLike) -> Array:
+                """Light of encoded colours, with burnt-out white `BEYOND` saturation, as the last half code rises."""
+                least = np.min(np.asarray(x), axis=-1, keepdims=True)
+                burnt = np.clip((least - (1.0 - CLIPPED)) / CLIPPED, 0.0, 1.0)
+                light = calibrated(x)
+                return np.asarray(light + burnt * (BEYOND - light))
+
+            model = with_white
             linearize = compact(inverse.as_lut(f"{title} linearize"))
             style = rendering.camera.profile.styles[rendering.style]
             tell("measuring what comes back")
@@ -245,7 +246,7 @@ def baked(
                 )
                 luts[rendering.calibrated_file] = compact(calibrated)
             luts[rendering.balance_file(source, target)] = _balance(rendering, source, target, refinish)
-    return BakedRendering(luts, tuple(errors))
+    return luts, tuple(errors)
 
 
 def _balance(rendering: Rendering, source: str, target: str, refinish: Transform) -> Lut:
@@ -255,13 +256,6 @@ def _balance(rendering: Rendering, source: str, target: str, refinish: Transform
     names = rendering.camera.balances
     title = f"{rendering.camera.name} {names[source]} to {names[target]}"
     return compact(Lut(raised(highlights, gain, BALANCE_REACH, BALANCE_SIZE), title))
-
-
-def _with_white(encoded: ArrayLike, light: Array) -> Array:
-    """Return light (…, 3) of encoded colours, with burnt-out white `BEYOND` saturation, as the last half code rises."""
-    least = np.min(np.asarray(encoded), axis=-1, keepdims=True)
-    burnt = np.clip((least - (1.0 - CLIPPED)) / CLIPPED, 0.0, 1.0)
-    return np.asarray(light + burnt * (BEYOND - light))
 
 
 def _error(lut: Lut, transform: ColourFunction, made_by: Transform | None = None) -> str:

@@ -47,14 +47,6 @@ class BakedFile:
         return f"{self.path}: {self.summary}\n  read back, against the model: {self.error}"
 
 
-@dataclass(frozen=True)
-class BakedFiles:
-    """Files of one transform, the most exact first, and what the user should know of them."""
-
-    files: tuple[BakedFile, ...]
-    notes: tuple[str, ...]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class BakedLut(Lut):
     """A LUT with what baking it showed: the files that were written, the most exact first, and notes."""
@@ -167,9 +159,10 @@ def bake_files(
     stages: bool = False,
     colours: bool = False,
     progress: Progress = silent,
-) -> BakedFiles:
+) -> tuple[tuple[BakedFile, ...], tuple[str, ...]]:
     """Bake a transform of a profile to LUT files as `bake` does, and to ICC and DNG camera profiles.
 
+    Returned are the files, the most exact first, and what the user should know of them.
     colours: of an ICC profile, the look without its tone curve, scene-linear. Raises ProfileError, and what `bake`
     does.
     """
@@ -188,13 +181,13 @@ def bake_files(
         raise SettingsError("--colours goes with an ICC profile: -o look.icc")
     luts = [path for path in paths if path not in profiles]
     if profiles and not luts:
-        return BakedFiles(tuple(_bake_camera_profile(camera, wanted, path, colours) for path in profiles), (BALANCED,))
+        return tuple(_bake_camera_profile(camera, wanted, path, colours) for path in profiles), (BALANCED,)
     baked = bake(
         transform, luts, program=program, size=size, tolerance=tolerance, interpolation=interpolation, stages=stages,
         progress=progress,
     )  # fmt: skip
     files = [*baked.files, *(_bake_camera_profile(camera, wanted, path, colours) for path in profiles)]
-    return BakedFiles(tuple(sorted(files, key=lambda file: file.error.mean)), baked.notes)
+    return tuple(sorted(files, key=lambda file: file.error.mean)), baked.notes
 
 
 def _notes_on(file: BakedFile, purpose: Purpose) -> Iterator[str]:

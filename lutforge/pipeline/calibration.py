@@ -2,8 +2,8 @@
 
 from __future__ import annotations  # so that help() shows the names of types
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import cast, get_args
 
@@ -16,6 +16,7 @@ from lutforge.errors import CalibrationError, SampleError
 from lutforge.evaluation.measured_profile import measured
 from lutforge.interpolation import Interpolation
 from lutforge.model.camera_profile import CameraProfile, ModelName, as_profile
+from lutforge.model.raw_transfer import RawTransfer
 from lutforge.pipeline.outputs import Paths, check_output
 from lutforge.pipeline.sample_origin import origin_of
 from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples
@@ -89,16 +90,6 @@ def calibration_options(
 # --- Photographs of the same scenes by two cameras → the transfer of one's RAW to the other's ------------------------
 
 
-@dataclass(frozen=True)
-class FittedTransfer:
-    """A transfer that was written. errors: relative error of each form on held-out colours; None where too few."""
-
-    source: str
-    target: str
-    common: int
-    errors: Mapping[Form, float | None]
-
-
 def write_transfer(
     source: Path,
     target: Path,
@@ -106,10 +97,11 @@ def write_transfer(
     form: Form = "matrix",
     progress: Progress = silent,
     tell: Callable[[SampledShots], None] = lambda sampled: None,
-) -> FittedTransfer:
+) -> tuple[int, dict[Form, RawTransfer]]:
     """Fit the transfer from the RAW of one camera to another's, and write it (.json).
 
-    source, target: samples, RAW files or folders of one camera each. Raises SampleError where one holds several
+    source, target: samples, RAW files or folders of one camera each. Returned are the number of colours that both saw,
+    and the transfer of each form, of which `form` was written. Raises SampleError where one holds several
     cameras, CalibrationError where the two did not see the same colours.
     """
     check_output(output, (".json",), (source, target))
@@ -125,7 +117,7 @@ def write_transfer(
             "shots are not of the same scenes; photograph the same charts with both cameras"
         )
     fitted[form].save(output)
-    return FittedTransfer(*names, len(x), {kind: transfer.error for kind, transfer in fitted.items()})
+    return len(x), fitted
 
 
 def _of_one_camera(path: Path, progress: Progress, tell: Callable[[SampledShots], None]) -> SampleSet:

@@ -3,7 +3,6 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -59,18 +58,13 @@ def evaluate(
 # --- What a camera did to shots beyond its profile's fixed rendering -------------------------------------------------
 
 
-@dataclass(frozen=True)
-class SceneInspection:
-    """What the camera did to shots beyond a profile's fixed rendering. table: a row a shot."""
-
-    table: Table
-    notes: tuple[str, ...]
-
-
-def inspect_scene(profile: CameraProfile | str | Path, shots: Paths, progress: Progress = silent) -> SceneInspection:
+def inspect_scene(
+    profile: CameraProfile | str | Path, shots: Paths, progress: Progress = silent
+) -> tuple[Table, tuple[str, ...]]:
     """Compare three shots or more with a profile's rendering: lens falloff, exposure, contrast, saturation.
 
-    shots: RAW files, folders, or sample tables. Departures that chance explains are not told.
+    shots: RAW files, folders, or sample tables. Departures that chance explains are not told. Returned are a table
+    with a row a shot, and a line for each shot that was left out.
     Raises CalibrationError where the shots hold none of the profile's styles.
     """
     camera = as_profile(profile)
@@ -90,4 +84,4 @@ def inspect_scene(profile: CameraProfile | str | Path, shots: Paths, progress: P
         corners = "–" if falloff is None else f"{falloff.corner_ev:+.2f} EV"
         rows.append((name, corners, *departures.get(name, ("–",) * 3)))
     header = ("shot", "corners", "exposure, EV", "contrast", "saturation")
-    return SceneInspection(Table(f"Beyond the rendering of {profile}", header, rows), gathered.left_out)
+    return Table(f"Beyond the rendering of {profile}", header, rows), gathered.left_out

@@ -17,22 +17,6 @@ from lutforge.report.matplotlib_figure import figure_of, save_png, to_svg
 from lutforge.report.tables import Table
 
 
-@dataclass(frozen=True)
-class Text:
-    """A paragraph."""
-
-    text: str
-    kind: Literal["text"] = "text"
-
-
-@dataclass(frozen=True)
-class BulletList:
-    """Sentences, one below the other."""
-
-    items: tuple[str, ...]
-    kind: Literal["list"] = "list"
-
-
 @dataclass(frozen=True, eq=False)
 class Picture:
     """A figure; name: of its files, where the figures are written apart."""
@@ -54,7 +38,8 @@ class Picture:
         return re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{prefix}_", to_svg(self.figure))
 
 
-Block = Text | BulletList | Picture | Table
+Block = str | tuple[str, ...] | Picture | Table
+"""A paragraph, sentences one below the other, a figure, a table."""
 
 
 @dataclass(frozen=True, eq=False)

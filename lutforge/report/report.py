@@ -43,7 +43,7 @@ from lutforge.report.figures import (
     plane_figure,
     response_figure,
 )
-from lutforge.report.page import Block, BulletList, Picture, Report, Section, Text
+from lutforge.report.page import Block, Picture, Report, Section
 from lutforge.report.tables import TITLES, Table, balance_table, error_table, matrix_table, more_tables
 from lutforge.samples.extract import ShotSamples
 from lutforge.samples.sample_set import SampleSet
@@ -87,7 +87,7 @@ def build_report(
         Section(f"Style {name}", tuple(style_pictures(profile, name, style, data.get(name))))
         for name, style in profile.styles.items()
     ]
-    said = Section("Notes", (BulletList(notes),) if notes else ())
+    said = Section("Notes", (notes,) if notes else ())
     lens = Section("Lens and scene", (*falloff_blocks(profile.falloffs), *departure_blocks(departures)))
     settings = Section("White balances and matrix", (balance_table(profile), matrix_table(profile)))
     sections = tuple(section for section in (said, *judged, lens, settings, *models, *shown) if section.blocks)
@@ -132,14 +132,14 @@ def answers(
     errors = _errors_of_profile(profile) if evaluation is None else _errors(own, evaluation)
     strangers = sorted({str(style.samples.camera[0]) for style in data.values()} - {profile.camera})
     good = (
-        *(Text(str(diagnosis)) for diagnosis in profile.diagnoses),
-        *(Text(f"The samples are of {name}, not of {profile.camera}: so are the errors.") for name in strangers),
-        *(Text(_how_good(name, *found)) for name, found in errors.items()),
-        *(Text(note) for note in profile.notes if is_response_alone(profile)),
+        *map(str, profile.diagnoses),
+        *(f"The samples are of {name}, not of {profile.camera}: so are the errors." for name in strangers),
+        *(_how_good(name, *found) for name, found in errors.items()),
+        *(profile.notes if is_response_alone(profile) else ()),
     )
     uses = Table("", ("job", "fit for it?", "why", "command"), tuple(_uses(own, evaluation, errors)))
     return (
-        Section("How good is it?", good or (Text("Not known: the profile holds no errors. Give its samples, too."),)),
+        Section("How good is it?", good or ("Not known: the profile holds no errors. Give its samples, too.",)),
         Section("What for?", (uses,) if errors else ()),
         Section("What to shoot next?", tuple(_next_shots(profile, data))),
     )
@@ -216,14 +216,14 @@ def _said(de00: float, name: str, count: int) -> str:
 def _next_shots(profile: CameraProfile, data: Mapping[str, StyleData]) -> Iterator[Block]:
     """The colours to photograph next, style by style."""
     if not data:
-        yield Text("Give the shots or their samples to the report, too: it then names the colours that they lack.")
+        yield "Give the shots or their samples to the report, too: it then names the colours that they lack."
     for name, style in data.items():
         gaps = colour_gaps(style.encoded, linearizing_error(profile.styles[name]))
         if gaps:
-            yield Text(f"{name}: of the colours that real surfaces have, these are known least:")
-            yield BulletList(tuple(str(gap) for gap in gaps[:4]))
+            yield f"{name}: of the colours that real surfaces have, these are known least:"
+            yield tuple(map(str, gaps[:4]))
         else:
-            yield Text(f"{name}: the samples come near most colours that real surfaces have.")
+            yield f"{name}: the samples come near most colours that real surfaces have."
 
 
 # --- Errors, maps of real shots, samples, and the models of a style --------------------------------------------------
@@ -302,7 +302,7 @@ def error_map_pictures(
     rows.sort(key=lambda row: row.figures.mean)
     chosen = {rows[round(index)].shot: rows[round(index)] for index in np.linspace(0, len(rows) - 1, 3) if rows}
     if chosen:
-        yield Text(MAPS_TEXT)
+        yield MAPS_TEXT
     for name, row in chosen.items():
         maps = maps_of_shot(profile, evaluation, name, files[name])
         held = "not seen by the fits" if maps.held_out else "the fit had seen it"
@@ -334,7 +334,7 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
             verdict, functions = judge(pairs), transfer_functions(pairs)
         except CalibrationError:  # no two shots show the same patches at different exposures, or too few
             continue
-        yield Text(f"{name}: {verdict.told}.")
+        yield f"{name}: {verdict.told}."
         header = ("f is fitted to", "red", "green", "blue")
         rows = tuple((what, *(f"{value:.4f}" for value in each)) for what, each in response_deltas(pairs).items())
         caption = f"{name}: linearization error of f over pairs of exposures, unsaturated colours (1 = full scale)"
@@ -452,7 +452,9 @@ def build_comparison(first: CameraProfile, one: str, second: CameraProfile, othe
         (patch, _codes(a[n]), _codes(b[n]), f"{difference[n]:.1f}", f"{lightness[n]:+.1f}", f"{chroma[n]:+.1f}")
         for n, patch in enumerate(patches)
     )
-    scene = _scene()
+    taker = nikon_d5100()
+    raw = still_life(300, 450).irradiance(taker, "daylight") * taker.multipliers("daylight")
+    scene = np.clip(raw @ taker.matrix.T, 0.0, None)
     pictures = render(scene), beside(scene)
     apart = delta_e_2000(*pictures)
     lead = (
@@ -493,13 +495,6 @@ def _chart() -> tuple[list[str], Array]:
     xyz = colour.xyY_to_XYZ(np.array(list(chart.data.values())))
     linear = np.asarray(colour.XYZ_to_RGB(xyz, "sRGB", chart.illuminant, apply_cctf_encoding=False), dtype=np.float64)
     return [name.partition(" (")[0] for name in chart.data], linear.clip(0.0, None)
-
-
-def _scene() -> Array:
-    """Linear sRGB (h, w, 3) of a still life."""
-    camera = nikon_d5100()
-    raw = still_life(300, 450).irradiance(camera, "daylight")
-    return np.clip(raw * camera.multipliers("daylight") @ camera.matrix.T, 0.0, None)
 
 
 def _codes(encoded: Array) -> str:

@@ -220,7 +220,9 @@ def _read_csv(path: Path) -> Columns:
     """The wanted columns, text and float64 (NaN: an empty cell)."""
     header = _csv_header(path)
     places = {name: header.index(name) for name in wanted_columns(path, header)}
-    parts: dict[str, list[NDArray[Any]]] = {name: [np.zeros(0, _kind(name))] for name in places}
+    parts: dict[str, list[NDArray[Any]]] = {
+        name: [np.zeros(0, np.float64 if name in NUMBER_COLUMNS else np.str_)] for name in places
+    }
     rows = 0
     records = _csv_records(path)
     while part := list(islice(records, ROWS_AT_A_TIME)):
@@ -235,10 +237,6 @@ def _read_csv(path: Path) -> Columns:
         if rows > MAX_ROWS:
             raise SampleError(f"{path}: more than {MAX_ROWS} rows; split the table")
     return {name: np.concatenate(values) for name, values in parts.items()}
-
-
-def _kind(name: str) -> type:
-    return np.float64 if name in NUMBER_COLUMNS else np.str_
 
 
 def _columns_of(records: list[list[str]], width: int, places: dict[str, int]) -> Columns | None:

@@ -61,9 +61,9 @@ def lut_export(profile: Path, output: Path, wanted: TransformRequest) -> Export:
 
 
 def _bake(profile: Path, output: Path, wanted: TransformRequest, progress: Progress) -> Iterator[str]:
-    baked = bake_files(profile, wanted, [output], progress=progress)
-    yield from (f"{file.summary}; read back, against the model: {file.error}" for file in baked.files)
-    yield from baked.notes
+    files, notes = bake_files(profile, wanted, [output], progress=progress)
+    yield from (f"{file.summary}; read back, against the model: {file.error}" for file in files)
+    yield from notes
 
 
 def kit_export(profile: Path, output: Path, target: str, program: str, shots: tuple[Path, ...] = ()) -> Export:

@@ -165,9 +165,9 @@ def row(name: str, rendering: Rendering, jpegs: list[Path]) -> tuple[str, float,
     """One line of the table, and the round trip's mean and maximum."""
     assert rendering.render is not None
     began = time.perf_counter()
-    done = baked(rendering)
+    luts, errors = baked(rendering)
     seconds = time.perf_counter() - began
-    render, linearize = done.luts[rendering.render_file], done.luts[rendering.linearize_file]
+    render, linearize = luts[rendering.render_file], luts[rendering.linearize_file]
     raw = raw_colours()
     by_model = np.clip(rendering.render(raw), 0.0, 1.0)
     by_file = np.clip(render(raw), 0.0, 1.0)
@@ -179,7 +179,7 @@ def row(name: str, rendering: Rendering, jpegs: list[Path]) -> tuple[str, float,
         mean, largest = max(mean, float(error.mean())), max(largest, float(error.max()))
     change = np.linalg.norm(by_file - by_model, axis=1)
     beyond = "!" if mean > MEAN_GOAL or largest > MAX_GOAL else " "
-    stated = done.errors[0].split("max ")[1]
+    stated = errors[0].split("max ")[1]
     return (
         (
             f"{name:42s}{render.size:4d}{linearize.size:4d}{mean:10.5f}{largest:8.4f} {beyond}"

@@ -16,7 +16,7 @@ from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
-from lutforge.report.page import BulletList, Picture, Report, Text, write_figures, write_page
+from lutforge.report.page import Picture, Report, write_figures, write_page
 from lutforge.report.report import build_report, exposure_blocks
 from lutforge.report.tables import Table
 from lutforge.samples.sample_set import SampleSet
@@ -68,10 +68,10 @@ def answered(report: Report, question: int) -> str:
     said: list[str] = []
     for block in report.answers[question].blocks:
         match block:
-            case Text():
-                said.append(block.text)
-            case BulletList():
-                said += block.items
+            case str():
+                said.append(block)
+            case tuple():
+                said += block
             case Table():
                 said += [cell for row in block.rows for cell in row]
     return " ".join(said)
@@ -229,7 +229,7 @@ def test_exposures_say_whether_the_response_is_fixed() -> None:
     samples = replace(samples, exposure_s=np.where(late, samples.exposure_s / 1.05, samples.exposure_s))
     data, _ = style_data(samples, samples.wb)
     text, table, shutters, picture = exposure_blocks(data)
-    assert isinstance(text, Text) and "standard: the response is a fixed property of this camera" in text.text
+    assert isinstance(text, str) and "standard: the response is a fixed property of this camera" in text
     assert isinstance(table, Table)
     removed, everything = (np.array(row[1:], dtype=float) for row in table.rows)
     assert (removed < 0.05).all() and not np.array_equal(removed, everything)
