@@ -65,9 +65,9 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
         _require_plausible_size(path, raw)
         _require_three_colours(path, raw)
         # Before postprocess, which leaves sizes and colour indices changed.
-        scale = _scale_to_saturation(raw)
         colours = _colours(raw)
-        clip_level = np.minimum(1.0, clip_levels(raw, colours) * scale)
+        scale, clip_scale = _scales_to_saturation(raw, colours)
+        clip_level = np.minimum(1.0, clip_levels(raw, colours) * clip_scale)
         steps = _steps_to_centre(colours) if half_size else np.zeros((3, 2), np.intp)
         rendered = raw.postprocess(
             half_size=half_size,
@@ -85,7 +85,8 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
         preview, preview_note = _preview(raw)
         # A picture's own clipping level lies below the camera's nominal one in many files: those pixels are saturated.
         pixels = np.empty(rendered.shape, np.float32)
-        _finish(rendered.view(np.uint16), np.float32(scale / 65535), clip_level.astype(np.float32), steps, pixels)
+        clipped = (clip_level - 3e-5).astype(np.float32)  # LibRaw rounds white to one of the highest two of 16 bits
+        _finish(rendered.view(np.uint16), (scale / 65535).astype(np.float32), clipped, steps, pixels)
         other = raw.other
         return RawImage(
             pixels=pixels,
@@ -162,19 +163,24 @@ def _preview(raw: rawpy.RawPy) -> tuple[bytes | None, str]:
     return thumbnail.data, "embedded JPEG preview"
 
 
-def _scale_to_saturation(raw: rawpy.RawPy) -> float:
-    """Factor from LibRaw's output (1 = its nominal maximum) to 1 = saturation.
+def _scales_to_saturation(raw: rawpy.RawPy, colours: NDArray[np.uint8]) -> tuple[Array, Array]:
+    """Factors (3,) from LibRaw's output, and from 1 = white level above black, to 1 = saturation.
 
-    Maker notes may give the level up to which the sensor is linear, below LibRaw's table value. One factor
-    for all channels, so that the channels keep their ratios; an implausible level is ignored.
+    LibRaw subtracts each colour's black level, and divides all by the white level above the lowest of them. Maker
+    notes may give the level up to which the sensor is linear, below LibRaw's table value: the lowest of them holds for
+    all channels, so that these keep their ratios; an implausible one is ignored.
     """
-    levels = raw.camera_white_level_per_channel
-    black = float(min(raw.black_level_per_channel))
-    nominal = float(raw.white_level) - black
-    if not levels or nominal <= 0:
-        return 1.0
-    linear = float(min(levels)) - black
-    return nominal / linear if 0.75 * nominal <= linear <= nominal else 1.0
+    levels, blacks = raw.camera_white_level_per_channel, np.array(raw.black_level_per_channel, dtype=np.float64)
+    black = blacks[:3].copy()
+    if 3 in colours:
+        black[1] = (blacks[1] + blacks[3]) / 2
+    white = float(raw.white_level)
+    nominal, linear = white - blacks.min(), float(min(levels)) if levels else white
+    if not 0.75 * nominal <= linear - blacks.min() <= nominal:
+        linear = white
+    if not np.all(linear > black):
+        return np.ones(3), np.ones(3)
+    return nominal / (linear - black), (white - black) / (linear - black)
 
 
 def _colours(raw: rawpy.RawPy) -> NDArray[np.uint8]:
@@ -198,7 +204,7 @@ def _steps_to_centre(colours: NDArray[np.uint8]) -> Index:
 
 
 @compiled()
-def _finish(rendered: NDArray[np.uint16], scale: np.float32, clip_level: Single, steps: Index, pixels: Pixels) -> None:
+def _finish(rendered: NDArray[np.uint16], scales: Single, clip_level: Single, steps: Index, pixels: Pixels) -> None:
     """Fill pixels (h, w, 3) with what LibRaw made, scaled; red and blue moved to their blocks' centres; clipped ones 1.
 
     A plane sampled at one corner of each block is interpolated a quarter of a block from there; left uncorrected, red
@@ -208,7 +214,7 @@ def _finish(rendered: NDArray[np.uint16], scale: np.float32, clip_level: Single,
     here, next_one, line = np.float32(0.75), np.float32(0.25), np.empty(width, np.float32)
     for y in range(height):
         for channel in range(3):
-            down, right = steps[channel]
+            scale, (down, right) = scales[channel], steps[channel]
             own, other = rendered[y, :, channel], rendered[min(max(y + down, 0), height - 1), :, channel]
             for x in range(width):
                 line[x] = np.float32(own[x]) * scale

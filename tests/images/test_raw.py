@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import rawpy
 
+from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import ImageError
 from lutforge.images.raw import read_raw, saturation_spike
+from lutforge.images.tiff import TiffWriter, byte_field, long_field, rational_field, short_field, text_field
 from lutforge.simulate.dng import write_dng
 
 
@@ -39,6 +41,37 @@ def test_black_is_zero_and_saturation_one(tmp_path: Path, mosaic: np.ndarray) ->
     assert full.pixels.shape == (80, 120, 3)
     assert full.pixel_size == 1
     np.testing.assert_allclose(full.pixels[40, 60], expected, atol=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("blacks", "expected"),
+    [((160, 160, 160), (160, 160, 160)), ((160, 200, 240), (160, 200, 240)), ((60, 64, 68, 80), (60, 66, 80))],
+    ids=["linear", "linear, by channel", "mosaic, by place"],
+)
+def test_each_black_level_of_a_dng_is_zero(
+    tmp_path: Path, blacks: tuple[int, ...], expected: tuple[int, ...]
+) -> None:
+    """DNG 1.4, BlackLevel: of each channel where there is no mosaic, of each place of a 2 × 2 pattern."""
+    codes, white, black = np.array([1000, 2000, 3000]), 4095, np.array(expected)
+    mosaicked = len(blacks) == 4
+    pixels = np.tile(codes.astype("<u2"), (80, 120, 1))
+    pixels[:20, :20] = white
+    if mosaicked:
+        rows, columns = np.indices((80, 120)) % 2
+        pixels = np.take_along_axis(pixels, (rows + columns)[..., None], axis=2)
+    tiff, count = TiffWriter(), 1 if mosaicked else 3
+    fields = {254: long_field(0), 256: long_field(120), 257: long_field(80), 258: short_field(*[16] * count)}
+    fields |= {259: short_field(1), 262: short_field(32803 if mosaicked else 34892), 271: text_field("LutForge")}
+    fields |= {272: text_field("Linear"), 273: long_field(tiff.append(pixels.tobytes())), 277: short_field(count)}
+    fields |= {278: long_field(80), 279: long_field(pixels.nbytes), 284: short_field(1), 50706: byte_field(1, 4, 0, 0)}
+    if mosaicked:
+        fields |= {33421: short_field(2, 2), 33422: byte_field(0, 1, 1, 2), 50713: short_field(2, 2)}
+    fields |= {50714: short_field(*blacks), 50717: short_field(*[white] * count), 50728: rational_field([0.5, 1.0, 0.8])}
+    fields |= {50721: rational_field(np.linalg.inv(SRGB_TO_XYZ).ravel(), signed=True), 50778: short_field(21)}
+    (tmp_path / "a.dng").write_bytes(tiff.finish(tiff.directory(fields)))
+    raw = read_raw(tmp_path / "a.dng", half_size=True)
+    np.testing.assert_allclose(raw.pixels[-5, -5], (codes - black) / (white - black), atol=1e-4)
+    assert np.all(raw.pixels[:9, :9] == 1)
 
 
 def test_black_level_and_scale_against_the_mosaic_itself(shared_data: Path) -> None:
