@@ -23,6 +23,9 @@ LOSSES = (
 """What a config before that lacks, a line each."""
 
 LUT_FOLDER = "luts"
+_TABLES = {".3dl", ".clf", ".csp", ".ctf", ".cub", ".cube", ".hdl", ".itx", ".lut", ".mga", ".m3d", ".spi1d", ".spi3d"}
+LUT_SUFFIXES = _TABLES | {".cc", ".ccc", ".cdl", ".icc", ".icm", ".look", ".spimtx", ".vf"}
+"""Files that OpenColorIO reads, and so what belongs to a config."""
 REFERENCE = "ACES2065-1"
 DISPLAY = "sRGB - Display"
 WORKING = "ACEScg"

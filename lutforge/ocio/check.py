@@ -15,7 +15,7 @@ from lutforge.boundary import reading, require_file
 from lutforge.errors import ConfigError, one_line
 from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL, stated_errors
 from lutforge.luts.processor import OCIO_ERRORS
-from lutforge.ocio.merge import LUT_SUFFIXES
+from lutforge.ocio.base_config import LUT_SUFFIXES
 from lutforge.sobol import sobol
 
 WANTED_ROLES = (
@@ -67,6 +67,11 @@ def load_config(path: str | Path) -> OCIO.Config:
 def converts(path: str, source: str, target: str) -> None:
     """Make the processor between two colour spaces of a config, for `guarded`: a LUT that it names may never end."""
     OCIO.Config.CreateFromFile(path).getProcessor(source, target).getDefaultCPUProcessor()
+
+
+def read_named(path: str, name: str) -> None:
+    """Make the processor of a file that a config names, for `guarded`, as `converts`."""
+    OCIO.Config.CreateFromFile(path).getProcessor(OCIO.FileTransform(name)).getDefaultCPUProcessor()
 
 
 def check_config(config: OCIO.Config) -> list[Finding]:
@@ -215,7 +220,9 @@ def _files(config: OCIO.Config) -> list[Finding]:
     """Files that are named but missing, and LUT files beside the config that nothing names."""
     context = config.getCurrentContext()
     findings, found = [], set()
-    for source, where in sorted(_sources(config).items()):
+    for source, where in sorted(file_names(config).items()):
+        if "$" in source:
+            continue
         try:
             found.add(Path(context.resolveFileLocation(source)).resolve())
         except OCIO_ERRORS:
@@ -235,8 +242,8 @@ def _files(config: OCIO.Config) -> list[Finding]:
     return findings
 
 
-def _sources(config: OCIO.Config) -> dict[str, str]:
-    """File names that the config's transforms refer to, and the first place that does; none with context variables."""
+def file_names(config: OCIO.Config) -> dict[str, str]:
+    """File names that the config's transforms refer to, some with context variables, and the first place that does."""
     both = (OCIO.COLORSPACE_DIR_TO_REFERENCE, OCIO.COLORSPACE_DIR_FROM_REFERENCE)
     ways = (OCIO.TRANSFORM_DIR_FORWARD, OCIO.TRANSFORM_DIR_INVERSE)
     views = (OCIO.VIEWTRANSFORM_DIR_TO_REFERENCE, OCIO.VIEWTRANSFORM_DIR_FROM_REFERENCE)
@@ -250,7 +257,7 @@ def _sources(config: OCIO.Config) -> dict[str, str]:
     sources: dict[str, str] = {}
     for where, transform in transforms:
         for part in _leaves(transform):
-            if isinstance(part, OCIO.FileTransform) and "$" not in part.getSrc():
+            if isinstance(part, OCIO.FileTransform):
                 sources.setdefault(part.getSrc(), where)
     return sources
 

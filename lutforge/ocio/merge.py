@@ -15,16 +15,22 @@ from pathlib import Path, PurePosixPath
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.atomic_write import scratch_folder
-from lutforge.errors import ConfigError
+from lutforge.errors import ConfigError, LutForgeError
+from lutforge.guarded import OverrunError, guarded
 from lutforge.luts.processor import OCIO_ERRORS
-from lutforge.ocio.base_config import DATA, DISPLAY_REFERENCE, LUT_FOLDER, REFERENCE, UN_TONE_MAPPED
+from lutforge.ocio.base_config import (
+    DATA,
+    DISPLAY_REFERENCE,
+    LUT_FOLDER,
+    LUT_SUFFIXES,
+    REFERENCE,
+    UN_TONE_MAPPED,
+)
 from lutforge.ocio.cameras import config_names
+from lutforge.ocio.check import file_names, read_named
 from lutforge.ocio.spaces import put_first
 
 BUILTIN = "ocio://"
-_TABLES = {".3dl", ".clf", ".csp", ".ctf", ".cub", ".cube", ".hdl", ".itx", ".lut", ".mga", ".m3d", ".spi1d", ".spi3d"}
-LUT_SUFFIXES = _TABLES | {".cc", ".ccc", ".cdl", ".icc", ".icm", ".look", ".spimtx", ".vf"}
-"""Files that OpenColorIO reads, and so what belongs to a config."""
 MOST_BYTES = 2 << 30
 """Most that is unpacked from an archive."""
 
@@ -226,10 +232,19 @@ def _builtin_names() -> list[str]:
 
 
 def _read(source: str, label: str) -> OCIO.Config:
+    """A config of a stranger, whose files are read in a process of their own first."""
     try:
-        return OCIO.Config.CreateFromFile(source)
+        config = OCIO.Config.CreateFromFile(source)
     except OCIO_ERRORS as error:
         raise ConfigError(f"{label}: OpenColorIO cannot read it: {error}") from error
+    for name in file_names(config):
+        try:
+            guarded(read_named, source, name)
+        except OverrunError as error:
+            raise ConfigError(f"{label}: {name}: {error}") from error
+        except LutForgeError:
+            continue  # the check of the whole tells what is wrong with it, and where
+    return config
 
 
 def _unpack(path: Path, folder: Path) -> None:

@@ -48,9 +48,7 @@ def test_black_is_zero_and_saturation_one(tmp_path: Path, mosaic: np.ndarray) ->
     [((160, 160, 160), (160, 160, 160)), ((160, 200, 240), (160, 200, 240)), ((60, 64, 68, 80), (60, 66, 80))],
     ids=["linear", "linear, by channel", "mosaic, by place"],
 )
-def test_each_black_level_of_a_dng_is_zero(
-    tmp_path: Path, blacks: tuple[int, ...], expected: tuple[int, ...]
-) -> None:
+def test_each_black_level_of_a_dng_is_zero(tmp_path: Path, blacks: tuple[int, ...], expected: tuple[int, ...]) -> None:
     """DNG 1.4, BlackLevel: of each channel where there is no mosaic, of each place of a 2 × 2 pattern."""
     codes, white, black = np.array([1000, 2000, 3000]), 4095, np.array(expected)
     mosaicked = len(blacks) == 4
@@ -66,7 +64,11 @@ def test_each_black_level_of_a_dng_is_zero(
     fields |= {278: long_field(80), 279: long_field(pixels.nbytes), 284: short_field(1), 50706: byte_field(1, 4, 0, 0)}
     if mosaicked:
         fields |= {33421: short_field(2, 2), 33422: byte_field(0, 1, 1, 2), 50713: short_field(2, 2)}
-    fields |= {50714: short_field(*blacks), 50717: short_field(*[white] * count), 50728: rational_field([0.5, 1.0, 0.8])}
+    fields |= {
+        50714: short_field(*blacks),
+        50717: short_field(*[white] * count),
+        50728: rational_field([0.5, 1.0, 0.8]),
+    }
     fields |= {50721: rational_field(np.linalg.inv(SRGB_TO_XYZ).ravel(), signed=True), 50778: short_field(21)}
     (tmp_path / "a.dng").write_bytes(tiff.finish(tiff.directory(fields)))
     raw = read_raw(tmp_path / "a.dng", half_size=True)

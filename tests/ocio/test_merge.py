@@ -216,6 +216,20 @@ def test_what_cannot_be_merged_is_one_line(tmp_path: Path) -> None:
         build_config([profile], merge=STUDIO, version="2.1")
 
 
+@pytest.mark.slow
+def test_a_base_whose_file_never_ends_is_one_line(tmp_path: Path) -> None:
+    """OpenColorIO 2.6 looks for the end of metadata for ever, and takes memory with each line."""
+    (tmp_path / "endless.csp").write_text("CSPLUTV100\n3D\n\nBEGIN METADATA\nx\n")
+    path = write_base(tmp_path)
+    base = OCIO.Config.CreateFromFile(str(path))
+    base.addColorSpace(OCIO.ColorSpace(name="its", toReference=OCIO.FileTransform("$KIND.csp")))
+    base.addEnvironmentVar("KIND", "endless")
+    path.write_text(base.serialize())
+    with pytest.raises(ConfigError, match=r"base\.ocio: \$KIND\.csp: it takes more than") as caught:
+        build_config([plain_profile("X")], merge=path)
+    assert "\n" not in str(caught.value)
+
+
 def test_merged_files_are_the_same_bytes_twice(tmp_path: Path) -> None:
     archives = [write_config(two_cameras(), tmp_path / f"{name}.ocioz", merge=STUDIO) for name in "ab"]
     assert archives[0].read_bytes() == archives[1].read_bytes()
