@@ -69,6 +69,7 @@ def require_file(path: str | Path, kind: str, error: type[LutForgeError] = LutFo
     """
     path = Path(path)
     try:
+        str(path).encode()  # libraries that read images and LUTs open no other names
         if path.is_dir():
             raise error(f"{path}: is a folder, not {kind}; name a file in it")
         size = path.stat().st_size
@@ -78,6 +79,8 @@ def require_file(path: str | Path, kind: str, error: type[LutForgeError] = LutFo
             file.read(1)
     except FileNotFoundError:
         raise error(f"{path}: no such file") from None
+    except UnicodeEncodeError:
+        raise error(f"{path}: its name is not text in UTF-8; rename it") from None
     except (OSError, ValueError) as failure:
         raise error(f"{path}: cannot be opened ({reason_of(failure)}); check the path") from failure
     if size == 0:

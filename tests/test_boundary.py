@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -87,6 +88,14 @@ def _large(folder: Path) -> Path:
 def test_only_regular_files_of_a_sane_size_are_opened(tmp_path: Path, make: Callable[[Path], Path], words: str) -> None:
     with pytest.raises(LutForgeError, match=words):
         require_file(make(tmp_path), "a LUT", most=10)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+def test_a_name_that_is_no_text_is_said(tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(b"a\xff.jpg")
+    path.write_bytes(b"x")
+    with pytest.raises(LutForgeError, match=r"its name is not text in UTF-8; rename it"):
+        require_file(path, "a picture")
 
 
 def test_pipes_are_not_waited_for(tmp_path: Path) -> None:

@@ -182,8 +182,11 @@ class Transform:
         return f"<Transform {title}{' → '.join(type(stage).__name__ for stage in self.stages) or 'identity'}>"
 
     def __call__(self, x: ArrayLike) -> Array:
-        """Evaluate at x (…, 3). NaN stays NaN. Raises ImageError on another shape, and on integers."""
+        """Evaluate at x (…, 3). NaN stays NaN. Raises ImageError on another shape or scale, and on integers."""
         values = checked_colours(x)
+        clipped = any(isinstance(stage, Clip) for stage in self.without_gain().stages[:1])
+        if clipped and np.count_nonzero(values > 2.0) > values.size / 2:  # so much is no overshoot
+            raise ImageError(f"pixels up to {values.max():g}: scale them to [0, 1] first, such as pixels / 255.0")
         y = through_stages(self.stages, values)
         unknown = np.isnan(values).any(axis=-1, keepdims=True)
         return np.where(unknown, np.nan, y)

@@ -165,6 +165,10 @@ def test_what_is_not_colours_on_0_to_1_is_refused() -> None:
         transform(np.zeros((4, 4, 3), dtype=np.uint8))
     with pytest.raises(ImageError, match=r"pixels\[\.\.\., :3\]"):
         transform(np.zeros((4, 4, 4)))
+    for of_codes in (transform, small_profile().refinish("standard/daylight", "standard/tungsten")):
+        with pytest.raises(ImageError, match=r"pixels up to 200.*scale them to \[0, 1\]"):
+            of_codes(np.array([[200.0, 100.0, 50.0], [0.0, 0.0, 180.0]]))
+    assert np.all(np.isfinite(transform([[1.2, 2.5, 0.3]])))
     broken = transform(np.array([[0.2, np.nan, 0.3], [0.2, 0.2, 0.3]]))
     np.testing.assert_array_equal(np.isnan(broken).any(axis=1), [True, False])
     np.testing.assert_allclose(transform([0, 0, 0]), transform(np.zeros(3)))
