@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
+import PIL.Image
 import pytest
 
 import lutforge as lf
@@ -99,6 +100,13 @@ def test_what_is_wrong_is_said_in_a_line(frames: Path, tmp_path: Path) -> None:
         lf.response([frames], tmp_path / "camera.npz")
     with pytest.raises(LutForgeError, match="no pictures in this folder"):
         lf.response([tmp_path], tmp_path / "camera.npz", [1, 2])
+    two = [tmp_path / f"{model}.jpg" for model in "AB"]
+    for path in two:
+        exif = PIL.Image.Exif()
+        exif[0x0110] = f"Phone {path.stem}"
+        PIL.Image.new("RGB", (16, 16)).save(path, exif=exif)
+    with pytest.raises(LutForgeError, match=r"pictures of 2 cameras \(Phone A, Phone B\): give those of one"):
+        lf.response(two, tmp_path / "camera.npz", [1, 2])
     with pytest.raises(LutForgeError, match="give seconds"):
         parse_times("1/0,two")
     with pytest.raises(LutForgeError, match="--light is of a colour chart"):

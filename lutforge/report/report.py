@@ -112,9 +112,10 @@ def _subtitle(profile: CameraProfile) -> str:
 # --- Answers: how good a profile is, what it is fit for, what to photograph next -------------------------------------
 
 
+YES = "yes, on colours like those of the shots"
 FIT = {
-    "less than an eye sees side by side": "yes",
-    "what an eye just sees side by side": "yes",
+    "less than an eye sees side by side": YES,
+    "what an eye just sees side by side": YES,
     "visible": "with care",
     "far off": "not yet: add shots",
 }
@@ -199,7 +200,7 @@ def _uses(own: str, evaluation: Evaluation | None, errors: Mapping[str, Errors])
         worst = max(linear, key=lambda name: linear[name])
         named = f" ({worst})" if len(linear) > 1 else ""
         reason = f"{linear[worst]:.4f} of full scale off in the mean{named}; what the JPEG clipped is lost"
-        yield light[0], FIT[visibility(rendered[worst])] if worst in rendered else "yes", reason, light[1]
+        yield light[0], FIT[visibility(rendered[worst])] if worst in rendered else YES, reason, light[1]
     pairs = [row for row in (evaluation.refinish if evaluation else ()) if row.method == own and row.figures.de00_mean]
     if pairs:
         pair = max(pairs, key=lambda row: row.figures.de00_mean or 0.0)

@@ -66,15 +66,17 @@ def _session(process: int) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".jpg", ".tif"])
-def test_grading_stops_at_once_and_leaves_whole_files(tmp_path: Path, suffix: str) -> None:
+@pytest.mark.parametrize(
+    ("suffix", "sent"), [(".jpg", signal.SIGINT), (".tif", signal.SIGINT), (".tif", signal.SIGTERM)]
+)
+def test_grading_stops_at_once_and_leaves_whole_files(tmp_path: Path, suffix: str, sent: int) -> None:
     write_cube(tmp_path / "look.cube")
     write_picture(tmp_path / f"a{suffix}", (1500, 2000))
     for number in range(40):
         (tmp_path / f"b{number}{suffix}").hardlink_to(tmp_path / f"a{suffix}")
     pictures = [f"b{number}{suffix}" for number in range(40)]
     for seconds in MOMENTS:
-        if not interrupted(tmp_path, seconds, "apply", "look.cube", *pictures, "-o", "out"):
+        if not interrupted(tmp_path, seconds, "apply", "look.cube", *pictures, "-o", "out", number=sent):
             break
         for path in (tmp_path / "out").glob("*"):
             assert path.name == NAME or read_image(path).pixels.shape == (1500, 2000, 3)

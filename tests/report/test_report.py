@@ -103,6 +103,7 @@ def test_page_stands_alone_and_names_are_only_text(hostile: tuple[CameraProfile,
     report = build_report(*hostile)
     write_page(report, tmp_path / "report.html")
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "yes, on colours like those of the shots" in html
     tags = Tags()
     tags.feed(html)
     assert tags.open == []
