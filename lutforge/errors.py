@@ -4,6 +4,9 @@ The message is one line for the person who caused it: what is wrong, where (path
 The command line prints it and exits with status 2.
 """
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class LutForgeError(Exception):
     """The root of all errors that LutForge raises on purpose.
@@ -22,6 +25,18 @@ def one_line(text: str, most: int = 300) -> str:
         return line
     tail = most // 3
     return f"{line[: most - tail - 3].rstrip()} … {line[-tail:].lstrip()}"
+
+
+def alternatives(word: str, names: Iterable[str]) -> str:
+    """What an error says behind an unknown word: the names that are like it, and the known ones, as many as fit."""
+    known = list(names)
+    near = get_close_matches(word.lower(), known, cutoff=0.7)
+    listed, others = ", ".join(known), 0
+    if len(listed) > 300:
+        listed = listed[:300].rpartition(", ")[0]
+        others = len(known) - len(listed.split(", "))
+    asked = f"did you mean {' or '.join(near)}? " if near else ""
+    return f"{asked}known: {listed}{f' and {others} others' if others else ''}"
 
 
 class SettingsError(LutForgeError):

@@ -117,7 +117,7 @@ def parse_selector(text: str) -> Selector:
         raise SettingsError(f'{text!r:.80} is not STYLE/WB, a text such as "standard/daylight"')
     style, slash, balance = (part.strip() for part in text.lower().partition("/"))
     if not slash or not style or not balance:
-        raise SettingsError(f'"{text}" is not STYLE/WB; write for example "standard/daylight" or "vivid/5200K"')
+        raise SettingsError(f'"{text}" is not STYLE/WB, a picture style and a white balance, such as "vivid/daylight"')
     if (number := re.match(r"([\d.]+(?:e\d+)?)\s*k\s*([+-].*)?$", balance)) is not None:
         return Selector(style, _parse_kelvin(text, number[1], number[2] or "0"))
     if "," in balance:

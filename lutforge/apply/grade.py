@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge import __version__
-from lutforge.errors import ConfigError, LutError, LutForgeError
+from lutforge.errors import ConfigError, LutError, LutForgeError, alternatives
 from lutforge.guarded import guarded
 from lutforge.interpolation import Interpolation
 from lutforge.luts.input_and_output import ENCODED, read_input_and_output
@@ -167,12 +167,12 @@ class ConfigRecipe(_OneForAll):
         from lutforge.ocio.check import converts, load_config  # a LUT does without what is known of configs
 
         config = load_config(self.path)
-        known = ", ".join(config.getColorSpaceNames())
+        names = config.getColorSpaceNames()
         if self.source is None or self.target is None:
-            raise ConfigError(f"{self.path}: name two of its colour spaces with --from and --to: {known}")
+            raise ConfigError(f"{self.path}: name two of its colour spaces with --from and --to: {', '.join(names)}")
         for name in (self.source, self.target):
             if config.getColorSpace(name) is None:
-                raise ConfigError(f'{self.path}: no colour space "{name}"; it has {known}')
+                raise ConfigError(f'{self.path}: no colour space "{name}"; {alternatives(name, names)}')
         try:
             guarded(converts, str(self.path), self.source, self.target)
         except LutForgeError as error:

@@ -62,10 +62,8 @@ class ProfileRecipe(Rebuilt):
         target = self._target
         for camera in [self._look] if self._look else cameras.values():
             style = target.style if target.style != AS_SHOT else next(iter(camera.styles))
-            if _own_shift(target) is None:
-                camera.selector(Selector(style, target.white_balance))
-            elif style not in camera.styles:
-                raise SettingsError(f'unknown style "{style}"; {camera.camera} has {", ".join(sorted(camera.styles))}')
+            own = _own_shift(target) is not None
+            camera.selector(Selector(style, next(iter(camera.white_balances)) if own else target.white_balance))
         _ = self._transfers
 
     def grade(self, source: Path) -> Grade:

@@ -21,7 +21,7 @@ from lutforge.model.transform import Transform
 from lutforge.settings import Selector, parse_selector, require_exposure
 from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.maker_settings import ADOBE_RGB
-from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
+from lutforge.shots.picture_settings import read_exposure, read_picture_settings
 
 UNIT_EXPOSURE = 2.0**-10
 """Time in seconds · ISO / 100 / f-number² of a picture that keeps its values: 1/60 s at f/4 and ISO 100, nearly.
@@ -60,7 +60,8 @@ class SceneRecipe(Rebuilt):
         asked = parse_selector(self.source) if self.source else None
         target = parse_selector(self.target) if self.target else None
         if target is not None and target.style != AS_SHOT:
-            raise SettingsError(f"--to {self.target}: light has no style; write {AS_SHOT}/{target.white_balance}")
+            helps = f"write --to {AS_SHOT}/{target.white_balance}"
+            raise SettingsError(f"--to {self.target}: light has no style, only a white balance; {helps}")
         for camera in self.cameras.values():
             if asked is not None and asked.style != AS_SHOT and asked.white_balance not in NAMED_BY_FILE:
                 camera.selector(asked)
@@ -75,10 +76,11 @@ class SceneRecipe(Rebuilt):
         given, doubts = source_selector(source, settings, camera, self.source)
         scale = 2.0**self.ev
         if self.by_exposure:
-            exposure = stated_exposure(source)
-            if not math.isfinite(exposure):
+            exposure = read_exposure(source)
+            if not math.isfinite(exposure.value):
                 raise ImageError(f"{source}: the file does not tell its exposure; leave out --exposure exif")
-            scale *= UNIT_EXPOSURE / exposure
+            scale *= UNIT_EXPOSURE / exposure.value
+            doubts += exposure.notes
         neutral = self._neutral(camera, given)
         lut = self._lut(camera, given, neutral, scale)
         space = rgb_space(self.space)

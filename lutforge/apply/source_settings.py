@@ -7,6 +7,7 @@ import numpy as np
 
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile
+from lutforge.model.white_balance import temperatures_of
 from lutforge.settings import KELVIN_RANGE, Kelvin, Multipliers, Selector, parse_selector
 from lutforge.shots.picture_settings import PictureSettings
 
@@ -50,9 +51,9 @@ def source_selector(
     wanted = parse_selector(asked) if asked else Selector(AS_SHOT, AS_SHOT)
     style = wanted.style if wanted.style != AS_SHOT else settings.style
     if style not in camera.styles:
-        known = f"{camera.camera} has the styles {', '.join(sorted(camera.styles))}"
         if wanted.style != AS_SHOT:
-            raise SettingsError(f'unknown style "{style}"; {known}')
+            camera.selector(wanted)  # raises: this error lists the styles
+        known = f"{camera.camera} has the styles {', '.join(sorted(camera.styles))}"
         told = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
         balances = ", ".join(sorted(camera.white_balances))
         raise SettingsError(f"{path}: {told}; {known} and the white balances {balances}: name it with --from")
@@ -75,10 +76,10 @@ def source_selector(
         told = (
             f'its white balance is "{settings.white_balance}", and the file does not tell which multipliers that were'
         )
+    known = ", ".join(sorted(camera.white_balances))
     raise SettingsError(
-        f"{path}: {told}; put its RAW file beside it, name it with --from, of {camera.camera} "
-        f"{' or '.join(f'{style}/{name}' for name in sorted(camera.white_balances))}, "
-        f"or find it with --candidates sheet.jpg"
+        f"{path}: {told}; put its RAW file beside it, name it with --from {style}/WB, where WB is {known}"
+        f"{temperatures_of(camera.white_balances)}, or find it with --candidates sheet.jpg"
     )
 
 

@@ -88,8 +88,11 @@ def _run(grading: "Grading", as_json: bool) -> None:
     seconds = time.monotonic() - began
     notes = ((done.source, text) for done in result.done for text in done.notes)
     note(*result.notes, *in_common(notes, "images"))
+    first: dict[str, Path] = {}
     for failure in result.failed:
-        complain(failure.reason)
+        reason = failure.reason.removeprefix(f"{failure.source}: ")
+        same = first.setdefault(reason, failure.source)
+        complain(failure.reason if same == failure.source else f"{failure.source}: as {same}")
     if as_json:
         _print_json(result, seconds)
     else:

@@ -27,13 +27,7 @@ def config(
     with progress_bar("config") as progress:
         written = write_config(profiles, output, version=ocio_version, merge=merge, replace=replace, progress=progress)
     losses = (f"version {written.version}: {loss}" for loss in written.losses)
+    counts = ((written.spaces, "input colour spaces"), (written.views, "view transforms"), (written.looks, "looks"))
+    held = ", ".join(f"{len(entries)} {title}" for entries, title in counts)
+    say(f"{written.path}: profile version {written.version}, checked: {held}")
     note(*losses, *(finding.note for finding in written.findings))
-    say(f"{written.path}: profile version {written.version}, checked")
-    for title, entries in (
-        ("input colour spaces", written.spaces),
-        ("view transforms", written.views),
-        ("looks", written.looks),
-    ):
-        say(f"{title}: {len(entries)}")
-        for name in entries:
-            say(f"  {name}")

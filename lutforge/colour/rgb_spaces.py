@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from lutforge.arrays import Array
 from lutforge.colour.chromaticities import xyz_matrix
 from lutforge.colour.srgb import srgb_decode, srgb_encode
-from lutforge.errors import SettingsError
+from lutforge.errors import SettingsError, alternatives
 
 BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 """XYZ → cone responses (ICC.1:2022, annex E)."""
@@ -141,7 +141,7 @@ def rgb_space(name: str) -> RgbSpace:
     found = SPACES.get(word)
     if found is None:
         known = sorted(SPACES, key=lambda each: word not in each)  # names that hold the word first: the list is long
-        raise SettingsError(f'no colour space "{name[:60]}"; known: {", ".join(known)}')
+        raise SettingsError(f'no colour space "{name[:60]}"; {alternatives(word, known)}')
     return found
 
 

@@ -19,7 +19,6 @@ _WIDEST: dict[str, str] = {  # the deepest pixel type that a format takes, where
     "targa": "uint8",
     "bmp": "uint8",
     "webp": "uint8",
-    "gif": "uint8",
     "ico": "uint8",
     "dpx": "uint16",
     "jpeg2000": "uint16",
@@ -83,7 +82,7 @@ def exif_date(text: str) -> str:
 def create_output(path: Path) -> oiio.ImageOutput:
     """Create the writer of the format that a suffix stands for. Raises ImageError where there is none."""
     probe = oiio.ImageOutput.create(path.name)
-    if probe is None or path.suffix.lower() == ".pfm":
+    if probe is None or path.suffix.lower() in (".pfm", ".gif"):
         oiio.geterror()
         asked = f'cannot write "{path.suffix}" images' if path.suffix else "its name needs a suffix"
         raise ImageError(f"{path}: {asked}; use .tif, .exr, .png, .jpg or .dpx")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from lutforge.colour.srgb import delta_e_2000
-from lutforge.errors import SettingsError
+from lutforge.errors import SettingsError, alternatives
 from lutforge.kits.kit import Kit, Look, Source, setting_of
 from lutforge.luts.bake import bake
 from lutforge.luts.reading import read_lut
@@ -80,6 +80,6 @@ def lumix_kit(camera: CameraProfile, base: str) -> LumixKit:
     """The kit on a base style. Raises SettingsError, which lists the styles, on one that the camera does not have."""
     if base.lower() not in camera.styles:
         raise SettingsError(
-            f'unknown style "{base}" for --base; {camera.camera} has {", ".join(sorted(camera.styles))}'
+            f'{camera.camera}: unknown style "{base}" for --base; {alternatives(base, sorted(camera.styles))}'
         )
     return LumixKit(camera=camera, base=base.lower())

@@ -5,7 +5,7 @@ import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 
-from lutforge.errors import LutError
+from lutforge.errors import LutError, alternatives
 from lutforge.interpolation import Interpolation
 from lutforge.luts.sequence import INSTEAD_FOR_SCENES, MAX_SIZE, Form, format_of
 
@@ -34,7 +34,7 @@ class Program:
 OCIO_READS = (".clf", ".ctf", ".cube", ".csp", ".3dl", ".spi1d", ".spi3d")
 HALD = (".png", ".tif", ".tiff")
 PROGRAMS: dict[str, Program] = {
-    "resolve": Program(shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Refresh"),
+    "resolve": Program(shaper=True, reads=(".cube", ".clf"), use="put it into the LUT folder, then Update Lists"),
     "nuke": Program(shaper=True, reads=OCIO_READS, use="OCIOFileTransform, not Vectorfield, reads the shaper"),
     "ocio": Program(shaper=True, reads=OCIO_READS),
     "oiio": Program(shaper=True, reads=OCIO_READS, interpolation="tetrahedral"),
@@ -50,7 +50,12 @@ PROGRAMS: dict[str, Program] = {
     "aftereffects": Program(shaper=False, reads=(".cube", ".3dl", ".csp"), max_size=64, size=64),
     "finalcut": Program(shaper=False, reads=(".cube",)),
     "affinity": Program(shaper=False, reads=(".cube", ".3dl", ".csp")),
-    "ffmpeg": Program(shaper=False, reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral"),
+    "ffmpeg": Program(
+        shaper=False,
+        reads=(".cube", ".csp", ".3dl"),
+        interpolation="tetrahedral",
+        use="ffmpeg -i IN -vf lut3d=file=FILE:interp=tetrahedral OUT",
+    ),
     "mlt": Program(shaper=False, reads=(".cube", ".csp", ".3dl"), interpolation="tetrahedral"),
     "obs": Program(shaper=False, reads=(".cube",)),
     "darktable": Program(
@@ -94,7 +99,7 @@ def program_named(name: str) -> Program:
     """The program of a name, in any case. Raises LutError listing those that are known."""
     known = PROGRAMS.get(name.lower())
     if known is None:
-        raise LutError(f'unknown program "{name}"; known: {", ".join(PROGRAMS)}')
+        raise LutError(f'unknown program "{name}"; {alternatives(name, PROGRAMS)}')
     return known
 
 

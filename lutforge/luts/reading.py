@@ -27,6 +27,8 @@ MOST_BYTES = 128 << 20
 """Bytes of a LUT file that is read: a 129³ cube as text takes about 70 MB."""
 KEPT = ("ACEStransformID",)
 """Elements of a CLF beside its operations that become metadata."""
+_POWERS = {"LUT_1D_SIZE": 1, "LUT_3D_SIZE": 3}
+"""What a .cube's sizes are to be raised to, for its number of rows."""
 
 
 def read_lut(path: str | Path) -> Lut:
@@ -337,6 +339,8 @@ def _reason(message: str, link: str, path: Path) -> str:
                 "a .cube with a shaper (LUT_1D_SIZE and LUT_3D_SIZE) must hold neither TITLE nor DOMAIN "
                 "lines for OpenColorIO and Nuke; delete those lines"
             )
+    if cut := _cut_short(path, message):
+        return f"{cut}: make or copy it again"
     if b"\r" in head and b"\n" not in head:
         return "its lines end in carriage returns alone, which OpenColorIO does not read; save it with line feeds"
     said = message.replace(link, path.name).split("failed with: ")[-1].split("All formats")[0]
@@ -344,3 +348,24 @@ def _reason(message: str, link: str, path: Path) -> str:
         suffix = path.suffix.lower()
         return f"it is not a {suffix} file that OpenColorIO can read; `lutforge check` shows which programs do"
     return f"OpenColorIO cannot read it: {one_line(said, 200)}"
+
+
+def _cut_short(path: Path, message: str) -> str:
+    """Where a .cube or, as OpenColorIO's message says of XML, another file ends too early; "" of one that does not."""
+    if "no element found" in message or "unclosed token" in message:
+        return "the file ends before its last element"
+    if path.suffix.lower() != ".cube":
+        return ""
+    text = path.read_bytes().decode("utf-8", "replace")
+    rows = [line.split() for line in text.splitlines() if line.strip()]
+    if not text.endswith("\n") and not _is_colour(rows[-1]):
+        rows.pop()
+    sizes = {row[0]: int(row[1]) for row in rows if len(row) == 2 and row[0] in _POWERS and row[1].isdecimal()}
+    colours = [row for row in rows if _is_number(row[0])]
+    expected = sum(size ** _POWERS[name] for name, size in sizes.items())
+    short = len(colours) < expected and all(map(_is_colour, colours))
+    return f"the file ends after {len(colours)} of {expected} colours" if short else ""
+
+
+def _is_colour(words: list[str]) -> bool:
+    return len(words) == 3 and all(map(_is_number, words))

@@ -11,7 +11,7 @@ import numpy as np
 from lutforge.arrays import Array
 from lutforge.boundary import path_of
 from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
-from lutforge.errors import ProfileError, SettingsError
+from lutforge.errors import ProfileError, SettingsError, alternatives
 from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.highlights import neutral_highlights as highlights_between
 from lutforge.model.profile_data import PhysicalModel, PictureStyle, ProfileData
@@ -50,7 +50,8 @@ class CameraProfile(ProfileData):
         """A selector whose style and white balance this profile knows. Raises SettingsError listing the known ones."""
         selector = text if isinstance(text, Selector) else parse_selector(text)
         if selector.style not in self.styles:
-            raise SettingsError(f'unknown style "{selector.style}"; {self.camera} has {", ".join(sorted(self.styles))}')
+            known = alternatives(selector.style, sorted(self.styles))
+            raise SettingsError(f'{self.camera}: unknown style "{selector.style}"; {known}')
         return replace(selector, white_balance=self._known_balance(selector.white_balance))
 
     def _known_balance(self, balance: str | Kelvin | Multipliers) -> str | Kelvin | Multipliers:

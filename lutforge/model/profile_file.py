@@ -113,8 +113,12 @@ def _lattice_to_json(lattice: Lattice, prefix: str, arrays: dict[str, Array]) ->
 def read_profile(path: str | Path) -> ProfileData:
     """Read what a profile file holds. Raises ProfileError, in one line, on anything that is not one."""
     path = Path(path)
+    if path.suffix.lower() == ".csv":
+        raise ProfileError(
+            f"{path}: not a LutForge profile but a table of samples; run `lutforge calibrate {path} -o camera.npz`"
+        )
     if not path.is_file():
-        raise ProfileError(f"{path}: no such profile; make one with `lutforge calibrate … -o {path.name}`")
+        raise ProfileError(f"{path}: no such profile; make one with `lutforge calibrate … -o {path}`")
     if not zipfile.is_zipfile(path):
         raise ProfileError(f"{path}: not a LutForge profile, which is a zip file")
     with reading(path, "a LutForge profile", ProfileError), zipfile.ZipFile(path) as archive:
@@ -151,7 +155,7 @@ def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
     if "profile.json" not in names:
         raise ProfileError(
             "not a LutForge profile (it holds no profile.json)"
-            + ("; it is a table of samples" if "raw_r.npy" in names else "")
+            + ("; it is a table of samples: run lutforge calibrate with it first" if "raw_r.npy" in names else "")
         )
     if len(names) > 4096 or archive.getinfo("profile.json").file_size > 16 << 20:
         raise ProfileError("refused, it is far larger than any profile")

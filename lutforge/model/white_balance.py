@@ -17,7 +17,7 @@ from lutforge.colour.colour_temperature import (
     white,
     white_of,
 )
-from lutforge.errors import ProfileError, SettingsError
+from lutforge.errors import ProfileError, SettingsError, alternatives
 from lutforge.settings import LARGEST_MULTIPLIER, Kelvin, Multipliers, Shift
 
 NAMED_KELVIN = {
@@ -99,8 +99,8 @@ def resolve(white_balance: str | Kelvin | Multipliers, known: Mapping[str, White
             if name not in known:
                 hint = f" (a temperature is written {name}K)" if name.isdigit() else ""
                 raise SettingsError(
-                    f'unknown white balance "{name}"{hint}; this profile knows {", ".join(sorted(known))}, and any '
-                    "multipliers of red, green and blue, such as 2.1,1,1.4"
+                    f'unknown white balance "{name}"{hint}; {alternatives(name, sorted(known))}'
+                    f"{temperatures_of(known)}, or any multipliers of red, green and blue, such as 2.1,1,1.4"
                 )
             return known[name].factors
 
@@ -147,6 +147,14 @@ def temperature_range(known: Mapping[str, WhiteBalance]) -> tuple[float, float]:
     margin = 30.0  # mired beyond the outermost known white balance
     low, high = 1e6 / (max(mireds) + margin), 1e6 / max(min(mireds) - margin, 1e6 / HOTTEST)
     return min(low, BY_MATRIX[0]), max(high, BY_MATRIX[1])
+
+
+def temperatures_of(known: Mapping[str, WhiteBalance]) -> str:
+    """The temperatures that a selector may ask for, as the end of a list; "" where there are none."""
+    if not _on_the_locus(known):
+        return ""
+    low, high = temperature_range(known)
+    return f", a temperature from {low:.0f}K to {high:.0f}K"
 
 
 def _at_temperature(kelvin: float, tint: float, known: Mapping[str, WhiteBalance], matrix: Array) -> Array:

@@ -107,9 +107,7 @@ def bake(
         raise LutError(f'unknown form "{form}"; choose {", ".join(FORMS)}')
     purpose = transform.purpose if isinstance(transform, Transform) else Purpose()
     kind, title, displayed = purpose.kind, title or purpose.title, purpose.kind != "linearize"
-    if program is not None and kind == "render" and program_named(program).develops:
-        helps = f"make a kit for it, lutforge kit camera.npz --to {purpose.target} --for {program.lower()} -o kit"
-        raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {helps}")
+    _require_fed(program, purpose)
     named, notes = _files([check_output(path) for path in several(outputs)], program, title, stages)
     adobe_rgb = purpose.source.partition("/")[0].endswith(ADOBE_RGB_STYLE)
     ends = input_and_output_of(kind, purpose.light, ADOBE_RGB if adobe_rgb else ENCODED).comments if kind else ()
@@ -179,6 +177,8 @@ def bake_files(
     profiles = _camera_profiles(paths, camera, transform.purpose, program)
     if colours and not (paths and all(path.suffix.lower() in CAMERA_PROFILES[:2] for path in paths)):
         raise SettingsError("--colours goes with an ICC profile: -o look.icc")
+    if isinstance(profile, str | Path):
+        _require_fed(program, transform.purpose, str(profile))
     luts = [path for path in paths if path not in profiles]
     if profiles and not luts:
         return tuple(_bake_camera_profile(camera, wanted, path, colours) for path in profiles), (BALANCED,)
@@ -188,6 +188,13 @@ def bake_files(
     )  # fmt: skip
     files = [*baked.files, *(_bake_camera_profile(camera, wanted, path, colours) for path in profiles)]
     return tuple(sorted(files, key=lambda file: file.error.mean)), baked.notes
+
+
+def _require_fed(program: str | None, purpose: Purpose, profile: str = "camera.npz") -> None:
+    """Raise SettingsError where a program feeds no LUT with camera RAW. profile: the file that a kit is made of."""
+    if program is not None and purpose.kind == "render" and program_named(program).develops:
+        helps = f"make a kit for it, lutforge kit {profile} --to {purpose.target} --for {program.lower()} -o kit"
+        raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {helps}")
 
 
 def _notes_on(file: BakedFile, purpose: Purpose) -> Iterator[str]:

@@ -14,7 +14,7 @@ from lutforge.apply.grade import ConfigRecipe, LutRecipe, Recipe
 from lutforge.apply.inputs import Inputs, find_inputs, is_picture
 from lutforge.errors import ImageError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
-from lutforge.pipeline.outputs import PROFILE_SUFFIXES, Paths, check_output, one_of, several
+from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, check_output, one_of, several
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,8 @@ class Grading:
 
 
 def _is_profile(path: Path) -> bool:
-    return path.suffix.lower() in PROFILE_SUFFIXES
+    """True also of a table, which is no image either: the profile's reader then says what it is."""
+    return path.suffix.lower() in TABLE_SUFFIXES
 
 
 def apply(

@@ -79,8 +79,7 @@ def _shot(path: Path) -> Rows:
     yield "camera", data.camera
     yield "picture style", data.style
     yield "white balance", f"{data.white_balance}, multipliers {_numbers(data.multipliers)}"
-    time = f"1/{1 / data.exposure_s:.0f}" if 0 < data.exposure_s < 0.3 else f"{data.exposure_s:.3g}"
-    yield "exposure", f"{time} s, ISO {data.iso:g}"
+    yield "exposure", _exposure(data.exposure_s, data.aperture, data.iso)
     height, width = shot.jpeg.shape[:2]
     yield "JPEG", f"{width} × {height}, {shot.jpeg_source}"
     yield (
@@ -96,7 +95,7 @@ def _shot(path: Path) -> Rows:
 
 def _picture(path: Path) -> Rows:
     from lutforge.images.read import ImageReader
-    from lutforge.shots.picture_settings import read_picture_settings
+    from lutforge.shots.picture_settings import read_exposure, read_picture_settings
 
     settings = read_picture_settings(path)
     if is_heif(path):
@@ -110,6 +109,8 @@ def _picture(path: Path) -> Rows:
     yield "camera", settings.camera or "the file does not name it"
     yield "picture style", settings.style
     yield "white balance", f"{settings.white_balance}, multipliers {_numbers(settings.multipliers)}"
+    stated = read_exposure(path)
+    yield "exposure", _exposure(stated.time_s, stated.aperture, stated.iso)
     yield "use", "a finished picture: apply; a RAW file of the same name beside it makes it a pair to calibrate from"
     yield from (("note", text) for text in settings.notes)
 
@@ -173,6 +174,13 @@ def _lut_suffixes() -> frozenset[str]:
     return frozenset(
         {*CAMERA_PROFILES, *suffixes(), *(f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats())}
     )
+
+
+def _exposure(time_s: float, aperture: float, iso: float) -> str:
+    """Of a shot; what is not above 0, NaN included, is unknown."""
+    seconds = f"1/{1 / time_s:.0f} s" if 0 < time_s < 0.3 else f"{time_s:.3g} s" if time_s > 0 else "time unknown"
+    f_number = f"f/{aperture:.3g}" if aperture > 0 else "aperture unknown"
+    return f"{seconds}, {f_number}, {f'ISO {iso:g}' if iso > 0 else 'ISO unknown'}"
 
 
 def _numbers(multipliers: "np.ndarray[tuple[int, ...], np.dtype[np.float64]] | tuple[float, ...] | None") -> str:

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from lutforge.atomic_write import require_writable
 from lutforge.boundary import path_of
-from lutforge.errors import LutForgeError, SettingsError
+from lutforge.errors import LutForgeError, SettingsError, alternatives
 
 PROFILE_SUFFIXES = (".npz",)
 TABLE_SUFFIXES = (".csv", ".npz")
@@ -43,7 +43,7 @@ def one_of(kind: str, word: str, choices: Iterable[Word]) -> Word:
     """Return the choice that a word names, whatever its case. Raises SettingsError, which lists the choices."""
     known = {choice.lower(): choice for choice in choices}
     if str(word).strip().lower() not in known:
-        raise SettingsError(f'unknown {kind} "{word}"; choose {", ".join(known.values())}')
+        raise SettingsError(f'unknown {kind} "{word}"; {alternatives(str(word), known.values())}')
     return known[word.strip().lower()]
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array
 from lutforge.boundary import reading, require_file
-from lutforge.errors import CalibrationError
+from lutforge.errors import CalibrationError, alternatives
 
 D50 = "D50"
 CGATS_SUFFIXES = (".txt", ".cgats", ".cie", ".ti3")
@@ -109,7 +109,7 @@ def chart_kind(word: str) -> ChartKind:
     path = Path(word)
     if path.suffix.lower() not in (".json", *CGATS_SUFFIXES):
         raise CalibrationError(
-            f'no chart "{word[:60]}"; known: {", ".join(known)}, or a file: a CGATS table '
+            f'no chart "{word[:60]}"; {alternatives(word, known)}, or a file: a CGATS table '
             f"({', '.join(CGATS_SUFFIXES)}) or .json; a Passport, Nano or Mega shows a classic, or a classic2014 if "
             "made after November 2014"
         )

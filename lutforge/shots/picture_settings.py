@@ -57,12 +57,8 @@ def read_picture_settings(path: Path) -> PictureSettings:
     if made is not None:
         return made
     camera = camera_of(tags)
-    raw = path if is_raw else raw_beside(path) if camera else None
-    raw_tags = {} if raw is None else file_tags(raw)
-    if camera_of(raw_tags) == camera:
-        tags = {**raw_tags, **tags}
-    else:
-        raw = None
+    raw, raw_tags = (path, tags) if is_raw else _raw_of(path, camera)
+    tags = {**raw_tags, **tags}
     multipliers = multipliers_of(tags)
     if multipliers is None and raw is not None:
         try:
@@ -78,21 +74,65 @@ def read_picture_settings(path: Path) -> PictureSettings:
     )
 
 
+@dataclass(frozen=True)
+class StatedExposure:
+    """Time in seconds, f-number and ISO of a picture, each 0 where it is not stated."""
+
+    time_s: float
+    aperture: float
+    iso: float
+
+    @property
+    def value(self) -> float:
+        """Time · ISO / 100 / f-number², at ISO 100 and f/1 where these are not stated; NaN without a time."""
+        return self.time_s * (self.iso or 100.0) / 100.0 / (self.aperture or 1.0) ** 2 if self.time_s > 0 else math.nan
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A note on each number that is not stated, and on what stands in."""
+        absent = (("aperture", "f/1", self.aperture), ("ISO", "ISO 100", self.iso))
+        return tuple(
+            f"the file states no {name}, {usual} stands in: exposures agree only among pictures of one {name}"
+            for name, usual, number in absent
+            if not number
+        )
+
+
 def stated_exposure(path: Path) -> float:
     """The exposure that a picture's EXIF states, time · ISO / 100 / f-number²; NaN where it has no time."""
+    return read_exposure(path).value
+
+
+def read_exposure(path: Path) -> StatedExposure:
+    """Exposure of a picture by its EXIF, completed by that of the RAW file of the same camera beside it."""
     if is_heif(path):
         tags = file_tags(path)
-        time, aperture, iso = (_ratio(tags.get(("Photo", tag))) for tag in (0x829A, 0x829D, 0x8827))
-        return time * (iso or 100.0) / 100.0 / (aperture or 1.0) ** 2 if time > 0 else math.nan
-    with ImageReader(path) as image:
-        spec = image.spec
+        stated = _exposure_of(tags)
+    else:
+        tags = _header_tags(path)
+        with ImageReader(path) as image:
+            spec = image.spec
+        names = (
+            ("ExposureTime", "Exif:ExposureTime"),
+            ("FNumber", "Exif:FNumber"),
+            ("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings"),
+        )
+        stated = [float(next(filter(None, map(spec.getattribute, each)), 0.0)) for each in names]
+    if not all(stated):
+        beside = _exposure_of(_raw_of(path, camera_of(tags))[1])
+        stated = [one or other for one, other in zip(stated, beside, strict=True)]
+    return StatedExposure(*stated)
 
-    def number(*tags: str) -> float:
-        return float(next((value for value in map(spec.getattribute, tags) if value), 0.0))
 
-    time, aperture = number("ExposureTime", "Exif:ExposureTime"), number("FNumber", "Exif:FNumber")
-    iso = number("Exif:PhotographicSensitivity", "Exif:ISOSpeedRatings")
-    return time * (iso or 100.0) / 100.0 / (aperture or 1.0) ** 2 if time > 0 else math.nan
+def _exposure_of(tags: Tags) -> list[float]:
+    return [_ratio(tags.get(("Photo", tag))) for tag in (0x829A, 0x829D, 0x8827)]
+
+
+def _raw_of(picture: Path, camera: str) -> tuple[Path | None, Tags]:
+    """The RAW file of the same camera beside a picture, and its tags; none where there is none."""
+    raw = raw_beside(picture) if camera else None
+    tags = {} if raw is None else file_tags(raw)
+    return (raw, tags) if camera_of(tags) == camera else (None, {})
 
 
 def _ratio(value: Value | None) -> float:

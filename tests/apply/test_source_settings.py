@@ -56,7 +56,8 @@ def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do(
     camera = small_profile()
     settings = PictureSettings(camera.camera, "standard", "auto", None)
     wanted = (
-        r'a\.jpg: its white balance is "auto", and .* multipliers .*; put its RAW file beside it, name it with --from'
+        r'a\.jpg: its white balance is "auto", and .* multipliers .*; put its RAW file beside it, name it with --from '
+        r"standard/WB, where WB is .*, a temperature from \d+K to \d+K, or find it with --candidates"
     )
     with pytest.raises(SettingsError, match=wanted):
         source_selector(Path("a.jpg"), settings, camera, None)

@@ -116,3 +116,5 @@ def test_names_are_taken_in_any_case_and_unknown_ones_listed() -> None:
         rgb_space("technicolor")
     with pytest.raises(SettingsError, match="known: acescg, aces2065-1"):  # those that hold the word come first
         rgb_space("ACES")
+    with pytest.raises(SettingsError, match=r"did you mean acescg or acescc\?.*, linear-dgamut, .* and \d+ others$"):
+        rgb_space("acesg")

@@ -141,7 +141,7 @@ def test_what_a_profile_cannot_give_is_refused_with_the_way(
             write_kit(developed_profile, SETTING, tmp_path / "kit", program)
     with pytest.raises(SettingsError, match="--base and --as go with --for lumix"):
         write_kit(raw_profile, SETTING, tmp_path / "kit", "nuke", base="standard")
-    with pytest.raises(SettingsError, match='unknown style "sepia" for --base; Canon PowerShot S40 has standard'):
+    with pytest.raises(SettingsError, match='Canon PowerShot S40: unknown style "sepia" for --base; known: standard'):
         write_kit(raw_profile, SETTING, tmp_path / "kit", "lumix", base="sepia")
     with pytest.raises(SettingsError, match="--as goes with --base"):
         write_kit(raw_profile, SETTING, tmp_path / "kit", "lumix", look=raw_profile)

@@ -168,6 +168,10 @@ def test_a_developer_is_not_given_a_lut_of_camera_raw(program: str, profile: Cam
     with pytest.raises(SettingsError, match=r"lutforge kit camera\.npz"):
         bake_files(profile, TransformRequest("render", target=SETTING), [tmp_path / f"look{suffix}"], program=program)
     assert not list(tmp_path.iterdir())
+    saved = tmp_path / "own.npz"
+    profile.save(saved)
+    with pytest.raises(SettingsError, match=f"lutforge kit {saved} --to"):
+        bake_files(saved, TransformRequest("render", target=SETTING), [tmp_path / f"look{suffix}"], program=program)
 
 
 def test_check_says_who_feeds_no_camera_raw(profile: CameraProfile, tmp_path: Path) -> None:

@@ -112,7 +112,9 @@ def test_the_same_profile_gives_the_same_bytes(saved: Path, tmp_path: Path) -> N
 
 
 def test_a_missing_file_says_how_to_make_one(tmp_path: Path) -> None:
-    assert "lutforge calibrate" in _refused(tmp_path / "none.npz")
+    path = tmp_path / "none.npz"
+    assert f"lutforge calibrate … -o {path}" in _refused(path)
+    assert f"lutforge calibrate {tmp_path / 'samples.csv'}" in _refused(tmp_path / "samples.csv")
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])

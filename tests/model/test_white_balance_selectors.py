@@ -71,6 +71,10 @@ def test_a_named_setting_takes_a_tint() -> None:
     tinted = profile.multipliers("standard/daylight+20")
     np.testing.assert_allclose(tinted, profile.multipliers("standard/5200K+20"), rtol=1e-3)
     np.testing.assert_allclose(profile.multipliers("standard/daylight+0"), KNOWN["daylight"].multipliers)
+    with pytest.raises(SettingsError, match=r"did you mean daylight\? known: .*daylight.*, a temperature from \d+K to"):
+        profile.selector("standard/daylite")
+    with pytest.raises(SettingsError, match=r'unknown style "standart"; did you mean standard\?'):
+        profile.selector("standart/daylight")
     with pytest.raises(SettingsError, match="unknown white balance"):
         profile.selector("standard/moonlight+20")
     with pytest.raises(SettingsError, match="tint"):

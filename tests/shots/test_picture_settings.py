@@ -9,10 +9,14 @@ import pytest
 from lutforge.errors import ImageError
 from lutforge.images.read import Image
 from lutforge.images.write import write_image
+from lutforge.pipeline.inspection import inspect
 from lutforge.shots.maker_multipliers import kelvin_of, multipliers_of
 from lutforge.shots.maker_settings import white_balance_of
-from lutforge.shots.picture_settings import read_picture_settings, software_tag
+from lutforge.shots.picture_settings import read_exposure, read_picture_settings, software_tag
 from lutforge.shots.tags import Tags
+from lutforge.simulate.camera import nikon_d5100
+from lutforge.simulate.photograph import CameraSettings, photograph
+from lutforge.simulate.scene import SCENES
 
 
 @pytest.mark.parametrize(
@@ -120,3 +124,25 @@ def test_an_editor_is_named_and_a_stranger_is_unknown(tmp_path: Path) -> None:
     (tmp_path / "b.jpg").write_bytes(b"nothing")
     with pytest.raises(ImageError):
         read_picture_settings(tmp_path / "b.jpg")
+
+
+def test_an_aperture_that_the_file_does_not_state_is_told(tmp_path: Path) -> None:
+    """Of the file alone f/1 stands in, and a note says so; a RAW file of the camera beside it states its own."""
+    settings = CameraSettings(exposure_s=1 / 30)
+    shot = photograph(nikon_d5100(), SCENES["wall"](96, 144, 1), settings, tmp_path, "shot", seed=1)
+    assert shot.jpeg is not None
+    whole = read_exposure(shot.jpeg)
+    assert whole.aperture == 8.0 and not whole.notes
+    spec = oiio.ImageSpec(8, 8, 3, "uint8")
+    spec.attribute("Make", "LutForge")
+    spec.attribute("Model", "Simulated D5100")
+    spec.attribute("ExposureTime", 1 / 30)
+    picture = tmp_path / "alone.jpg"
+    write_image(picture, np.full((8, 8, 3), 0.5), Image(np.full((8, 8, 3), 0.5, np.float32), spec, "jpeg"))
+    bare = read_exposure(picture)
+    assert (bare.aperture, bare.iso) == (0.0, 0.0) and bare.value == pytest.approx(1 / 30, rel=1e-3)
+    assert [("f/1" in note, "ISO 100" in note) for note in bare.notes] == [(True, False), (False, True)]
+    assert ("exposure", "1/30 s, aperture unknown, ISO unknown") in inspect(picture).rows
+    shot.dng.rename(tmp_path / "alone.dng")
+    completed = read_exposure(picture)
+    assert not completed.notes and completed.value == pytest.approx(whole.value, rel=1e-3)

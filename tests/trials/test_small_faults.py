@@ -65,6 +65,19 @@ def test_a_suffix_that_is_none(lutforge: CommandLine, profile: Path, tmp_path: P
     assert "is no suffix of an image" in failed(lutforge("apply", profile, picture(tmp_path / "a.jpg"), *words))
 
 
+def test_a_format_of_256_colours_is_refused(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
+    words = ("--from", "standard/daylight", "--to", "standard/tungsten", "-o", tmp_path / "out", "--suffix", ".gif")
+    assert 'cannot write ".gif" images' in failed(lutforge("apply", profile, picture(tmp_path / "a.jpg"), *words))
+
+
+def test_a_reason_that_pictures_share_is_printed_once(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
+    """The second picture that does not tell its settings points to the first; each is named."""
+    first, second = (picture(tmp_path / f"{name}.jpg") for name in "ab")
+    result = lutforge("apply", profile, first, second, "--to", "standard/tungsten", "-o", tmp_path / "out")
+    lines = [line for line in result.stderr.splitlines() if str(second) in line]
+    assert result.returncode == 1 and lines == [f"lutforge: {second}: as {first}"]
+
+
 def test_an_empty_word_is_no_folder(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
     picture(tmp_path / "here.jpg")
     told = failed(lutforge("apply", profile, "", "--from", "standard/daylight", "-o", tmp_path / "out", cwd=tmp_path))
