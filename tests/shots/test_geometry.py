@@ -10,10 +10,11 @@ import pytest
 from PIL import Image
 
 from lutforge.pipeline.inspection import inspect
+from lutforge.pipeline.kits import compare_with_jpeg
 from lutforge.report.error_maps import moved_by_lens
 from lutforge.samples.extract import extract, places_in_picture
 from lutforge.shots.geometry import Distortion
-from lutforge.shots.read import read_shot
+from lutforge.shots.read import EMBEDDED, read_shot
 from lutforge.shots.shot import Shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
@@ -138,3 +139,37 @@ def test_places_of_samples_are_where_the_lens_drew_them(tmp_path: Path) -> None:
     np.testing.assert_allclose(there, registration.on_raw(corner)[0])
     flat = replace(registration, distortion=None).on_raw(corner)[0]
     assert np.linalg.norm(there - flat) > 5
+
+
+@pytest.mark.parametrize("share", [0.02, 0.05, 0.15])
+def test_a_straightened_perspective_is_named(share: float, tmp_path: Path) -> None:
+    """A keystone, in shares of the width, is nothing that a lens does: the preview, which has none, takes its place."""
+    shot_of(tmp_path, None)
+    path = tmp_path / "shot.JPG"
+    with Image.open(path) as picture:
+        width, height = picture.size
+        edge = share * width / 2
+        corners = np.array([[edge, 0], [0, height], [width, height], [width - edge, 0]])
+        # Of each corner of the new picture, the place in the old one, as a projective map (8 numbers).
+        to = np.array([[0, 0], [0, height], [width, height], [width, 0]])
+        zero = np.zeros((4, 3))
+        new = np.column_stack([to, np.ones(4)])
+        rows = np.vstack([np.hstack([new, zero]), np.hstack([zero, new])])
+        design = np.column_stack([rows, -np.vstack([to, to]) * corners.T.reshape(-1, 1)])
+        found = np.linalg.solve(design, corners.T.ravel())
+        warped = picture.transform(picture.size, Image.Transform.PERSPECTIVE, found.tolist(), Image.Resampling.BICUBIC)
+        warped.save(path, quality=95, subsampling=0, exif=picture.getexif())
+    shot = read_shot(tmp_path / "shot.dng")
+    assert shot.jpeg_source == EMBEDDED
+    reason = next(note for note in shot.metadata.notes if note.startswith("passed over"))
+    assert "warped as no lens does" in reason
+
+
+def test_developed_pictures_are_compared_where_the_lens_drew_them(tmp_path: Path) -> None:
+    """The camera's own JPEG, handed in as what a program developed of a bent RAW, has no error."""
+    shot_of(tmp_path, lens(-0.06, red=0.002))
+    (tmp_path / "shot.JPG").rename(tmp_path / "same.jpg")
+    (tmp_path / "shot.JPG").write_bytes((tmp_path / "same.jpg").read_bytes())
+    check = compare_with_jpeg(tmp_path / "shot.dng", tmp_path / "same.jpg")
+    assert check.tiles > 100
+    assert check.maximum < 0.1
