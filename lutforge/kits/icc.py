@@ -19,16 +19,18 @@ from lutforge.boundary import reading, require_file
 from lutforge.colour.rgb_spaces import D50, icc_file, icc_xyz, rgb_space, to_xyz, to_xyz_d50
 from lutforge.errors import LutError, one_line
 from lutforge.kits.kit import Look
-from lutforge.luts.axes import fit_axes, measure_lines
+from lutforge.luts.axes import polyline_levels
 from lutforge.luts.least_squares import fit_cube, sample
 from lutforge.luts.ops import Cube, Curve
-from lutforge.model.lattice import snap_levels
 
 ENTRIES = 4096
 """Entries of an input curve: the most that a lut16Type has."""
 
 NODES = 65
-"""Nodes per axis, with which 99 % of colours keep within 0.6 ΔE00 of the model, and greys within 0.3: 57 do not."""
+"""Nodes per axis, with which 99 % of colours keep within 0.6 ΔE00 of the model, and greys within 0.3: 49 do not."""
+
+WIDEST = 1 / 40
+"""How far nodes lie apart at most, in roots of the input: colours beside the greys need them everywhere."""
 
 GAMMA = 2.4
 """Points of the fit are even in this root of the input, about as the eye counts light."""
@@ -67,11 +69,9 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
         return _codes_of_light(shown(root**GAMMA))
 
     # All channels share their axis, so that greys run from node to node and stay neutral.
-    axes = fit_axes(measure_lines(codes, np.ones(3)), NODES, shared=True)
-    level = snap_levels(axes.levels[0] ** GAMMA, ENTRIES) ** (1 / GAMMA)
-    at, knots = (axes.stretched(np.repeat(root[:, None], 3, axis=1))[:, 0] for root in (_ROOTS, level))
-    even = np.linspace(0.0, 1.0, NODES)
-    column = np.rint(np.interp(at, knots, even) * 65535) / 65535
+    level = polyline_levels(_ROOTS, codes(np.repeat(_ROOTS[:, None], 3, axis=1)) * 65535 / _STEPS, NODES, WIDEST)
+    even = np.linspace(0.0, 1.0, len(level))
+    column = np.rint(np.interp(_ROOTS, level, even) * 65535) / 65535
     curve = Curve(np.repeat(column[:, None], 3, axis=1))
     samples = sample(codes, ((level, level, level),), np.ones(3))
     values = fit_cube(samples, 0, (even, even, even), "tetrahedral", lambda root: curve(root**GAMMA))
@@ -81,16 +81,19 @@ def fit_icc_profile(look: Look, variant: str = "") -> IccProfile:
 def scene_linear(look: Look) -> Callable[[Array], Array]:
     """The look without its tone curve: balanced camera RGB (…, 3) → linear sRGB.
 
-    The tone curve is the luminance that it gives greys, one for all channels, so that a cast of its greys stays.
+    The tone curve is the luminance that it gives greys, one for all channels, so that a cast of its greys stays. Its
+    inverse bends the channels of such a cast apart, so it is led by the luminance that it gives greys in turn.
     """
-    grey = np.linspace(0.0, 1.0, 4 * ENTRIES) ** GAMMA
+    grey, luminance = np.linspace(0.0, 1.0, 4 * ENTRIES) ** GAMMA, to_xyz("linear-srgb")[1]
     shown = _SRGB.decode(np.clip(look.render(np.repeat(grey[:, None], 3, axis=1)), 0.0, 1.0))
-    tones = np.maximum.accumulate(shown @ to_xyz("linear-srgb")[1])
+    tones = np.maximum.accumulate(shown @ luminance)
     rising = np.concatenate([[True], np.diff(tones) > 0])  # of the inputs that clip, the least
+    made = np.maximum.accumulate(np.interp(shown, tones[rising], grey[rising]) @ luminance)
+    lights = np.interp(grey, made, grey)
 
     def light(balanced: Array) -> Array:
         toned = _SRGB.decode(np.clip(look.render(balanced), 0.0, 1.0))
-        inverse = np.interp(toned, tones[rising], grey[rising])
+        inverse = np.interp(toned, tones[rising], lights[rising])
         # A clipped JPEG channel no longer rises with the light; there the RAW channel takes its place.
         return np.asarray(np.where(toned >= tones[-1], np.maximum(inverse, balanced), inverse))
 

@@ -9,6 +9,7 @@ where an output curve behind it magnifies the errors of the darks; few of the li
 largest errors, and a power mean of their curvatures counts these for more.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -80,28 +81,48 @@ def fit_axes(
     size: int,
     weight: Function | None = None,
     curve: Array | None = None,
-    shared: bool = False,
 ) -> Axes:
     """Curve and `size` node levels per axis for a function along lines.
 
     weight: outputs (n, 3) → (n,), how much a squared error counts there. curve: the input curve, where it is known.
-    shared: all three axes get one curve and one set of levels.
     """
     t = lines.t
     share = lines.share if weight is None else np.full(LINES, 1 / LINES)  # a weight looks for the largest errors
     if curve is None:
         squares = [np.sum((np.diff(y, axis=1) / np.diff(t)[:, None]) ** 2, axis=2) for y in lines.values]
         slopes = [np.sqrt(_mean(square, share)) for square in squares]
-        if shared:
-            slopes = [np.sqrt(np.mean(np.square(slopes), axis=0))] * 3
         curve = np.stack([_curve(slope, t) for slope in slopes], axis=1)
     even = np.linspace(0.0, 1.0, len(curve))
     places = [np.interp(t, even, curve[:, axis]) for axis in range(3)]
     masses = [_mass(lines.values[axis], t, places[axis], share, weight) for axis in range(3)]
-    if shared:
-        masses = [np.mean(masses, axis=0)] * 3
     r, g, b = (snap_levels(_equal(mass, t, size), SHAPER_SIZE) for mass in masses)
     return Axes(curve if len(curve) > 2 else None, (r, g, b))  # a straight line stretches nothing
+
+
+def polyline_levels(x: Array, y: Array, most: int, widest: float) -> Array:
+    """Of x (m,), at most `most` with both ends, between which straight lines come as near to y (m, 3) as they can.
+
+    Each is followed by the last x, no farther than `widest`, to which a line keeps within a tolerance; bisection finds
+    the least tolerance for which they suffice. Functions with kinks need this: levels of even mass pass them by.
+    """
+
+    def distance(start: int, end: int) -> float:
+        share = (x[start:end] - x[start]) / (x[end] - x[start])
+        return float(np.abs(y[start:end] - y[start] - share[:, None] * (y[end] - y[start])).max())
+
+    def chain(tolerance: float) -> list[int]:
+        nodes = [0]
+        while nodes[-1] < len(x) - 1 and len(nodes) <= most:
+            start = nodes[-1]
+            ends = range(start + 1, max(int(np.searchsorted(x, x[start] + widest)), start + 2))
+            nodes.append(start + max(bisect_right(ends, tolerance, key=lambda end: distance(start, end)), 1))
+        return nodes
+
+    low, high = 0.0, float(np.ptp(y))
+    for _ in range(16):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if len(chain(middle)) > most else (low, middle)
+    return np.asarray(x[chain(high)])
 
 
 def _lines(function: Function, t: Array, axis: int, places: Array, gain: Array) -> Array:

@@ -79,6 +79,20 @@ def test_greys_stay_neutral_and_light_above_white_stays_white(profile: CameraPro
     assert np.abs(np.diff(through_little_cms(icc, warm, 32), axis=0)).max() == 0.0
 
 
+def test_nodes_lie_where_greys_bend(profile: CameraProfile, tmp_path: Path) -> None:
+    rng, grey = np.random.default_rng(7), np.repeat(np.linspace(0.0, 1.0, 2000)[:, None], 3, axis=1)
+    places = np.concatenate([[0.0], np.sort(rng.random(24)), [1.0]]) ** 2.4
+    cast = 0.006 * rng.uniform(-1, 1, (26, 3)) * (places[:, None] < 0.9)
+
+    def render(x: Array) -> Array:
+        kinks = [np.interp(x[..., 1], places, column) for column in cast.T]
+        return np.asarray(srgb_encode(x) + np.minimum(x, 0.05) / 0.05 * np.stack(kinks, axis=-1))
+
+    write_icc(fit_icc_profile(replace(look_of(profile, "standard"), render=render)), tmp_path / "look.icc")
+    shown = through_little_cms(tmp_path / "look.icc", grey, 32)
+    assert np.abs(srgb_to_lab(shown) - srgb_to_lab(render(grey)))[:, 1:].max() <= 0.3
+
+
 def test_colours_without_the_tone_curve_are_linear_in_greys(profile: CameraProfile, tmp_path: Path) -> None:
     look = look_of(profile, "standard")
     fitted = fit_icc_profile(look, VARIANTS[1])
