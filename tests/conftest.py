@@ -11,7 +11,7 @@ import pytest
 from lutforge.cli.main import main
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
-from tests.real_data import CHARTS, S40, PublishedPairs, read_published_pairs
+from tests.cases.real_data import CHARTS, S40, PublishedPairs, read_published_pairs
 
 
 class CommandLine(Protocol):

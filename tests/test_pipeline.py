@@ -15,7 +15,7 @@ from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import SHOTS, demo_shots
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES
-from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.cases.samples import chart_140, photograph_patches
 
 
 def made_samples(count: int = 300, style: str = "Standard", balance: str = " Day/Light ") -> SampleSet:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.real_data import S40
+from tests.cases.real_data import S40
 
 ROOT = Path(__file__).parents[1]
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import lutforge as lf
+from tests.cases.profiles import small_profile
 from tests.conftest import CommandLine
-from tests.model.profiles_synthetic import small_profile
 
 NAMES = [name for name in dir(lf) if not name.startswith("_")]
 

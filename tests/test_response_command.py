@@ -14,7 +14,7 @@ from lutforge.cli.response import response as response_command
 from lutforge.errors import LutForgeError
 from lutforge.images.read import read_image
 from lutforge.pipeline.response import open_bracket, parse_times
-from tests.calibration.brackets_simulated import bracket
+from tests.cases.brackets import bracket
 from tests.conftest import CommandLine
 
 GAMMA = 1.8

@@ -21,7 +21,7 @@ from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import SHAPER_SIZE
 from lutforge.model.lattice import grid, snap_levels
-from tests.luts.made_luts import lut_of_nodes
+from tests.cases.luts import lut_of_nodes
 
 Pixels = NDArray[np.float32]
 

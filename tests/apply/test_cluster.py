@@ -11,7 +11,7 @@ import pytest
 from lutforge.apply import journal
 from lutforge.apply.batch import Progress, apply_batch
 from lutforge.apply.grade import LutRecipe
-from tests.apply.graded_images import write_cube, write_picture
+from tests.cases.pictures import write_cube, write_picture
 
 
 def contents(folder: Path) -> dict[str, bytes]:

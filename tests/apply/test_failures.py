@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.apply.graded_images import write_cube, write_picture
+from tests.cases.pictures import write_cube, write_picture
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 

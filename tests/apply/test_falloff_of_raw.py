@@ -18,7 +18,7 @@ from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import BORDER, CameraSettings, Photograph, photograph
 from lutforge.simulate.scene import chart_scene
-from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.cases.samples import chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
 LENS = Falloff((0.5, 0.5, 0.4), (0.03, -0.04), aperture=8.0)

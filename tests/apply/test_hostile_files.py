@@ -13,7 +13,7 @@ from lutforge.apply.journal import NAME, read_journal
 from lutforge.errors import ConfigError, ImageError
 from lutforge.images.read import ImageReader
 from lutforge.ocio.config import write_config
-from tests.model.profiles_synthetic import small_profile
+from tests.cases.profiles import small_profile
 from tests.ocio.test_config import SMALL
 
 ENDLESS = "CSPLUTV100\n3D\n\nBEGIN METADATA\nx\n"

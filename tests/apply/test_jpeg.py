@@ -24,7 +24,7 @@ from lutforge.images.jpeg_header import JpegHeader, Segment, exif_places, read_h
 from lutforge.images.output_spec import IN_ANOTHER_SPACE
 from lutforge.images.read import read_image
 from lutforge.shots.tags import SOFTWARE, tags
-from tests.apply.graded_images import write_cube
+from tests.cases.pictures import write_cube
 
 
 @pytest.fixture

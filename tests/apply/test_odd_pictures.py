@@ -23,7 +23,7 @@ from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.shots.tags import tags
-from tests.apply.graded_images import Pixels, write_cube, write_picture
+from tests.cases.pictures import Pixels, write_cube, write_picture
 
 
 @pytest.fixture

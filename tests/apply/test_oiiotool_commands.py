@@ -18,7 +18,7 @@ from lutforge.apply.oiiotool_commands import oiiotool_commands
 from lutforge.images.read import read_image
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
-from tests.apply.graded_images import write_cube, write_picture
+from tests.cases.pictures import write_cube, write_picture
 
 
 @dataclass(frozen=True)

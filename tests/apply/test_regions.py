@@ -13,7 +13,7 @@ from lutforge.apply.grade import Grade, LutRecipe
 from lutforge.apply.image import apply_image
 from lutforge.errors import ImageError
 from lutforge.images.read import ImageReader, is_premultiplied, read_image
-from tests.apply.graded_images import write_cube, write_picture
+from tests.cases.pictures import write_cube, write_picture
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import pytest
 from lutforge.apply import journal
 from lutforge.apply.batch import BatchResult, apply_batch
 from lutforge.apply.grade import LutRecipe
-from tests.apply.graded_images import write_cube, write_picture
+from tests.cases.pictures import write_cube, write_picture
 
 MOMENTS = int(os.environ.get("LUTFORGE_KILL_MOMENTS", "3"))
 """How many runs are killed; the longer proof sets 20."""

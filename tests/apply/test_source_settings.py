@@ -12,7 +12,7 @@ from lutforge.errors import ConfigError, LutError, SettingsError
 from lutforge.notes import in_common
 from lutforge.pipeline.grading import Grading
 from lutforge.shots.picture_settings import PictureSettings
-from tests.model.profiles_synthetic import small_profile
+from tests.cases.profiles import small_profile
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ from lutforge.model import gamut_map
 from lutforge.model.gamut_map import from_even, to_even
 from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
-from tests.calibration.styles import style_of
+from tests.cases.samples import style_of
 
 Array = NDArray[np.float64]
 Predictor = Callable[[Array], Array]

@@ -16,7 +16,7 @@ import numpy as np
 from lutforge.calibration.physical.bracket import BracketFit, fit_bracket
 from lutforge.calibration.physical.exposure_pairs import pairs_of_bracket
 from lutforge.pipeline.response import response
-from tests.calibration.brackets_simulated import ADAPTATIONS, CURVES, adapted, bracket, errors_of
+from tests.cases.brackets import ADAPTATIONS, CURVES, adapted, bracket, errors_of
 
 
 def _fit(times: list[float], images: list[np.ndarray]) -> BracketFit:

@@ -31,19 +31,22 @@ from lutforge.simulate.camera import nikon_d5100
 from tests.benchmarks import pictures_of_today
 from tests.benchmarks.accuracy import samples_of
 from tests.benchmarks.rows_of_today import BEFORE, Row, Rows
-from tests.benchmarks.unseen_cameras import photographed as photographed_camera
-from tests.benchmarks.unseen_cameras import unseen_camera
-from tests.calibration.samples_of_today import (
+from tests.cases.cameras import photographed as photographed_camera
+from tests.cases.cameras import unseen_camera
+from tests.cases.real_data import CHARTS, read_published_pairs
+from tests.cases.samples import (
+    BALANCES,
+    chart_140,
     lost_stops,
+    photograph_patches,
     shadow_stops,
     spread_over_picture,
+    surfaces,
     with_bright_jpegs,
     with_dark_corners,
     with_gamma,
     with_scene_tone,
 )
-from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_patches, surfaces
-from tests.real_data import CHARTS, read_published_pairs
 
 OPTIONS = CalibrationOptions(size=17)
 

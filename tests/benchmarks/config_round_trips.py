@@ -26,7 +26,7 @@ from scipy.stats import qmc
 
 import lutforge as lf
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.colour.spectra import WAVELENGTHS, light
+from lutforge.colour.spectra import WAVELENGTHS
 from lutforge.images.read import read_image
 from lutforge.inverse.linearization import BakedRender, preimages
 from lutforge.inverse.round_trip import MAX_GOAL, MEAN_GOAL, as_8_bit
@@ -34,9 +34,9 @@ from lutforge.inverse.round_trip import raw_colours as spread
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.cameras import name_cameras
 from lutforge.ocio.renderings import Rendering, baked, compact, renderings
-from lutforge.simulate.camera import SimulatedStyle, SimulatedWhiteBalance, _fit_matrix, nikon_d5100, sigma_sd_merrill
+from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.demo import demo_shots
-from tests.benchmarks.unseen_cameras import Logarithm, UnseenCamera, photographed, simulated, unseen_camera
+from tests.cases.cameras import Logarithm, UnseenCamera, camera_of, one_style, photographed, unseen_camera
 
 Array = NDArray[np.float64]
 
@@ -91,9 +91,9 @@ def unseen_ones(unseen: int) -> Iterator[tuple[str, Made]]:
         return lambda: lf.calibrate(photographed(camera, True, 0), options)
 
     for base, style in ((sigma_sd_merrill(), "vivid"), (sigma_sd_merrill(), "landscape"), (nikon_d5100(), "landscape")):
-        camera = simulated(base, style, 140)
+        camera = one_style(base, style, 140)
         yield camera.model, profile_of(camera, CalibrationOptions(size=33))
-    overlapping, vivid = overlapping_filters(), simulated(sigma_sd_merrill(), "vivid", 24)
+    overlapping, vivid = overlapping_filters(), one_style(sigma_sd_merrill(), "vivid", 24)
     for hard in (overlapping, filmic_compressed()):
         yield hard.model, profile_of(hard, CalibrationOptions(size=33))
     weak = (CalibrationOptions(model="rbf"), CalibrationOptions(size=9))
@@ -107,31 +107,22 @@ def unseen_ones(unseen: int) -> Iterator[tuple[str, Made]]:
         yield f"unseen {seed}, {model} {size}, {camera.patches} patches", profile_of(camera, options)
 
 
+def bell(centre: float, width: float) -> Array:
+    """A Gaussian over the wavelengths."""
+    return np.asarray(np.exp(-0.5 * ((WAVELENGTHS - centre) / width) ** 2))
+
+
 def overlapping_filters() -> UnseenCamera:
     """A hard case: filters that overlap, so that the matrix amplifies sixfold, no gamut map, a logarithm that clips."""
-
-    def bell(centre: float, width: float) -> Array:
-        return np.asarray(np.exp(-0.5 * ((WAVELENGTHS - centre) / width) ** 2))
-
     filters = np.stack([0.9 * bell(590, 45), bell(545, 48) + 0.05 * bell(650, 30), 0.6 * bell(470, 40)], axis=1)
-    lights = {"daylight": light(5200.0), "tungsten": light("A"), "shade": light(7500.0)}
-    balances = {}
-    for name, spectrum in lights.items():
-        r, g, b = spectrum @ filters
-        balances[name] = SimulatedWhiteBalance((g / r, 1.0, g / b), 5000.0)
-    style = SimulatedStyle("standard", np.asarray, Logarithm(30.0))  # type: ignore[arg-type]  # any h and f do
-    return UnseenCamera(
-        "LutForge", "Overlapping filters, log, clipped", filters, _fit_matrix(filters), balances, {"standard": style},
-        lights=lights, patches=280,
-    )  # fmt: skip
+    lights = {"daylight": "5200K", "tungsten": "A", "shade": "7500K"}
+    name = "Overlapping filters, log, clipped"
+    return camera_of(name, filters, lights, np.asarray, Logarithm(30.0), patches=280)
 
 
 def filmic_compressed() -> UnseenCamera:
     """Another: a steep filmic curve behind a vivid gamut that is compressed (as in ACES), so that what no
     sample showed is continued badly, and folds."""
-
-    def bell(centre: float, width: float) -> Array:
-        return np.asarray(np.exp(-0.5 * ((WAVELENGTHS - centre) / width) ** 2))
 
     def compressed(x: Array) -> Array:
         y = x @ [0.2126, 0.7152, 0.0722]
@@ -149,16 +140,8 @@ def filmic_compressed() -> UnseenCamera:
         return np.asarray(np.clip(tone / 0.8957, 0.0, 1.0) ** 0.5)
 
     filters = np.stack([0.75 * (bell(595, 40) + 0.06 * bell(445, 25)), bell(545, 42), 0.65 * bell(465, 32)], axis=1)
-    lights = {"daylight": light(5200.0), "shade": light(7500.0)}
-    balances = {}
-    for name, spectrum in lights.items():
-        r, g, b = spectrum @ filters
-        balances[name] = SimulatedWhiteBalance((g / r, 1.0, g / b), 5000.0)
-    style = SimulatedStyle("standard", compressed, filmic)  # type: ignore[arg-type]  # any h and f do
-    return UnseenCamera(
-        "LutForge", "Filmic, compressed gamut", filters, _fit_matrix(filters), balances, {"standard": style},
-        lights=lights, patches=280,
-    )  # fmt: skip
+    lights = {"daylight": "5200K", "shade": "7500K"}
+    return camera_of("Filmic, compressed gamut", filters, lights, compressed, filmic, patches=280)
 
 
 def row(name: str, rendering: Rendering, jpegs: list[Path]) -> tuple[str, float, float]:

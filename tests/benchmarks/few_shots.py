@@ -24,7 +24,7 @@ from lutforge.evaluation.methods import Fit, fit_baselines, fits_of_profile
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
 from lutforge.simulate.demo import demo_shots
-from tests.real_data import CHARTS, S40
+from tests.cases.real_data import CHARTS, S40
 
 Array = NDArray[np.float64]
 

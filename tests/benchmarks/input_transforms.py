@@ -27,7 +27,7 @@ from lutforge.pipeline.charts import SPACE, KnownChart, write_input_transform
 from lutforge.samples.chart_kinds import chart_kind
 from lutforge.samples.sample_set import Text
 from lutforge.simulate.camera import LIGHT_OF_WHITE_BALANCE, SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from tests.calibration.charts_simulated import STOPS, photograph_chart
+from tests.cases.charts import STOPS, photograph_chart
 
 OTHER_STOPS = np.array(STOPS[:-1]) + 0.4
 LIGHTS = {"daylight": "5200K", "cloudy": "6000K", "tungsten": "A"}

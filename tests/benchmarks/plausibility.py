@@ -22,15 +22,10 @@ from lutforge.arrays import Array
 from lutforge.colour.spectra import WAVELENGTHS, chart_reflectances
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
-from lutforge.simulate.camera import (
-    SimulatedStyle,
-    SimulatedWhiteBalance,
-    _fit_matrix,
-)
-from tests.benchmarks.unseen_cameras import UnseenCamera, _gamut_map, _light, _response
-from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
-from tests.calibration.spoilt_samples import CASES, SETS, applies, diagnosed
-from tests.real_data import CHARTS
+from tests.cases.cameras import camera_of, random_gamut_map, random_response
+from tests.cases.real_data import CHARTS
+from tests.cases.samples import chart_140, photograph_patches, surfaces
+from tests.cases.spoilt_samples import CASES, SETS, applies, diagnosed
 
 
 def sensors(folder: Path) -> Iterator[tuple[str, Array]]:
@@ -50,29 +45,15 @@ def _resampled(wavelengths: Array, values: Array) -> Array:
     return np.column_stack([np.interp(WAVELENGTHS, wavelengths, column, left=0, right=0) for column in values.T])
 
 
-def camera_of(name: str, sensitivity: Array, seed: int) -> SampleSet:
+def photographed(name: str, sensitivity: Array, seed: int) -> SampleSet:
     """Shots of a camera with measured sensitivities and a rendering drawn at random."""
     rng = np.random.default_rng([seed, 77])
     sensitivity = sensitivity / sensitivity.max(axis=0) * (rng.uniform(0.5, 1), 1.0, rng.uniform(0.5, 1))
-    matrix = _fit_matrix(sensitivity)
-    kelvin: dict[str, float | str] = {
-        "tungsten": "A",
-        "fluorescent": "FL2",
-        "daylight": 5200.0,
-        "cloudy": 6000.0,
-        "shade": 7500.0,
-    }
-    chosen = rng.permutation(list(kelvin))[: rng.integers(1, 6)].tolist()
-    lights = {setting: _light(kelvin[setting]) for setting in chosen}
-    balances = {}
-    for setting, spectrum in lights.items():
-        r, g, b = spectrum @ sensitivity
-        balances[setting] = SimulatedWhiteBalance((g / r, 1.0, g / b), 5000.0)
-    style = SimulatedStyle("standard", _gamut_map(rng, matrix), _response(rng))  # type: ignore[arg-type]  # any h and f
-    camera = UnseenCamera(
-        "LutForge", name, sensitivity, matrix, balances, {"standard": style}, full_well=rng.uniform(15e3, 60e3),
-        lights=lights,
-    )  # fmt: skip
+    lights = {"tungsten": "A", "fluorescent": "FL2", "daylight": "5200K", "cloudy": "6000K", "shade": "7500K"}
+    chosen = rng.permutation(list(lights))[: rng.integers(1, 6)].tolist()
+    gamut_map, response = random_gamut_map(rng, sensitivity), random_response(rng)
+    settings = {setting: lights[setting] for setting in chosen}
+    camera = camera_of(name, sensitivity, settings, gamut_map, response, full_well=rng.uniform(15e3, 60e3))
     chart = (chart_reflectances(), chart_140(seed), surfaces(200, seed))[rng.integers(3)]
     stops = tuple(np.sort(rng.uniform(-5, 1, rng.integers(3, 7))).tolist())
     return photograph_patches(camera, chart, balances=chosen, stops=stops, seed=seed)
@@ -89,7 +70,7 @@ def good_sets(draws: int) -> Iterator[tuple[str, SampleSet]]:
     folder = Path(os.environ.get("LUTFORGE_TEST_DATA", "")) / "spectra"
     if folder.is_dir():
         for seed, (name, sensitivity) in enumerate(sensors(folder)):
-            yield from ((f"{name} {turn}", camera_of(name, sensitivity, 1000 * turn + seed)) for turn in (1, 2))
+            yield from ((f"{name} {turn}", photographed(name, sensitivity, 1000 * turn + seed)) for turn in (1, 2))
 
 
 def main() -> None:

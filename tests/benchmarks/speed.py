@@ -35,9 +35,9 @@ from lutforge.samples.table import read_samples, write_samples
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES
-from tests.apply.graded_images import write_cube
 from tests.benchmarks.bare_scripts import BARE_FLOAT, BARE_JPEG, BARE_RAW
-from tests.real_data import D40
+from tests.cases.pictures import write_cube
+from tests.cases.real_data import D40
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
 from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.styles import style_of
+from tests.cases.samples import style_of
 
 Array = NDArray[np.float64]
 Predictor = Callable[[Array], Array]

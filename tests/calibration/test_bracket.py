@@ -13,7 +13,7 @@ from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.response import Response
 from lutforge.pipeline.response import open_bracket, response
-from tests.calibration.brackets_simulated import CURVES, adapted, bracket, errors_of
+from tests.cases.brackets import CURVES, adapted, bracket, errors_of
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 from lutforge.calibration.physical.brightness_transfer import judge, transfer_functions
 from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.cases.samples import chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
 SAMPLES = photograph_patches(CAMERA, chart_140(), balances=("daylight", "tungsten"), stops=(-3, -2, -1, 0))

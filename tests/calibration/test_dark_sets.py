@@ -20,8 +20,8 @@ from lutforge.colour.spectra import chart_reflectances
 from lutforge.model.response import Response
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from tests.calibration.samples_simulated import photograph_patches, surfaces
-from tests.real_data import CHARTS, read_published_pairs
+from tests.cases.real_data import CHARTS, read_published_pairs
+from tests.cases.samples import photograph_patches, surfaces
 
 Array = NDArray[np.float64]
 

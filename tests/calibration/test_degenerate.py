@@ -13,7 +13,7 @@ from lutforge.model.camera_profile import ModelName
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
-from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.cases.samples import chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
 

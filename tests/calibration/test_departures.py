@@ -13,10 +13,16 @@ from lutforge.evaluation.evaluate import evaluate
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
-from tests.benchmarks.unseen_cameras import photographed, unseen_camera
-from tests.calibration.samples_of_today import shadow_stops, spread_over_picture, with_gamma, with_scene_tone
-from tests.calibration.samples_simulated import chart_140, photograph_patches
-from tests.calibration.spoilt_samples import d40
+from tests.cases.cameras import photographed, unseen_camera
+from tests.cases.samples import (
+    chart_140,
+    photograph_patches,
+    shadow_stops,
+    spread_over_picture,
+    with_gamma,
+    with_scene_tone,
+)
+from tests.cases.spoilt_samples import d40
 
 CAMERA = nikon_d5100()
 

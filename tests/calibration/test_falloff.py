@@ -17,8 +17,7 @@ from lutforge.model.falloff import Falloff
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.samples_of_today import lost_stops, spread_over_picture, with_dark_corners
-from tests.calibration.samples_simulated import photograph_patches, surfaces
+from tests.cases.samples import lost_stops, photograph_patches, spread_over_picture, surfaces, with_dark_corners
 
 BALANCES = ("tungsten", "daylight", "shade")
 

@@ -12,7 +12,7 @@ from lutforge.evaluation.evaluate import evaluate
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_patches
+from tests.cases.samples import BALANCES, chart_140, photograph_patches
 
 GAINS = (0.9, 0.95, 1.0, 1.05, 1.1)
 

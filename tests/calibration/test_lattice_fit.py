@@ -13,7 +13,7 @@ from lutforge.colour.srgb import delta_e_2000
 from lutforge.model.lattice import Lattice
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.solvers import multigrid, normal_equations
-from tests.calibration.styles import style_of
+from tests.cases.samples import style_of
 
 Array = NDArray[np.float64]
 CAMERA = nikon_d5100()

@@ -9,7 +9,7 @@ from lutforge.calibration.physical.unsaturated import BETA, saturation, untouche
 from lutforge.calibration.style import unclipped
 from lutforge.errors import CalibrationError
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_patches
+from tests.cases.samples import BALANCES, chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
 SAMPLES = photograph_patches(CAMERA, chart_140())

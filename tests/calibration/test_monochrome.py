@@ -12,7 +12,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.cases.samples import chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
 LUMA = np.array([0.299, 0.587, 0.114])  # of the Y'CbCr of JPEG (ITU-R BT.601)

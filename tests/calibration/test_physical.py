@@ -20,7 +20,7 @@ from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
-from tests.calibration.samples_simulated import BALANCES, chart_140, photograph_patches, surfaces
+from tests.cases.samples import BALANCES, chart_140, photograph_patches, surfaces
 
 CAMERA = nikon_d5100()
 

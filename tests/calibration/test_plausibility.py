@@ -10,7 +10,7 @@ from lutforge.calibration.plausibility import implausible
 from lutforge.report.report import build_report
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.spoilt_samples import CASES, applies, d40, diagnosed, s40, simulated
+from tests.cases.spoilt_samples import CASES, applies, d40, diagnosed, s40, simulated
 
 HARDLY_TOLD = {
     ("one in ten shots of another style", "S40"),

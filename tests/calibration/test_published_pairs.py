@@ -19,8 +19,8 @@ from lutforge.luts.reading import file_processor
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
 from lutforge.model.lattice import Lattice
-from tests.calibration.styles import style_of
-from tests.real_data import PublishedPairs
+from tests.cases.real_data import PublishedPairs
+from tests.cases.samples import style_of
 
 Array = NDArray[np.float64]
 

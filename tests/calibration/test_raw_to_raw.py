@@ -12,7 +12,7 @@ from lutforge.errors import CalibrationError
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.scene import palette
-from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.cases.samples import chart_140, photograph_patches
 
 A, B = nikon_d5100(), sigma_sd_merrill()
 FORMS: tuple[Form, ...] = ("matrix", "piecewise", "root-polynomial")

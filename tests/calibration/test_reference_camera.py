@@ -17,7 +17,7 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
-from tests.calibration.samples_simulated import chart_140, photograph_patches, surfaces
+from tests.cases.samples import chart_140, photograph_patches, surfaces
 
 OWN, REFERENCE = sigma_sd_merrill(), nikon_d5100()
 BALANCES = ("tungsten", "daylight", "shade")

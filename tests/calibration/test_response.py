@@ -18,7 +18,7 @@ from lutforge.model.response import Response
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.solvers.solution import Status
-from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.cases.samples import chart_140, photograph_patches
 
 Array = NDArray[np.float64]
 CAMERA = nikon_d5100()

@@ -11,8 +11,8 @@ from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from tests.calibration.samples_simulated import chart_140, photograph_patches
-from tests.real_data import PublishedPairs
+from tests.cases.real_data import PublishedPairs
+from tests.cases.samples import chart_140, photograph_patches
 
 NATURAL = ("tungsten", "flash", "cloudy", "shade")
 

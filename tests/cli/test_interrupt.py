@@ -13,7 +13,7 @@ import pytest
 from lutforge.apply.journal import NAME
 from lutforge.images.read import read_image
 from lutforge.model.camera_profile import load_profile
-from tests.apply.graded_images import write_cube, write_picture
+from tests.cases.pictures import write_cube, write_picture
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 

@@ -20,8 +20,7 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.kits import KITS
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.samples_of_today import spread_over_picture, with_gamma
-from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.cases.samples import chart_140, photograph_patches, spread_over_picture, with_gamma
 from tests.cli.test_bad_input import Refused, refused, small_table
 from tests.conftest import CommandLine
 

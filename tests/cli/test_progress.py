@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.apply.graded_images import write_cube
+from tests.cases.pictures import write_cube
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="opens a terminal")
 

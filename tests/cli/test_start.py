@@ -13,7 +13,7 @@ from lutforge.model.profile_file import save_profile
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
-from tests.apply.graded_images import write_cube, write_picture
+from tests.cases.pictures import write_cube, write_picture
 
 SLOW = {
     "numba", "scipy", "pandas", "polars", "matplotlib", "jinja2", "colour", "rawpy", "exifread", "OpenImageIO",

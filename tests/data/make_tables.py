@@ -14,7 +14,7 @@ import numpy as np
 import lutforge as lf
 from lutforge.model.published_model import read_published_model
 from lutforge.samples.sample_set import SampleSet
-from tests.real_data import CHARTS, D40, S40
+from tests.cases.real_data import CHARTS, D40, S40
 
 
 def chart_samples(table: Path) -> SampleSet:

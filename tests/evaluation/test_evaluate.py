@@ -16,7 +16,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.cases.samples import chart_140, photograph_patches
 
 CAMERA = nikon_d5100()
 BASELINES = ("f and T, no h", "polynomial per channel", "polynomial of all channels")

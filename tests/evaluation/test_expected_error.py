@@ -9,7 +9,7 @@ import lutforge as lf
 from lutforge.evaluation.measured_profile import HeldOut, by_distance
 from lutforge.model.coverage import Refinish, confidence, linearizing_error
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.spoilt_samples import simulated
+from tests.cases.spoilt_samples import simulated
 
 
 @pytest.fixture(scope="module")

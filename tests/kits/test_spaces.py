@@ -20,7 +20,7 @@ from lutforge.pipeline.baking import bake, bake_files
 from lutforge.pipeline.transforms import TransformRequest, transform
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.samples_simulated import chart_140, photograph_patches
+from tests.cases.samples import chart_140, photograph_patches
 
 SETTING = "standard/auto"
 DAYLIGHT = "standard/daylight"

@@ -17,7 +17,7 @@ from lutforge.luts.check import check_lut, report_lines
 from lutforge.luts.ops import Cube
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
-from tests.luts.made_luts import lut_of_nodes
+from tests.cases.luts import lut_of_nodes
 
 TOKENS = (
     *(b"-1", b"0", b"nan", b"inf", b"1e999", b"1e308", b"99999999999", b"4294967296", b"129", b"1048576", b"\xff\xfe"),

@@ -16,8 +16,8 @@ from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
 from lutforge.luts.sequence import Lut, suffixes
 from lutforge.model.lattice import grid, uniform_levels
+from tests.cases.luts import lut_of_nodes
 from tests.luts.fuzz_luts import seeds, spoil, try_file
-from tests.luts.made_luts import lut_of_nodes
 
 CLF, DEPTHS = "compCLFversion='3' id='a'", "inBitDepth='32f' outBitDepth='32f'"
 LEVELS = (np.array([0.0, 0.125, 0.5, 1.0]),) * 3

@@ -12,7 +12,7 @@ from lutforge.luts.processor import evaluate
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import SHAPER_SIZE, lattice_ops, levels_behind_gain, node_levels, on_grid, shaper
 from lutforge.model.lattice import Lattice, grid, snap_levels, uniform_levels
-from tests.luts.made_luts import lut_of_nodes
+from tests.cases.luts import lut_of_nodes
 
 Array = NDArray[np.float64]
 MATRIX = np.array([[1.5, -0.4, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.5, 1.5]])

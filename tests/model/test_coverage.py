@@ -6,7 +6,7 @@ from lutforge.model.coverage import FARTHEST, confidence, uncovered
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.highlights import clipped
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
-from tests.model.profiles_synthetic import gamma_response, identity_map, small_profile
+from tests.cases.profiles import gamma_response, identity_map, small_profile
 
 
 def test_clipped_is_any_channel_at_an_end() -> None:

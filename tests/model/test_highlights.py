@@ -13,7 +13,7 @@ from lutforge.luts.bake import bake_steps
 from lutforge.model.camera_profile import ModelName
 from lutforge.model.highlights import clipped, white_as_grey
 from lutforge.model.lattice import Lattice, grid, uniform_levels
-from tests.model.profiles_synthetic import GAMMA, MATRIX, small_profile
+from tests.cases.profiles import GAMMA, MATRIX, small_profile
 
 TINTS = ((0, 0, 0), (0, 0, -1), (0, -4, -9), (-9, -4, 0), (-4, 0, -4), (0, -6, 0), (0, -20, -40), (-40, -20, 0))
 

@@ -14,7 +14,7 @@ import pytest
 from lutforge.errors import LutForgeError, ProfileError
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.profile_file import save_profile
-from tests.model.profiles_synthetic import small_profile
+from tests.cases.profiles import small_profile
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.model.transform import Clip, Encode, Gain, MatrixStage, Transform, checked_colours
 from lutforge.model.white_balance import WhiteBalance
-from tests.model.profiles_synthetic import GAMMA, MATRIX, gamma_response, identity_map, small_profile
+from tests.cases.profiles import GAMMA, MATRIX, gamma_response, identity_map, small_profile
 
 
 def _physical_profile(camera: str, matrix: np.ndarray, daylight: tuple[float, float, float]) -> CameraProfile:

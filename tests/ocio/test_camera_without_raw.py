@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from lutforge.ocio.config import build_config
-from tests.model.profiles_synthetic import small_profile
+from tests.cases.profiles import small_profile
 
 
 def test_its_spaces_are_of_the_light_of_its_jpegs() -> None:

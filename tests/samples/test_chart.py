@@ -16,8 +16,8 @@ from lutforge.samples.chart import REFERENCE, Chart, detector_note, find_chart, 
 from lutforge.samples.chart_kinds import chart_kind, parse_corners
 from lutforge.samples.extract import extract
 from lutforge.shots.read import read_shot
-from tests.calibration.charts_simulated import chart_picture
-from tests.samples.samples_synthetic import MULTIPLIERS, render, synthetic_shot
+from tests.cases.charts import chart_picture
+from tests.cases.shots import MULTIPLIERS, render, synthetic_shot
 
 PLAIN = np.ones((24, 3))
 needs_detector = pytest.mark.skipif(

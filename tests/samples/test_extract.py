@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lutforge.samples.extract import extract
 from lutforge.shots.read import read_shot
 from lutforge.shots.shot import Shot
-from tests.samples.samples_synthetic import MULTIPLIERS, render, synthetic_shot
+from tests.cases.shots import MULTIPLIERS, render, synthetic_shot
 
 
 def squares(side: int, count: int, seed: int) -> NDArray[np.float64]:

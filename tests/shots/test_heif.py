@@ -28,7 +28,7 @@ from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph, rendered
 from lutforge.simulate.scene import SCENES
-from tests.apply.graded_images import write_cube
+from tests.cases.pictures import write_cube
 
 heif = pytest.importorskip("pillow_heif", reason="needs the optional package pillow-heif")
 CAMERA = nikon_d5100()

@@ -15,8 +15,8 @@ from lutforge.colour.spectra import chart_reflectances
 from lutforge.progress import silent
 from lutforge.samples.chart_kinds import chart_kind
 from lutforge.simulate.camera import nikon_d5100
-from tests.calibration.brackets_simulated import bracket
-from tests.calibration.charts_simulated import photograph_chart
+from tests.cases.brackets import bracket
+from tests.cases.charts import photograph_chart
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.studio.export_page import Export

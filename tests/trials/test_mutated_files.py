@@ -40,8 +40,8 @@ from lutforge.shots.read import read_shot
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES
-from tests.model.profiles_synthetic import small_profile
-from tests.real_data import S40
+from tests.cases.profiles import small_profile
+from tests.cases.real_data import S40
 
 LONGEST, SLOWEST = 500, 5.0
 """Characters of a message, and seconds of processor time that a file may take."""

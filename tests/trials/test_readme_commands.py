@@ -12,7 +12,7 @@ from lutforge.colour.spectra import reflectances
 from lutforge.samples.chart_kinds import chart_kind
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.simulate.demo import demo_shots
-from tests.calibration.charts_simulated import photograph_chart
+from tests.cases.charts import photograph_chart
 from tests.test_documentation import README, commands
 
 LINES = [line for line in dict.fromkeys(commands(README)) if "studio" not in line]

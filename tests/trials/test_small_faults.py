@@ -19,9 +19,9 @@ from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
-from tests.apply.graded_images import write_picture
+from tests.cases.pictures import write_picture
+from tests.cases.profiles import small_profile
 from tests.conftest import CommandLine
-from tests.model.profiles_synthetic import small_profile
 from tests.model.test_published_model import write_small
 
 

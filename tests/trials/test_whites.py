@@ -35,7 +35,7 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from tests.apply.test_profile_recipe import samples_of
-from tests.model.profiles_synthetic import small_profile
+from tests.cases.profiles import small_profile
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from lutforge.samples.chart_kinds import chart_kind
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import CameraSettings, photograph
 from lutforge.simulate.scene import SCENES
-from tests.calibration.charts_simulated import photograph_chart
+from tests.cases.charts import photograph_chart
 from tests.test_documentation import ROOT
 from tests.trials.test_readme_commands import run
 

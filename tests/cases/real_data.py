@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lutforge.model.response import Response
 
-FOLDER = Path(__file__).parent / "data"
+FOLDER = Path(__file__).parents[1] / "data"
 S40 = FOLDER / "canon_powershot_s40.npz"
 D40 = FOLDER / "nikon_d40_pairs.npz"
 CHARTS = FOLDER / "middlebury_charts.npz"

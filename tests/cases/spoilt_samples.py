@@ -15,8 +15,8 @@ from lutforge.colour.srgb import srgb_decode
 from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.samples.table import read_samples
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
-from tests.calibration.samples_simulated import photograph_patches, surfaces
-from tests.real_data import S40, read_published_pairs
+from tests.cases.real_data import S40, read_published_pairs
+from tests.cases.samples import photograph_patches, surfaces
 
 Case = Callable[[SampleSet, np.random.Generator], SampleSet]
 
@@ -27,10 +27,16 @@ def d40(seed: int) -> SampleSet:
     count = len(pairs.balanced)
     setting, shot = np.arange(count) % len(pairs.multipliers), rng.integers(0, 10, count)
     wb = np.array(list(pairs.multipliers.values()))[setting]
-    name, style, times = np.full(count, "Nikon D40"), np.full(count, "standard"), np.full(count, 0.01)
-    shots, patches = np.char.add("S", shot.astype(str)), np.arange(count).astype(str)
-    names = np.array(list(pairs.multipliers))[setting]
-    samples = SampleSet(name, style, names, shots, patches, times, pairs.balanced / wb, pairs.encoded, wb, name)
+    samples = SampleSet.from_arrays(
+        pairs.balanced / wb,
+        pairs.encoded,
+        camera="Nikon D40",
+        white_balance=np.array(list(pairs.multipliers))[setting],
+        shot=np.char.add("S", shot.astype(str)),
+        patch=np.arange(count).astype(str),
+        exposure_s=0.01,
+        wb=wb,
+    )
     return samples.select(np.argsort(shot, kind="stable"))
 
 
