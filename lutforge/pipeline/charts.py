@@ -142,12 +142,12 @@ def _patches(
     for index, file in enumerate(files):
         progress(file.name, 0.5 + 0.5 * index / len(files))
         nearest = min(places, key=lambda other: abs(np.log(times[other] / times[index])))
-        mean, _, least, greatest = patch_codes(_codes(file), Chart(places[nearest], chart.kind))
-        clipped = np.any((greatest >= 254) | (least <= 1), axis=1)  # as JPEG pixels elsewhere
-        values[index] = np.where(clipped[:, None], np.nan, mean / 255.0)
+        patches = patch_codes(_codes(file), Chart(places[nearest], chart.kind))
+        clipped = np.any((patches.maximum >= 254) | (patches.minimum <= 1), axis=1)  # as JPEG pixels elsewhere
+        values[index] = np.where(clipped[:, None], np.nan, patches.mean / 255.0)
         kept = np.isfinite(values[index]).all(axis=1)
         if kept.sum() > 4:  # as many as an affine map explains in any case
-            likeness = max(likeness, resemblance(mean[kept], reference[kept]))
+            likeness = max(likeness, resemblance(patches.mean[kept], reference[kept]))
     if likeness < RESEMBLANCE:
         raise CalibrationError(
             f"what lies between these corners is no {chart.kind.name}: name them clockwise, the first patch's first"

@@ -26,7 +26,6 @@ from lutforge.pipeline.outputs import check_output, one_of
 from lutforge.progress import Progress, silent
 from lutforge.samples.extract import extract
 from lutforge.samples.tiles import cell_size
-from lutforge.shots.cells import raw_on_jpeg_cells
 from lutforge.shots.discover import discover
 from lutforge.shots.read import read_shot
 
@@ -183,7 +182,7 @@ def compare_with_jpeg(raw: Path, picture: Path) -> KitCheck:
         developed = read_shot(raw, Development(upright, "srgb", picture.name))
     cell = cell_size(own.registration)
     corners = np.array([name.split("_")[1:] for name in samples.patch], dtype=np.intp).reshape(-1, 2)
-    shown = raw_on_jpeg_cells(developed, cell).mean[corners[:, 1] // cell, corners[:, 0] // cell]
+    shown = developed.raw_cells(cell).mean[corners[:, 1] // cell, corners[:, 0] // cell]
     inside = np.isfinite(shown).all(axis=1)
     if not inside.any():
         raise ShotError(f"{raw}: no flat tiles to compare")

@@ -17,10 +17,8 @@ from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, lattice
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.falloff import Falloff, falloff_of
 from lutforge.report.drawing import ERROR_SCALE, Drawing, Lines, Panel, Raster
-from lutforge.samples.clipping import Extremes, clipping, saturation_levels
+from lutforge.samples.clipping import clipping, saturation_levels
 from lutforge.samples.extract import places_in_picture
-from lutforge.samples.tiles import jpeg_cells
-from lutforge.shots.cells import raw_on_jpeg_cells
 from lutforge.shots.read import TURNS, read_shot
 from lutforge.shots.shot import Shot
 
@@ -50,8 +48,8 @@ def error_maps(
     falloffs: of the profile, which brighten the RAW away from the middle as they did that of the samples.
     """
     cell = max(2, round(shot.jpeg.shape[0] / 240))  # averages some noise and compression away
-    jpeg, raw = jpeg_cells(shot.jpeg, cell), raw_on_jpeg_cells(shot, cell)
-    clip = clipping(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation_levels(shot.raw.pixels))
+    jpeg, raw = shot.jpeg_cells(cell), shot.raw_cells(cell)
+    clip = clipping(jpeg, raw, saturation_levels(shot.raw.pixels))
     usable = np.isfinite(raw.mean[..., 0]) & ~clip.any
     own = np.flatnonzero(predictions.data.shot == shot.name)
     samples = predictions.data.samples

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from lutforge.arrays import Array, Pixels
 from lutforge.samples.chart_kinds import ChartKind, chart_kind, srgb_codes
-from lutforge.samples.clipping import Clipping, Extremes, clipping
+from lutforge.shots.cells import CellStatistics
 from lutforge.shots.shot import Shot
 
 REFERENCE = srgb_codes("classic2014")
@@ -47,15 +47,6 @@ class Chart:
         return _project(homography, self.kind.centres[:, None, :] + square)
 
 
-@dataclass(frozen=True, eq=False)
-class ChartSamples:
-    """Patch means of a found chart: JPEG codes (n, 3), RAW (n, 3) (NaN outside the RAW), and what is clipped."""
-
-    codes: Array
-    raw: Array
-    clipping: Clipping
-
-
 def detector_note() -> str | None:
     """Why charts are not searched for, in one line; None where they are."""
     try:
@@ -79,17 +70,15 @@ def find_chart(jpeg: NDArray[np.uint8], kind: ChartKind | None = None, reference
     if not kind.detector or detector_note() is not None:
         return None
     turned = [Chart(np.roll(corners, turn, axis=0), kind) for corners in _detect(jpeg, kind) for turn in range(4)]
-    scores = [_score(patch_codes(jpeg, chart), reference) for chart in turned]
+    scores = []
+    for chart in turned:
+        seen = patch_codes(jpeg, chart)
+        if reference is None:
+            scores.append(likeness(seen.mean, seen.std) or 0.0)
+        else:
+            scores.append(resemblance(seen.mean, reference) if _is_plain(seen.mean, seen.std) else 0.0)
     best = int(np.argmax(scores)) if scores else 0
     return turned[best] if scores and scores[best] >= RESEMBLANCE else None
-
-
-def _score(patches: Array, reference: Array | None) -> float:
-    """How like a chart patches are, in [0, 1], of `patch_codes`; reference: None for a ColorChecker Classic."""
-    codes, deviation = patches[:2]
-    if reference is None:
-        return likeness(codes, deviation) or 0.0
-    return resemblance(codes, reference) if _is_plain(codes, deviation) else 0.0
 
 
 def likeness(codes: Array, deviation: Array) -> float | None:
@@ -135,16 +124,12 @@ def _is_plain(codes: Array, deviation: Array) -> bool:
     return bool(np.isfinite(codes).all()) and float(np.median(deviation.max(axis=1))) <= 12.0
 
 
-def sample_chart(shot: Shot, chart: Chart, saturation: Array) -> ChartSamples:
-    """Return the means over the same squares of JPEG and RAW. saturation: (3,) see `clipping.saturation_levels`."""
+def sample_chart(shot: Shot, chart: Chart) -> tuple[CellStatistics, CellStatistics]:
+    """Return the statistics of the same squares in JPEG and RAW, as of `patch_codes`."""
     registration, size = shot.registration, shot.raw.pixel_size
     offset = np.array([registration.offset_x, registration.offset_y])
     in_array = Chart((registration.scale * chart.corners + offset - (size - 1) / 2) / size, chart.kind)
-    codes, _, least_code, greatest_code = patch_codes(shot.jpeg, chart)
-    raw, _, least, greatest = patch_codes(shot.raw.pixels, in_array)
-    outside = np.isnan(codes) | np.isnan(raw)
-    clipped = clipping(Extremes(least_code, greatest_code), Extremes(least, greatest), saturation)
-    return ChartSamples(np.where(outside, np.nan, codes), np.where(outside, np.nan, raw), clipped)
+    return patch_codes(shot.jpeg, chart), patch_codes(shot.raw.pixels, in_array)
 
 
 def _detect(jpeg: NDArray[np.uint8], kind: ChartKind) -> list[Array]:
@@ -192,27 +177,20 @@ def _refined(grey: Array, corners: Array, kind: ChartKind) -> Array:
     return np.asarray(least_squares(departures, corners.ravel(), **options).x.reshape(4, 2))
 
 
-def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> Array:
-    """(4, n, 3): mean, standard deviation, least and greatest value in each patch; NaN where it leaves the picture."""
-    told = np.full((4, len(chart.kind.centres), 3), np.nan)
+def patch_codes(picture: NDArray[np.uint8] | Pixels, chart: Chart) -> CellStatistics:
+    """The statistics (n, 3) of the pixels whose centres lie in each patch; NaN where it leaves the picture."""
+    found = np.full((5, len(chart.kind.centres), 3), np.nan)
     for index, corners in enumerate(chart.patches()):
-        pixels = _pixels_inside(picture, corners)
+        low, high = np.floor(corners.min(axis=0)).astype(int), np.ceil(corners.max(axis=0)).astype(int) + 1
+        if low.min() < 0 or high[0] > picture.shape[1] or high[1] > picture.shape[0]:
+            continue
+        y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
+        side = np.roll(corners, -1, axis=0) - corners
+        cross = np.stack([dx * (y - cy) - dy * (x - cx) for (cx, cy), (dx, dy) in zip(corners, side, strict=True)])
+        pixels = picture[low[1] : high[1], low[0] : high[0]][np.all(cross >= 0, axis=0) | np.all(cross <= 0, axis=0)]
         if len(pixels):
-            told[:, index] = pixels.mean(axis=0), pixels.std(axis=0), pixels.min(axis=0), pixels.max(axis=0)
-    return told
-
-
-def _pixels_inside(image: NDArray[np.uint8] | Pixels, corners: Array) -> Array:
-    """(n, 3) pixels whose centres lie in a convex quadrilateral (4, 2) of x, y; none where it leaves the image."""
-    low, high = np.floor(corners.min(axis=0)).astype(int), np.ceil(corners.max(axis=0)).astype(int) + 1
-    if low.min() < 0 or high[0] > image.shape[1] or high[1] > image.shape[0]:
-        return np.zeros((0, 3))
-    y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
-    side = np.roll(corners, -1, axis=0) - corners
-    cross = [dx * (y - cy) - dy * (x - cx) for (cx, cy), (dx, dy) in zip(corners, side, strict=True)]
-    inside = np.all(np.stack(cross) >= 0, axis=0) | np.all(np.stack(cross) <= 0, axis=0)
-    pixels: Array = image[low[1] : high[1], low[0] : high[0]][inside]
-    return pixels
+            found[:4, index] = pixels.mean(axis=0), pixels.std(axis=0), pixels.min(axis=0), pixels.max(axis=0)
+    return CellStatistics(*found)
 
 
 def _homography(outline: Array, corners: Array) -> Array:

@@ -7,6 +7,7 @@ CGATS table of patches that are named A1, A2 …, or a JSON file: centres of col
 
 import json
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
@@ -88,8 +89,7 @@ def chart_names() -> tuple[str, ...]:
 
 
 def _known() -> dict[str, Any]:
-    known: dict[str, Any] = json.loads(files(__package__).joinpath("data", "charts.json").read_text(encoding="utf-8"))
-    return known
+    return dict(json.loads(files(__package__).joinpath("data", "charts.json").read_text(encoding="utf-8")))
 
 
 def srgb_codes(name: str) -> Array:
@@ -129,27 +129,6 @@ def chart_kind(word: str) -> ChartKind:
     return kind
 
 
-def _of_table(path: Path, layout: ChartKind | None) -> ChartKind:
-    """A chart of a CGATS table. layout: its columns and rows; None where the names of the patches tell them."""
-    patches = read_cgats(path)
-    grid, count = patches.grid, len(patches.colours)
-    if layout is None:
-        if grid is None:
-            raise CalibrationError(
-                f"{path}: its patches are not named A1, A2 … of a whole rectangle; describe it in a .json file with "
-                f'"columns", "rows" and "measured": "{path.name}"'
-            )
-        columns, rows = (np.arange(side, dtype=np.float64) + 0.5 for side in (grid.columns, grid.rows))
-        layout = ChartKind(path.stem[:200], columns, rows)
-    if count != len(layout.centres):
-        raise CalibrationError(f"{path}: {count} patches, and the chart has {len(layout.centres)}")
-    fits = grid is not None and (grid.columns, grid.rows) == (len(layout.columns), len(layout.rows))
-    order = grid.order if grid is not None and fits else np.arange(count)
-    layout = replace(layout, source=layout.source or f"measured, {path.name}"[:200])
-    colours = patches.colours[order]
-    return replace(layout, measured=colours) if patches.spectral else replace(layout, xyz=colours)
-
-
 def _kind(entry: dict[str, Any]) -> ChartKind:
     arrays = {key: np.array(entry[key], dtype=np.float64) for key in ("columns", "rows", "lab") if key in entry}
     words = {key: str(entry[key])[:200] for key in ("name", "source", "detector", "colours", "spectra") if key in entry}
@@ -179,88 +158,79 @@ def parse_corners(text: str) -> Array:
 SPECTRAL = re.compile(r"(?:SPECTRAL_NM_?|SPECTRAL_|SPEC_|NM_?|R_?)(\d{3})(?:NM)?|(\d{3})_?NM")
 
 
-@dataclass(frozen=True, eq=False)
-class Grid:
-    """Patches in columns and rows. order: (columns × rows,) the table's rows, from left to right, then downwards."""
-
-    columns: int
-    rows: int
-    order: NDArray[np.intp]
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredPatches:
-    """Colours (n, 3) or (n, 81) of patches in the table's order.
-
-    spectral: they are reflectances at `colour.spectra.WAVELENGTHS`, else XYZ under D50, with 1 for a perfect diffuser.
-    grid: where the patches are, told by names such as A1; None where they do not tell it.
-    """
-
-    grid: Grid | None
-    spectral: bool
-    colours: Array
-
-
-def read_cgats(path: Path) -> MeasuredPatches:
-    """Read a table of patches; reflectances go before colours under D50.
+def _of_table(path: Path, layout: ChartKind | None) -> ChartKind:
+    """A chart of a CGATS table. layout: its columns and rows; None where the names of the patches tell them.
 
     Raises CalibrationError where it is no such table, or tells no colours.
     """
-    import colour  # a second to import
-
-    from lutforge.colour.spectra import WAVELENGTHS
-
     require_file(path, "a CGATS table", CalibrationError, most=1 << 24)
     with reading(path, "a CGATS table", CalibrationError):
-        fields, table = _table(path.read_text(encoding="utf-8", errors="replace"))
-        names = [table[:, fields.index(key)] for key in ("SAMPLE_NAME", "SAMPLE_LOC", "SAMPLE_ID") if key in fields]
-        grid = next((grid for grid in map(_grid, names) if grid is not None), None)
-
-        def numbers(columns: list[str]) -> Array:
-            cells = table[:, [fields.index(column) for column in columns]]
-            values = np.char.replace(cells, ",", ".").astype(np.float64)
-            if not np.isfinite(values).all():
-                raise CalibrationError("a colour is no number; measure that patch again, or leave out its row")
-            return np.asarray(values)
-
-        bands = {int(found[1] or found[2]): name for name in fields if (found := SPECTRAL.fullmatch(name))}
-        if bands:
-            nanometres = sorted(bands)
-            if nanometres[0] > 420 or nanometres[-1] < 680 or len(nanometres) < 16:
-                raise CalibrationError(
-                    f"{len(nanometres)} reflectances from {nanometres[0]} to {nanometres[-1]} nm; 16 from 420 to 680 "
-                    "nm are needed"
-                )
-            values = numbers([bands[at] for at in nanometres])
-            values = values / 100.0 if values.max() > 2.0 else values  # some programs write per cent
-            # Beyond the last bands light hardly counts, and reflectances are held there.
-            return MeasuredPatches(grid, True, np.array([np.interp(WAVELENGTHS, nanometres, row) for row in values]))
-        if {"LAB_L", "LAB_A", "LAB_B"} <= set(fields):
-            white = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D50"]
-            xyz = colour.Lab_to_XYZ(numbers(["LAB_L", "LAB_A", "LAB_B"]), white)
-            return MeasuredPatches(grid, False, np.asarray(xyz, dtype=np.float64))
-        if {"XYZ_X", "XYZ_Y", "XYZ_Z"} <= set(fields):
-            return MeasuredPatches(grid, False, numbers(["XYZ_X", "XYZ_Y", "XYZ_Z"]) / 100.0)
-        raise CalibrationError("no reflectances, LAB or XYZ in this table; export one of these")
+        text = path.read_text(encoding="utf-8", errors="replace")
+        head = re.search(r"^\s*BEGIN_DATA_FORMAT\s(.*?)\sEND_DATA_FORMAT\b", text, re.DOTALL | re.MULTILINE)
+        body = re.search(r"^\s*BEGIN_DATA\s(.*?)\sEND_DATA\b", text, re.DOTALL | re.MULTILINE)
+        if head is None or body is None:
+            raise CalibrationError("no table between BEGIN_DATA_FORMAT and END_DATA")
+        fields = ["SAMPLE_ID" if name == "SAMPLEID" else name for name in head[1].upper().split()]
+        cells = [word.strip('"') for word in re.findall(r'"[^"]*"|\S+', body[1])]
+        if not fields or not cells or len(cells) % len(fields):
+            raise CalibrationError(f"{len(cells)} cells do not fill {len(fields)} columns")
+        table = dict(zip(fields, np.array(cells).reshape(-1, len(fields)).T, strict=True))
+        colours = _colours(table)
+    grids = (_grid(table[key]) for key in ("SAMPLE_NAME", "SAMPLE_LOC", "SAMPLE_ID") if key in table)
+    grid = next((grid for grid in grids if grid is not None), None)
+    if layout is None:
+        if grid is None:
+            raise CalibrationError(
+                f"{path}: its patches are not named A1, A2 … of a whole rectangle; describe it in a .json file with "
+                f'"columns", "rows" and "measured": "{path.name}"'
+            )
+        columns, rows = (np.arange(side, dtype=np.float64) + 0.5 for side in grid[0])
+        layout = ChartKind(path.stem[:200], columns, rows)
+    count = len(cells) // len(fields)
+    if count != len(layout.centres):
+        raise CalibrationError(f"{path}: {count} patches, and the chart has {len(layout.centres)}")
+    fits = grid is not None and grid[0] == (len(layout.columns), len(layout.rows))
+    order = grid[1] if grid is not None and fits else np.arange(count)
+    known: dict[str, Any] = {name: values[order] for name, values in colours.items()}
+    return replace(layout, source=layout.source or f"measured, {path.name}"[:200], **known)
 
 
-def _table(text: str) -> tuple[list[str], NDArray[np.str_]]:
-    """The names of columns in capitals, and the cells (n, columns) without their quotes."""
-    head = re.search(r"^\s*BEGIN_DATA_FORMAT\s(.*?)\sEND_DATA_FORMAT\b", text, re.DOTALL | re.MULTILINE)
-    body = re.search(r"^\s*BEGIN_DATA\s(.*?)\sEND_DATA\b", text, re.DOTALL | re.MULTILINE)
-    if head is None or body is None:
-        raise CalibrationError("no table between BEGIN_DATA_FORMAT and END_DATA")
-    fields = ["SAMPLE_ID" if name == "SAMPLEID" else name for name in head[1].upper().split()]
-    cells = [word.strip('"') for word in re.findall(r'"[^"]*"|\S+', body[1])]
-    if not fields or not cells or len(cells) % len(fields):
-        raise CalibrationError(f"{len(cells)} cells do not fill {len(fields)} columns")
-    return fields, np.array(cells).reshape(-1, len(fields))
+def _colours(table: Mapping[str, NDArray[np.str_]]) -> dict[str, Array]:
+    """The colours of a table's patches as fields of ChartKind: reflectances go before colours under D50."""
+
+    def numbers(columns: Sequence[str]) -> Array:
+        cells = np.stack([table[column] for column in columns], axis=1)
+        values = np.char.replace(cells, ",", ".").astype(np.float64)
+        if not np.isfinite(values).all():
+            raise CalibrationError("a colour is no number; measure that patch again, or leave out its row")
+        return np.asarray(values)
+
+    bands = {int(found[1] or found[2]): name for name in table if (found := SPECTRAL.fullmatch(name))}
+    if bands:
+        from lutforge.colour.spectra import WAVELENGTHS
+
+        nanometres = sorted(bands)
+        if nanometres[0] > 420 or nanometres[-1] < 680 or len(nanometres) < 16:
+            raise CalibrationError(
+                f"{len(nanometres)} reflectances from {nanometres[0]} to {nanometres[-1]} nm; 16 from 420 to 680 "
+                "nm are needed"
+            )
+        values = numbers([bands[at] for at in nanometres])
+        values = values / 100.0 if values.max() > 2.0 else values  # some programs write per cent
+        # Beyond the last bands light hardly counts, and reflectances are held there.
+        return {"measured": np.array([np.interp(WAVELENGTHS, nanometres, row) for row in values])}
+    if {"LAB_L", "LAB_A", "LAB_B"} <= set(table):
+        return {"lab": numbers(["LAB_L", "LAB_A", "LAB_B"])}
+    if {"XYZ_X", "XYZ_Y", "XYZ_Z"} <= set(table):
+        return {"xyz": numbers(["XYZ_X", "XYZ_Y", "XYZ_Z"]) / 100.0}
+    raise CalibrationError("no reflectances, LAB or XYZ in this table; export one of these")
 
 
-def _grid(names: NDArray[np.str_]) -> Grid | None:
-    """Tell by names such as A1 … F4 where patches lie; None where these do not fill a rectangle.
+def _grid(names: NDArray[np.str_]) -> tuple[tuple[int, int], NDArray[np.intp]] | None:
+    """Columns and rows of patches with names such as A1 … F4, and the order that has them row by row.
 
-    Whether letters count columns or rows differs from chart to chart; the longer side of a chart runs across.
+    None where they do not fill a rectangle. Whether letters count columns or rows differs from chart to chart; the
+    longer side of a chart runs across.
     """
     found = [re.fullmatch(r"([A-Z])(\d{1,3})", name.upper()) for name in names]
     places = [(ord(match[1]), int(match[2])) for match in found if match]
@@ -273,4 +243,4 @@ def _grid(names: NDArray[np.str_]) -> Grid | None:
     index = both[:, down] * columns + both[:, across]
     order = np.argsort(index)
     filled = len(index) == columns * rows and np.array_equal(index[order], np.arange(len(index)))
-    return Grid(columns, rows, order) if filled else None
+    return ((columns, rows), order) if filled else None

@@ -2,18 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lutforge.arrays import Array, Mask, Pixels
 
-
-@dataclass(frozen=True, eq=False)
-class Extremes:
-    """Least and greatest value in each area, (…, 3): JPEG codes 0–255, or RAW on [0, 1]."""
-
-    minimum: Array
-    maximum: Array
+if TYPE_CHECKING:  # what is asked of samples alone is asked without the kernels
+    from lutforge.shots.cells import CellStatistics
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +33,8 @@ class Clipping:
         return counts
 
 
-def clipping(jpeg: Extremes, raw: Extremes, saturation: Array) -> Clipping:
-    """Which areas hold clipped pixels.
-
-    saturation: (3,) RAW level of each channel, see `saturation_levels`.
-    """
+def clipping(jpeg: "CellStatistics", raw: "CellStatistics", saturation: Array) -> Clipping:
+    """Which areas hold clipped pixels. saturation: (3,) RAW level of each channel, see `saturation_levels`."""
     clips = {
         # JPEG compression moves a clipped pixel by a code.
         "JPEG white": jpeg.maximum >= 254,
@@ -53,7 +46,7 @@ def clipping(jpeg: Extremes, raw: Extremes, saturation: Array) -> Clipping:
     return Clipping({reason: np.any(channels, axis=-1) for reason, channels in clips.items()})
 
 
-def one_sided(jpeg: Extremes, raw: Extremes, saturation: Array) -> tuple[Mask, Mask]:
+def one_sided(jpeg: "CellStatistics", raw: "CellStatistics", saturation: Array) -> tuple[Mask, Mask]:
     """Masks (…, 3) of channels that are all black, or all white, in the JPEG, in areas where that is all that clips.
 
     Their RAW is whole, and at least one channel of the JPEG is: such an area tells that the rendering of its light lies

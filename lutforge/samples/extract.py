@@ -1,7 +1,7 @@
 """Colour samples of one shot: chart patches and flat tiles, with an account of what was left out and why."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,16 +9,25 @@ from numpy.typing import NDArray
 from lutforge.arrays import Array, Mask
 from lutforge.colour.srgb import srgb_encode
 from lutforge.samples.chart import detector_note, find_chart, sample_chart
-from lutforge.samples.clipping import Extremes, clipping, one_sided, saturation_levels
-from lutforge.samples.even_choice import choose_evenly
+from lutforge.samples.clipping import clipping, one_sided, saturation_levels
 from lutforge.samples.sample_set import SampleSet, concatenate
-from lutforge.samples.tiles import LEVELS, agreement, cell_size, flatness, jpeg_cells
-from lutforge.shots.cells import raw_on_jpeg_cells
+from lutforge.samples.tiles import LEVELS, agreement, cell_size, choose_evenly, flatness
 from lutforge.shots.read import TURNS
 from lutforge.shots.shot import Shot
 
 FEW_TILES = 100
 """A shot with fewer tiles within the first two limits may use the hard bound, and is searched for a chart."""
+
+
+ADVICE = {
+    "JPEG white": "it is overexposed: expose less",
+    "RAW saturated": "it is overexposed: expose less",
+    "JPEG black": "it is underexposed: expose more",
+    "RAW black": "it is underexposed: expose more",
+    "outside the RAW": "the JPEG shows what the RAW does not: use the camera's own JPEG",
+    "RAW and JPEG disagree": "the JPEG was edited or corrected: use the camera's own JPEG",
+}
+"""What to do about a shot without samples, by the reason for which most of it was left out."""
 
 
 OUTCOMES = ("kept", "clipped", "outside the RAW", "not flat", "RAW and JPEG disagree", "colour already covered")
@@ -68,9 +77,11 @@ class ShotSamples:
     def summary(self) -> str:
         """One line for people."""
         kinds = f"{self.tiles} tiles, {self.patches} chart patches"
-        kept = f"kept {self.kept} ({kinds})" if self.patches else f"kept {self.tiles} tiles"
-        parts = [kept, _account("clipped", self.clipped), _account("rejected", self.rejected), *self.notes]
-        return f"{self.shot}: " + "; ".join(parts)
+        parts = [f"kept {self.kept} ({kinds})" if self.patches else f"kept {self.tiles} tiles"]
+        for word, counts in (("clipped", self.clipped), ("rejected", self.rejected)):
+            reasons = ", ".join(f"{count} {reason}" for reason, count in counts.items() if count)
+            parts.append(f"{word} {sum(counts.values())}" + (f" ({reasons})" if reasons else ""))
+        return f"{self.shot}: " + "; ".join([*parts, *self.notes])
 
 
 def extract(shot: Shot) -> ShotSamples:
@@ -80,48 +91,62 @@ def extract(shot: Shot) -> ShotSamples:
     """
     saturation = saturation_levels(shot.raw.pixels)
     tiles = _tiles(shot, saturation)
-    few = len(tiles.samples) < FEW_TILES
-    patches = _patches(shot, saturation, searched=few)
-    clipped = {key: tiles.clipped.get(key, 0) + patches.clipped.get(key, 0) for key in tiles.clipped}
-    notes = [*filter(None, [shot.lens_note]), *tiles.notes, *patches.notes]
-    samples = concatenate([patches.samples, tiles.samples])
+    notes, clipped, patches = [*filter(None, [shot.lens_note]), *tiles.notes], dict(tiles.clipped), None
+    if len(tiles.samples) < FEW_TILES:
+        missing = detector_note()
+        chart = find_chart(shot.jpeg) if missing is None else None
+        notes += [missing] if missing else []
+        if chart is not None:
+            jpeg, raw = sample_chart(shot, chart)
+            clip = clipping(jpeg, raw, saturation)
+            clipped = {reason: count + clip.counts()[reason] for reason, count in clipped.items()}
+            kept = np.flatnonzero(np.isfinite(jpeg.mean + raw.mean).all(axis=-1) & ~clip.any)
+            names = [f"chart_{index + 1:02d}" for index in kept]
+            patches = _sample_set(shot, names, raw.mean[kept], jpeg.mean[kept], chart.patches().mean(axis=1)[kept])
+    samples, places = tiles.samples, tiles.places
+    if patches is not None:
+        samples, places = concatenate([patches[0], samples]), np.vstack([patches[1], places])
     if len(samples) == 0:
-        notes.insert(0, _why_nothing(clipped, tiles.rejected))
-    return ShotSamples(
-        shot.name, samples, len(tiles.samples), len(patches.samples), clipped, tiles.rejected, tuple(notes),
-        tiles.cells, np.vstack([patches.places, tiles.places]), shot.metadata.notes,
-    )  # fmt: skip
+        counts = {**clipped, **tiles.rejected}
+        advice = ADVICE.get(
+            max(counts, key=lambda reason: counts[reason]),
+            "nothing in it is flat: photograph plain surfaces or a chart, in focus or out of it",
+        )
+        notes.insert(0, f"gives no samples, {advice}")
+    return replace(
+        tiles, samples=samples, patches=len(samples) - tiles.tiles, clipped=clipped, notes=tuple(notes), places=places
+    )
 
 
 def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
+    """The flat tiles of a shot, and what became of its cells."""
     cell = cell_size(shot.registration)
-    raw = raw_on_jpeg_cells(shot, cell)
+    raw = shot.raw_cells(cell)
     hot = raw.hot
-    raw = raw_on_jpeg_cells(shot, cell, hot) if hot else raw
-    jpeg = jpeg_cells(shot.jpeg if shot.fine is None else shot.fine, cell, hot)
+    raw = shot.raw_cells(cell, hot) if hot else raw
+    jpeg = shot.jpeg_cells(cell, hot)
     inside: Mask = np.isfinite(raw.mean[..., 0])
-    clip = clipping(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation)
+    clip = clipping(jpeg, raw, saturation)
     usable = inside & ~clip.any
-    black, white = one_sided(jpeg.extremes, Extremes(raw.minimum, raw.maximum), saturation)
+    black, white = one_sided(jpeg, raw, saturation)
     at_an_end = inside & np.any(black | white, axis=-1)
-    flat = flatness(jpeg, raw, shot.metadata.multipliers, usable, usable | at_an_end)
+    level, roughness = flatness(jpeg, raw, cell, shot.metadata.multipliers, usable, usable | at_an_end)
     agrees = agreement(jpeg, raw)
-    is_flat = usable & (flat.level < len(LEVELS) - 1)
+    is_flat = usable & (level < len(LEVELS) - 1)
     notes = ["many hot pixels: left out by medians"] if hot else []
     if np.count_nonzero(is_flat & agrees) < FEW_TILES:
-        relaxed = usable & (flat.level < len(LEVELS)) & agrees
+        relaxed = usable & (level < len(LEVELS)) & agrees
         if np.count_nonzero(relaxed) > np.count_nonzero(is_flat & agrees):
             notes.append("few flat tiles: limits relaxed")
-            is_flat = usable & (flat.level < len(LEVELS))
+            is_flat = usable & (level < len(LEVELS))
     codes = np.where(white, 255.0, np.where(black, 0.0, jpeg.mean))
     parts = []
-    for chosen in (is_flat & agrees, at_an_end & (flat.level < len(LEVELS) - 1) & agrees):
-        rows, columns = np.nonzero(chosen)
-        centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
-        places = places_in_picture(shot, centres)
-        kept = choose_evenly(codes[rows, columns], places, flat.level[rows, columns], flat.roughness[rows, columns])
-        parts.append((rows[kept], columns[kept], centres[kept], places[kept]))
-    rows, columns, centres, places = (np.concatenate(part) for part in zip(*parts, strict=True))
+    for candidates in (is_flat & agrees, at_an_end & (level < len(LEVELS) - 1) & agrees):
+        rows, columns = np.nonzero(candidates)
+        places = places_in_picture(shot, cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5))
+        chosen = choose_evenly(codes[rows, columns], places, level[rows, columns], roughness[rows, columns])
+        parts.append((rows[chosen], columns[chosen]))
+    rows, columns = (np.concatenate(part) for part in zip(*parts, strict=True))
     rejected = {
         "outside the RAW": int(np.count_nonzero(~inside)),
         "not flat": int(np.count_nonzero(usable & ~is_flat)),
@@ -131,76 +156,58 @@ def _tiles(shot: Shot, saturation: Array) -> ShotSamples:
     outcome = np.select([~inside, clip.any, ~is_flat, ~agrees], [2, 1, 3, 4], 5).astype(np.uint8)
     outcome[rows, columns] = 0
     names = [f"tile_{x * cell:04d}_{y * cell:04d}" for y, x in zip(rows, columns, strict=True)]
-    samples = _sample_set(shot, names, raw.mean[rows, columns], codes[rows, columns], places)
-    small = _cells(shot, jpeg.mean, raw.mean, outcome)
-    left_out = clip.counts(inside & (outcome != 0))
-    return ShotSamples(
-        shot.name, samples, len(samples), 0, left_out, rejected, tuple(notes), small, _upright(shot, centres)
-    )
-
-
-def _cells(shot: Shot, jpeg: Array, raw: Array, outcome: NDArray[np.uint8]) -> ShotCells:
-    """The shot in small, of the means of its cells: JPEG codes and RAW, (h, w, 3)."""
+    centres = cell * (np.column_stack([columns, rows]).astype(np.float64) + 0.5)
+    samples, places = _sample_set(shot, names, raw.mean[rows, columns], codes[rows, columns], centres)
+    # The shot in small, of the means of its cells
     multipliers = np.ones(3) if shot.metadata.multipliers is None else shot.metadata.multipliers
-    balanced = np.clip(np.nan_to_num(raw) * multipliers, 0.0, 1.0)
-    turns = -TURNS.get(shot.raw.flip, 0)
-    jpeg8, raw8 = (np.rint(values).astype(np.uint8) for values in (jpeg, 255 * srgb_encode(balanced)))
+    balanced = np.clip(np.nan_to_num(raw.mean) * multipliers, 0.0, 1.0)
+    jpeg8, raw8 = (np.rint(values).astype(np.uint8) for values in (jpeg.mean, 255 * srgb_encode(balanced)))
     height, width = shot.jpeg.shape[:2]
     step = max(1, round(max(height, width) / 500))
     whole = shot.jpeg[: height // step * step, : width // step * step].reshape(height // step, step, -1, step, 3)
     picture = np.rint(whole.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
-    return ShotCells(*(np.rot90(each, turns) for each in (jpeg8, raw8, outcome, picture)))
-
-
-def _upright(shot: Shot, centres: Array) -> Array:
-    """Places in the JPEG (n, 2), in pixels, as shares of the width and height of the upright picture."""
-    places = centres / shot.jpeg.shape[1::-1]
-    for _ in range(TURNS.get(shot.raw.flip, 0)):  # numpy.rot90 to the right
-        places = np.column_stack([1.0 - places[:, 1], places[:, 0]])
-    return np.asarray(places)
-
-
-def _patches(shot: Shot, saturation: Array, searched: bool) -> ShotSamples:
-    empty = np.zeros((0, 3))
-    nothing = _sample_set(shot, [], empty, empty, empty[:, :2])
-    missing = detector_note() if searched else None
-    chart = find_chart(shot.jpeg) if searched and missing is None else None
-    if chart is None:
-        return ShotSamples(shot.name, nothing, 0, 0, {}, {}, (missing,) if missing else ())
-    sampled = sample_chart(shot, chart, saturation)
-    kept = np.flatnonzero(np.isfinite(sampled.raw).all(axis=-1) & ~sampled.clipping.any)
-    names = [f"chart_{index + 1:02d}" for index in kept]
-    centres: Array = chart.patches().mean(axis=1)[kept]
-    samples = _sample_set(shot, names, sampled.raw[kept], sampled.codes[kept], places_in_picture(shot, centres))
+    turns = -TURNS.get(shot.raw.flip, 0)
     return ShotSamples(
-        shot.name, samples, 0, len(kept), sampled.clipping.counts(), {}, (), places=_upright(shot, centres)
-    )
+        shot.name, samples, len(samples), 0, clip.counts(inside & (outcome != 0)), rejected, tuple(notes),
+        ShotCells(*(np.rot90(each, turns) for each in (jpeg8, raw8, outcome, picture))), places, shot.metadata.notes,
+    )  # fmt: skip
 
 
-def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, places: Array) -> SampleSet:
-    """The samples of a shot from RAW (n, 3), JPEG codes (n, 3) and their places in the RAW's visible area (n, 2)."""
+def _sample_set(shot: Shot, names: list[str], raw: Array, codes: Array, centres: Array) -> tuple[SampleSet, Array]:
+    """The samples of a shot from RAW (n, 3), JPEG codes (n, 3) and their places in the JPEG (n, 2), in pixels.
+
+    With the places in the upright picture, as shares of its width and height.
+    """
     metadata, count = shot.metadata, len(names)
-    multipliers = metadata.multipliers if metadata.multipliers is not None else np.full(3, math.nan)
-    return SampleSet(
-        camera=np.full(count, metadata.camera),
-        style=np.full(count, metadata.style),
-        white_balance=np.full(count, metadata.white_balance),
-        shot=np.full(count, shot.name),
+    multipliers = np.full(3, math.nan) if metadata.multipliers is None else metadata.multipliers
+    d65 = np.full(3, math.nan) if metadata.d65 is None else metadata.d65
+    once = {
+        "camera": metadata.camera,
+        "style": metadata.style,
+        "white_balance": metadata.white_balance,
+        "shot": shot.name,
+        "exposure_s": float(metadata.exposure_s),
+        "raw_camera": shot.raw_camera or metadata.camera,
+        "lens": metadata.lens,
+        "raw_space": "" if shot.development is None else shot.development.space,
+        "developer": "" if shot.development is None else shot.development.developer,
+        "focal_mm": metadata.focal_mm,
+        "aperture": metadata.aperture,
+        "d65_r": d65[0],
+        "d65_b": d65[2],
+    }
+    samples = SampleSet(
+        **{name: np.full(count, value) for name, value in once.items()},
         patch=np.array(names, dtype=np.str_),
-        exposure_s=np.full(count, metadata.exposure_s, dtype=np.float64),
         raw=np.array(raw, dtype=np.float64),
         srgb=codes / 255,
         wb=np.tile(np.asarray(multipliers, dtype=np.float64), (count, 1)),
-        raw_camera=np.full(count, shot.raw_camera or metadata.camera),
-        position=places,
-        lens=np.full(count, metadata.lens),
-        raw_space=np.full(count, "" if shot.development is None else shot.development.space),
-        developer=np.full(count, "" if shot.development is None else shot.development.developer),
-        focal_mm=np.full(count, metadata.focal_mm),
-        aperture=np.full(count, metadata.aperture),
-        d65_r=np.full(count, math.nan if metadata.d65 is None else metadata.d65[0]),
-        d65_b=np.full(count, math.nan if metadata.d65 is None else metadata.d65[2]),
+        position=places_in_picture(shot, centres),
     )
+    upright = centres / shot.jpeg.shape[1::-1]
+    for _ in range(TURNS.get(shot.raw.flip, 0)):  # numpy.rot90 to the right
+        upright = np.column_stack([1.0 - upright[:, 1], upright[:, 0]])
+    return samples, upright
 
 
 def places_in_picture(shot: Shot, centres: Array) -> Array:
@@ -209,23 +216,3 @@ def places_in_picture(shot: Shot, centres: Array) -> Array:
     size = np.array([width, height]) * pixel_size
     places = shot.placement.registration.on_raw(centres)
     return np.clip((places - size / 2) / (np.linalg.norm(size) / 2), -1.0, 1.0)
-
-
-def _account(word: str, counts: dict[str, int]) -> str:
-    found = {reason: count for reason, count in counts.items() if count}
-    reasons = ", ".join(f"{count} {reason}" for reason, count in found.items())
-    return f"{word} {sum(found.values())}" + (f" ({reasons})" if found else "")
-
-
-def _why_nothing(clipped: dict[str, int], rejected: dict[str, int]) -> str:
-    reasons = {**clipped, **rejected}
-    worst = max(reasons, key=lambda reason: reasons[reason])
-    advice = {
-        "JPEG white": "it is overexposed: expose less",
-        "RAW saturated": "it is overexposed: expose less",
-        "JPEG black": "it is underexposed: expose more",
-        "RAW black": "it is underexposed: expose more",
-        "outside the RAW": "the JPEG shows what the RAW does not: use the camera's own JPEG",
-        "RAW and JPEG disagree": "the JPEG was edited or corrected: use the camera's own JPEG",
-    }.get(worst, "nothing in it is flat: photograph plain surfaces or a chart, in focus or out of it")
-    return f"gives no samples, {advice}"

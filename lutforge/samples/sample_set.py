@@ -1,7 +1,7 @@
 """The sample table, its columns and their ranges: RAW and JPEG colours of the same surfaces under known settings."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,12 @@ WB_COLUMNS = ("wb_r", "wb_g", "wb_b")
 REQUIRED_COLUMNS = (*TEXT_COLUMNS, "exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS)
 POSITION_COLUMNS = ("x", "y")
 SHOT_COLUMNS = ("focal_mm", "aperture", "d65_r", "d65_b")
-ORIGIN_COLUMNS = ("raw_space", "developer")
-OPTIONAL_COLUMNS = (*WB_COLUMNS, "raw_camera", *POSITION_COLUMNS, "lens", *SHOT_COLUMNS, *ORIGIN_COLUMNS)
+OPTIONAL_COLUMNS = (
+    *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS, "raw_camera", "lens", "raw_space", "developer",
+)  # fmt: skip
 NUMBER_COLUMNS = ("exposure_s", *RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS, *POSITION_COLUMNS, *SHOT_COLUMNS)
+COLUMNS_OF = {"raw": RAW_COLUMNS, "srgb": SRGB_COLUMNS, "wb": WB_COLUMNS, "position": POSITION_COLUMNS}
+"""The columns of a table that one array of a SampleSet holds; the others are arrays of their own."""
 
 ROUNDING = 1e-6
 """How far a colour may lie outside its range through rounding; it is set to the end of the range."""
@@ -54,31 +57,42 @@ def wanted_columns(path: Path, names: list[str]) -> list[str]:
     return [name for name in names if name in REQUIRED_COLUMNS or name in OPTIONAL_COLUMNS]
 
 
-def is_valid(numbers: dict[str, Array]) -> bool:
-    """Whether the numbers of every row pass `row_problem`, in whole columns."""
+def is_valid(columns: Mapping[str, NDArray[Any]]) -> bool:
+    """Whether every row passes `row_problem`, in whole columns; texts are no longer than a cell may be."""
     with np.errstate(all="ignore"):
-        for name, values in numbers.items():
+        for name, values in columns.items():
+            if name not in NUMBER_COLUMNS:
+                if name in TEXT_COLUMNS and name != "patch" and np.any(values == ""):
+                    return False
+                continue
             low, high = _limits(name)
             unknown = np.isnan(values) if _may_be_unknown(name) else False
             if not np.all(unknown | ((values >= low) & (values <= high))):
                 return False
-        if "wb_g" not in numbers:
+        if "wb_g" not in columns:
             return True
-        wb = np.stack([numbers[name] for name in WB_COLUMNS], axis=1)
-        unknown = np.isnan(wb)
+        wb = np.stack([columns[name] for name in WB_COLUMNS], axis=1)
         ratio = wb / wb[:, 1:2]
         plausible = (ratio >= MULTIPLIER_RANGE[0]) & (ratio <= MULTIPLIER_RANGE[1])
-        return bool(np.all(unknown.all(axis=1) | plausible.all(axis=1)))
+        return bool(np.all(np.isnan(wb).all(axis=1) | plausible.all(axis=1)))
 
 
-def first_problem(exposure_s: Array, raw: Array, srgb: Array, wb: Array) -> str | None:
-    """What is wrong with the first row of (n,) and (n, 3) that fails `row_problem`, in words, or None."""
-    colours = zip((*RAW_COLUMNS, *SRGB_COLUMNS, *WB_COLUMNS), np.hstack([raw, srgb, wb]).T, strict=True)
-    numbers = {"exposure_s": exposure_s, **dict(colours)}
-    if is_valid(numbers):
+def first_problem(columns: Mapping[str, NDArray[Any]], first: int = 0) -> str | None:
+    """What is wrong with the first row of columns (n,) that fails `row_problem`, in words, or None.
+
+    first: the number of the first row.
+    """
+    if is_valid(columns):
         return None
-    rows = ({name: f"{values[row]:.10g}" for name, values in numbers.items()} for row in range(len(raw)))
-    return next((f"row {row}: {problem}" for row, cells in enumerate(rows) if (problem := row_problem(cells))), None)
+    texts = {
+        name: ["" if number != number else f"{number:.10g}" for number in values.tolist()]
+        if name in NUMBER_COLUMNS
+        else values.tolist()
+        for name, values in columns.items()
+    }
+    problems = (row_problem(dict(zip(texts, cells, strict=True))) for cells in zip(*texts.values(), strict=True))
+    found = (f"row {row}: {problem}" for row, problem in enumerate(problems, first) if problem)
+    return next(found, "holds values that cannot be read; write it anew")
 
 
 def _may_be_unknown(name: str) -> bool:
@@ -240,7 +254,8 @@ class SampleSet:
             wb=column("wb", wb, 3),
             raw_camera=words["camera"],
         )
-        if (problem := first_problem(made.exposure_s, made.raw, made.srgb, made.wb)) is not None:
+        columns = {name: getattr(made, group)[:, i] for group in COLUMNS_OF for i, name in enumerate(COLUMNS_OF[group])}
+        if (problem := first_problem({"exposure_s": made.exposure_s, **columns})) is not None:
             raise SampleError(f"samples: {problem}")
         return made
 

@@ -4,7 +4,7 @@ import csv
 import math
 import zipfile
 from collections.abc import Iterator
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, cast
 
@@ -12,24 +12,19 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.boundary import path_of, reading, require_file
 from lutforge.errors import SampleError
 from lutforge.samples.sample_set import (
+    COLUMNS_OF,
     MAX_ROWS,
     MAX_TEXT,
     NUMBER_COLUMNS,
-    ORIGIN_COLUMNS,
-    POSITION_COLUMNS,
-    RAW_COLUMNS,
+    OPTIONAL_COLUMNS,
     RAW_RANGE,
     REQUIRED_COLUMNS,
-    SHOT_COLUMNS,
-    SRGB_COLUMNS,
-    TEXT_COLUMNS,
-    WB_COLUMNS,
     SampleSet,
+    first_problem,
     is_valid,
     row_problem,
     wanted_columns,
@@ -104,53 +99,30 @@ def _suffix(path: Path) -> str:
 
 
 def _sample_set(columns: Columns) -> SampleSet:
-    def stack(names: tuple[str, ...]) -> Array:
-        return np.stack([columns[name] for name in names], axis=1)
-
-    camera = columns["camera"]
-    raw_camera = columns.get("raw_camera", camera)
-    wb = stack(WB_COLUMNS) if "wb_g" in columns else np.full((len(camera), 3), math.nan)
-    nothing = np.zeros(0, dtype=np.str_)
-    return SampleSet(
-        camera=camera,
-        style=columns["style"],
-        white_balance=columns["white_balance"],
-        shot=columns["shot"],
-        patch=columns["patch"],
-        exposure_s=columns["exposure_s"],
-        raw=np.clip(stack(RAW_COLUMNS), *RAW_RANGE),
-        srgb=np.clip(stack(SRGB_COLUMNS), 0.0, 1.0),
-        wb=wb / wb[:, 1:2],
-        raw_camera=camera if raw_camera is camera else np.where(raw_camera == "", camera, raw_camera),
-        position=stack(POSITION_COLUMNS) if "x" in columns else np.zeros((0, 2)),
-        lens=columns.get("lens", nothing),
-        raw_space=columns.get("raw_space", nothing),
-        developer=columns.get("developer", nothing),
-        focal_mm=columns.get("focal_mm", np.zeros(0)),
-        aperture=columns.get("aperture", np.zeros(0)),
-        d65_r=columns.get("d65_r", np.zeros(0)),
-        d65_b=columns.get("d65_b", np.zeros(0)),
-    )
+    made: dict[str, Any] = {"wb": np.full((len(columns["camera"]), 3), math.nan), "raw_camera": columns["camera"]}
+    made |= {name: values for name, values in columns.items() if name not in chain(*COLUMNS_OF.values())}
+    for name, group in COLUMNS_OF.items():
+        if group[0] in columns:
+            made[name] = np.stack([columns[column] for column in group], axis=1)
+    made["raw"], made["srgb"] = np.clip(made["raw"], *RAW_RANGE), np.clip(made["srgb"], 0.0, 1.0)
+    made["wb"] = made["wb"] / made["wb"][:, 1:2]
+    made["raw_camera"] = np.where(made["raw_camera"] == "", made["camera"], made["raw_camera"])
+    return SampleSet(**made)
 
 
 def _columns(samples: SampleSet) -> Columns:
-    columns: Columns = {name: getattr(samples, name) for name in TEXT_COLUMNS}
-    columns["exposure_s"] = samples.exposure_s
-    groups: list[tuple[tuple[str, ...], Array]] = [(RAW_COLUMNS, samples.raw), (SRGB_COLUMNS, samples.srgb)]
-    if np.isfinite(samples.wb).any():
-        groups.append((WB_COLUMNS, samples.wb))
-    if np.isfinite(samples.position).any():
-        groups.append((POSITION_COLUMNS, samples.position))
-    lens = {name: getattr(samples, name)[:, None] for name in SHOT_COLUMNS}
-    groups.extend(((name,), values) for name, values in lens.items() if np.isfinite(values).any())
-    for names, values in groups:
-        columns |= {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(names)}
-    if np.any(samples.raw_camera != samples.camera):
-        columns["raw_camera"] = samples.raw_camera
-    for name in ("lens", *ORIGIN_COLUMNS):
-        if np.any(getattr(samples, name) != ""):
-            columns[name] = getattr(samples, name)
-    return columns
+    """The columns to write, in order, without the optional ones of which nothing is known."""
+    whole: Columns = {name: values for name, values in vars(samples).items() if name not in COLUMNS_OF}
+    for name, group in COLUMNS_OF.items():
+        whole |= {column: np.ascontiguousarray(getattr(samples, name)[:, i]) for i, column in enumerate(group)}
+    unknown = {
+        name
+        for name in OPTIONAL_COLUMNS
+        if not (np.isfinite(whole[name]).any() if name in NUMBER_COLUMNS else np.any(whole[name] != ""))
+    }
+    if np.all(samples.raw_camera == samples.camera):
+        unknown.add("raw_camera")
+    return {name: whole[name] for name in (*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS) if name not in unknown}
 
 
 def _write_csv(path: Path, columns: Columns) -> None:
@@ -184,15 +156,8 @@ def _read_npz(path: Path) -> Columns:
         for name in wanted:
             columns[name] = _read_column(archive, entries[names.index(name)], name, rows)
             rows = len(columns[name])
-    texts = (columns[name] for name in TEXT_COLUMNS if name != "patch")
-    if not is_valid({name: columns[name] for name in wanted if name in NUMBER_COLUMNS}) or any(
-        np.any(text == "") for text in texts
-    ):
-        for row, values in enumerate(zip(*columns.values(), strict=True), start=1):
-            cells = ["" if value != value else str(value) for value in values]
-            if problem := row_problem(dict(zip(columns, cells, strict=True))):
-                raise SampleError(f"{path}: row {row}: {problem}")
-        raise SampleError(f"{path}: holds values that cannot be read; write it anew")
+    if (problem := first_problem(columns, 1)) is not None:
+        raise SampleError(f"{path}: {problem}")
     return columns
 
 
@@ -228,9 +193,15 @@ def _read_csv(path: Path) -> Columns:
     while part := list(islice(records, ROWS_AT_A_TIME)):
         columns = _columns_of([record for _, record in part], len(header), places)
         if columns is None:
-            problems = ((line, _record_problem(record, len(header), places)) for line, record in part)
-            line, problem = next((each for each in problems if each[1]), (part[0][0], "holds what cannot be read"))
-            raise SampleError(f"{path}: line {line}: {problem}")
+            for line, record in part:
+                if len(record) != len(header):
+                    raise SampleError(
+                        f"{path}: line {line}: {len(record)} cells where the header has {len(header)}; write one cell "
+                        "a column, and quote text that holds a comma"
+                    )
+                if problem := row_problem({name: record[place].strip() for name, place in places.items()}):
+                    raise SampleError(f"{path}: line {line}: {problem}")
+            raise SampleError(f"{path}: line {part[0][0]}: holds what cannot be read")
         for name, values in columns.items():
             parts[name].append(values)
         rows += len(part)
@@ -240,7 +211,7 @@ def _read_csv(path: Path) -> Columns:
 
 
 def _columns_of(records: list[list[str]], width: int, places: dict[str, int]) -> Columns | None:
-    """The columns of some records; None where one of them is refused by `_record_problem`."""
+    """The columns of some records; None where one of them has another width, or is refused by `row_problem`."""
     if any(len(record) != width for record in records):
         return None
     cells = list(zip(*records, strict=True))
@@ -251,8 +222,6 @@ def _columns_of(records: list[list[str]], width: int, places: dict[str, int]) ->
             return None
         if name not in NUMBER_COLUMNS:
             columns[name] = np.array([text.strip() for text in texts], dtype=np.str_)
-            if name in TEXT_COLUMNS and name != "patch" and np.any(columns[name] == ""):
-                return None
             continue
         if "_" in whole or not whole.isascii():
             return None
@@ -260,17 +229,7 @@ def _columns_of(records: list[list[str]], width: int, places: dict[str, int]) ->
             columns[name] = np.array([float(text) if text and not text.isspace() else math.nan for text in texts])
         except ValueError:
             return None
-    numbers = {name: values for name, values in columns.items() if name in NUMBER_COLUMNS}
-    return columns if is_valid(numbers) else None
-
-
-def _record_problem(record: list[str], width: int, places: dict[str, int]) -> str | None:
-    if len(record) != width:
-        return (
-            f"{len(record)} cells where the header has {width}; write one cell a column, and quote text that holds a"
-            " comma"
-        )
-    return row_problem({name: record[place].strip() for name, place in places.items()})
+    return columns if is_valid(columns) else None
 
 
 def _csv_header(path: Path) -> list[str]:

@@ -8,55 +8,21 @@ wall.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lutforge.arrays import Array, Codes, Mask
-from lutforge.samples.clipping import Extremes
-from lutforge.shots.cells import REACH, CellStatistics, greatest, statistics_under
+from lutforge.arrays import Array, Mask
+from lutforge.shots.cells import CellStatistics, greatest
 from lutforge.shots.geometry import Registration
 
+LEVELS = ((3, 0.06, 12), (6, 0.12, 24), (9, 0.2, 40))
+"""How much structure a tile may have, from strict to the hard bound: beyond the last a cell is never a tile.
 
-@dataclass(frozen=True)
-class Limits:
-    """How much structure a tile may have.
-
-    jpeg: standard deviation in the cell, codes. raw: the same, relative to the mean; the bias of the mean
-    through the curvature of a 1/2.2 power is 0.12 · raw² of the value. step: difference to a cell around,
-    codes, of which sharpening and chroma bleeding carry some 5 % into the cell.
-    """
-
-    jpeg: float
-    raw: float
-    step: float
-
-
-LEVELS = (Limits(3, 0.06, 12), Limits(6, 0.12, 24), Limits(9, 0.2, 40))
-"""From strict to the hard bound. Beyond the last a cell is never a tile."""
-
-
-@dataclass(frozen=True, eq=False)
-class JpegCells:
-    """Statistics of cell × cell JPEG pixels, each (hc, wc, 3), in codes 0–255; count: pixels in a cell."""
-
-    mean: Array
-    std: Array
-    extremes: Extremes
-    count: int
-
-
-@dataclass(frozen=True, eq=False)
-class Flatness:
-    """How flat each cell is, (hc, wc).
-
-    level: the index of the first of LEVELS that it meets (len(LEVELS): none); roughness: its structure as a share of
-    the strict limits.
-    """
-
-    level: NDArray[np.intp]
-    roughness: Array
+First the standard deviation of the JPEG in the cell, in codes. Then that of RAW, relative to the mean: the bias of the
+mean through the curvature of a 1/2.2 power is 0.12 times its square. Last the difference to a cell around, in codes, of
+which sharpening and chroma bleeding carry some 5 % into the cell.
+"""
 
 
 def cell_size(registration: Registration) -> int:
@@ -68,29 +34,24 @@ def cell_size(registration: Registration) -> int:
     return 8 * max(1, math.ceil(14 / (8 * registration.scale)))
 
 
-def jpeg_cells(jpeg: Codes | NDArray[np.uint16], cell: int, hot: bool = False) -> JpegCells:
-    """Statistics over the grid of cells of a JPEG (h, w, 3), of which outliers are no part, as in `raw_on_grid`.
-
-    16-bit values 0 … 65535 stand for codes 0 … 255. A rest at the right and bottom is left out.
-    """
-    h, w = jpeg.shape[0] // cell, jpeg.shape[1] // cell
-    found = statistics_under(jpeg, cell * np.arange(h + 1.0), cell * np.arange(w + 1.0), hot)[:4]
-    mean, std, low, high = found if jpeg.dtype == np.uint8 else found / 257.0
-    extremes = Extremes(np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std))
-    return JpegCells(mean, std, extremes, cell * cell)
-
-
 def flatness(
-    jpeg: JpegCells, raw: CellStatistics, multipliers: Array | None, usable: Mask, judged: Mask | None = None
-) -> Flatness:
-    """Judge the cells of a mask, all usable ones by default; those not usable (clipped) do not show the noise.
+    jpeg: CellStatistics,
+    raw: CellStatistics,
+    cell: int,
+    multipliers: Array | None,
+    usable: Mask,
+    judged: Mask | None = None,
+) -> tuple[NDArray[np.intp], Array]:
+    """How flat each cell is: the index of the first of LEVELS that it meets (len(LEVELS): none), and its roughness.
 
-    multipliers: (3,) white balance, so that steps in RAW count like steps in a JPEG; None: grey world.
+    Both (hc, wc); roughness is the structure as a share of the strict limits. cell: its side in JPEG pixels. judged:
+    cells to judge, all usable ones by default; those not usable (clipped) do not show the noise. multipliers: (3,)
+    white balance, so that steps in RAW count like steps in a JPEG; None: grey world.
     """
     judged = usable if judged is None else judged
     level = np.full(usable.shape, len(LEVELS), dtype=np.intp)
     if not usable.any():
-        return Flatness(level, np.full(usable.shape, np.inf))
+        return level, np.full(usable.shape, np.inf)
     mean = np.maximum(np.nan_to_num(raw.mean), 1e-6)
     raw_std = np.nan_to_num(raw.std)
     raw_noise = np.minimum(_noise(mean, raw_std, usable, photons=True), (0.25 * mean) ** 2)
@@ -107,20 +68,17 @@ def flatness(
     encoded *= jpeg.mean[usable].mean() / encoded[usable].mean()
     # Neighbours' means differ by their noise, too: four standard deviations of a difference, where those of the means
     # are twice what they were if pixels were independent.
-    unsure = 4 * math.sqrt(2) * 2 * np.sqrt(_SPREAD * greatest(jpeg_noise) / jpeg.count)
+    unsure = 4 * math.sqrt(2) * 2 * np.sqrt(_SPREAD * greatest(jpeg_noise) / cell**2)
     step = np.sqrt(np.maximum(0, np.maximum(_step(jpeg.mean), _step(encoded)) ** 2 - unsure**2))
     around = _over_neighbours(np.maximum, jpeg_structure)
+    structure = np.stack([jpeg_structure, raw_structure, step], axis=-1)
     for index in reversed(range(len(LEVELS))):
-        limits = LEVELS[index]
-        flat = (jpeg_structure <= limits.jpeg) & (raw_structure <= limits.raw) & (step <= limits.step)
-        flat &= around <= 2.5 * limits.jpeg
+        flat = np.all(structure <= LEVELS[index], axis=-1) & (around <= 2.5 * LEVELS[index][0])
         level[judged & flat] = index
-    strict = LEVELS[0]
-    shares = np.stack([jpeg_structure / strict.jpeg, raw_structure / strict.raw, step / strict.step])
-    return Flatness(level, np.where(judged, shares.max(axis=0), np.inf))
+    return level, np.where(judged, (structure / LEVELS[0]).max(axis=-1), np.inf)
 
 
-def agreement(jpeg: JpegCells, raw: CellStatistics) -> Mask:
+def agreement(jpeg: CellStatistics, raw: CellStatistics) -> Mask:
     """(hc, wc): whether JPEG and RAW vary alike over each cell and the eight around.
 
     Judged in the channel that varies most in the JPEG, where it varies by more than noise does (3 codes);
@@ -187,3 +145,41 @@ def _over_neighbours(combine: np.ufunc, values: Array) -> Array:
         before, after = (np.take(values, np.clip(np.arange(size) + step, 0, size - 1), axis) for step in (-1, 1))
         values = combine(combine(before, values), after)
     return values
+
+
+PER_SHOT, PER_BIN, PER_BIN_RELAXED = 3000, 12, 3
+"""Tiles that `choose_evenly` keeps at most: of a shot, of a colour, and of a colour of which few are flat."""
+
+
+def choose_evenly(codes: Array, places: Array, level: NDArray[np.intp], roughness: Array) -> NDArray[np.intp]:
+    """Indices, ascending, of the tiles to keep: so many a colour, flat ones from all parts of the picture.
+
+    So a sky does not outweigh a flower, nor the middle the corners, where a lens gives less light. codes: (n, 3) JPEG
+    0–255; places: (n, 2) in the picture, −1 … 1; level: (n,) 0 = strictly flat, higher = relaxed; roughness: (n,). In
+    each colour bin of 16 codes a side, in which encoded values are roughly even to the eye, PER_BIN are kept: enough to
+    average their noise away. They are the flattest of each part of the picture in turn, of six by six parts. Relaxed
+    ones only fill up bins of fewer than PER_BIN_RELAXED. The cap per bin is lowered until the shot keeps at most
+    PER_SHOT. Deterministic: ties go by position.
+    """
+    cells = np.clip(codes // 16, 0, 15).astype(np.intp)
+    keys = (cells[:, 0] * 256 + cells[:, 1]) * 256 + cells[:, 2]
+    parts = np.clip(3.0 * (places + 1.0), 0, 5).astype(np.intp)
+    here = 36 * keys + 6 * parts[:, 0] + parts[:, 1]
+    turn = _ranks(np.lexsort((roughness, level, here)), here)
+    order = np.lexsort((roughness, turn, level, keys))
+    rank = _ranks(order, keys)[order]
+    candidates = (level[order] == 0) | (rank < PER_BIN_RELAXED)
+    cap = PER_BIN
+    while cap > 1 and np.count_nonzero(candidates & (rank < cap)) > PER_SHOT:
+        cap -= 1
+    chosen = order[candidates & (rank < cap)]
+    if len(chosen) > PER_SHOT:
+        chosen = chosen[np.lexsort((roughness[chosen], level[chosen]))[:PER_SHOT]]
+    return np.sort(chosen)
+
+
+def _ranks(order: NDArray[np.intp], keys: NDArray[np.intp]) -> NDArray[np.intp]:
+    """(n,): the place of each in its group of equal keys (n,), of which `order` has one after the other."""
+    ranked, rank = keys[order], np.empty_like(order)
+    rank[order] = np.arange(len(order)) - np.searchsorted(ranked, ranked, side="left")
+    return rank

@@ -1,4 +1,4 @@
-"""RAW statistics over the area of JPEG pixels: each RAW pixel counts by as much of it as a cell covers."""
+"""Statistics of RAW and JPEG over the cells of one grid: each pixel counts by as much of it as a cell covers."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -8,9 +8,6 @@ from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Codes, Pixels, Single
 from lutforge.compiled import REASSOCIATED, compiled
-from lutforge.images.raw import RawImage
-from lutforge.shots.geometry import Registration
-from lutforge.shots.shot import Shot
 
 Number = TypeVar("Number", Array, Single)
 REACH = 2.4
@@ -20,10 +17,11 @@ REACH = 2.4
 
 @dataclass(frozen=True, eq=False)
 class CellStatistics:
-    """RAW statistics over the areas of cell×cell JPEG pixels: each (hc, wc, 3) float64; NaN where RAW has no pixels.
+    """Statistics over the cells of a grid on a picture, each (H, W, 3) float64; NaN where the picture has no pixels.
 
-    Outliers do not count, see `statistics_under`. minimum and maximum are over every RAW pixel that the cell touches,
-    but no further from the mean than REACH standard deviations. outliers: the share of each cell that does not count.
+    Each pixel weighs by as much of it as the cell covers, exactly. minimum and maximum are over every pixel that the
+    cell touches, but no further from the mean than REACH standard deviations. outliers: the share of each cell that
+    does not count, see `of`.
     """
 
     mean: Array
@@ -32,6 +30,31 @@ class CellStatistics:
     maximum: Array
     outliers: Array
 
+    @classmethod
+    def of(
+        cls, image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, hot: bool = False
+    ) -> "CellStatistics":
+        """The statistics of an image (h, w, 3); 16-bit values 0 … 65535 stand for codes 0 … 255.
+
+        rows (H + 1,), columns (W + 1,): borders of the grid, in pixels. What lies over four standard deviations from
+        its cell's mean (hot pixels, dust) is replaced by that mean, up to three times. A cell of which that would be
+        more than a sixteenth stays as it is: it shows something. hot: medians and median deviations take the place of
+        means and standard deviations, which takes longer, and a quarter of a cell may be outliers.
+        """
+        found = np.zeros((5, len(rows) - 1, len(columns) - 1, 3))
+        if found.size:
+            _statistics_under(image, rows, columns, hot, found)
+        if image.dtype == np.uint16:
+            found[:4] /= 257.0
+        mean, std, low, high, _ = found
+        low[:], high[:] = np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std)
+        covered = [
+            (edges[:-1] >= -1e-9) & (edges[1:] <= size + 1e-9)
+            for edges, size in zip((rows, columns), image.shape[:2], strict=True)
+        ]
+        found[:, ~np.outer(*covered)] = np.nan
+        return cls(*found)
+
     @property
     def hot(self) -> bool:
         """True where most cells hold outliers: the picture is strewn with hot pixels."""
@@ -39,58 +62,9 @@ class CellStatistics:
         return bool(inside.any()) and bool(np.median(greatest(self.outliers)[inside]) > 0)
 
 
-def raw_on_jpeg_cells(shot: Shot, cell: int, hot: bool = False) -> CellStatistics:
-    """RAW statistics over the grid of non-overlapping cell×cell blocks of JPEG pixels.
-
-    A rest at the border is left out.
-
-    The mean and standard deviation weigh each RAW pixel by the area of it that the cell covers, exactly.
-    hot: judge outliers by medians, which takes longer.
-    """
-    height, width = shot.jpeg.shape[0] // cell, shot.jpeg.shape[1] // cell
-    return raw_on_grid(shot.raw, shot.registration, height, width, cell, hot)
-
-
-def raw_on_grid(
-    raw: RawImage, registration: Registration, height: int, width: int, cell: int, hot: bool = False
-) -> CellStatistics:
-    """RAW statistics as `raw_on_jpeg_cells`, for a grid of height × width cells."""
-    rows = cell_edges(registration.scale, registration.offset_y, height, cell, raw.pixel_size)
-    columns = cell_edges(registration.scale, registration.offset_x, width, cell, raw.pixel_size)
-    covered = [
-        (edges[:-1] >= -1e-9) & (edges[1:] <= size + 1e-9)
-        for edges, size in ((rows, raw.pixels.shape[0]), (columns, raw.pixels.shape[1]))
-    ]
-    result = statistics_under(raw.pixels, rows, columns, hot)
-    mean, std, low, high, _ = result
-    low[:], high[:] = np.maximum(low, mean - REACH * std), np.minimum(high, mean + REACH * std)
-    result[:, ~np.outer(*covered)] = np.nan
-    return CellStatistics(*result)
-
-
-def statistics_under(image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, hot: bool) -> Array:
-    """Mean and standard deviation by area, least and greatest value, and the share of outliers, (5, H, W, 3).
-
-    They are of the pixels of an image (h, w, 3) under the cells of a grid with borders at rows (H + 1,) and columns
-    (W + 1,), in pixels. What lies over four standard deviations from its cell's mean (hot pixels, dust) is replaced by
-    that mean, up to three times. A cell of which that would be more than a sixteenth stays as it is: it shows
-    something. hot: medians and median deviations take the place of means and standard deviations, and a quarter of a
-    cell may be outliers.
-    """
-    found = np.zeros((5, len(rows) - 1, len(columns) - 1, 3))
-    if found.size:
-        _statistics_under(image, rows, columns, hot, found)
-    return found
-
-
 def greatest(values: Number) -> Number:
     """Return the greatest of three channels, (…); NumPy's own maximum over so short an axis takes ten times as long."""
     return np.maximum(np.maximum(values[..., 0], values[..., 1]), values[..., 2])
-
-
-def cell_edges(scale: float, offset: float, count: int, cell: int, pixel_size: float) -> Array:
-    """Borders of `count` cells in units of array pixels, where array pixel i covers [i, i + 1]."""
-    return np.asarray((scale * (np.arange(count + 1) * float(cell)) + offset) / pixel_size, dtype=np.float64)
 
 
 @compiled()
@@ -105,7 +79,7 @@ def _touched(edges: Array, cell: int, size: int) -> tuple[int, int]:
 def _statistics_under(
     image: Pixels | Codes | NDArray[np.uint16], rows: Array, columns: Array, hot: bool, found: Array
 ) -> None:
-    """Fill `found` as `statistics_under` returns it."""
+    """Fill mean, standard deviation, least and greatest value, and the share of outliers, (5, H, W, 3)."""
     height, width = image.shape[:2]
     begin, end = _touched(columns, 0, width)[0], _touched(columns, len(columns) - 2, width)[1]
     size = max(0, 3 * (end - begin))

@@ -55,6 +55,17 @@ class Registration:
         """Places (n, 2) of the JPEG as places of the RAW, were it straight."""
         return np.asarray(self.scale * places + (self.offset_x, self.offset_y))
 
+    def borders(self, shape: tuple[int, int], cell: int, pixel_size: float) -> tuple[Array, Array]:
+        """Borders of the rows and columns of a grid of cells of cell × cell JPEG pixels, in pixels of an array of RAW.
+
+        shape: how many cells there are, down and across; array pixel i covers [i, i + 1].
+        """
+        rows, columns = (
+            np.asarray((self.scale * (np.arange(count + 1) * float(cell)) + offset) / pixel_size, dtype=np.float64)
+            for count, offset in zip(shape, (self.offset_y, self.offset_x), strict=True)
+        )
+        return rows, columns
+
     def on_raw(self, places: Array) -> Array:
         """Places (n, 2) of the JPEG as places of the RAW, as the lens drew it."""
         straight = self.straight(places)

@@ -14,7 +14,7 @@ from lutforge.arrays import Array, Codes, Pixels, Single
 from lutforge.compiled import compiled
 from lutforge.errors import ShotError
 from lutforge.images.raw import RawImage
-from lutforge.shots.cells import cell_edges, greatest
+from lutforge.shots.cells import greatest
 from lutforge.shots.geometry import Distortion, Registration
 
 MIN_SIDE = 200
@@ -160,20 +160,19 @@ def _inside_bars(brightest: Single) -> Single:
 
 
 def cells_of_jpeg(
-    place: Registration, shape: tuple[int, ...], raw: tuple[int, ...], pixel_size: float
+    place: Registration, shape: tuple[int, int], raw: tuple[int, ...], pixel_size: float
 ) -> tuple[tuple[Array, Array], Single]:
     """The borders of a JPEG's rows (h + 1,) and columns (w + 1,) in RAW pixels, and which pixels RAW covers, 0 or 1.
 
     shape, raw: of the two pictures, (h, w, …).
     """
-    rows = cell_edges(place.scale, place.offset_y, shape[0], 1, pixel_size)
-    columns = cell_edges(place.scale, place.offset_x, shape[1], 1, pixel_size)
-    covers = [(edges[:-1] >= 0) & (edges[1:] <= size) for edges, size in zip((rows, columns), raw[:2], strict=True)]
-    return (rows, columns), np.outer(*covers).astype(np.float32)
+    borders = place.borders(shape, 1, pixel_size)
+    covers = [(edges[:-1] >= 0) & (edges[1:] <= size) for edges, size in zip(borders, raw[:2], strict=True)]
+    return borders, np.outer(*covers).astype(np.float32)
 
 
 def on_jpeg_pixels(
-    plane: Single, pixel_size: float, place: Registration, shape: tuple[int, ...]
+    plane: Single, pixel_size: float, place: Registration, shape: tuple[int, int]
 ) -> tuple[Single, Single]:
     """RAW values averaged over each JPEG pixel (h, w), and whether RAW covers it, 0 or 1."""
     borders, covers = cells_of_jpeg(place, shape, plane.shape, pixel_size)

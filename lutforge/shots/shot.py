@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from lutforge.images.development import Development
 from lutforge.images.raw import RawImage
+from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Placement, Registration
 from lutforge.shots.metadata import ShotMetadata
 
@@ -63,6 +64,17 @@ class Shot:
         if lens.red or lens.blue:
             parts.append(f"red {100 * lens.red:+.2f} % and blue {100 * lens.blue:+.2f} % beside green")
         return "corrected in the JPEG, and followed: " + ", ".join(parts)
+
+    def raw_cells(self, cell: int, hot: bool = False) -> CellStatistics:
+        """RAW statistics under the blocks of cell × cell JPEG pixels; a rest at the right and bottom is left out."""
+        shape = self.jpeg.shape[0] // cell, self.jpeg.shape[1] // cell
+        return CellStatistics.of(self.raw.pixels, *self.registration.borders(shape, cell, self.raw.pixel_size), hot)
+
+    def jpeg_cells(self, cell: int, hot: bool = False) -> CellStatistics:
+        """Statistics of the JPEG over the same blocks, in codes 0 … 255."""
+        jpeg = self.jpeg if self.fine is None else self.fine
+        rows, columns = (cell * np.arange(side // cell + 1.0) for side in jpeg.shape[:2])
+        return CellStatistics.of(jpeg, rows, columns, hot)
 
     def straightened(self) -> "Shot":
         """The shot with a RAW as straight as its JPEG, where the registration says how the lens bent it."""

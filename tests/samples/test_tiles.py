@@ -1,11 +1,22 @@
-"""Flat tiles: structure in JPEG, RAW or around a cell counts; noise does not."""
+"""Flat tiles: structure in JPEG, RAW or around a cell counts, noise does not; and an even choice of them."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lutforge.samples.clipping import Extremes, clipping, saturation_levels
-from lutforge.samples.tiles import LEVELS, agreement, cell_size, flatness, jpeg_cells
+from lutforge.samples.clipping import clipping, saturation_levels
+from lutforge.samples.tiles import (
+    LEVELS,
+    PER_BIN,
+    PER_BIN_RELAXED,
+    PER_SHOT,
+    agreement,
+    cell_size,
+    choose_evenly,
+    flatness,
+)
 from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Registration
 
@@ -13,12 +24,10 @@ Array = NDArray[np.float64]
 CELL = 8
 
 
-def raw_cells(raw: Array) -> CellStatistics:
-    """Statistics of a RAW array that lies pixel on pixel on the JPEG."""
-    h, w = raw.shape[0] // CELL, raw.shape[1] // CELL
-    blocks = raw[: h * CELL, : w * CELL].reshape(h, CELL, w, CELL, 3)
-    over = (1, 3)
-    return CellStatistics(blocks.mean(over), blocks.std(over), blocks.min(over), blocks.max(over), 0 * blocks.min(over))
+def cells(picture: Array | NDArray[np.uint8]) -> CellStatistics:
+    """Statistics of a JPEG, or of RAW that lies pixel on pixel on it."""
+    rows, columns = (CELL * np.arange(side // CELL + 1.0) for side in picture.shape[:2])
+    return CellStatistics.of(picture.astype(np.float32), rows, columns)
 
 
 def render(raw: Array) -> NDArray[np.uint8]:
@@ -26,9 +35,8 @@ def render(raw: Array) -> NDArray[np.uint8]:
 
 
 def levels(raw: Array, jpeg: NDArray[np.uint8]) -> NDArray[np.intp]:
-    cells = jpeg_cells(jpeg, CELL)
-    usable = np.ones(cells.mean.shape[:2], dtype=np.bool_)
-    return flatness(cells, raw_cells(raw), np.ones(3), usable).level
+    seen = cells(jpeg)
+    return flatness(seen, cells(raw), CELL, np.ones(3), np.ones(seen.mean.shape[:2], dtype=np.bool_))[0]
 
 
 @pytest.mark.parametrize(
@@ -36,17 +44,6 @@ def levels(raw: Array, jpeg: NDArray[np.uint8]) -> NDArray[np.intp]:
 )
 def test_cell_size_spans_enough_raw_pixels(scale: float, cell: int) -> None:
     assert cell_size(Registration(scale, 0, 0, 1)) == cell
-
-
-def test_statistics_match_numpy() -> None:
-    jpeg = np.random.default_rng(1).integers(0, 256, (35, 50, 3), dtype=np.uint8)
-    cells = jpeg_cells(jpeg, CELL)
-    assert cells.mean.shape == (4, 6, 3)
-    block = jpeg[8:16, 40:48].reshape(-1, 3)
-    np.testing.assert_allclose(cells.mean[1, 5], block.mean(axis=0))
-    np.testing.assert_allclose(cells.std[1, 5], block.std(axis=0), rtol=1e-4)
-    np.testing.assert_array_equal(cells.extremes.minimum[1, 5], block.min(axis=0))
-    np.testing.assert_array_equal(cells.extremes.maximum[1, 5], block.max(axis=0))
 
 
 def test_noise_is_not_structure_but_an_edge_is() -> None:
@@ -89,26 +86,25 @@ def test_gradients_relax_in_steps() -> None:
 
 
 def test_nothing_usable() -> None:
-    cells = jpeg_cells(np.zeros((32, 32, 3), dtype=np.uint8), CELL)
-    result = flatness(cells, raw_cells(np.zeros((32, 32, 3))), None, np.zeros((4, 4), dtype=np.bool_))
-    assert (result.level == len(LEVELS)).all()
+    black = np.zeros((32, 32, 3), dtype=np.uint8)
+    level, _ = flatness(cells(black), cells(black / 1.0), CELL, None, np.zeros((4, 4), dtype=np.bool_))
+    assert (level == len(LEVELS)).all()
 
 
 def test_agreement_notices_what_only_the_jpeg_shows() -> None:
     x = np.mgrid[:160, :160][1]
     raw = np.broadcast_to((0.05 + 0.005 * x)[..., None], (160, 160, 3)).copy()
     jpeg = render(raw)
-    assert agreement(jpeg_cells(jpeg, CELL), raw_cells(raw)).all()
-    mirrored = np.ascontiguousarray(jpeg[:, ::-1])
-    assert agreement(jpeg_cells(mirrored, CELL), raw_cells(raw)).mean() < 0.2
+    assert agreement(cells(jpeg), cells(raw)).all()
+    assert agreement(cells(np.ascontiguousarray(jpeg[:, ::-1])), cells(raw)).mean() < 0.2
 
 
 def test_clipping_counts_each_area_once() -> None:
-    jpeg = Extremes(np.array([[0.0, 9, 9], [9, 9, 9], [9, 9, 9], [9, 9, 9]]), np.full((4, 3), 200.0))
-    jpeg.maximum[0, 2] = 254.0
-    raw = Extremes(np.full((4, 3), 0.1), np.full((4, 3), 0.5))
-    raw.maximum[1, 0] = 0.79
-    raw.minimum[2, 1] = 0.0
+    shape = np.ones((4, 3))
+    jpeg = CellStatistics(100 * shape, shape, 9 * shape, 200 * shape, 0 * shape)
+    jpeg.minimum[0, 0], jpeg.maximum[0, 2] = 0.0, 254.0
+    raw = CellStatistics(0.3 * shape, shape, 0.1 * shape, 0.5 * shape, 0 * shape)
+    raw.maximum[1, 0], raw.minimum[2, 1] = 0.79, 0.0
     result = clipping(jpeg, raw, np.array([0.8, 1, 1]))
     assert result.any.tolist() == [True, True, True, False]
     assert result.counts() == {"JPEG white": 1, "JPEG black": 0, "RAW saturated": 1, "RAW black": 1}
@@ -123,3 +119,37 @@ def test_saturation_below_nominal_white_is_seen() -> None:
     levels_found = saturation_levels(clipped)
     np.testing.assert_allclose(levels_found, [0.7, 0.85, 1], atol=0.002)
     assert saturation_levels(np.zeros((4, 4, 3), dtype=np.float32)).tolist() == [1, 1, 1]
+
+
+def test_a_common_colour_keeps_its_flattest_tiles_and_a_rare_one_all() -> None:
+    codes = np.full((100, 3), 100.0)
+    codes[99] = 20.0
+    level = np.zeros(100, dtype=np.intp)
+    level[:50] = 1
+    roughness, places = np.linspace(1, 0, 100), np.zeros((100, 2))
+    assert choose_evenly(codes, places, level, roughness).tolist() == [*range(99 - PER_BIN, 99), 99]
+    assert len(choose_evenly(codes[:50], places[:50], level[:50], roughness[:50])) == PER_BIN_RELAXED
+    assert choose_evenly(codes[:0], places[:0], level[:0], roughness[:0]).shape == (0,)
+
+
+def test_all_parts_of_the_picture_are_sampled() -> None:
+    codes, level, places = np.full((90, 3), 100.0), np.zeros(90, dtype=np.intp), np.zeros((90, 2))
+    places[80:] = [0.7, 0.6]
+    roughness = np.concatenate([np.linspace(0, 0.5, 80), np.linspace(0.5, 1, 10)])
+    # six of the middle and six of the corner, although all of the middle are flatter
+    assert choose_evenly(codes, places, level, roughness).tolist() == [*range(6), *range(80, 86)]
+
+
+@given(st.integers(0, 2**32), st.sampled_from([1, 60, 20_000]))
+def test_a_choice_covers_the_colours_and_never_depends_on_chance(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    codes = rng.uniform(0, 255, (count, 3)) * rng.choice([0.1, 1.0])
+    level, roughness = rng.integers(0, 3, count), rng.integers(0, 5, count) / 5
+    places = rng.uniform(-1, 1, (count, 2))
+    chosen = choose_evenly(codes, places, level, roughness)
+    assert 1 <= len(chosen) <= PER_SHOT
+    assert (np.diff(chosen) > 0).all()
+    np.testing.assert_array_equal(chosen, choose_evenly(codes, places, level, roughness))
+    bins = {tuple(row) for row in (codes // 16).astype(int).tolist()}
+    covered = {tuple(row) for row in (codes[chosen] // 16).astype(int).tolist()}
+    assert covered == bins or len(chosen) == PER_SHOT

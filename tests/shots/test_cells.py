@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from lutforge.shots.cells import raw_on_grid
+from lutforge.arrays import Array
+from lutforge.shots.cells import CellStatistics
 from lutforge.shots.geometry import Registration
-from tests.shots.test_align import raw_image
+
+
+def raw_on_grid(
+    pixels: Array, place: Registration, shape: tuple[int, int], cell: int, hot: bool = False, pixel_size: float = 1.0
+) -> CellStatistics:
+    return CellStatistics.of(pixels.astype(np.float32), *place.borders(shape, cell, pixel_size), hot)
 
 
 @pytest.mark.parametrize("pixel_size", [1.0, 2.0])
@@ -13,7 +19,7 @@ def test_cell_statistics_weigh_fractional_borders(pixel_size: float) -> None:
     rng = np.random.default_rng(0)
     pixels = rng.uniform(0, 1, (40, 50, 3))
     found = Registration(1.3, 2.6, 1.1, 1.0)
-    cells = raw_on_grid(raw_image(pixels, pixel_size), found, 3, 4, 6)
+    cells = raw_on_grid(pixels, found, (3, 4), 6, pixel_size=pixel_size)
     # by counting on a grid so fine that every border lies on it: 1/20 of a full-resolution pixel
     fine = np.repeat(np.repeat(pixels, round(20 * pixel_size), axis=0), round(20 * pixel_size), axis=1)
     for row in range(3):
@@ -32,7 +38,7 @@ def test_cell_statistics_weigh_fractional_borders(pixel_size: float) -> None:
 
 
 def test_cells_outside_the_raw_are_nan() -> None:
-    cells = raw_on_grid(raw_image(np.ones((10, 10, 3))), Registration(1.0, -1.0, 0.0, 1.0), 6, 6, 2)
+    cells = raw_on_grid(np.ones((10, 10, 3)), Registration(1.0, -1.0, 0.0, 1.0), (6, 6), 2)
     assert np.isnan(cells.mean[:, 0]).all()
     assert np.isnan(cells.mean[5]).all()
     np.testing.assert_allclose(cells.mean[:5, 1:5], 1)
@@ -45,9 +51,8 @@ def test_hot_pixels_are_no_part_of_a_cell() -> None:
     strewn = np.where(rng.random(clean.shape) < 0.03, 1.0, clean)
     found = Registration(1.0, 0.0, 0.0, 1.0)
     for pixels, hot in ((clean, False), (strewn, True)):
-        cells = raw_on_grid(raw_image(pixels), found, 10, 10, 8)
-        assert cells.hot == hot
-        cells = raw_on_grid(raw_image(pixels), found, 10, 10, 8, hot)
+        assert raw_on_grid(pixels, found, (10, 10), 8).hot == hot
+        cells = raw_on_grid(pixels, found, (10, 10), 8, hot)
         np.testing.assert_allclose(cells.mean, 0.2, atol=0.006)
         assert cells.maximum.max() < 0.25
 
@@ -56,7 +61,7 @@ def test_hot_pixels_are_no_part_of_a_cell() -> None:
 def test_single_outliers_are_no_part_of_a_cell_but_many_are(offset: float) -> None:
     pixels = 0.2 + 0.001 * np.random.default_rng(2).standard_normal((33, 33, 3))
     pixels[4, 4, 1], pixels[20:23, 20:23, 1] = 1.0, 1.0
-    cells = raw_on_grid(raw_image(pixels), Registration(1.0, offset, offset, 1.0), 4, 4, 8)
+    cells = raw_on_grid(pixels, Registration(1.0, offset, offset, 1.0), (4, 4), 8)
     assert cells.maximum[0, 0, 1] < 0.21
     assert cells.outliers[0, 0, 1] == pytest.approx(1 / 64)
     assert cells.maximum[2, 2, 1] > 0.5
