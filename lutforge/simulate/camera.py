@@ -21,6 +21,7 @@ from lutforge.colour.spectra import (
 )
 from lutforge.colour.srgb import SRGB_TO_XYZ, srgb_decode, srgb_encode
 from lutforge.errors import ProfileError, SettingsError
+from lutforge.model.white_balance import WhiteBalance
 
 LIGHT_OF_WHITE_BALANCE: Mapping[str, float | str] = MappingProxyType(
     {
@@ -114,7 +115,7 @@ class SimulatedGamutMap:
     def __call__(self, linear: ArrayLike) -> Array:
         """h: linear sRGB (…, 3) as the sensor gives it, to linear sRGB that fits the cube."""
         level, chroma = self._split(linear)
-        turned = self._turn(level, chroma)
+        turned = self._turned(level, chroma)
         saturation = self._saturation(level, turned)
         scale = np.where(saturation > 0, self._curve(saturation) / np.maximum(saturation, DARKEST), 1.0)
         return level[..., None] + scale[..., None] * turned
@@ -125,7 +126,7 @@ class SimulatedGamutMap:
         saturation = np.minimum(self._saturation(level, chroma), 1 - 1e-9)  # beyond, mapped ones cannot be told apart
         wide = invert_increasing(self._curve, saturation, 0.0, 60.0)  # far outside any camera's gamut
         scale = np.where(saturation > DARKEST, wide / np.maximum(saturation, DARKEST), 1.0)
-        return level[..., None] + self._turn_back(level, scale[..., None] * chroma)
+        return level[..., None] + self._turned(level, scale[..., None] * chroma, back=True)
 
     def _split(self, linear: ArrayLike) -> tuple[Array, Array]:
         """Y (…) and c (…, 3)."""
@@ -136,21 +137,14 @@ class SimulatedGamutMap:
     def _saturation(self, level: Array, chroma: Array) -> Array:
         """How far c reaches to the faces of the RGB cube: 0 neutral, 1 on a face.
 
-        The 6-norm over the faces stands in for the maximum: smooth, and never below it. Linear along each
-        ray.
+        The 6-norm over the faces stands in for the maximum: smooth, and never below it. Linear along each ray. The
+        upper faces open by 0.35 Y⁴ near white, so that light, nearly neutral colours need not move. A bright saturated
+        colour may pass 1 there and is clipped by the response, as in a real camera.
         """
-        down = np.maximum(-chroma, 0) / level[..., None]
-        up = np.maximum(chroma, 0) / self._room(level)[..., None]
+        room = np.maximum(1 - level + 0.35 * level**4, 0.05)
+        down, up = np.maximum(-chroma, 0) / level[..., None], np.maximum(chroma, 0) / room[..., None]
         squares = down * down + up * up  # only one of the two is not 0
         return np.asarray(np.cbrt(np.sqrt((squares * squares * squares).sum(axis=-1))))
-
-    def _room(self, level: Array) -> Array:
-        """Return how far the upper faces are, which open by 0.35 Y⁴ near white.
-
-        So light, nearly neutral colours need not move. A bright saturated colour may pass 1 there and is clipped by the
-        response, as in a real camera.
-        """
-        return np.asarray(np.maximum(1 - level + 0.35 * level**4, 0.05))
 
     def _curve(self, saturation: Array) -> Array:
         """Boost beyond the onset, then compress beyond the knee towards 1; increasing, C²."""
@@ -159,47 +153,27 @@ class SimulatedGamutMap:
         z = np.maximum(boosted - self.knee, 0) / (1 - self.knee)
         return np.minimum(boosted, self.knee) + (1 - self.knee) * z / (1 + z**1.5) ** (1 / 1.5)
 
-    def _chroma_plane(self) -> Array:
-        """An orthonormal basis (3, 2) of the plane w·c = 0."""
+    def _turned(self, level: Array, chroma: Array, back: bool = False) -> Array:
+        """Chroma turned in the plane w·c = 0, the more the further it lies from grey; or turned back."""
+        if self.turn == 0 and self.bend == 0:
+            return chroma
         _, _, rows = np.linalg.svd(np.asarray(self.signal)[None, :])
-        return np.ascontiguousarray(rows[1:].T)
-
-    def _polar(self, level: Array, chroma: Array) -> tuple[Array, Array, Array]:
-        """Radius and angle of c in its plane, and how much of the turn applies at this radius (0 … 1)."""
-        u, v = np.moveaxis(chroma @ self._chroma_plane(), -1, 0)
-        radius = np.hypot(u, v)
+        plane = np.ascontiguousarray(rows[1:].T)  # an orthonormal basis (3, 2)
+        u, v = np.moveaxis(chroma @ plane, -1, 0)
+        radius, angle = np.hypot(u, v), np.arctan2(v, u)
         over = np.maximum(radius / (level + 0.1) - self.onset, 0)
-        return radius, np.arctan2(v, u), over**3 / (over**3 + 1)
-
-    def _turn(self, level: Array, chroma: Array) -> Array:
-        if self.turn == 0 and self.bend == 0:
-            return chroma
-        radius, angle, part = self._polar(level, chroma)
-        return self._cartesian(radius, angle + part * (self.turn + self.bend * np.sin(angle)))
-
-    def _turn_back(self, level: Array, chroma: Array) -> Array:
-        if self.turn == 0 and self.bend == 0:
-            return chroma
-        radius, turned, part = self._polar(level, chroma)
-        angle = turned - part * self.turn
-        for _ in range(30):  # Newton on angle + part·(turn + bend·sin angle) = turned; slope ≥ 1 − |bend|
-            wrong = angle + part * (self.turn + self.bend * np.sin(angle)) - turned
-            angle = angle - wrong / (1 + part * self.bend * np.cos(angle))
-        return self._cartesian(radius, angle)
-
-    def _cartesian(self, radius: Array, angle: Array) -> Array:
-        return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1) @ self._chroma_plane().T
+        part = over**3 / (over**3 + 1)  # of the turn, at this radius
+        if back:
+            turned, angle = angle, angle - part * self.turn
+            for _ in range(30):  # Newton on angle + part·(turn + bend·sin angle) = turned; slope ≥ 1 − |bend|
+                wrong = angle + part * (self.turn + self.bend * np.sin(angle)) - turned
+                angle = angle - wrong / (1 + part * self.bend * np.cos(angle))
+        else:
+            angle = angle + part * (self.turn + self.bend * np.sin(angle))
+        return np.asarray(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1) @ plane.T)
 
 
 # --- The camera -------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class SimulatedWhiteBalance:
-    """Tw: multipliers of camera RGB, green = 1, and the colour temperature of the light they are made for."""
-
-    multipliers: tuple[float, float, float]
-    kelvin: float
 
 
 @dataclass(frozen=True)
@@ -218,14 +192,15 @@ class SimulatedCamera:
     sensitivity: (L, 3) over `spectra.WAVELENGTHS`, scaled so that E = reflectance · light · sensitivity.
     matrix: Ts (3, 3), white-balanced camera RGB to linear sRGB; rows sum to 1.
     nominal_exposure_s: the exposure at which a perfect diffuser reads 0.9 in its strongest channel.
-    black, white: sensor codes of no light and of saturation. full_well, read_noise: electrons.
+    white_balances: Tw of each setting. black, white: sensor codes of no light and of saturation. full_well, read_noise:
+    electrons.
     """
 
     make: str
     model: str
     sensitivity: Array
     matrix: Array
-    white_balances: Mapping[str, SimulatedWhiteBalance]
+    white_balances: Mapping[str, WhiteBalance]
     styles: Mapping[str, SimulatedStyle]
     nominal_exposure_s: float = 1 / 60
     black: int = 600
@@ -306,7 +281,11 @@ def sigma_sd_merrill() -> SimulatedCamera:
 
 def _build(model: str, sensitivity: Array, warmth: float = 0.0) -> SimulatedCamera:
     """White balances and matrix follow from the sensor; the styles are the maker's taste."""
-    balances = {name: _balance(sensitivity, spd) for name, spd in LIGHT_OF_WHITE_BALANCE.items()}
+    balances = {}
+    for name, illuminant in LIGHT_OF_WHITE_BALANCE.items():
+        r, g, b = (float(value) for value in light(illuminant) @ sensitivity)
+        kelvin = {"A": 2856.0, "FL2": 4230.0}[illuminant] if isinstance(illuminant, str) else illuminant
+        balances[name] = WhiteBalance((g / r, 1.0, g / b), kelvin)
     matrix = _fit_matrix(sensitivity)
     signal = np.array([0.25, 0.5, 0.25]) @ np.linalg.inv(matrix)
     w = (float(signal[0]), float(signal[1]), float(signal[2]))
@@ -320,13 +299,6 @@ def _build(model: str, sensitivity: Array, warmth: float = 0.0) -> SimulatedCame
         for name, (gamut_map, toe, shoulder) in looks.items()
     }
     return SimulatedCamera("LutForge", model, sensitivity, matrix, MappingProxyType(balances), MappingProxyType(styles))
-
-
-def _balance(sensitivity: Array, name: float | str) -> SimulatedWhiteBalance:
-    spectrum = light(name)
-    r, g, b = (float(value) for value in spectrum @ sensitivity)
-    kelvin = {"A": 2856.0, "FL2": 4230.0}.get(name, 0.0) if isinstance(name, str) else name
-    return SimulatedWhiteBalance((g / r, 1.0, g / b), kelvin)
 
 
 def _fit_matrix(sensitivity: Array) -> Array:

@@ -24,6 +24,10 @@ class DemoShot:
     exposure: float
     light: str | None = None
 
+    def settings(self, camera: SimulatedCamera) -> CameraSettings:
+        """The dials of the camera."""
+        return CameraSettings(self.style, self.white_balance, camera.nominal_exposure_s * self.exposure)
+
 
 SHOTS = (
     DemoShot("standard", "daylight", "chart", 0, 1.0),
@@ -86,7 +90,7 @@ def demo_shots(
         key = (shot.scene, shot.seed)
         if key not in scenes:
             scenes[key] = SCENES[shot.scene](*shape, shot.seed)
-        settings = _settings(camera, shot)
+        settings = shot.settings(camera)
         return photograph(camera, scenes[key], settings, where, name, jpeg_beside=jpeg_beside, light=shot.light)
 
     calibration = tuple(
@@ -95,11 +99,7 @@ def demo_shots(
     )
     held_out = take(HELD_OUT, folder / "held-out", "held-out", True)
     style, white_balance, ev = "vivid", "daylight", 0.7  # what it should have had
-    right = replace(_settings(camera, HELD_OUT), style=style, white_balance=white_balance, push_ev=ev)
+    right = replace(HELD_OUT.settings(camera), style=style, white_balance=white_balance, push_ev=ev)
     wanted = develop_again(camera, held_out, right, folder / "held-out" / "wanted.JPG")
     source, target = f"{HELD_OUT.style}/{HELD_OUT.white_balance}", f"{style}/{white_balance}"
     return DemoShots(camera, calibration, held_out, wanted, source, target, ev)
-
-
-def _settings(camera: SimulatedCamera, shot: DemoShot) -> CameraSettings:
-    return CameraSettings(shot.style, shot.white_balance, camera.nominal_exposure_s * shot.exposure)

@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lutforge.arrays import Array
 from lutforge.atomic_write import atomic_path
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import ImageError
@@ -19,6 +18,7 @@ from lutforge.images.tiff import Field, TiffWriter, byte_field, long_field, rati
 
 CFA_COLORS: Final = "RGB"
 """A colour's place here is its code in CFAPattern (TIFF/EP)."""
+DATE_TIME: Final = "2015:06:15 12:00:00"
 
 
 def write_dng(
@@ -40,7 +40,6 @@ def write_dng(
     profile_name: str | None = None,
     preview_jpeg: bytes | None = None,
     orientation: int = 1,
-    date_time: str = "2015:06:15 12:00:00",
 ) -> None:
     """Write a mosaic (h, w) of sensor codes, with the metadata that RAW converters need, atomically.
 
@@ -52,8 +51,22 @@ def write_dng(
     """
     matrix = np.asarray(np.linalg.inv(SRGB_TO_XYZ) if color_matrix is None else color_matrix, dtype=np.float64)
     neutral = np.asarray(as_shot_neutral, dtype=np.float64)
-    _validate(path, mosaic, black, white, cfa, orientation)
-    _validate_numbers(path, np.array([exposure_s, f_number, *neutral.ravel()]), matrix, iso, light_source, saturation)
+    positive, codes = np.array([exposure_s, f_number, *neutral.ravel()]), np.array([iso, light_source, saturation])
+    # Larger numbers are no exposure, aperture, neutral or matrix, and with six decimals overflow a rational.
+    for legal, complaint in (
+        (mosaic.ndim == 2 and mosaic.dtype == np.uint16 and mosaic.size, f"a mosaic is a uint16 array (h, w), not "
+         f"{mosaic.dtype} {mosaic.shape}"),
+        (sorted(set(cfa)) == sorted(CFA_COLORS) and len(cfa) == 4, f'"{cfa}" is not a Bayer pattern; write for example '
+         '"RGGB"'),
+        (0 <= black < white <= 65535, f"black level {black} and white level {white} are not 0 ≤ black < white ≤ 65535"),
+        (1 <= orientation <= 8, f"orientation {orientation} is not 1 … 8"),
+        (np.all((codes >= 0) & (codes <= 65535)), f"ISO, light source and saturation are not all 0 … 65535: {codes}"),
+        (np.all((positive > 1e-6) & (positive < 2000)), "exposure, aperture and neutral are not all positive numbers: "
+         f"{positive}"),
+        (np.all(np.abs(matrix) < 2000), "the colour matrix holds something that is not a number, or is too large"),
+    ):  # fmt: skip
+        if not legal:
+            raise ImageError(f"{path}: {complaint}")
     tiff = TiffWriter()
     raw = _mosaic_fields(tiff, mosaic, black, white, cfa)
     first = raw if preview_jpeg is None else _preview_fields(tiff, preview_jpeg, path)
@@ -64,7 +77,7 @@ def write_dng(
         272: text_field(model),
         274: short_field(orientation),
         305: text_field("LutForge simulated camera"),
-        306: text_field(date_time),
+        306: text_field(DATE_TIME),
         50706: byte_field(1, 4, 0, 0),  # DNGVersion
         50707: byte_field(1, 1, 0, 0),  # DNGBackwardVersion
         50708: text_field(model if model.lower().startswith(make.lower()) else f"{make} {model}"),  # UniqueCameraModel
@@ -74,52 +87,22 @@ def write_dng(
     }
     if profile_name is not None:
         first |= {50934: text_field(profile_name), 50936: text_field(profile_name)}  # AsShotProfileName, ProfileName
-    exif = _exif_fields(exposure_s, f_number, iso, light_source, saturation, date_time)
-    first[34665] = long_field(tiff.directory(exif))
-    content = tiff.finish(tiff.directory(first))
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(content)
-
-
-def _validate(path: str | Path, mosaic: NDArray[np.uint16], black: int, white: int, cfa: str, orientation: int) -> None:
-    if mosaic.ndim != 2 or mosaic.dtype != np.uint16 or 0 in mosaic.shape:
-        raise ImageError(f"{path}: a mosaic is a uint16 array (h, w), not {mosaic.dtype} {mosaic.shape}")
-    if len(cfa) != 4 or set(cfa) != set(CFA_COLORS):
-        raise ImageError(f'{path}: "{cfa}" is not a Bayer pattern; write for example "RGGB"')
-    if not 0 <= black < white <= 65535:
-        raise ImageError(f"{path}: black level {black} and white level {white} are not 0 ≤ black < white ≤ 65535")
-    if not 1 <= orientation <= 8:
-        raise ImageError(f"{path}: orientation {orientation} is not 1 … 8")
-
-
-def _validate_numbers(
-    path: str | Path, positive: Array, matrix: Array, iso: int, light_source: int, saturation: int
-) -> None:
-    """Larger numbers are no exposure, aperture, neutral or matrix, and with six decimals overflow a rational."""
-    for key, number in (("ISO", iso), ("light source", light_source), ("saturation", saturation)):
-        if not 0 <= number <= 65535:
-            raise ImageError(f"{path}: {key} {number} is not 0 … 65535")
-    if not np.all((positive > 1e-6) & (positive < 2000)):
-        raise ImageError(f"{path}: exposure, aperture and neutral are not all positive numbers: {positive}")
-    if not np.all(np.abs(matrix) < 2000):
-        raise ImageError(f"{path}: the colour matrix holds something that is not a number, or is too large")
-
-
-def _exif_fields(
-    exposure_s: float, f_number: float, iso: int, light_source: int, saturation: int, date_time: str
-) -> dict[int, Field]:
-    return {
+    exif: dict[int, Field] = {
         33434: rational_field([exposure_s]),
         33437: rational_field([f_number]),
         34850: short_field(1),  # ExposureProgram: manual
         34855: short_field(iso),
         36864: (7, 4, b"0232"),  # ExifVersion, of type UNDEFINED
-        36867: text_field(date_time),
+        36867: text_field(DATE_TIME),
         37384: short_field(light_source),
         41986: short_field(1),  # ExposureMode: manual
         41987: short_field(int(light_source != 0)),  # WhiteBalance: 0 auto, 1 manual
         41993: short_field(saturation),
     }
+    first[34665] = long_field(tiff.directory(exif))
+    content = tiff.finish(tiff.directory(first))
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def _mosaic_fields(tiff: TiffWriter, mosaic: NDArray[np.uint16], black: int, white: int, cfa: str) -> dict[int, Field]:

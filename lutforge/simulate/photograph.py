@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lutforge.arrays import Array, Pixels
-from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
+from lutforge.images.read import Image
+from lutforge.images.write import write_image
 from lutforge.model.falloff import Falloff
 from lutforge.model.white_balance import LIGHT_SOURCES
 from lutforge.shots.geometry import Distortion
@@ -26,60 +27,6 @@ from lutforge.simulate.dng import write_dng
 from lutforge.simulate.scene import Scene
 
 Subsampling = Literal["4:4:4", "4:2:2", "4:2:0"]
-
-
-@dataclass(frozen=True)
-class ExposureTags:
-    """What the camera writes about a shot: style and white balance by name, the rest as in Exif."""
-
-    make: str
-    model: str
-    style: str
-    white_balance: str
-    exposure_s: float
-    iso: int
-    f_number: float
-    light_source: int
-    saturation: int
-    orientation: int = 1
-
-
-def encode_jpeg(
-    pixels: NDArray[np.uint8], tags: ExposureTags, quality: int = 95, subsampling: Subsampling = "4:2:2"
-) -> bytes:
-    """A whole JPEG file from encoded sRGB (h, w, 3).
-
-    ImageDescription says "PictureStyle=vivid; WhiteBalance=daylight". Raises ImageError where the encoder
-    fails.
-    """
-    height, width, _ = pixels.shape
-    spec = oiio.ImageSpec(width, height, 3, "uint8")
-    for key, value in {
-        "Compression": f"jpeg:{quality}",
-        "jpeg:subsampling": subsampling,
-        "oiio:ColorSpace": "sRGB",
-        "Make": tags.make,
-        "Model": tags.model,
-        "Orientation": tags.orientation,
-        "ImageDescription": f"PictureStyle={tags.style}; WhiteBalance={tags.white_balance}",
-        "ExposureTime": float(tags.exposure_s),
-        "FNumber": float(tags.f_number),
-        "Exif:PhotographicSensitivity": tags.iso,
-        "Exif:LightSource": tags.light_source,
-        "Exif:WhiteBalance": int(tags.light_source != 0),
-        "Exif:Saturation": tags.saturation,
-        "Exif:ExposureMode": 1,
-    }.items():
-        spec.attribute(key, value)
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "camera.jpg"
-        output = oiio.ImageOutput.create(str(path))
-        if output is None or not output.open(str(path), spec):
-            raise ImageError(f"cannot encode a JPEG: {oiio.geterror() if output is None else output.geterror()}")
-        written = output.write_image(np.ascontiguousarray(pixels))
-        if not (output.close() and written):
-            raise ImageError(f"cannot encode a JPEG: {output.geterror()}")
-        return path.read_bytes()
 
 
 BORDER = 8
@@ -110,6 +57,16 @@ class CameraSettings:
     falloff: Falloff | None = None
     distortion: Distortion | None = None
 
+    @property
+    def light_source(self) -> int:
+        """Exif's code of the white balance."""
+        return LIGHT_SOURCES.get(self.white_balance, 0)
+
+    @property
+    def saturation(self) -> int:
+        """Exif's code of a style: 2 where it boosts colours (Exif 2.32, 4.6.5)."""
+        return 0 if self.style == "standard" else 2
+
 
 @dataclass(frozen=True)
 class Photograph:
@@ -117,6 +74,34 @@ class Photograph:
 
     dng: Path
     jpeg: Path | None
+
+
+def write_jpeg(path: Path, pixels: NDArray[np.uint8], camera: SimulatedCamera, settings: CameraSettings) -> None:
+    """Write a JPEG file of encoded sRGB (h, w, 3), with the tags that say how it was made.
+
+    ImageDescription says "PictureStyle=vivid; WhiteBalance=daylight". Raises ImageError where it cannot be written.
+    """
+    height, width, _ = pixels.shape
+    spec = oiio.ImageSpec(width, height, 3, "uint8")
+    for key, value in {
+        "jpeg:quality": settings.quality,
+        "jpeg:subsampling": settings.subsampling,
+        "oiio:ColorSpace": "sRGB",
+        "Make": camera.make,
+        "Model": camera.model,
+        "Orientation": settings.orientation,
+        "ImageDescription": f"PictureStyle={settings.style}; WhiteBalance={settings.white_balance}",
+        "ExposureTime": float(settings.exposure_s),
+        "FNumber": float(settings.f_number),
+        "Exif:PhotographicSensitivity": settings.iso,
+        "Exif:LightSource": settings.light_source,
+        "Exif:WhiteBalance": int(settings.light_source != 0),
+        "Exif:Saturation": settings.saturation,
+        "Exif:ExposureMode": 1,
+    }.items():
+        spec.attribute(key, value)
+    values = np.divide(pixels, 255, dtype=np.float32)
+    write_image(path, values, Image(values, spec, "jpeg"))
 
 
 def photograph(
@@ -139,12 +124,18 @@ def photograph(
     irradiance = scene.irradiance(camera, light or settings.white_balance, settings.exposure_s)
     if settings.falloff is not None:
         irradiance /= settings.falloff.gain(*irradiance.shape[:2])[..., None].astype(np.float32)
-    if settings.distortion is not None:
-        irradiance = _with_fringes(irradiance, settings.distortion)
+    lens = settings.distortion
+    if lens is not None and (lens.red or lens.blue):  # red and blue are drawn larger than green
+        y, x = np.mgrid[: irradiance.shape[0], : irradiance.shape[1]] + 0.5
+        for channel, larger in ((0, lens.red), (2, lens.blue)):
+            places = [lens.y + (y - lens.y) / (1 + larger) - 0.5, lens.x + (x - lens.x) / (1 + larger) - 0.5]
+            irradiance[..., channel] = ndimage.map_coordinates(irradiance[..., channel], places, mode="nearest")
     rng = np.random.default_rng([seed, crc32(name.encode())])
     mosaic = capture(camera, irradiance, rng, settings.iso)
     picture = develop(camera, mosaic, settings)
-    tags = _tags(camera, settings)
+    with TemporaryDirectory() as scratch:
+        write_jpeg(Path(scratch) / "preview.jpg", shrink(picture, settings.preview_scale), camera, settings)
+        preview = (Path(scratch) / "preview.jpg").read_bytes()
     dng, jpeg = Path(folder) / f"{name}.dng", Path(folder) / f"{name}.JPG"
     write_dng(
         dng,
@@ -159,15 +150,15 @@ def photograph(
         exposure_s=settings.exposure_s,
         f_number=settings.f_number,
         iso=settings.iso,
-        light_source=tags.light_source,
-        saturation=tags.saturation,
+        light_source=settings.light_source,
+        saturation=settings.saturation,
         profile_name=settings.style,
-        preview_jpeg=encode_jpeg(shrink(picture, settings.preview_scale), tags, settings.quality, settings.subsampling),
+        preview_jpeg=preview,
         orientation=settings.orientation,
     )
     if not jpeg_beside:
         return Photograph(dng, None)
-    _write_jpeg(jpeg, picture, settings, tags)
+    write_jpeg(jpeg, picture, camera, settings)
     return Photograph(dng, jpeg)
 
 
@@ -183,13 +174,8 @@ def develop_again(camera: SimulatedCamera, shot: Photograph, settings: CameraSet
             mosaic = np.array(raw.raw_image_visible, dtype=np.uint16)
     except (rawpy.LibRawError, OSError) as error:
         raise ImageError(f"{shot.dng}: cannot be developed again ({error}); photograph it anew") from error
-    _write_jpeg(Path(path), develop(camera, mosaic, settings), settings, _tags(camera, settings))
+    write_jpeg(Path(path), develop(camera, mosaic, settings), camera, settings)
     return Path(path)
-
-
-def _write_jpeg(path: Path, picture: NDArray[np.uint8], settings: CameraSettings, tags: ExposureTags) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(encode_jpeg(picture, tags, settings.quality, settings.subsampling))
 
 
 def develop(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: CameraSettings) -> NDArray[np.uint8]:
@@ -204,41 +190,25 @@ def rendered(camera: SimulatedCamera, mosaic: NDArray[np.uint16], settings: Came
         raw *= settings.falloff.gain(*mosaic.shape)[..., None].astype(np.float32)
     raw = raw[BORDER // 2 : -BORDER // 2, BORDER:-BORDER]
     if settings.distortion is not None:
-        raw = _straightened(raw, settings.distortion)
+        # What the lens drew, as large as it fills the picture when it is straight
+        lens = replace(settings.distortion, x=settings.distortion.x - BORDER, y=settings.distortion.y - BORDER // 2)
+        size = np.array(raw.shape[1::-1])
+        grid = np.stack(np.meshgrid(*(np.arange(side) + 0.5 for side in size)), axis=-1)
+        edges = np.concatenate([grid[0], grid[-1], grid[:, 0], grid[:, -1]]) - size / 2
+        zooms = np.linspace(0.8, 1.25, 901)
+        fits = [np.all(np.abs(lens.drawn(size / 2 + zoom * edges) - size / 2) <= size / 2) for zoom in zooms]
+        straight = size / 2 + zooms[np.flatnonzero(fits)[-1]] * (grid - size / 2)
+        places = lens.drawn(straight) - (lens.x, lens.y)
+        channels = []
+        for channel, magnified in enumerate((1 + lens.red, 1.0, 1 + lens.blue)):
+            x, y = np.moveaxis(magnified * places + (lens.x, lens.y), -1, 0)
+            channels.append(ndimage.map_coordinates(raw[..., channel], [y - 0.5, x - 0.5], mode="nearest"))
+        raw = np.stack(channels, axis=-1)
     encoded = camera.render(raw, settings.style, settings.white_balance, settings.push_ev)
     if settings.sharpening:
         blurred = ndimage.gaussian_filter(encoded, (1.0, 1.0, 0.0), mode="nearest")
         encoded = np.clip(encoded + settings.sharpening * (encoded - blurred), 0.0, 1.0)
     return encoded
-
-
-def _straightened(raw: Pixels, lens: Distortion) -> Pixels:
-    """What the lens drew, its borders cropped (h, w, 3), as large as it fills the picture when it is straight."""
-    height, width = raw.shape[:2]
-    size = np.array([width, height])
-    middle, lens = size / 2, replace(lens, x=lens.x - BORDER, y=lens.y - BORDER // 2)
-    grid = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
-    edges = np.concatenate([grid[0], grid[-1], grid[:, 0], grid[:, -1]])
-    zooms = np.linspace(0.8, 1.25, 901)
-    fits = [bool(np.all(np.abs(lens.drawn(middle + zoom * (edges - middle)) - middle) <= size / 2)) for zoom in zooms]
-    straight = middle + zooms[np.flatnonzero(fits)[-1]] * (grid - middle)
-    places = lens.drawn(straight) - (lens.x, lens.y)
-    channels = []
-    for channel, magnified in enumerate((1 + lens.red, 1.0, 1 + lens.blue)):
-        x, y = np.moveaxis(magnified * places + (lens.x, lens.y), -1, 0)
-        channels.append(ndimage.map_coordinates(raw[..., channel], [y - 0.5, x - 0.5], mode="nearest"))
-    return np.stack(channels, axis=-1)
-
-
-def _with_fringes(irradiance: Pixels, lens: Distortion) -> Pixels:
-    """Irradiance (h, w, 3) with red and blue as much larger than green as the lens draws them."""
-    y, x = np.mgrid[: irradiance.shape[0], : irradiance.shape[1]] + 0.5
-    planes = [irradiance[..., 0], irradiance[..., 1], irradiance[..., 2]]
-    for channel, larger in ((0, lens.red), (2, lens.blue)):
-        if larger:
-            places = [lens.y + (y - lens.y) / (1 + larger) - 0.5, lens.x + (x - lens.x) / (1 + larger) - 0.5]
-            planes[channel] = ndimage.map_coordinates(planes[channel], places, mode="nearest")
-    return np.stack(planes, axis=-1)
 
 
 def shrink(picture: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
@@ -253,21 +223,6 @@ def shrink(picture: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
     grid = np.meshgrid(y * height - 0.5, x * width - 0.5, indexing="ij")
     channels = [ndimage.map_coordinates(soft[..., c], grid, order=1, mode="nearest") for c in range(3)]
     return np.asarray(np.clip(np.rint(np.stack(channels, axis=-1)), 0, 255), dtype=np.uint8)
-
-
-def _tags(camera: SimulatedCamera, settings: CameraSettings) -> ExposureTags:
-    return ExposureTags(
-        camera.make,
-        camera.model,
-        settings.style,
-        settings.white_balance,
-        settings.exposure_s,
-        settings.iso,
-        settings.f_number,
-        LIGHT_SOURCES.get(settings.white_balance, 0),
-        0 if settings.style == "standard" else 2,  # the style boosts colours (Exif 2.32, 4.6.5)
-        settings.orientation,
-    )
 
 
 # --- The sensor: lens blur, filter array, photon and read noise, quantization; and demosaicking ----------------------

@@ -6,8 +6,7 @@ highlight).
 """
 
 from collections.abc import Callable, Mapping
-from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,34 +14,39 @@ from scipy import ndimage
 
 from lutforge.arrays import Array, Mask, Pixels
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
-from lutforge.errors import ImageError
 from lutforge.simulate.camera import SimulatedCamera
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Scene:
-    """Surfaces and their light, all images (h, w).
+    """Surfaces and their light, all images (h, w), painted back to front.
 
-    reflectances: (K, L) in [0, 1] over `spectra.WAVELENGTHS`. first, second: indices into them; mix: the
-    share of the second. shade: light relative to the scene's key light. gloss: mirrored light source, 1 = a
-    perfect diffuser. patches: centres (x, y) of a chart's 24 patches in pixels, (24, 2), or empty (0, 2);
-    patch_side: their side. Raises ImageError where the shapes disagree.
+    reflectances: (K, L) in [0, 1] over `spectra.WAVELENGTHS`. first, second: indices into them; mix: the share of the
+    second. shade: light relative to the scene's key light. gloss: mirrored light source, 1 = a perfect diffuser. x, y:
+    places of the pixels, in picture heights, y points down. patches: centres (x, y) of a chart's 24 patches in pixels,
+    (24, 2), or empty (0, 2); patch_side: their side.
     """
 
-    name: str
     reflectances: Array
+    rng: np.random.Generator
+    x: Array
+    y: Array
     first: NDArray[np.int16]
     second: NDArray[np.int16]
     mix: Pixels
     shade: Pixels
     gloss: Pixels
-    patches: Array
+    patches: Array = field(default_factory=lambda: np.empty((0, 2)))
     patch_side: float = 0.0
 
-    def __post_init__(self) -> None:
-        shapes = {image.shape for image in (self.first, self.second, self.mix, self.shade, self.gloss)}
-        if len(shapes) != 1 or len(self.first.shape) != 2:
-            raise ImageError(f"scene {self.name}: its images differ in shape: {sorted(shapes)}")
+    @classmethod
+    def blank(cls, height: int, width: int, reflectances: Array, rng: np.random.Generator) -> "Scene":
+        """The first surface everywhere, in full light."""
+        y, x = np.mgrid[0:height, 0:width]
+        first, second = np.zeros((2, height, width), dtype=np.int16)
+        mix, gloss = np.zeros((2, height, width), dtype=np.float32)
+        shade = np.ones((height, width), dtype=np.float32)
+        return cls(reflectances, rng, (x + 0.5) / height, (y + 0.5) / height, first, second, mix, shade, gloss)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -60,59 +64,13 @@ class Scene:
         first += self.gloss[..., None] * source
         return first
 
-
-def palette(count: int, rng: np.random.Generator) -> Array:
-    """Reflectances (24 + count, L): the chart's patches, then mixtures of measured surfaces.
-
-    A mixture is a convex combination of up to three, raised to a power: above 1 deepens the colour, below 1
-    bleaches it; then scaled in lightness.
-    """
-    measured = np.vstack([chart_reflectances()[:18], surface_reflectances()])
-    parts = rng.integers(0, len(measured), (count, 3))
-    shares = rng.dirichlet((0.6, 0.4, 0.3), count)
-    mixed = np.einsum("ns,nsl->nl", shares, measured[parts])
-    mixed **= rng.uniform(0.7, 1.7, (count, 1))
-    mixed *= rng.uniform(0.5, 1.1, (count, 1))
-    return np.vstack([chart_reflectances(), np.clip(mixed, 0.0, 0.97)])
-
-
-def smooth_noise(shape: tuple[int, int], grain: float, rng: np.random.Generator) -> Array:
-    """Noise (h, w) of mean 0 and standard deviation about 1, whose blotches are `grain` pixels wide."""
-    height, width = shape
-    coarse = rng.normal(size=(int(height / grain) + 4, int(width / grain) + 4))
-    rows, columns = np.arange(height) / grain + 1, np.arange(width) / grain + 1
-    along = ndimage.map_coordinates(
-        coarse, np.meshgrid(rows, np.arange(coarse.shape[1]), indexing="ij"), order=3, mode="nearest"
-    )
-    fine: Array = ndimage.map_coordinates(
-        along, np.meshgrid(np.arange(height), columns, indexing="ij"), order=1, mode="nearest"
-    )
-    return fine / 0.6
-
-
-class Canvas:
-    """A scene while it is painted, back to front; lengths are in picture heights, y points down."""
-
-    def __init__(self, height: int, width: int, reflectances: Array, rng: np.random.Generator) -> None:
-        self.height, self.width, self.rng, self.reflectances = height, width, rng, reflectances
-        y, x = np.mgrid[0:height, 0:width]
-        self.x, self.y = (x + 0.5) / height, (y + 0.5) / height
-        self.first = np.zeros((height, width), dtype=np.int16)
-        self.second = np.zeros((height, width), dtype=np.int16)
-        self.mix = np.zeros((height, width), dtype=np.float32)
-        self.shade = np.ones((height, width), dtype=np.float32)
-        self.gloss = np.zeros((height, width), dtype=np.float32)
-        self.patches: Array = np.empty((0, 2))
-        self.patch_side = 0.0
-
-    def window(self, x: float, y: float, radius: float) -> "Canvas":
-        """The part within `radius` of (x, y), sharing this canvas's pixels: paint small things fast."""
-        top, left = max(0, int((y - radius) * self.height)), max(0, int((x - radius) * self.height))
-        bottom, right = int((y + radius) * self.height) + 1, int((x + radius) * self.height) + 1
-        part, area = copy(self), (slice(top, bottom), slice(left, right))
-        for image in ("x", "y", "first", "second", "mix", "shade", "gloss"):
-            setattr(part, image, getattr(self, image)[area])
-        return part
+    def window(self, x: float, y: float, radius: float) -> "Scene":
+        """The part within `radius` of (x, y), sharing this scene's pixels: paint small things fast."""
+        height = self.shape[0]
+        top, left = max(0, int((y - radius) * height)), max(0, int((x - radius) * height))
+        area = slice(top, int((y + radius) * height) + 1), slice(left, int((x + radius) * height) + 1)
+        images = ("x", "y", "first", "second", "mix", "shade", "gloss")
+        return replace(self, **{image: getattr(self, image)[area] for image in images})
 
     def paint(
         self, mask: Mask, first: int, second: int | None = None, mix: Array | float = 0.0, shade: Array | float = 1.0
@@ -160,7 +118,8 @@ class Canvas:
         along, down = (columns + 0.5 - 3) * pitch, (rows + 0.5 - 2) * pitch
         cosine, sine = np.cos(angle), np.sin(angle)
         centres = np.column_stack([x + along * cosine - down * sine, y + along * sine + down * cosine])
-        self.patches, self.patch_side = centres * self.height - 0.5, 0.86 * pitch * self.height
+        height = self.shape[0]
+        self.patches, self.patch_side = centres * height - 0.5, 0.86 * pitch * height
 
     def ball(
         self, x: float, y: float, radius: float, first: int, second: int, mix: Array | float, gloss: float
@@ -178,14 +137,41 @@ class Canvas:
         shine = gloss * (np.maximum(halfway, 0) ** 120 + 0.04 * np.maximum(halfway, 0) ** 12)
         self.gloss[mask] += shine[mask].astype(np.float32)
 
-    def finish(self, name: str, vignette: float = 0.12) -> Scene:
-        """The scene as painted, with the lens's falloff toward the corners."""
-        aspect = self.width / self.height
+    def vignetted(self, amount: float = 0.12) -> "Scene":
+        """It, with the lens's falloff toward the corners."""
+        aspect = self.shape[1] / self.shape[0]
         radius = ((self.x - aspect / 2) ** 2 + (self.y - 0.5) ** 2) / (aspect**2 / 4 + 0.25)
-        falloff = (1 - vignette * radius).astype(np.float32)
-        shade, gloss = self.shade * falloff, self.gloss * falloff
-        images = self.first, self.second, self.mix, shade, gloss
-        return Scene(name, self.reflectances, *images, self.patches, self.patch_side)
+        falloff = (1 - amount * radius).astype(np.float32)
+        return replace(self, shade=self.shade * falloff, gloss=self.gloss * falloff)
+
+
+def palette(count: int, rng: np.random.Generator) -> Array:
+    """Reflectances (24 + count, L): the chart's patches, then mixtures of measured surfaces.
+
+    A mixture is a convex combination of up to three, raised to a power: above 1 deepens the colour, below 1
+    bleaches it; then scaled in lightness.
+    """
+    measured = np.vstack([chart_reflectances()[:18], surface_reflectances()])
+    parts = rng.integers(0, len(measured), (count, 3))
+    shares = rng.dirichlet((0.6, 0.4, 0.3), count)
+    mixed = np.einsum("ns,nsl->nl", shares, measured[parts])
+    mixed **= rng.uniform(0.7, 1.7, (count, 1))
+    mixed *= rng.uniform(0.5, 1.1, (count, 1))
+    return np.vstack([chart_reflectances(), np.clip(mixed, 0.0, 0.97)])
+
+
+def smooth_noise(shape: tuple[int, int], grain: float, rng: np.random.Generator) -> Array:
+    """Noise (h, w) of mean 0 and standard deviation about 1, whose blotches are `grain` pixels wide."""
+    height, width = shape
+    coarse = rng.normal(size=(int(height / grain) + 4, int(width / grain) + 4))
+    rows, columns = np.arange(height) / grain + 1, np.arange(width) / grain + 1
+    along = ndimage.map_coordinates(
+        coarse, np.meshgrid(rows, np.arange(coarse.shape[1]), indexing="ij"), order=3, mode="nearest"
+    )
+    fine: Array = ndimage.map_coordinates(
+        along, np.meshgrid(np.arange(height), columns, indexing="ij"), order=1, mode="nearest"
+    )
+    return fine / 0.6
 
 
 # --- The scenes that the demo photographs: a colour chart, a wall of paint cards, a still life -----------------------
@@ -198,23 +184,23 @@ WHITE, MID_GREY = 18, 21
 def chart_scene(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     """A ColorChecker Classic, a little tilted, on a grey studio background under one soft light."""
     rng = np.random.default_rng([seed, 1])
-    canvas = Canvas(height, width, palette(0, rng), rng)
+    scene = Scene.blank(height, width, palette(0, rng), rng)
     texture = 1 + 0.012 * smooth_noise((height, width), 3, rng)
-    light = 1.05 - 0.12 * canvas.x / (width / height) - 0.06 * canvas.y
-    canvas.paint(canvas.y > 0, MID_GREY, shade=light * texture)
+    light = 1.05 - 0.12 * scene.x / (width / height) - 0.06 * scene.y
+    scene.paint(scene.y > 0, MID_GREY, shade=light * texture)
     x, y = width / height / 2 + rng.uniform(-0.03, 0.03), 0.5 + rng.uniform(-0.02, 0.02)
-    canvas.soft_shadow(x + 0.03, y + 0.04, 0.62, 0.42, 0.25)
-    canvas.chart(x, y, 1.02, rng.uniform(-0.04, 0.04), light)
-    return canvas.finish("chart")
+    scene.soft_shadow(x + 0.03, y + 0.04, 0.62, 0.42, 0.25)
+    scene.chart(x, y, 1.02, rng.uniform(-0.04, 0.04), light)
+    return scene.vignetted()
 
 
 def paint_wall(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     """Rows of paint cards in many colours, from pale to deep, a part of the wall in a soft shadow."""
     rng = np.random.default_rng([seed, 2])
     count = 104
-    canvas = Canvas(height, width, palette(count, rng), rng)
+    scene = Scene.blank(height, width, palette(count, rng), rng)
     aspect = width / height
-    canvas.paint(canvas.y > 0, MID_GREY, WHITE, 0.5, 1 + 0.02 * smooth_noise((height, width), 4, rng))
+    scene.paint(scene.y > 0, MID_GREY, WHITE, 0.5, 1 + 0.02 * smooth_noise((height, width), 4, rng))
     order = rng.permutation(count)
     side = np.sqrt(aspect / count)
     columns = int(np.ceil(aspect / side))
@@ -223,75 +209,58 @@ def paint_wall(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
         x = (column + 0.5 + rng.uniform(-0.12, 0.12)) * side
         y = (row + 0.5 + rng.uniform(-0.12, 0.12)) * side
         angle, sheen = rng.normal(0, 0.06), rng.uniform(0.75, 1.0)
-        spot = canvas.window(x, y, 1.4 * side)
+        spot = scene.window(x, y, 1.4 * side)
         spot.soft_shadow(x + 0.012, y + 0.016, 0.5 * side, 0.5 * side, 0.3)
         mask, u, v = spot.card(x, y, 0.9 * side, 0.94 * side, angle)
         spot.paint(mask, WHITE, shade=sheen)
         sample = mask & (np.abs(u - 0.5) < 0.45) & (v > 0.05) & (v < 0.84)
         pale = (v > 0.58) & (place % 3 == 0)
         spot.paint(sample, 24 + int(surface), WHITE, np.where(pale, 0.45, 0.0), sheen * (1.03 - 0.06 * v))
-    edge = canvas.x + 0.35 * canvas.y - aspect * 0.72
-    canvas.darken(0.72 / (1 + np.exp(-edge / 0.05)))
-    pool = np.exp(-((canvas.x - 0.3 * aspect) ** 2 + (canvas.y - 0.4) ** 2) / 0.8)
-    canvas.darken(0.25 * (1 - pool))
-    return canvas.finish("wall")
+    edge = scene.x + 0.35 * scene.y - aspect * 0.72
+    scene.darken(0.72 / (1 + np.exp(-edge / 0.05)))
+    pool = np.exp(-((scene.x - 0.3 * aspect) ** 2 + (scene.y - 0.4) ** 2) / 0.8)
+    scene.darken(0.25 * (1 - pool))
+    return scene.vignetted()
 
 
 def still_life(height: int = 800, width: int = 1200, seed: int = 0) -> Scene:
     """Glossy and matt balls, cards and a small chart on a table before a backdrop that fades into shade."""
-    rng = np.random.default_rng([seed, 3])
-    canvas = Canvas(height, width, palette(60, rng), rng)
-    _backdrop_and_table(canvas)
-    _cards(canvas)
-    aspect = width / height
-    canvas.soft_shadow(0.885 * aspect + 0.02, 0.665, 0.2, 0.04, 0.5)
-    canvas.chart(0.86 * aspect, 0.53, 0.33, rng.uniform(-0.03, 0.03), 0.9)
-    _balls(canvas)
-    return canvas.finish("still-life", vignette=0.2)
-
-
-def _backdrop_and_table(canvas: Canvas) -> None:
-    shape, rng = (canvas.height, canvas.width), canvas.rng
-    aspect, horizon = canvas.width / canvas.height, 0.6
+    rng, shape, aspect, horizon = np.random.default_rng([seed, 3]), (height, width), width / height, 0.6
+    scene = Scene.blank(height, width, palette(60, rng), rng)
+    # Backdrop and table
     cloth, wall = (int(i) for i in rng.choice((2, 3, 4, 7, 9, 12, 0, 5), 2, replace=False))
-    pool = np.exp(-((canvas.x - 0.36 * aspect) ** 2 / 0.5 + (canvas.y - 0.28) ** 2 / 0.22))
-    canvas.paint(canvas.y < horizon, wall, MID_GREY, 0.35 + 0.3 * canvas.y, 0.16 + 0.95 * pool)
+    pool = np.exp(-((scene.x - 0.36 * aspect) ** 2 / 0.5 + (scene.y - 0.28) ** 2 / 0.22))
+    scene.paint(scene.y < horizon, wall, MID_GREY, 0.35 + 0.3 * scene.y, 0.16 + 0.95 * pool)
     weave = 0.035 * smooth_noise(shape, 2, rng) + 0.05 * smooth_noise(shape, 40, rng)
-    near = np.clip((canvas.y - horizon) / (1 - horizon), 0, 1)
-    lit = (0.55 + 0.5 * near) * (1.06 - 0.5 * (canvas.x / aspect - 0.35) ** 2)
-    canvas.paint(canvas.y >= horizon, cloth, WHITE, 0.25 + 0.15 * near, lit * (1 + weave))
-    canvas.darken(0.35 * np.exp(-(((canvas.y - horizon) / 0.035) ** 2)))
-
-
-def _cards(canvas: Canvas) -> None:
-    """Coloured cards that lean against the backdrop, one with stripes, one with a gradient."""
-    rng, aspect = canvas.rng, canvas.width / canvas.height
+    near = np.clip((scene.y - horizon) / (1 - horizon), 0, 1)
+    lit = (0.55 + 0.5 * near) * (1.06 - 0.5 * (scene.x / aspect - 0.35) ** 2)
+    scene.paint(scene.y >= horizon, cloth, WHITE, 0.25 + 0.15 * near, lit * (1 + weave))
+    scene.darken(0.35 * np.exp(-(((scene.y - horizon) / 0.035) ** 2)))
+    # Coloured cards that lean against the backdrop, one with stripes, one with a gradient
     colors = rng.choice((6, 10, 11, 14, 15, 16, 17, 13), 6, replace=False)
     for place, color in enumerate(int(i) for i in colors):
         x = (0.1 + 0.125 * place) * aspect + rng.uniform(-0.02, 0.02)
         tall, angle = rng.uniform(0.26, 0.42), rng.normal(0, 0.05)
         y = 0.66 - tall / 2
-        canvas.soft_shadow(x + 0.05, y + 0.03, 0.12, 0.5 * tall, 0.45)
-        mask, u, v = canvas.card(x, y, 0.17, tall, angle)
+        scene.soft_shadow(x + 0.05, y + 0.03, 0.12, 0.5 * tall, 0.45)
+        mask, u, v = scene.card(x, y, 0.17, tall, angle)
         light = (0.95 - 0.45 * abs(x / aspect - 0.33)) * (1.0 - 0.25 * v)
         other = 24 + int(rng.integers(60))
         stripes, gradient = (np.floor(v * 9) % 2) * (abs(u - 0.5) < 0.42), np.clip(v, 0, 1)
-        canvas.paint(mask, color, other, (stripes, gradient, 0.0)[place % 3], light)
-
-
-def _balls(canvas: Canvas) -> None:
-    """Balls from the back row to the front; some two-coloured like fruit, some glossy enough to clip."""
-    rng, aspect = canvas.rng, canvas.width / canvas.height
-    shape = (canvas.height, canvas.width)
+        scene.paint(mask, color, other, (stripes, gradient, 0.0)[place % 3], light)
+    scene.soft_shadow(0.885 * aspect + 0.02, 0.665, 0.2, 0.04, 0.5)
+    scene.chart(0.86 * aspect, 0.53, 0.33, rng.uniform(-0.03, 0.03), 0.9)
+    # Balls from the back row to the front; some two-coloured like fruit, some glossy enough to clip
     for row, (base, count, size) in enumerate(((0.74, 5, 0.085), (0.87, 5, 0.105))):
         for place in range(count):
             x = (0.1 + 0.06 * row + 0.155 * place) * aspect + rng.uniform(-0.03, 0.03)
             radius = size * rng.uniform(0.75, 1.15)
             first = int(rng.choice((11, 12, 13, 14, 15, 16, 17, 6, 10, 18)))
             second = int(rng.choice((10, 11, 14, 15, 5, 8, 24 + int(rng.integers(60)))))
-            fruit = 0.3 + 0.5 * (canvas.y - base) / radius + 0.05 * smooth_noise(shape, 25, rng)
+            fruit = 0.3 + 0.5 * (scene.y - base) / radius + 0.05 * smooth_noise(shape, 25, rng)
             mix = np.clip(fruit, 0, 1) if place % 2 else 0.0
-            canvas.ball(x, base - radius, radius, first, second, mix, float(rng.choice((0.0, 0.5, 1.6))))
+            scene.ball(x, base - radius, radius, first, second, mix, float(rng.choice((0.0, 0.5, 1.6))))
+    return scene.vignetted(0.2)
 
 
 SCENES: Mapping[str, Callable[[int, int, int], Scene]] = {

@@ -8,13 +8,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from lutforge.calibration.style import unclipped
 from lutforge.colour.spectra import WAVELENGTHS, light, spectrum_of
+from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import (
     LIGHT_OF_WHITE_BALANCE,
     SimulatedCamera,
     SimulatedGamutMap,
     SimulatedStyle,
-    SimulatedWhiteBalance,
     ToneResponse,
     _fit_matrix,
     invert_increasing,
@@ -111,7 +111,7 @@ def camera_of(
     balances = {}
     for setting, spectrum in spectra.items():
         r, g, b = spectrum @ sensitivity
-        balances[setting] = SimulatedWhiteBalance((g / r, 1.0, g / b), 5000.0)
+        balances[setting] = WhiteBalance((g / r, 1.0, g / b), 5000.0)
     style = SimulatedStyle("standard", gamut_map, response)  # type: ignore[arg-type]  # any h and f that can be called
     return UnseenCamera(
         "LutForge", name, sensitivity, _fit_matrix(sensitivity), balances, {"standard": style}, full_well=full_well,
