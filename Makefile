@@ -1,7 +1,7 @@
 # Everything runs inside .venv, which the first target that needs it makes.
 PYTHON ?= python3
 BIN := .venv/bin
-TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup --benchmark-disable
+TESTS := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
 
 .PHONY: demo docs test test-all check benchmark accuracy field clean
 
@@ -30,7 +30,7 @@ check: .venv/ready
 benchmark: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m tests.benchmarks.speed
-	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
+	$(BIN)/python -m tests.benchmarks.lattices
 
 # Every figure that a change must keep; ACCURACY="--quick --compare FILE" for everyday use.
 accuracy: .venv/ready

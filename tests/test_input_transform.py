@@ -12,8 +12,8 @@ from lutforge.luts.formats.clf import ACES_ID
 from lutforge.pipeline.charts import KnownChart, write_input_transform
 from lutforge.samples.chart_kinds import chart_kind
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
-from tests.benchmarks.input_transforms import errors
 from tests.cases.charts import BORDER, PITCH, photograph_chart
+from tests.cases.input_transforms import errors
 from tests.conftest import CommandLine
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # colour-science tells of optional packages when it is imported

@@ -12,22 +12,19 @@ linearization. The baseline is plain universal kriging of encoded residuals arou
 """
 
 import argparse
-import json
-import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-import lutforge as lf
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical import kriging
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
@@ -38,12 +35,13 @@ from lutforge.model import gamut_map
 from lutforge.model.gamut_map import from_even, to_even
 from lutforge.model.published_model import read_published_model
 from lutforge.simulate.camera import nikon_d5100, sigma_sd_merrill
+from tests.benchmarks import common
+from tests.benchmarks.common import HALF_CODE, Array, heading, row
+from tests.cases.real_data import read_published_pairs, sensors, spectral_data
 from tests.cases.samples import style_of
 
-Array = NDArray[np.float64]
 Predictor = Callable[[Array], Array]
 Fit = Callable[[StyleData], tuple[Predictor, Predictor]]
-HALF_CODE = 0.5 / 255
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,37 +55,35 @@ class Source:
 
 def s40(data: Path) -> Iterator[tuple[str, Source]]:
     """Each of the five photographs left out."""
-    samples = lf.sample([data / "canon_powershot_s40"])
-    samples = samples.select(unclipped(samples, samples.wb))
-    balanced = samples.raw * samples.wb
-    for shot in np.unique(samples.shot):
-        rest = samples.shot != shot
-        style = StyleData(balanced[rest], samples.srgb[rest], samples.shot[rest], samples.select(rest))
-        yield "S40, each shot left out", Source(style, balanced[~rest], samples.srgb[~rest])
+    with common.kept(None) as keep:
+        samples = common.s40(data, keep)
+    for _, rest, own in common.left_out(samples.select(unclipped(samples, samples.wb))):
+        style = StyleData(rest.raw * rest.wb, rest.srgb, rest.shot, rest)
+        yield "S40, each shot left out", Source(style, own.raw * own.wb, own.srgb)
 
 
-def d40(data: Path) -> Iterator[tuple[str, Source]]:
+def d40(_: Path) -> Iterator[tuple[str, Source]]:
     """70 % of the published pairs are fitted."""
-    published = read_published_model(data / "nus_nikon_d40" / "other_white_balances")
-    x, y = published.balanced, published.encoded
+    pairs = read_published_pairs()
+    x, y = pairs.balanced, pairs.encoded
     for seed in (1, 2):
-        order = np.random.default_rng(seed).permutation(len(x))
-        seen, unseen = order[: int(0.7 * len(x))], order[int(0.7 * len(x)) :]
+        seen, unseen = common.split(len(x), seed)
         yield "D40, 30 % left out", Source(style_of(x[seen], y[seen]), x[unseen], y[unseen])
 
 
 def rigs(data: Path) -> Iterator[tuple[str, Source]]:
     """Two cameras under five lights: 150 reflectances at ten exposures are fitted, forty others and mixtures tested."""
+    measured = sensors(data)
+    surfaces = data / "spectra" / "rawtoaces-data" / "training" / "training_spectral.json"
+    reflectances = spectral_data(surfaces)[1]
     for camera, model in (("Nikon_D7000", "fluorescent"), ("Sony_ILCE-7M3", "other_white_balances")):
         published = read_published_model(data / "nus_nikon_d40" / model)
         matrix, near = published.model.matrix, cKDTree(published.linear)
-        sensitivities = _spectra(data, f"camera/{camera}_380_780_5.json")
-        reflectances = _spectra(data, "training/training_spectral.json")
         rng = np.random.default_rng(0)
         order = rng.permutation(reflectances.shape[1])
         parts: tuple[list[Array], list[Array]] = ([], [])
         for temperature in ("A", 4300, 5200, 6000, 7500):
-            seen = sensitivities * light(temperature)[:, None]
+            seen = measured[camera] * light(temperature)[:, None]
             raw = reflectances.T @ (seen / seen.sum(axis=0))
             parts[0].append((np.geomspace(0.04, 1.8, 10)[:, None, None] * raw[order[:150]]).reshape(-1, 3))
             one, other, share = raw[rng.choice(order[150:], 1000)], raw[rng.choice(order, 1000)], rng.random((1000, 1))
@@ -101,22 +97,11 @@ def rigs(data: Path) -> Iterator[tuple[str, Source]]:
         yield f"rig {camera}", Source(replace(style, clipped=clipped), tested, published.model.render(tested))
 
 
-def _spectra(data: Path, name: str) -> Array:
-    stored = json.loads((data / "spectra" / "rawtoaces-data" / name).read_text())["spectral_data"]["data"]["main"]
-    return np.array(list(stored.values()))
-
-
 def simulated(_: Path) -> Iterator[tuple[str, Source]]:
     """Styles of simulated cameras on colours that are even in RAW."""
     for camera, style in ((nikon_d5100(), "standard"), (nikon_d5100(), "vivid"), (sigma_sd_merrill(), "standard")):
-        gain, colours = camera.multipliers("daylight"), []
-        for seed in (1, 2):
-            balanced = np.random.default_rng(seed).random((8_000, 3))
-            encoded = camera.render(balanced / gain, style, "daylight")
-            inside = np.all((encoded > HALF_CODE) & (encoded < 1 - HALF_CODE), axis=1)
-            colours.append((balanced[inside][:3000], encoded[inside][:3000]))
-        (x, y), (tested, wanted) = colours
-        yield f"{camera.name}, {style}", Source(style_of(x, np.rint(255 * y) / 255), tested, wanted)
+        (x, y), unseen = (common.unseen_colours(camera, style, seed, 3_000, drawn=8_000) for seed in (1, 2))
+        yield f"{camera.name}, {style}", Source(style_of(x, np.rint(255 * y) / 255), *unseen)
 
 
 def baseline(style: StyleData) -> tuple[Predictor, Predictor]:
@@ -154,9 +139,10 @@ def baseline(style: StyleData) -> tuple[Predictor, Predictor]:
     return render, linearize
 
 
-def model(style: StyleData) -> tuple[Predictor, Predictor]:
-    """The camera model as it is fitted."""
-    return style.model.render, style.model.linearize
+def model(style: StyleData, **changes: object) -> tuple[Predictor, Predictor]:
+    """The camera model as it is fitted, of the style or of one that differs in some fields."""
+    changed = replace(style, **changes)  # type: ignore[arg-type]  # fields by name
+    return changed.model.render, changed.model.linearize
 
 
 def lattices(size: int) -> Fit:
@@ -171,17 +157,7 @@ def lattices(size: int) -> Fit:
 
 def around_unsaturated(style: StyleData) -> tuple[Predictor, Predictor]:
     """The model around the matrix of unsaturated colours alone."""
-    return model(replace(style, given=fit_matrix_and_response(style.balanced, style.encoded)))
-
-
-def without_clipped(style: StyleData) -> tuple[Predictor, Predictor]:
-    """The model of samples without a clipped channel."""
-    return model(replace(style, clipped=None))
-
-
-def few_centres(style: StyleData) -> tuple[Predictor, Predictor]:
-    """The model of samples that are merged to 1,000."""
-    return model(replace(style, most_centres=1_000))
+    return model(style, given=fit_matrix_and_response(style.balanced, style.encoded))
 
 
 def without(module: object, **values: float) -> Fit:
@@ -211,11 +187,11 @@ PARTS: dict[str, Fit] = {
     "the model itself (`--model rbf`)": model,
     "baseline of sixty lines": baseline,
     "matrix of unsaturated colours": around_unsaturated,
-    "without clipped samples": without_clipped,
+    "without clipped samples": partial(model, clipped=None),
     "without likely scenes": without(kriging, SCENES=8),
     "without neutral light": without(kriging, GREY_WEIGHT=1e-9),
     "distances along grey count fully": without(gamut_map, ALONG_GREY=1.0),
-    "at most 1,000 centres": few_centres,
+    "at most 1,000 centres": partial(model, most_centres=1_000),
     "noise × 10": without(kriging, NOISE=10 * kriging.NOISE),
     "noise / 10": without(kriging, NOISE=kriging.NOISE / 10),
 }
@@ -225,21 +201,20 @@ def main() -> None:
     """Print a table for each source."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="*", default=[], help="sources whose names hold one of these words")
-    only, data = parser.parse_args().only, Path(os.environ["LUTFORGE_TEST_DATA"])
+    only, data = parser.parse_args().only, common.real_data()
+    if data is None:
+        return
     rows: dict[str, dict[str, list[tuple[float, ...]]]] = {}
     for sources in (s40, d40, rigs, simulated):
-        if only and not any(word in sources.__name__ for word in only):
-            continue
-        for name, source in sources(data):
-            for part, fit in PARTS.items():
-                rows.setdefault(name, {}).setdefault(part, []).append(_figures(source, fit))
+        if common.chosen(sources.__name__, only):
+            for name, source in sources(data):
+                for part, fit in PARTS.items():
+                    rows.setdefault(name, {}).setdefault(part, []).append(_figures(source, fit))
     for name, parts in rows.items():
-        print(f"\n**{name}**\n\n| | mean | 99.9 % | largest | clipped | JPEG → RAW | seconds |")
-        print("|---|---|---|---|---|---|---|")
+        heading(name, "mean", "99.9 %", "largest", "clipped", "JPEG → RAW", "seconds")
         for part, entries in parts.items():
             mean, far, most, clipped, error, seconds = np.nanmean(entries, axis=0)
-            clipping = "–" if np.isnan(clipped) else f"{clipped:.3f}"
-            print(f"| {part} | {mean:.3f} | {far:.2f} | {most:.1f} | {clipping} | {error:.5f} | {seconds:.2f} |")
+            row(part, f"{mean:.3f}", f"{far:.2f}", f"{most:.1f}", clipped, f"{error:.5f}", seconds, places=3)
 
 
 def _figures(source: Source, fit: Fit) -> tuple[float, ...]:

@@ -17,7 +17,6 @@ distance of RGB on unclipped patches), and the median:
 
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +29,8 @@ from lutforge.model.camera_profile import CameraProfile, match
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
+from tests.benchmarks.common import heading, row
+from tests.cases.real_data import CHARTS
 
 REFERENCE = "NikonD200"
 STOPS = np.arange(-1.2, 1.21, 0.08)
@@ -127,11 +128,11 @@ def fixed_map(pair: Pair, other_light: Pair | None = None) -> float:
 
 def main() -> None:
     """Print both tables."""
-    samples = read_samples(Path(__file__).parents[1] / "data" / "middlebury_charts.npz")
+    samples = read_samples(CHARTS)
     parts = {name: samples.select(np.char.startswith(samples.shot, name)) for name in ("light1", "light2")}
     cameras = {name: profiles_and_gains(part) for name, part in parts.items()}
     ways = ("as exposed", "calibration's exposures", "mean level", "best gain", "fixed map of the pair itself")
-    print("| trained, tested | " + " | ".join(ways) + " |\n|---|" + "---|" * len(ways))
+    heading("trained, tested", *ways)
     for trained, known in cameras.items():
         for tested, part in parts.items():
             own = {(pair.source, pair.target): pair for pair in pairs(parts[trained])}
@@ -139,9 +140,8 @@ def main() -> None:
             for pair in pairs(part):
                 other = None if trained == tested else own[pair.source, pair.target]
                 rows.append((*errors(pair, known), fixed_map(pair, other)))
-            table = np.array(rows)
-            told = [f"{(way <= 0.03).sum()} ({np.median(way):.3f})" for way in table.T]
-            print(f"| {trained}, {tested} | " + " | ".join(told) + " |", flush=True)
+            cells = [f"{(way <= 0.03).sum()} ({np.median(way):.3f})" for way in np.array(rows).T]
+            row(f"{trained}, {tested}", *cells)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ LUTFORGE_TEST_DATA names the folder of real data.
 """
 
 import argparse
-import importlib
 import os
 import shutil
 import struct
@@ -27,7 +26,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import lutforge as lf
 from lutforge.calibration.physical.white_balance import complete_multipliers
@@ -40,12 +38,8 @@ from lutforge.images.raw import read_raw
 from lutforge.kits.darktable import NEUTRAL
 from lutforge.kits.kit import look_of
 from lutforge.pipeline.kits import KitCheck, compare_with_jpeg, write_kit
-from lutforge.pipeline.sampling import gather_samples
-from lutforge.samples.table import write_samples
-from lutforge.simulate.demo import DemoShots, demo_shots
-from tests.benchmarks.accuracy import ROOT
-
-Array = NDArray[np.float64]
+from tests.benchmarks import common, lattices
+from tests.benchmarks.common import Array, heading, row
 
 SETTING = "standard/auto"
 CUBE_SIDECAR = """<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
@@ -59,46 +53,27 @@ darktable:multi_name="" darktable:multi_priority="0"/></rdf:Seq></darktable:hist
 AUTO_MATCHED = "RawTherapee, its default with the auto-matched curve"
 
 
-@dataclass(frozen=True)
-class Photographs:
-    """The five photographs, and what is kept between runs. keep: a folder."""
-
-    files: tuple[Path, ...]
-    keep: Path
-
-    def samples(self) -> lf.SampleSet:
-        """Samples of all photographs."""
-        table = self.keep / "raw.csv"
-        if not table.exists():
-            write_samples(table, gather_samples(self.files).samples)
-        return lf.read_samples(table)
-
-    def left_out(self) -> "Iterator[LeftOut]":
-        """Each photograph left out in turn."""
-        return (LeftOut(raw, self) for raw in self.files)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LeftOut:
-    """One photograph left out: `raw` is predicted by what was made from the others."""
+    """One photograph left out: `raw` is predicted by what was made from the `others`.
+
+    train, test: their samples, and its own; keep: a folder that is kept between runs.
+    """
 
     raw: Path
-    photographs: Photographs
-
-    def parts(self) -> tuple[lf.SampleSet, lf.SampleSet]:
-        """Samples of the others, and its own."""
-        samples = self.photographs.samples()
-        own = samples.shot == self.raw.stem
-        return samples.select(~own), samples.select(own)
+    others: tuple[Path, ...]
+    train: lf.SampleSet
+    test: lf.SampleSet
+    keep: Path
 
     @cache  # noqa: B019 - for the minutes of one run
     def profile(self) -> lf.CameraProfile:
         """Calibrated from the others."""
-        return lf.calibrate(self.parts()[0])
+        return lf.calibrate(self.train)
 
     def kept(self, name: str) -> Path:
         """The path of a file about this photograph that is kept between runs."""
-        return self.photographs.keep / f"{name}-{self.raw.stem}"
+        return self.keep / f"{name}-{self.raw.stem}"
 
 
 def darktable_default(shot: LeftOut) -> KitCheck:
@@ -146,9 +121,9 @@ def darktable_lut_generator(shot: LeftOut) -> KitCheck:
             pairs, settings = Path(folder) / "pairs", Path(folder) / "config"
             pairs.mkdir()
             settings.mkdir()
-            for other in shot.photographs.files:
+            for other in shot.others:
                 preview = read_raw(other).preview
-                if other != shot.raw and preview is not None:
+                if preview is not None:
                     (pairs / f"{other.stem}.jpg").write_bytes(preview)
                     shutil.copy(other, pairs / f"{other.stem}.raw")  # it does not know the suffix .crw
             # Its manual asks for darktable without a workflow; tetrahedra are what the kit asks darktable for.
@@ -158,7 +133,7 @@ def darktable_lut_generator(shot: LeftOut) -> KitCheck:
             # It aligns pictures of one size only: the JPEGs are 640 pixels wide. Its manual names the least number of
             # samples, with which a cube takes minutes; its default takes several times as long.
             options += ["--resize", "640", "--n_samples", "10000"]
-            program = beside_python("darktable_lut_generator")
+            program = str(Path(sys.executable).with_name("darktable_lut_generator"))
             made = Path(folder) / "made.cube"
             subprocess.run([program, *options, str(pairs), str(made)], check=True, capture_output=True, timeout=3600)
             shutil.move(made, cube)
@@ -174,19 +149,15 @@ def darktable_lut_generator(shot: LeftOut) -> KitCheck:
         return compare_with_jpeg(shot.raw, output)
 
 
+def on_raw(shot: LeftOut, predict: Callable[[Array], Array]) -> float:
+    """Mean ΔE00 of what a function makes of balanced RAW samples."""
+    rendered = predict(shot.test.raw * shot.test.wb)
+    return float(delta_e_2000(np.clip(rendered, 0.0, 1.0), shot.test.srgb).mean())
+
+
 def camera_match(shot: LeftOut) -> float:
     """camera-match's LUT3D of 17³ nodes, at which it is best on published pairs; from RAW to JPEG on samples."""
-    node = importlib.import_module("camera_match").LUT3D(size=17)
-    train, test = shot.parts()
-    node.solve(train.raw * train.wb, train.srgb)
-    return float(delta_e_2000(np.clip(node(test.raw * test.wb), 0.0, 1.0), test.srgb).mean())
-
-
-def model(shot: LeftOut) -> float:
-    """LutForge's model on samples of the RAW file."""
-    test = shot.parts()[1]
-    rendered = look_of(shot.profile(), SETTING).render(test.raw * test.wb)
-    return float(delta_e_2000(np.clip(rendered, 0.0, 1.0), test.srgb).mean())
+    return on_raw(shot, lattices.camera_match(17)(shot.train.raw * shot.train.wb, shot.train.srgb))
 
 
 def kit(shot: LeftOut, program: str, preset: str = "") -> KitCheck:
@@ -199,151 +170,109 @@ def kit(shot: LeftOut, program: str, preset: str = "") -> KitCheck:
         return compare_with_jpeg(shot.raw, output)
 
 
-def beside_python(program: str) -> str:
-    """The path of a program that was installed with Python packages. Raises FileNotFoundError."""
-    found = shutil.which(program, path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
-    if found is None:
-        raise FileNotFoundError(f"{program} is not installed")
-    return found
-
-
 METHODS: dict[str, Callable[[LeftOut], KitCheck | float]] = {
     "darktable, its default": darktable_default,
     AUTO_MATCHED: rawtherapee_default,
     "darktable_lut_generator 0.1.5, 9³, in darktable": darktable_lut_generator,
     "camera-match 0.2.0, 17³, on RAW": camera_match,
-    "LutForge, its model on RAW": model,
+    "LutForge, its model on RAW": lambda shot: on_raw(shot, look_of(shot.profile(), SETTING).render),
     "LutForge, kit for darktable, `.icc`": lambda shot: kit(shot, "darktable"),
     "LutForge, kit for RawTherapee, `.icc`": lambda shot: kit(shot, "rawtherapee", " icc"),
     "LutForge, kit for RawTherapee, `.dcp`": lambda shot: kit(shot, "rawtherapee"),
 }
 
 
-def photographs_table(photographs: Photographs) -> dict[str, list[float]]:
+def photographs_table(shots: list[LeftOut]) -> dict[str, list[float]]:
     """Print and return mean ΔE00 by method and photograph; NaN where a method could not run."""
-    shots = list(photographs.left_out())
-    heading(
-        ["mean ΔE00 to the camera's JPEG", *(shot.raw.stem.partition("_")[2] for shot in shots), "mean", "8-bit codes"]
-    )
-    found: dict[str, list[float]] = {}
+    names = (shot.raw.stem.partition("_")[2] for shot in shots)
+    heading("mean ΔE00 to the camera's JPEG", *names, "mean", "8-bit codes")
+    errors: dict[str, list[float]] = {}
     notes = []
     for name, measure in METHODS.items():
         values, codes = [], []
         for shot in shots:
             try:
                 check = measure(shot)
-                values.append(check.mean if isinstance(check, KitCheck) else check)
-                codes.append(check.codes if isinstance(check, KitCheck) else float("nan"))
             except (LutForgeError, ImportError, OSError, subprocess.SubprocessError) as error:
-                values.append(float("nan"))
-                codes.append(float("nan"))
+                check = np.nan
                 notes.append(f"{name}, {shot.raw.stem}: {str(error).splitlines()[0]}")
-        found[name] = values
-        line(name, [*values, float(np.mean(values)), float(np.mean(codes))], 2)
-    for note in notes:
-        print(note)
-    return found
+            values.append(check.mean if isinstance(check, KitCheck) else check)
+            codes.append(check.codes if isinstance(check, KitCheck) else np.nan)
+        errors[name] = values
+        row(name, *values, float(np.mean(values)), float(np.mean(codes)), places=2)
+    print("", *notes, sep="\n")
+    return errors
 
 
-def verdicts(found: dict[str, list[float]]) -> Iterator[str]:
+def verdicts(errors: dict[str, list[float]]) -> Iterator[str]:
     """Whether each kit is nearer to the JPEG than RawTherapee's auto-matched curve, and what it adds to the model."""
-    for name, values in found.items():
-        if "kit" not in name:
-            continue
-        auto_matched, own = (np.array(found[other]) for other in (AUTO_MATCHED, "LutForge, its model on RAW"))
-        nearer = int(np.sum(np.array(values) < auto_matched))
-        added = np.array(values) - own
-        yield (
-            f"{name}: nearer than the auto-matched curve on {nearer} of {len(values)} photographs; "
-            f"beside the model on RAW {added.mean():+.2f} on average, {added.max():+.2f} at most"
-        )
+    auto_matched, model = (np.array(errors[name]) for name in (AUTO_MATCHED, "LutForge, its model on RAW"))
+    for name, values in errors.items():
+        if "kit" in name:
+            added = np.array(values) - model
+            yield (
+                f"{name}: nearer than the auto-matched curve on {np.sum(values < auto_matched)} of {len(values)} "
+                f"photographs; beside the model on RAW {added.mean():+.2f} on average, {added.max():+.2f} at most"
+            )
 
 
-def way_back_table(photographs: Photographs, shots: DemoShots, simulated: lf.CameraProfile) -> None:
+def way_back_table(samples: lf.SampleSet, keep: Path) -> None:
     """Print the error of JPEG → RAW behind white balance, by method."""
-    samples = photographs.samples()
     rows = lf.evaluate(lf.calibrate(samples), samples).rows
     real = {row.method: row.figures for row in rows if row.shot == "all" and row.direction == "linearize"}
-    style, balance = shots.source.split("/")
-    raw = lf.sample([shots.held_out.dng]).raw
-    jpeg = shots.camera.render(raw, style, balance)
-    inside = ((jpeg > 0.002) & (jpeg < 0.998)).all(axis=-1)
+    shots, simulated = common.demo(keep)
+    raw, jpeg, _ = common.refinished_colours(shots)
     gain = simulated.multipliers(shots.source)
-    truth = raw[inside] * gain
-    calibration = lf.sample(list(shots.calibration))
-    data = style_data(calibration, complete_multipliers(calibration)[0])[0][style]
-    fits = {name: fit.linearize for name, fit in fit_baselines(data).items()}
-    own = simulated.linearize(shots.source)
-    fits = {LATTICE: lambda x: own(x) * gain, **fits}
-    heading(["JPEG → RAW, mean error (max)", "S40, each shot left out", "simulated camera"])
-    for name, linearize in fits.items():
-        error = np.linalg.norm(linearize(jpeg[inside]) - truth, axis=1)
-        figures = real[name]
+    calibration = lf.sample(shots.calibration)
+    data = style_data(calibration, complete_multipliers(calibration)[0])[0][shots.source.split("/")[0]]
+    linearize = simulated.linearize(shots.source)
+    baselines = {name: fit.linearize for name, fit in fit_baselines(data).items()}
+    heading("JPEG → RAW, mean error (max)", "S40, each shot left out", "simulated camera")
+    for name, method in {LATTICE: lambda x: linearize(x) * gain, **baselines}.items():
+        error, figures = np.linalg.norm(method(jpeg) - raw * gain, axis=1), real[name]
         texts = [f"{figures.mean:.4f} ({figures.maximum:.3f})", f"{error.mean():.4f} ({error.max():.3f})"]
-        print(f"| {'LutForge' if name == LATTICE else name} | {' | '.join(texts)} |")
+        row("LutForge" if name == LATTICE else name, *texts)
 
 
-def refinish_table(shots: DemoShots, simulated: lf.CameraProfile) -> None:
-    """Print the error of the demo's refinish, beside the polynomial that is fitted to the answer."""
-    raw, camera = lf.sample([shots.held_out.dng]).raw, shots.camera
-    (style, balance), (target_style, target_balance) = shots.source.split("/"), shots.target.split("/")
-    before = camera.render(raw, style, balance)
-    after = camera.render(raw, target_style, target_balance, shots.ev)
-    inside = ((before > 0.002) & (before < 0.998) & (after > 0.002) & (after < 0.998)).all(axis=-1)
-    x, y = before[inside], after[inside]
-    design = eleven_terms(x)
+def refinish_table(keep: Path) -> None:
+    """Print the error of the demo's refinish, beside the polynomial that is fitted to the answer.
+
+    Its terms are 1, r, g, b, rg, rb, gb, r², g², b², rgb (Hong, Luo and Rhodes 2001,
+    https://doi.org/10.1002/1520-6378(200102)26:1%3C76::AID-COL8%3E3.0.CO;2-3).
+    """
+    shots, simulated = common.demo(keep)
+    _, x, y = common.refinished_colours(shots)
+    r, g, b = x.T
+    design = np.stack([np.ones(len(x)), r, g, b, r * g, r * b, g * b, r * r, g * g, b * b, r * g * b], axis=1)
     made = {
         "11-term polynomial, fitted to the answer": design @ np.linalg.lstsq(design, y, rcond=None)[0],
         "LutForge, which has not seen it": simulated.refinish(shots.source, shots.target, shots.ev)(x),
     }
-    heading([f"refinish {shots.source} → {shots.target}, {shots.ev:+.1f} EV", "RMSE", "mean ΔE00", "max ΔE00"])
+    heading(f"refinish {shots.source} → {shots.target}, {shots.ev:+.1f} EV", "RMSE", "mean ΔE00", "max ΔE00")
     for name, colours in made.items():
         shown = np.clip(colours, 0.0, 1.0)
         difference = delta_e_2000(shown, y)
-        line(name, [float(np.sqrt(np.mean((shown - y) ** 2))), float(difference.mean()), float(difference.max())], 4)
-
-
-def eleven_terms(rgb: Array) -> Array:
-    """(n, 3) → (n, 11): 1, r, g, b, rg, rb, gb, r², g², b², rgb (Hong, Luo and Rhodes 2001).
-
-    https://doi.org/10.1002/1520-6378(200102)26:1%3C76::AID-COL8%3E3.0.CO;2-3
-    """
-    r, g, b = rgb.T
-    return np.stack([np.ones(len(rgb)), r, g, b, r * g, r * b, g * b, r * r, g * g, b * b, r * g * b], axis=1)
-
-
-def heading(cells: list[str]) -> None:
-    """Print the head of a table in Markdown."""
-    print(f"\n| {' | '.join(cells)} |\n|{'---|' * len(cells)}", flush=True)
-
-
-def line(name: str, values: list[float], places: int) -> None:
-    """Print a row of a table."""
-    cells = ("–" if np.isnan(value) else f"{value:.{places}f}" for value in values)
-    print(f"| {name} | {' | '.join(cells)} |", flush=True)
+        row(name, float(np.sqrt(np.mean((shown - y) ** 2))), float(difference.mean()), float(difference.max()))
 
 
 def main() -> int:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--keep", type=Path, help="where samples, default pictures and peers' cubes are kept")
-    arguments = parser.parse_args()
-    place = Path(os.environ.get("LUTFORGE_TEST_DATA", str(ROOT.parent / "shared" / "data"))) / "canon_powershot_s40"
-    files = tuple(sorted(place.glob("CRW_*.CRW")))
-    if not files:
-        print(f"{place}: no photographs; set LUTFORGE_TEST_DATA to the folder of real data", file=sys.stderr)
-        return 2
-    with tempfile.TemporaryDirectory() as temporary:
-        keep = arguments.keep or Path(temporary)
-        keep.mkdir(parents=True, exist_ok=True)
-        os.environ["RT_SETTINGS"] = str(Path(temporary) / "rawtherapee")  # its own defaults, not the user's
-        photographs = Photographs(files, keep)
-        found = photographs_table(photographs)
-        print("", *verdicts(found), sep="\n")
-        shots = demo_shots(keep / "demo")
-        simulated = lf.calibrate(lf.sample(list(shots.calibration)))
-        way_back_table(photographs, shots, simulated)
-        refinish_table(shots, simulated)
+    data = common.real_data()
+    with common.kept(parser.parse_args().keep) as keep, tempfile.TemporaryDirectory() as settings:
+        if data is None:
+            return 2
+        os.environ["RT_SETTINGS"] = settings  # RawTherapee's own defaults, not the user's
+        files = {path.stem: path for path in sorted((data / "canon_powershot_s40").glob("CRW_*.CRW"))}
+        samples = common.s40(data, keep)
+        shots = [
+            LeftOut(files[name], tuple(path for path in files.values() if path.stem != name), others, shot, keep)
+            for name, others, shot in common.left_out(samples)
+        ]
+        print("", *verdicts(photographs_table(shots)), sep="\n")
+        way_back_table(samples, keep)
+        refinish_table(keep)
     return 0
 
 

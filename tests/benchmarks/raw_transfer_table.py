@@ -8,18 +8,16 @@ matrix is the matrix that is fitted to the rendered values of the 600 themselves
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from lutforge.calibration.physical.raw_to_raw import Form, fit_raw_transfer
 from lutforge.colour.spectra import chart_reflectances, surface_reflectances
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.scene import palette
+from tests.benchmarks.common import Array, heading, row
 
 FORMS: tuple[Form, ...] = ("matrix", "piecewise", "root-polynomial")
 NOISE = 0.002
-
-Array = NDArray[np.float64]
 
 
 def rendered(camera: SimulatedCamera, raw: Array, truth: Array, light: str) -> Array:
@@ -51,10 +49,9 @@ def errors(source: SimulatedCamera, target: SimulatedCamera, light: str) -> list
 def main() -> None:
     cameras = (nikon_d5100(), sigma_sd_merrill())
     for source, target in (cameras, cameras[::-1]):
-        print(f"{source.name} to {target.name}")
-        print(f"  {'light':<12}{''.join(f'{form:>17}' for form in FORMS)}{'best one matrix':>17}")
+        heading(f"{source.name} to {target.name}", *FORMS, "best one matrix")
         for light in source.white_balances:
-            print(f"  {light:<12}{''.join(f'{error:17.4f}' for error in errors(source, target, light))}")
+            row(light, *errors(source, target, light))
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import argparse
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
 from lutforge.simulate.scene import SCENES
+from tests.benchmarks.common import Array, heading, row
 
 SENSORS: Mapping[str, Callable[[], SimulatedCamera]] = {"d5100": nikon_d5100, "sd-merrill": sigma_sd_merrill}
 STYLES = ("standard", "vivid")
@@ -44,7 +46,6 @@ CLIPPED = 0.002
 
 Setting = tuple[str, str]
 """Style and white balance."""
-Pixels = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +54,13 @@ class Scene:
     raw: what the profile makes of them, true_raw: what the camera's own functions do.
     """
 
-    encoded: Pixels
+    encoded: Array
     usable: NDArray[np.bool_]
-    raw: Pixels
-    true_raw: Pixels
+    raw: Array
+    true_raw: Array
 
 
-def calibrated(camera: SimulatedCamera, folder: Path, repeat: int = 1, draw: int = 0) -> lf.CameraProfile:
+def calibrated(camera: SimulatedCamera, folder: Path, repeat: int, draw: int) -> lf.CameraProfile:
     """A profile from shots of all settings; samples of an earlier run are used again. draw: the first of its scenes."""
     numbers = range(draw, draw + repeat)
     tables = [folder / f"samples-{number}.csv" for number in numbers]
@@ -83,9 +84,7 @@ def shoot(camera: SimulatedCamera, folder: Path, first_seed: int) -> None:
 
 def held_out(camera: SimulatedCamera, profile: lf.CameraProfile, folder: Path) -> dict[Setting, Scene]:
     """The scenes under all settings, each linearized once."""
-    pictures: dict[Setting, list[Pixels]] = {
-        (style, balance): [] for style in STYLES for balance in camera.white_balances
-    }
+    pictures: dict[Setting, list[Array]] = {setting: [] for setting in product(STYLES, camera.white_balances)}
     for number, (scene, seed, light, exposure) in enumerate(HELD_OUT):
         place, exposure_s = folder / "held-out" / str(number), camera.nominal_exposure_s * exposure
         shot = Photograph(place / "shot.dng", None)
@@ -100,14 +99,14 @@ def held_out(camera: SimulatedCamera, profile: lf.CameraProfile, folder: Path) -
     return {setting: linearized(camera, profile, setting, np.concatenate(parts)) for setting, parts in pictures.items()}
 
 
-def tiles(picture: NDArray[np.float32]) -> Pixels:
+def tiles(picture: NDArray[np.float32]) -> Array:
     """(h, w, 3) → (tiles, 64, 3)."""
     height, width = (length // SIDE for length in picture.shape[:2])
     cut = picture[: height * SIDE, : width * SIDE].reshape(height, SIDE, width, SIDE, 3)
     return cut.swapaxes(1, 2).reshape(height * width, SIDE * SIDE, 3).astype(np.float64)
 
 
-def linearized(camera: SimulatedCamera, profile: lf.CameraProfile, setting: Setting, encoded: Pixels) -> Scene:
+def linearized(camera: SimulatedCamera, profile: lf.CameraProfile, setting: Setting, encoded: Array) -> Scene:
     usable: NDArray[np.bool_] = np.all((encoded > CLIPPED) & (encoded < 1 - CLIPPED), axis=(1, 2))
     true_raw = np.zeros_like(encoded)
     # Most colours of a JPEG occur more than once, and the true inverse is found by bisection.
@@ -116,17 +115,18 @@ def linearized(camera: SimulatedCamera, profile: lf.CameraProfile, setting: Sett
     return Scene(encoded, usable, profile.linearize("/".join(setting))(encoded), true_raw)
 
 
-def rmse(made: Pixels, wanted: Pixels) -> tuple[float, float]:
+def rmse(made: Array, wanted: Array) -> tuple[float, float]:
     """Of the means of tiles, and of single pixels."""
     difference = made - wanted
     return float(np.sqrt(np.mean(difference.mean(axis=1) ** 2))), float(np.sqrt(np.mean(difference**2)))
 
 
 def errors(
-    camera: SimulatedCamera, profile: lf.CameraProfile, scenes: Mapping[Setting, Scene]
+    camera: SimulatedCamera, folder: Path, repeat: int = 1, draw: int = 0
 ) -> dict[tuple[Setting, Setting], tuple[float, float, float, float]]:
-    """By source and target: tiles, their floor, pixels, their floor."""
-    found = {}
+    """By source and target: tiles, their floor, pixels, their floor. Shots and samples are kept in the folder."""
+    profile, pairs = calibrated(camera, folder, repeat, draw), {}
+    scenes = held_out(camera, profile, folder)
     for target, after in scenes.items():
         true_render = partial(camera.render, style=target[0], white_balance=target[1])
         for source, before in scenes.items():
@@ -140,8 +140,8 @@ def errors(
             balanced = through_stages(exposed, before.raw[usable])
             tile, pixel = rmse(render(highlights(balanced)), wanted)
             tile_floor, pixel_floor = rmse(true_render(before.true_raw[usable]), wanted)
-            found[source, target] = tile, tile_floor, pixel, pixel_floor
-    return found
+            pairs[source, target] = tile, tile_floor, pixel, pixel_floor
+    return pairs
 
 
 def main() -> None:
@@ -152,20 +152,15 @@ def main() -> None:
     parser.add_argument("--draw", type=int, default=0, help="which scenes are photographed, from 0 on")
     arguments = parser.parse_args()
     camera, folder = SENSORS[arguments.sensor](), arguments.folder / arguments.sensor
-    profile = calibrated(camera, folder, arguments.repeat, arguments.draw)
-    found = errors(camera, profile, held_out(camera, profile, folder))
+    pairs = errors(camera, folder, arguments.repeat, arguments.draw)
+    columns = ("tiles", "their floor", "pixels", "their floor")
     print(f"{camera.name}: RMSE of refinishing, worst first; the floor is what the camera's own functions leave")
-    print(f"{'':<48}{'tiles':>8}{'floor':>8}{'pixels':>9}{'floor':>8}")
-    for (source, target), figures in sorted(found.items(), key=lambda entry: -entry[1][0]):
-        tile, tile_floor, pixel, pixel_floor = figures
-        name = f"{'/'.join(source)} to {'/'.join(target)}"
-        print(f"{name:<48}{tile:8.4f}{tile_floor:8.4f}{pixel:9.4f}{pixel_floor:8.4f}")
-    for column, name in enumerate(("tiles", "their floor", "pixels", "their floor")):
-        values = np.array([figures[column] for figures in found.values()])
-        print(
-            f"{name}: median {np.median(values):.4f}, max {values.max():.4f}; "
-            f"{(values <= LIMIT).sum()} of {len(values)} pairs within {LIMIT}"
-        )
+    heading("from, to", *columns)
+    for (source, target), figures in sorted(pairs.items(), key=lambda entry: -entry[1][0]):
+        row(f"{'/'.join(source)} to {'/'.join(target)}", *figures)
+    for name, values in zip(columns, np.array(list(pairs.values())).T, strict=True):
+        within = f"{(values <= LIMIT).sum()} of {len(values)} pairs within {LIMIT}"
+        print(f"{name}: median {np.median(values):.4f}, max {values.max():.4f}; {within}")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lutforge.calibration.style import unclipped
-from lutforge.colour.spectra import WAVELENGTHS, light, spectrum_of
+from lutforge.colour.spectra import WAVELENGTHS, chart_reflectances, light, spectrum_of
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import (
@@ -169,6 +169,43 @@ def unseen_camera(seed: int) -> UnseenCamera:
     )
 
 
+def bell(centre: float, width: float) -> Array:
+    """A Gaussian over the wavelengths."""
+    return np.asarray(np.exp(-0.5 * ((WAVELENGTHS - centre) / width) ** 2))
+
+
+def overlapping_filters() -> UnseenCamera:
+    """A hard case: filters that overlap, so that the matrix amplifies sixfold, no gamut map, a logarithm that clips."""
+    filters = np.stack([0.9 * bell(590, 45), bell(545, 48) + 0.05 * bell(650, 30), 0.6 * bell(470, 40)], axis=1)
+    lights = {"daylight": "5200K", "tungsten": "A", "shade": "7500K"}
+    name = "Overlapping filters, log, clipped"
+    return camera_of(name, filters, lights, np.asarray, Logarithm(30.0), patches=280)
+
+
+def filmic_compressed() -> UnseenCamera:
+    """Another: a steep filmic curve behind a vivid gamut that is compressed (as in ACES), so that what no
+    sample showed is continued badly, and folds."""
+
+    def compressed(x: Array) -> Array:
+        y = x @ [0.2126, 0.7152, 0.0722]
+        vivid = y[..., None] + 1.25 * (x - y[..., None])
+        most = np.maximum(vivid.max(axis=-1, keepdims=True), 1e-9)
+        distance, threshold, power = 1 - vivid / most, 0.55, 1.2
+        scale = 1.05 / (((1 - threshold) / 1.05) ** -power - 1) ** (1 / power)
+        over = np.maximum(distance - threshold, 0.0)
+        less = threshold + over / (1 + (over / scale) ** power) ** (1 / power)
+        return np.asarray(most * (1 - np.where(distance < threshold, distance, less)))
+
+    def filmic(x: Array) -> Array:
+        y = 1.6 * np.maximum(x, 0.0)
+        tone = y * (2.51 * y + 0.03) / (y * (2.43 * y + 0.59) + 0.14)
+        return np.asarray(np.clip(tone / 0.8957, 0.0, 1.0) ** 0.5)
+
+    filters = np.stack([0.75 * (bell(595, 40) + 0.06 * bell(445, 25)), bell(545, 42), 0.65 * bell(465, 32)], axis=1)
+    lights = {"daylight": "5200K", "shade": "7500K"}
+    return camera_of("Filmic, compressed gamut", filters, lights, compressed, filmic, patches=280)
+
+
 def one_style(base: SimulatedCamera, style: str, patches: int) -> UnseenCamera:
     """One style of a simulated camera, under its lights."""
     names = [name for name in base.white_balances if name != "flash"]
@@ -189,6 +226,20 @@ def photographed(camera: UnseenCamera, known: bool, seed: int) -> SampleSet:
     chart = chart_140() if camera.patches <= 140 else np.vstack([chart_140(), surfaces(camera.patches - 140, 5)])
     samples = photograph_patches(camera, chart[: camera.patches], balances=tuple(camera.lights), known=known, seed=seed)
     return samples.select(unclipped(samples, true_multipliers(camera, samples)))
+
+
+def photographed_at_random(name: str, sensitivity: Array, seed: int) -> SampleSet:
+    """Shots of a camera with measured sensitivities and a rendering drawn at random."""
+    rng = np.random.default_rng([seed, 77])
+    sensitivity = sensitivity / sensitivity.max(axis=0) * (rng.uniform(0.5, 1), 1.0, rng.uniform(0.5, 1))
+    lights = {"tungsten": "A", "fluorescent": "FL2", "daylight": "5200K", "cloudy": "6000K", "shade": "7500K"}
+    chosen = rng.permutation(list(lights))[: rng.integers(1, 6)].tolist()
+    gamut_map, response = random_gamut_map(rng, sensitivity), random_response(rng)
+    settings = {setting: lights[setting] for setting in chosen}
+    camera = camera_of(name, sensitivity, settings, gamut_map, response, full_well=rng.uniform(15e3, 60e3))
+    chart = (chart_reflectances(), chart_140(seed), surfaces(200, seed))[rng.integers(3)]
+    stops = tuple(np.sort(rng.uniform(-5, 1, rng.integers(3, 7))).tolist())
+    return photograph_patches(camera, chart, balances=chosen, stops=stops, seed=seed)
 
 
 def true_multipliers(camera: UnseenCamera, samples: SampleSet) -> Array:

@@ -1,4 +1,4 @@
-"""A small profile with all that a profile may hold, for the tests of this folder."""
+"""Small profiles: one with all that a profile may hold, and one that is linear."""
 
 from dataclasses import replace
 
@@ -52,3 +52,12 @@ def small_profile(camera: str = "Test One") -> CameraProfile:
         options={"model": "lattice", "size": 5},
         notes=("a note with ü and 中",),
     )
+
+
+def plain_profile(camera: str, style: str = "standard", balances: tuple[str, ...] = ("daylight",)) -> CameraProfile:
+    """A rendering that is linear, so that its lattices are small, exact, and each other's inverse."""
+    cube = uniform_levels(2)
+    tint = 0.01 * len(camera)
+    forward, backward = Lattice(cube, grid(cube) * 0.9 + tint / 10), Lattice(cube, (grid(cube) - tint / 10) / 0.9)
+    known = {name: WhiteBalance((2.0 - 0.1 * k, 1.0, 1.5 + 0.1 * k)) for k, name in enumerate(balances)}
+    return CameraProfile(camera, MATRIX, known, {style: PictureStyle(forward, backward)})

@@ -1,11 +1,14 @@
-"""Numbers of real cameras, small enough to keep beside the tests; `tests/data/README.md` names their sources."""
+"""Numbers of real cameras, beside the tests (`tests/data/README.md` names their sources), or with the real data."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import interp1d
 
+from lutforge.colour.spectra import WAVELENGTHS
 from lutforge.model.response import Response
 
 FOLDER = Path(__file__).parents[1] / "data"
@@ -42,3 +45,25 @@ def read_published_pairs() -> PublishedPairs:
             response=Response(stored["inverse_response"]),
             multipliers={name: (r, g, b) for name, (r, g, b) in balances},
         )
+
+
+def sensors(data: Path) -> dict[str, Array]:
+    """Measured sensitivities (L, 3) over `spectra.WAVELENGTHS` by camera: rawtoaces-data, and Jiang et al. 2013."""
+    measured: dict[str, tuple[Array, Array]] = {}
+    for path in sorted((data / "spectra" / "rawtoaces-data" / "camera").glob("*.json")):
+        measured[path.stem.removesuffix("_380_780_5")] = spectral_data(path)
+    lines = (data / "spectra" / "jiang2013_28_cameras.txt").read_text(encoding="utf-8").splitlines()
+    for place, line in enumerate(lines):
+        if "\t" in line and "\t" not in lines[place - 1]:
+            rows = [[float(cell) for cell in text.split()] for text in lines[place : place + 3]]
+            measured[lines[place - 1].strip()] = np.arange(400.0, 721.0, 10.0), np.array(rows).T
+    return {
+        name: interp1d(wavelengths, values, axis=0, bounds_error=False, fill_value=0.0)(WAVELENGTHS)
+        for name, (wavelengths, values) in measured.items()
+    }
+
+
+def spectral_data(path: Path) -> tuple[Array, Array]:
+    """Wavelengths (m,) and values (m, n) of a JSON file of rawtoaces-data."""
+    stored = json.loads(path.read_text(encoding="utf-8"))["spectral_data"]["data"]["main"]
+    return np.array([float(key) for key in stored]), np.array(list(stored.values()))

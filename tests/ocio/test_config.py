@@ -26,8 +26,8 @@ from lutforge.ocio import config as written_config
 from lutforge.ocio.base_config import DISPLAYS
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config, config_luts
+from tests.cases.profiles import MATRIX, plain_profile
 
-MATRIX = np.array([[1.6, -0.5, -0.1], [-0.2, 1.5, -0.3], [0.0, -0.5, 1.5]])
 GAINS = {"daylight": (2.0, 1.0, 1.4), "tungsten": (1.2, 1.0, 2.4)}
 KELVIN = {"daylight": 5200.0, "tungsten": 3200.0}
 
@@ -46,15 +46,6 @@ def made_profile(camera: str = "Nikon D40", nodes: int = 17) -> CameraProfile:
     vivid = PictureStyle(Lattice(raw, grid(raw) ** 0.4, "tetrahedral"), Lattice(jpeg, grid(jpeg) ** 2.5))
     balances = {name: WhiteBalance(gain, KELVIN[name]) for name, gain in GAINS.items()}
     return CameraProfile(camera, MATRIX, balances, {"standard": standard, "vivid": vivid})
-
-
-def plain_profile(camera: str, style: str = "standard", balances: tuple[str, ...] = ("daylight",)) -> CameraProfile:
-    """A rendering that is linear, so that its lattices are small, exact, and each other's inverse."""
-    cube = uniform_levels(2)
-    tint = 0.01 * len(camera)
-    forward, backward = Lattice(cube, grid(cube) * 0.9 + tint / 10), Lattice(cube, (grid(cube) - tint / 10) / 0.9)
-    known = {name: WhiteBalance((2.0 - 0.1 * k, 1.0, 1.5 + 0.1 * k)) for k, name in enumerate(balances)}
-    return CameraProfile(camera, MATRIX, known, {style: PictureStyle(forward, backward)})
 
 
 SMALL = InverseOptions(size=17, rounds=2)

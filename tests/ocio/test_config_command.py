@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lutforge.ocio.check import load_config
-from tests.ocio.test_config import plain_profile
+from tests.cases.profiles import plain_profile
 
 
 def lutforge(*words: object) -> subprocess.CompletedProcess[str]:

@@ -12,7 +12,8 @@ from lutforge.errors import ConfigError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config
-from tests.ocio.test_config import MATRIX, convert, ociocheck, plain_profile, write_config
+from tests.cases.profiles import MATRIX, plain_profile
+from tests.ocio.test_config import convert, ociocheck, write_config
 
 STUDIO = "studio-config-v5.0.0_aces-v2.1_ocio-v2.6"
 ANY = (OCIO.SEARCH_REFERENCE_SPACE_ALL, OCIO.COLORSPACE_ALL)

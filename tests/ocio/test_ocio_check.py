@@ -7,7 +7,8 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 import pytest
 
 from lutforge.ocio.check import check_config, load_config, round_trips
-from tests.ocio.test_config import plain_profile, write_config
+from tests.cases.profiles import plain_profile
+from tests.ocio.test_config import write_config
 
 
 @pytest.fixture

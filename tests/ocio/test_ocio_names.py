@@ -13,7 +13,8 @@ from lutforge.ocio.base_config import DEFAULT_VERSION, base_config
 from lutforge.ocio.cameras import UniqueNames, file_stem, name_cameras, part_name
 from lutforge.ocio.check import check_config, load_config
 from lutforge.ocio.config import build_config
-from tests.ocio.test_config import MATRIX, ociocheck, plain_profile, write_config
+from tests.cases.profiles import MATRIX, plain_profile
+from tests.ocio.test_config import ociocheck, write_config
 
 ROLES = {role.lower() for role in base_config(DEFAULT_VERSION).getRoleNames()}
 

@@ -1,0 +1,118 @@
+"""The lattice fit beside its peers on the Nikon D40's published pairs, 70 % of them fitted and 30 % predicted.
+
+    python -m tests.benchmarks.lattices
+
+Errors are norms of the RGB difference, those of LutForge's lattices through their CLF files as OpenColorIO reads them.
+Peers are uniform lattices and the thesis preset, radial basis functions, and camera-match (PyPI, the same paper), which
+is left out where it is missing. Printed are medians of five splits and the least time of a fit; whether LutForge is
+better than camera-match in every figure and size, and no slower, decides the exit status.
+"""
+
+import importlib
+import importlib.util
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import RBFInterpolator
+
+from lutforge.calibration.options import CalibrationOptions
+from lutforge.calibration.style import fit_lattices
+from lutforge.luts.processor import evaluate
+from lutforge.luts.reading import file_processor
+from lutforge.luts.sequence import Lut
+from lutforge.luts.shaper import lattice_ops
+from tests.benchmarks.common import Array, heading, row, split
+from tests.cases.real_data import read_published_pairs
+from tests.cases.samples import style_of
+
+Predictor = Callable[[Array], Array]
+Fit = Callable[[Array, Array], Predictor]
+
+SIZES = (9, 13, 17, 24, 33)
+SEEDS = (1, 2, 3, 4, 5)
+REPEATS, LONG = 7, 1.0
+"""Of a fit that is timed, the least counts: so many, but no more once they took so many seconds."""
+
+
+def lattice(options: CalibrationOptions) -> Fit:
+    """LutForge's fit, matrix and response included, through a CLF file."""
+
+    def fit(x: Array, y: Array) -> Predictor:
+        fitted = fit_lattices(style_of(x, y), options).render
+
+        def predict(points: Array) -> Array:
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "fitted.clf"
+                Lut(lattice_ops(fitted)).write(path)
+                return evaluate(file_processor(path, options.interpolation), points).astype(np.float64)
+
+        return predict
+
+    return fit
+
+
+def camera_match(size: int) -> Fit:
+    """camera-match's LUT3D with its own settings. Raises ImportError where it is missing."""
+    lut3d = importlib.import_module("camera_match").LUT3D
+
+    def fit(x: Array, y: Array) -> Predictor:
+        node = lut3d(size=size)
+        node.solve(x, y)
+        return lambda points: np.asarray(node(points), dtype=np.float64)
+
+    return fit
+
+
+def radial_basis_functions(x: Array, y: Array) -> Predictor:
+    """φ(r) = r on the gamut map, with the published matrix and response (thesis 4.2.3)."""
+    pairs = read_published_pairs()
+    h = RBFInterpolator(x @ pairs.matrix.T, pairs.response.linearize(y), kernel="linear", degree=1)
+    return lambda points: pairs.response.encode(h(points @ pairs.matrix.T))
+
+
+def held_out(fit: Fit) -> Array:
+    """Mean, 95th percentile and maximum of each split, and the least seconds of a few fits: (splits, 4)."""
+    pairs, rows = read_published_pairs(), []
+    for seed in SEEDS:
+        inside, outside = split(len(pairs.balanced), seed)
+        seconds: list[float] = []
+        while len(seconds) < REPEATS and sum(seconds) < LONG:
+            start = time.perf_counter()
+            predict = fit(pairs.balanced[inside], pairs.encoded[inside])
+            seconds.append(time.perf_counter() - start)
+        error = np.linalg.norm(np.clip(predict(pairs.balanced[outside]), 0, 1) - pairs.encoded[outside], axis=1)
+        rows.append((error.mean(), np.quantile(error, 0.95), error.max(), min(seconds)))
+    return np.array(rows)
+
+
+def main() -> int:
+    """Print the table; returns in how many sizes camera-match is better in an error or faster."""
+    peer = importlib.util.find_spec("camera_match") is not None
+    heading("size", "method", "mean", "95 %", "max", "max / RBF's", "fit, s")
+    of_rbf, behind = held_out(radial_basis_functions), 0
+
+    def measured(size: str, method: str, rows: Array) -> Array:
+        """The errors' medians, and the least seconds."""
+        figures = np.append(np.median(rows[:, :3], axis=0), rows[:, 3].min())
+        ratio = np.median(rows[:, 2] / of_rbf[:, 2])
+        row(size, method, *figures[:2], f"{figures[2]:.3f}", f"{ratio:.2f}", f"{figures[3]:.3f}")
+        return figures
+
+    measured("", "radial basis functions", of_rbf)
+    for size in SIZES:
+        options, thesis = CalibrationOptions(size=size), CalibrationOptions(size=size, preset="thesis")
+        ours = measured(f"{size}³", "LutForge", held_out(lattice(options)))
+        measured(f"{size}³", "thesis preset", held_out(lattice(thesis)))
+        measured(f"{size}³", "uniform", held_out(lattice(replace(thesis, nonuniform=False))))
+        if peer:
+            behind += bool(np.any(ours >= measured(f"{size}³", "camera-match", held_out(camera_match(size)))))
+    return behind
+
+
+if __name__ == "__main__":
+    sys.exit(main())
