@@ -11,9 +11,9 @@ from lutforge.arrays import Index, Pixels
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.icc import is_broken, is_srgb
-from lutforge.images.jpeg_header import JpegHeader
-from lutforge.images.output_spec import IN_ANOTHER_SPACE
+from lutforge.images.jpeg import JpegHeader
 from lutforge.images.read import is_premultiplied
+from lutforge.images.write import IN_ANOTHER_SPACE
 
 _RGB = (("r", "g", "b"), ("red", "green", "blue"))
 

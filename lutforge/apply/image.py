@@ -31,9 +31,8 @@ from lutforge.arrays import Index, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
 from lutforge.images.icc import profile_name
-from lutforge.images.output_spec import describe_output
 from lutforge.images.read import ImageReader, Region, is_premultiplied
-from lutforge.images.write import ImageWriter, image_writer
+from lutforge.images.write import ImageWriter, describe_output, image_writer
 from lutforge.model.highlights import clipped
 
 REGION_SAMPLES = 8_000_000

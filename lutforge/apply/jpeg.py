@@ -16,9 +16,8 @@ from lutforge.apply.grade import Grade
 from lutforge.arrays import Codes, Index
 from lutforge.atomic_write import atomic_path
 from lutforge.images.icc import to_srgb
-from lutforge.images.jpeg import decode, encode, stored_metadata, with_colours, with_thumbnail
-from lutforge.images.jpeg_header import JpegHeader, read_header
-from lutforge.images.output_spec import IN_ANOTHER_SPACE, SOFTWARE, format_of
+from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours, with_thumbnail
+from lutforge.images.write import IN_ANOTHER_SPACE, SOFTWARE, format_of
 
 
 class Canvases:

@@ -9,8 +9,8 @@ from lutforge.apply.colours import check_colours
 from lutforge.apply.grade import Grade, Recipe
 from lutforge.apply.job import Job
 from lutforge.errors import ImageError, LutForgeError
-from lutforge.images.output_spec import SOFTWARE, describe_output, keeps_orientation
 from lutforge.images.read import ImageReader, is_premultiplied
+from lutforge.images.write import SOFTWARE, describe_output, keeps_orientation
 from lutforge.luts.sequence import Lut
 
 _CONVERSIONS = ("--ociofiletransform", "--colorconvert")

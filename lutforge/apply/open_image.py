@@ -15,9 +15,8 @@ from lutforge.arrays import Pixels
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif
 from lutforge.images.icc import foreign_profile, pixels_to_srgb
-from lutforge.images.output_spec import IN_SRGB, keeps_orientation, with_shape
 from lutforge.images.read import ImageReader, Region, read_image
-from lutforge.images.write import upright
+from lutforge.images.write import IN_SRGB, keeps_orientation, upright, with_shape
 from lutforge.shots.discover import RAW_SUFFIXES
 
 _ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}

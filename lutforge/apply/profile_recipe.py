@@ -12,7 +12,7 @@ from lutforge.apply.setting_change import SettingChange
 from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
 from lutforge.arrays import Array
 from lutforge.errors import ProfileError, SettingsError
-from lutforge.images.output_spec import IN_SRGB
+from lutforge.images.write import IN_SRGB
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, same_light
 from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer

@@ -65,7 +65,7 @@ def read_heif(path: Path) -> Heif:
         return Heif(
             np.ascontiguousarray(wide.astype(np.uint16)),
             bits,
-            exif_of(opened.info),
+            _exif_of(opened.info),
             bytes(opened.info.get("icc_profile") or b""),
             HDR.get(int(nclx.get("transfer_characteristics", 0)), ""),
             int(nclx.get("color_primaries", 0)),
@@ -74,10 +74,10 @@ def read_heif(path: Path) -> Heif:
 
 def read_heif_exif(path: Path) -> bytes:
     """The TIFF structure of a file's EXIF; empty where it has none. Raises ImageError as `read_heif`."""
-    return exif_of(_opened(path).info)
+    return _exif_of(_opened(path).info)
 
 
-def exif_of(info: dict[str, Any]) -> bytes:
+def _exif_of(info: dict[str, Any]) -> bytes:
     """The TIFF structure in what pillow-heif tells of a picture."""
     block = bytes(info.get("exif") or b"")
     return block[6:] if block.startswith(b"Exif\0\0") else block

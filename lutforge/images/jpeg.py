@@ -1,4 +1,4 @@
-"""JPEG files by libjpeg-turbo itself: 8-bit pixels in and out, and the metadata of a source in its copy.
+"""JPEG files by libjpeg-turbo itself: 8-bit pixels in and out, and every metadata segment byte for byte.
 
 simplejpeg decodes: it is the fastest of the packages, and tells of damage. Pillow encodes: of those that work outside
 Python's lock it alone takes quantization tables. Both hold a picture as red, green, blue and a fourth byte that means
@@ -7,7 +7,9 @@ nothing, which OpenColorIO packs fastest.
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from io import BytesIO, FileIO
+from mmap import mmap
 from pathlib import Path
 
 import numpy as np
@@ -16,18 +18,192 @@ from PIL import Image as Pillow
 
 from lutforge.arrays import Codes
 from lutforge.errors import ImageError
-from lutforge.images.jpeg_header import (
-    EOI,
-    ICC,
-    PREFIX,
-    SOI,
-    ExifPlaces,
-    JpegHeader,
-    Marker,
-    Segment,
-    exif_places,
-    read_header,
-)
+from lutforge.images.tiff import byte_order, number, offset_in, read_directory
+
+SOI, EOI = b"\xff\xd8", b"\xff\xd9"
+
+_ZIGZAG = sorted(range(64), key=lambda at: (at // 8 + at % 8, at // 8 if (at // 8 + at % 8) % 2 else at % 8))
+"""Place in the 8 × 8 table of each entry as a file stores it (ITU-T T.81, figure A.6)."""
+
+
+COMMENT, APP0, APP1, APP2, APP15 = 0xFE, 0xE0, 0xE1, 0xE2, 0xEF
+"""Second bytes of the markers of metadata segments (ITU-T T.81, table B.1)."""
+EXIF, ICC, PREVIEWS, ADOBE = (APP1, b"Exif\0\0"), (APP2, b"ICC_PROFILE\0"), (APP2, b"MPF\0"), (0xEE, b"Adobe")
+"""Marker and beginning of the segments that hold a TIFF structure, or a piece of an ICC profile (ICC.1:2022, B.4), that
+say where further pictures begin (Multi-Picture Format, CIPA DC-007), or how colours are coded (libjpeg.txt)."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A metadata segment. marker: its second byte, APP0 … APP15 or COM; body: without marker and length."""
+
+    marker: int
+    body: bytes
+
+    @property
+    def stored(self) -> bytes:
+        """The segment as it stands in a file."""
+        return b"\xff" + bytes([self.marker]) + struct.pack(">H", len(self.body) + 2) + self.body
+
+    def holds(self, kind: tuple[int, bytes]) -> bool:
+        """Whether it is of a kind such as EXIF."""
+        return self.marker == kind[0] and self.body.startswith(kind[1])
+
+
+@dataclass(frozen=True)
+class JpegHeader:
+    """What stands in front of a JPEG's pixels.
+
+    segments: the metadata, in the file's order. tables: 64 quantization steps for each component, row by row; sampling:
+    horizontal and vertical factors for each. plain: 8-bit YCbCr, Huffman-coded, as cameras write.
+    """
+
+    width: int
+    height: int
+    segments: tuple[Segment, ...]
+    tables: tuple[tuple[int, ...], ...]
+    sampling: tuple[tuple[int, int], ...]
+    plain: bool
+
+    @property
+    def exif(self) -> bytes | None:
+        """The TIFF structure of the EXIF segment; None where there is none."""
+        return next((segment.body[len(EXIF[1]) :] for segment in self.segments if segment.holds(EXIF)), None)
+
+    @property
+    def says_adobe_rgb(self) -> bool:
+        """True where EXIF says that the picture is in Adobe RGB, as DCF 2.0 has it."""
+        block = self.exif or b""
+        places = exif_places(block)
+        return places is not None and places.interoperability is not None and block[places.interoperability] == b"R03"
+
+    @property
+    def comments(self) -> tuple[str, ...]:
+        """The text of the comment segments."""
+        bodies = [segment.body for segment in self.segments if segment.marker == COMMENT]
+        return tuple(body.rstrip(b"\0").decode("utf-8", "replace") for body in bodies)
+
+    @property
+    def icc(self) -> bytes:
+        """The ICC profile, of all segments that hold a piece of it; empty where there is none."""
+        pieces = [segment.body[len(ICC[1]) :] for segment in self.segments if segment.holds(ICC)]
+        return b"".join(piece[2:] for piece in sorted(pieces, key=lambda piece: piece[:1]))
+
+    @property
+    def has_previews(self) -> bool:
+        """True where further pictures follow the first."""
+        return any(segment.holds(PREVIEWS) for segment in self.segments)
+
+    @property
+    def has_gain_map(self) -> bool:
+        """True where a gain map for HDR displays follows: Ultra HDR 1.1 says so in XMP, ISO 21496-1 in a segment."""
+        told = (b"ns.adobe.com/hdr-gain-map", b"urn:iso:std:iso:ts:21496:-1")
+        return any(
+            segment.marker in (APP1, APP2) and any(word in segment.body for word in told) for segment in self.segments
+        )
+
+
+def read_header(data: bytes | mmap) -> JpegHeader | None:
+    """Read what stands in front of the pixels; None for what is no JPEG, or a damaged one."""
+    segments: list[Segment] = []
+    tables: dict[int, tuple[int, ...]] = {}
+    frame, kind, at = b"", 0, 2
+    while data[:2] == SOI and at + 4 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker == 0xFF:  # a fill byte
+            at += 1
+            continue
+        body = data[at + 4 : at + 2 + int.from_bytes(data[at + 2 : at + 4], "big")]
+        if APP0 <= marker <= APP15 or marker == COMMENT:
+            segments.append(Segment(marker, body))
+        elif marker == 0xDB:
+            place = 0
+            while place < len(body):
+                wide = body[place] >> 4
+                steps = struct.unpack_from(">64H" if wide else "64B", body.ljust(place + 130, b"\1"), place + 1)
+                tables[body[place] & 15] = tuple(step for _, step in sorted(zip(_ZIGZAG, steps, strict=True)))
+                place += 129 if wide else 65
+        elif 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            frame, kind = body, marker
+        elif marker == 0xDA:
+            return _header(frame, kind, tables, tuple(segments))
+        at += 4 + len(body)
+    return None
+
+
+def metadata_end(data: bytes) -> int:
+    """Return the offset of the first byte after SOI and the metadata segments that follow it."""
+    at = 2
+    while data[at : at + 1] == b"\xff" and (APP0 <= data[at + 1] <= APP15 or data[at + 1] == COMMENT):
+        at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    return at
+
+
+def _header(
+    frame: bytes, kind: int, tables: dict[int, tuple[int, ...]], segments: tuple[Segment, ...]
+) -> JpegHeader | None:
+    if len(frame) < 6 or len(frame) < 6 + 3 * frame[5]:
+        return None
+    components = [frame[6 + 3 * index : 9 + 3 * index] for index in range(frame[5])]
+    if not all(selector in tables for _, _, selector in components):
+        return None
+    height, width = struct.unpack_from(">HH", frame, 1)
+    transform = [segment.body[11] for segment in segments if segment.holds(ADOBE) and len(segment.body) >= 12]
+    named_rgb = [name for name, _, _ in components] == list(b"RGB")
+    return JpegHeader(
+        width,
+        height,
+        segments,
+        tuple(tables[selector] for _, _, selector in components),
+        tuple((factors >> 4, factors & 15) for _, factors, _ in components),
+        plain=kind in (0xC0, 0xC1, 0xC2) and frame[0] == 8 and len(components) == 3
+        and (transform[-1] == 1 if transform else not named_rgb),
+    )  # fmt: skip
+
+
+# --- Places in an EXIF block, so that a value can be changed where it stands -----------------------------------------
+
+
+@dataclass(frozen=True)
+class ExifPlaces:
+    """Where values stand in a TIFF structure.
+
+    order: of bytes, as `struct` writes it. thumbnail: the JPEG of the second directory; colour_space: two bytes;
+    interoperability: three, "R98" for sRGB and "R03" for Adobe RGB (DCF 2.0); None where there is none.
+    """
+
+    order: str
+    thumbnail: slice | None = None
+    colour_space: slice | None = None
+    interoperability: slice | None = None
+
+
+def exif_places(block: bytes) -> ExifPlaces | None:
+    """Find the places in a TIFF structure, which begins with its byte order; None where it is damaged."""
+    order = byte_order(block)
+    if order is None or block[2:4] != struct.pack(f"{order}H", 42):
+        return None
+    try:  # by the tags of Exif 2.32: 4.5.4, 4.6.3, 4.6.5 and 4.6.7
+        first, following = read_directory(block, order, number(block, order, "I", 4))
+        exif = offset_in(block, order, first, 0x8769)
+        photo, _ = ({}, 0) if exif is None else read_directory(block, order, exif)
+        interoperability = offset_in(block, order, photo, 0xA005)
+        colours, _ = ({}, 0) if interoperability is None else read_directory(block, order, interoperability)
+        pictures, _ = read_directory(block, order, following) if following else ({}, 0)
+        start, length = (offset_in(block, order, pictures, tag) or 0 for tag in (0x0201, 0x0202))
+    except struct.error:  # an offset beyond the end
+        return None
+    thumbnail = slice(start, start + length) if 0 < start < start + length <= len(block) else None
+    at, name = (
+        entries[tag].place.start if tag in entries else None for entries, tag in ((photo, 0xA001), (colours, 1))
+    )
+    return ExifPlaces(
+        order, thumbnail, None if at is None else slice(at, at + 2), None if name is None else slice(name, name + 3)
+    )
+
+
+# --- Pixels, and the metadata of a source in its copy -----------------------------------------------------------------
+
 
 _SUBSAMPLING: Mapping[tuple[tuple[int, int], ...], int] = {
     ((1, 1), (1, 1), (1, 1)): 0,
@@ -75,18 +251,17 @@ def stored_metadata(segments: Sequence[Segment], plain: bool, comment: str) -> b
     What says where further pictures begin is left out, since these are not copied, and where colours are coded anew
     (not `plain`) what told of the old coding.
     """
-    kept = [segment.stored for segment in segments if not segment.tells_previews and (plain or not segment.is_adobe)]
-    return b"".join([SOI, *kept, Segment(Marker.COMMENT, comment.encode()[:65_000].ljust(16)).stored])
+    copied = [each for each in segments if not each.holds(PREVIEWS) and (plain or not each.holds(ADOBE))]
+    told = Segment(COMMENT, comment.encode()[:65_000].ljust(16))
+    return SOI + b"".join(each.stored for each in (*copied, told))
 
 
 def with_colours(segments: Sequence[Segment], profile: bytes | None, adobe_rgb: bool) -> tuple[Segment, ...]:
     """The segments with another ICC profile, or none, and EXIF that says Adobe RGB or sRGB where it says either."""
-    changed = [segment for segment in segments if not segment.is_icc]
+    changed = [segment for segment in segments if not segment.holds(ICC)]
     pieces = [] if profile is None else [profile[at : at + 65_000] for at in range(0, len(profile), 65_000)]
-    icc = [Segment(Marker.APP2, ICC + bytes([at, len(pieces)]) + piece) for at, piece in enumerate(pieces, 1)]
-    after = max(
-        (at + 1 for at, segment in enumerate(changed) if segment.marker in (Marker.APP0, Marker.EXIF)), default=0
-    )
+    icc = [Segment(APP2, ICC[1] + bytes([at, len(pieces)]) + piece) for at, piece in enumerate(pieces, 1)]
+    after = max((at + 1 for at, segment in enumerate(changed) if segment.marker in (APP0, APP1)), default=0)
     changed[after:after] = icc
 
     def colours(block: bytes, places: ExifPlaces) -> bytes:
@@ -126,9 +301,9 @@ def _with_exif(segments: Sequence[Segment], change: Callable[[bytes, ExifPlaces]
     """The segments with a change of the EXIF block that keeps its length."""
     changed = []
     for segment in segments:
-        block = segment.body[len(PREFIX) :]
-        places = exif_places(block) if segment.is_exif else None
-        changed.append(segment if places is None else Segment(Marker.EXIF, PREFIX + change(block, places)))
+        block = segment.body[len(EXIF[1]) :]
+        places = exif_places(block) if segment.holds(EXIF) else None
+        changed.append(segment if places is None else Segment(APP1, EXIF[1] + change(block, places)))
     return tuple(changed)
 
 

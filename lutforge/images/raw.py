@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -62,10 +61,25 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
     path = Path(path)
     require_file(path, "a RAW file", ImageError)
     with _translated(path), rawpy.imread(str(path)) as raw:
-        _require_plausible_size(path, raw)
-        _require_three_colours(path, raw)
+        # Above this a file's claimed size is not believed (the largest sensors have about 150 million). A file that
+        # claims more pixels than this per byte cannot hold them: it is truncated, or made to exhaust memory.
+        size, most = int(raw.sizes.raw_width) * int(raw.sizes.raw_height), path.stat().st_size
+        if size > 400_000_000 or size > 64 * most:
+            raise ImageError(
+                f"{path}: claims {raw.sizes.raw_width} × {raw.sizes.raw_height} pixels, which {most} bytes cannot "
+                "hold; the file is damaged"
+            )
+        names = raw.color_desc.decode("ascii", "replace")
+        if raw.num_colors == 1:
+            raise ImageError(f"{path}: a monochrome sensor; colour calibration needs three colours")
+        if raw.num_colors != 3 or not set("RGB") <= set(names):
+            raise ImageError(
+                f"{path}: a mosaic of {raw.num_colors} colours ({names}); only red-green-blue sensors are supported"
+            )
         # Before postprocess, which leaves sizes and colour indices changed.
-        colours = _colours(raw)
+        colours = np.zeros((0, 0), np.uint8)  # indices of the pattern that repeats over the visible mosaic
+        if raw.raw_type is rawpy.RawType.Flat and raw.raw_pattern is not None and raw.raw_image_visible.ndim == 2:
+            colours = np.roll(raw.raw_pattern, (-raw.sizes.top_margin, -raw.sizes.left_margin), axis=(0, 1))
         scale, clip_scale = _scales_to_saturation(raw, colours)
         clip_level = np.minimum(1.0, clip_levels(raw, colours) * clip_scale)
         steps = _steps_to_centre(colours) if half_size else np.zeros((3, 2), np.intp)
@@ -87,7 +101,7 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
         pixels = np.empty(rendered.shape, np.float32)
         clipped = (clip_level - 3e-5).astype(np.float32)  # LibRaw rounds white to one of the highest two of 16 bits
         _finish(rendered.view(np.uint16), (scale / 65535).astype(np.float32), clipped, steps, pixels)
-        other = raw.other
+        other, date = raw.other, raw.other.timestamp
         return RawImage(
             pixels=pixels,
             pixel_size=2.0 if half_size else 1.0,
@@ -101,7 +115,7 @@ def read_raw(path: Path | str, half_size: bool = False) -> RawImage:
             focal_mm=_positive_or_nan(other.focal_length),
             aperture=_positive_or_nan(other.aperture),
             lens=" ".join(str(raw.lens.model).split()),
-            taken=_exif_date(other.timestamp),
+            taken="" if date is None or date.year < 1980 else date.strftime("%Y:%m:%d %H:%M:%S"),  # the epoch: unknown
             d65=_multipliers(list(raw.daylight_whitebalance)) if np.any(raw.rgb_xyz_matrix) else None,
         )
 
@@ -126,27 +140,6 @@ def _translated(path: Path) -> Iterator[None]:
         if isinstance(error.__cause__, rawpy.LibRawFileUnsupportedError):
             raise ImageError(f"{path}: not a RAW file that LibRaw can read") from error
         raise
-
-
-def _require_plausible_size(path: Path, raw: rawpy.RawPy) -> None:
-    pixels = int(raw.sizes.raw_width) * int(raw.sizes.raw_height)
-    # Above this a file's claimed size is not believed (the largest sensors have about 150 million)
-    # A file that claims more pixels than this per byte cannot hold them: it is truncated, or made to exhaust memory
-    if pixels > 400_000_000 or pixels > 64 * path.stat().st_size:
-        raise ImageError(
-            f"{path}: claims {raw.sizes.raw_width} × {raw.sizes.raw_height} pixels, which "
-            f"{path.stat().st_size} bytes cannot hold; the file is damaged"
-        )
-
-
-def _require_three_colours(path: Path, raw: rawpy.RawPy) -> None:
-    colours = raw.color_desc.decode("ascii", "replace")
-    if raw.num_colors == 1:
-        raise ImageError(f"{path}: a monochrome sensor; colour calibration needs three colours")
-    if raw.num_colors != 3 or not set("RGB") <= set(colours):
-        raise ImageError(
-            f"{path}: a mosaic of {raw.num_colors} colours ({colours}); only red-green-blue sensors are supported"
-        )
 
 
 def _preview(raw: rawpy.RawPy) -> tuple[bytes | None, str]:
@@ -181,13 +174,6 @@ def _scales_to_saturation(raw: rawpy.RawPy, colours: NDArray[np.uint8]) -> tuple
     if not np.all(linear > black):
         return np.ones(3), np.ones(3)
     return nominal / (linear - black), (white - black) / (linear - black)
-
-
-def _colours(raw: rawpy.RawPy) -> NDArray[np.uint8]:
-    """Colour indices (n, n) of the pattern that repeats over the visible mosaic; (0, 0) where there is none."""
-    if raw.raw_type is not rawpy.RawType.Flat or raw.raw_pattern is None or raw.raw_image_visible.ndim != 2:
-        return np.zeros((0, 0), np.uint8)
-    return np.roll(raw.raw_pattern, (-raw.sizes.top_margin, -raw.sizes.left_margin), axis=(0, 1))
 
 
 def _steps_to_centre(colours: NDArray[np.uint8]) -> Index:
@@ -241,11 +227,6 @@ def _multipliers(camera: list[float]) -> Array | None:
     return values if np.all((values > 0.05) & (values < 20)) else None
 
 
-def _exif_date(taken: datetime | None) -> str:
-    """EXIF's form of a date; "" for what LibRaw says where it knows none, the epoch."""
-    return "" if taken is None or taken.year < 1980 else taken.strftime("%Y:%m:%d %H:%M:%S")
-
-
 def _positive_or_nan(value: float) -> float:
     return float(value) if math.isfinite(value) and value > 0 else math.nan
 
@@ -256,9 +237,8 @@ def _positive_or_nan(value: float) -> float:
 def clip_levels(raw: rawpy.RawPy, colours: NDArray[np.uint8]) -> Array:
     """Return the level (3,) at which each channel of a file saturates: 1 = LibRaw's nominal maximum.
 
-    That is the level, too, where the file does not show another.
-
-    colours: indices (n, n) of the pattern that repeats over the visible mosaic, (0, 0) where there is none.
+    That is the level, too, where the file does not show another. colours: indices (n, n) of the pattern that repeats
+    over the visible mosaic, (0, 0) where there is none.
     """
     levels = np.ones(3)
     if not colours.size:

@@ -1,6 +1,7 @@
 """Read an image file with OpenImageIO: pixels in the file's own encoding, and all of its metadata."""
 
 from dataclasses import dataclass
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import MAX_SAMPLES, reading, require_file
 from lutforge.errors import ImageError, one_line
 from lutforge.images.heif import Heif, is_heif, read_heif
+from lutforge.images.jpeg import read_header
 
 _OF_THE_SHOT = frozenset({"Make", "Model", "DateTime", "ExposureTime", "FNumber", "Software", "Artist", "Copyright"})
 """OpenImageIO's names of the tags of a picture's first directory that a graded one keeps."""
@@ -65,27 +67,29 @@ class ImageReader:
         if is_heif(path):
             raise ImageError(f"{path}: HEIF pictures are not read in regions; convert it to TIFF or JPEG")
         with reading(path, "an image", ImageError):
-            self._open(path)
-
-    def _open(self, path: Path) -> None:
-        config = oiio.ImageSpec()
-        config.attribute("oiio:UnassociatedAlpha", 1)
-        source = oiio.ImageInput.open(str(path), config)
-        if source is None:
-            reason = _reason(oiio.geterror())
-            raise ImageError(f"{path}: cannot be read as an image ({reason}); copy it again, or convert it to TIFF")
-        self._path, self._source = path, source
-        self.spec: oiio.ImageSpec = source.spec()
-        if self.spec.alpha_channel >= self.spec.nchannels:  # of a GIF, in OpenImageIO 3.2
-            self.spec.alpha_channel = self.spec.nchannels - 1
-        self.format: str = source.format_name()
-        if self.format == "jpeg" and (quality := jpeg_quality(path)) is not None:
-            self.spec.attribute("jpeg:quality", quality)
-        try:
-            _check_spec(path, self.spec)
-        except ImageError:
-            source.close()
-            raise
+            config = oiio.ImageSpec()
+            config.attribute("oiio:UnassociatedAlpha", 1)
+            source = oiio.ImageInput.open(str(path), config)
+            if source is None:
+                reason = _reason(oiio.geterror())
+                raise ImageError(f"{path}: cannot be read as an image ({reason}); copy it again, or convert it to TIFF")
+            self._path, self._source = path, source
+            spec = self.spec = source.spec()
+            if spec.alpha_channel >= spec.nchannels:  # of a GIF, in OpenImageIO 3.2
+                spec.alpha_channel = spec.nchannels - 1
+            self.format: str = source.format_name()
+            if self.format == "jpeg" and (quality := jpeg_quality(path)) is not None:
+                spec.attribute("jpeg:quality", quality)
+            problem = ""
+            if spec.deep or spec.depth > 1:
+                problem = "a deep or volume image; flatten it first"
+            elif min(spec.width, spec.height, spec.nchannels) < 1:
+                problem = f"the file claims {spec.width} x {spec.height} pixels"
+            elif max(spec.width, spec.height) > 300_000:  # the longest side, in pixels, that is believed
+                problem = f"claims {spec.width} x {spec.height} pixels, more than is believed"
+            if problem:
+                source.close()
+                raise ImageError(f"{path}: {problem}")
 
     @property
     def whole(self) -> Region:
@@ -192,27 +196,12 @@ def jpeg_quality(path: Path) -> int | None:
     libjpeg scales the table of ITU-T T.81, Annex K.1 (its entries sum to 3688) by 2 − quality / 50 from 50 upwards, and
     by 50 / quality below (jpeg_quality_scaling in its jcparam.c).
     """
-    with path.open("rb") as file:
-        head = file.read(1 << 18)
-    position = 2
-    while position + 4 <= len(head) and head[position] == 0xFF and head[position + 1] != 0xDA:
-        length = int.from_bytes(head[position + 2 : position + 4], "big")
-        table = head[position + 5 : position + 2 + length]
-        if head[position + 1] == 0xDB and len(table) >= 64 and head[position + 4] == 0:  # 8 bits, table 0
-            scale = max(sum(table[:64]) / 3688, 1e-3)
-            return int(np.clip(round(100 - 50 * scale if scale <= 1 else 50 / scale), 1, 100))
-        position += 2 + length
-    return None
-
-
-def _check_spec(path: Path, spec: oiio.ImageSpec) -> None:
-    if spec.deep or spec.depth > 1:
-        raise ImageError(f"{path}: a deep or volume image; flatten it first")
-    if min(spec.width, spec.height, spec.nchannels) < 1:
-        raise ImageError(f"{path}: the file claims {spec.width} x {spec.height} pixels")
-    # Longest side, in pixels, that is believed
-    if max(spec.width, spec.height) > 300_000:
-        raise ImageError(f"{path}: claims {spec.width} x {spec.height} pixels, more than is believed")
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+        header = read_header(data)
+    if header is None:
+        return None
+    scale = max(sum(header.tables[0]) / 3688, 1e-3)
+    return int(np.clip(round(100 - 50 * scale if scale <= 1 else 50 / scale), 1, 100))
 
 
 def _reason(text: str) -> str:

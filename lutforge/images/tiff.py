@@ -1,8 +1,10 @@
-"""Write TIFF files and their kin (DNG, DNG camera profiles): blocks, directories and fields (TIFF 6.0)."""
+"""TIFF files and their kin (EXIF, DNG, DNG camera profiles): directories and fields, read and written (TIFF 6.0)."""
 
 import struct
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
+from mmap import mmap
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -73,3 +75,53 @@ def rational_field(values: Iterable[float], signed: bool = False) -> Field:
     pairs = [Fraction(float(value)).limit_denominator(1_000_000) for value in values]
     numbers = [number for pair in pairs for number in pair.as_integer_ratio()]
     return 10 if signed else 5, len(pairs), struct.pack(f"<{len(numbers)}{'i' if signed else 'I'}", *numbers)
+
+
+# --- Reading ---------------------------------------------------------------------------------------------------------
+
+
+SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
+"""Bytes of a value of each type."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A field as a directory has it: its type (of SIZES), and where its values stand in the block."""
+
+    kind: int
+    place: slice
+
+
+def byte_order(head: bytes) -> str | None:
+    """The byte order that the first bytes of a structure state, as `struct` writes it; None for no structure."""
+    return {b"II": "<", b"MM": ">"}.get(head[:2])
+
+
+def number(block: bytes | mmap, order: str, code: str, at: int) -> int:
+    """The number at a place, of `struct`'s kind `code`. Raises struct.error outside the block."""
+    return int(struct.unpack_from(order + code, block, at)[0])
+
+
+def read_directory(block: bytes | mmap, order: str, offset: int, base: int = 0) -> tuple[dict[int, Entry], int]:
+    """The fields of a directory by tag, and the offset of the next directory, 0 for none.
+
+    offset: counts from `base`, as those do that the directory holds. A field counts once, and what does not lie in the
+    block is left out. Raises struct.error where the directory does not begin in it.
+    """
+    start = base + offset
+    if start < 0:
+        raise struct.error("a directory before its file")
+    end = start + 2 + 12 * number(block, order, "H", start)
+    entries: dict[int, Entry] = {}
+    for at in range(start + 2, min(end, len(block) - 11), 12):
+        tag, kind, count, value = struct.unpack_from(f"{order}HHII", block, at)
+        size = SIZES.get(kind, 0) * count
+        first = at + 8 if size <= 4 else base + value
+        if kind in SIZES and 0 <= first <= len(block) - size:
+            entries.setdefault(tag, Entry(kind, slice(first, first + size)))
+    return entries, number(block, order, "I", end) if end + 4 <= len(block) else 0
+
+
+def offset_in(block: bytes | mmap, order: str, entries: Mapping[int, Entry], tag: int) -> int | None:
+    """The offset that a field states; None where the directory has no such field."""
+    return number(block, order, "I", entries[tag].place.start) if tag in entries else None

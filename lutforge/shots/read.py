@@ -14,8 +14,7 @@ from lutforge.errors import ImageError, ShotError
 from lutforge.images.development import Development
 from lutforge.images.heif import is_heif, read_heif
 from lutforge.images.icc import is_srgb, profile_name, to_srgb
-from lutforge.images.jpeg import decode
-from lutforge.images.jpeg_header import read_header
+from lutforge.images.jpeg import decode, read_header
 from lutforge.images.raw import RawImage, read_raw
 from lutforge.images.read import read_image
 from lutforge.shots.align import register_rotated

@@ -29,7 +29,7 @@ from lutforge import child_processes
 from lutforge.boundary import reading
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif, read_heif_exif
-from lutforge.images.jpeg_header import SOI, read_header
+from lutforge.images.jpeg import SOI, read_header
 from lutforge.shots.containers import Buffer, Handle, is_ciff, read_ciff, tiff_blocks
 
 Value = str | tuple[int, ...]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from lutforge.atomic_write import atomic_path
 from lutforge.colour.srgb import SRGB_TO_XYZ
 from lutforge.errors import ImageError
-from lutforge.images.jpeg_header import read_header
+from lutforge.images.jpeg import read_header
 from lutforge.images.tiff import Field, TiffWriter, byte_field, long_field, rational_field, short_field, text_field
 
 CFA_COLORS: Final = "RGB"

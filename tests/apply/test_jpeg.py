@@ -20,9 +20,9 @@ from lutforge.apply.image import apply_image
 from lutforge.apply.jpeg import Canvases
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
-from lutforge.images.jpeg_header import JpegHeader, Segment, exif_places, read_header
-from lutforge.images.output_spec import IN_ANOTHER_SPACE
+from lutforge.images.jpeg import JpegHeader, Segment, exif_places, read_header
 from lutforge.images.read import read_image
+from lutforge.images.write import IN_ANOTHER_SPACE
 from lutforge.shots.tags import SOFTWARE, tags
 from tests.cases.pictures import write_cube
 

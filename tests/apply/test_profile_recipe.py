@@ -17,7 +17,7 @@ from lutforge.apply.setting_change import SettingChange
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer
 from lutforge.errors import ProfileError, SettingsError
-from lutforge.images.jpeg_header import read_header
+from lutforge.images.jpeg import read_header
 from lutforge.images.read import Image, read_image
 from lutforge.images.write import write_image
 from lutforge.luts.ops import Cube
