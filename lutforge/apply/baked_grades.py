@@ -1,22 +1,58 @@
 """The grades of camera profiles as LUTs: what `apply` does to pixels, and what the studio's preview shows."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
-from lutforge.apply.setting_change import SettingChange
 from lutforge.luts.bake import bake, grading_lut, grading_steps
 from lutforge.luts.ops import Cube, Matrix, Range
 from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import lattice_ops
-from lutforge.model.camera_profile import raw_to_balanced
+from lutforge.model.camera_profile import CameraProfile, match, raw_to_balanced
 from lutforge.model.coverage import Refinish, confidence
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice, grid, uniform_levels
+from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.transform import Transform, through_stages
 from lutforge.progress import Progress, silent
+from lutforge.settings import Selector
+
+
+@dataclass(frozen=True)
+class SettingChange:
+    """What a refinish changes: from settings of one camera to others of its own, or of another camera.
+
+    given: what `camera` made the picture with; wanted: of `look`, the camera whose look is wanted. ev: exposure change
+    in stops. transfer: RAW → RAW between the two cameras, where one was measured.
+    """
+
+    camera: CameraProfile
+    given: Selector
+    look: CameraProfile
+    wanted: Selector
+    ev: float = 0.0
+    transfer: RawTransfer | None = None
+
+    @property
+    def transform(self) -> Transform:
+        """The refinish (6.1), exact to the model."""
+        return match(self.camera, self.given, self.look, self.wanted, self.ev, transfer=self.transfer)
+
+    @property
+    def is_none(self) -> bool:
+        """True where both settings render alike."""
+        if self.look is not self.camera or self.ev or self.given.style != self.wanted.style:
+            return False
+        before, after = self.camera.multipliers(self.given), self.camera.multipliers(self.wanted)
+        return bool(np.allclose(before, after, rtol=1e-4))
+
+    def history(self, source: str) -> str:
+        """What was done, in one line for an image's history. source: what the picture was, settings or RAW."""
+        exposure = f", {self.ev:+g} EV" if self.ev else ""
+        return f"{self.camera.camera}: {source} -> {self.look.camera}: {self.wanted}{exposure}"
 
 
 class BakedGrades:
@@ -24,14 +60,12 @@ class BakedGrades:
 
     def __init__(self) -> None:
         self._luts: dict[object, Lut] = {}
-        # Pictures on automatic white balance each have a grade of their own.
-        self.refinish = lru_cache(16)(self._refinish)
+        # Only the last ones are kept: pictures on automatic white balance each have a grade of their own.
+        self.refinish: Callable[[SettingChange], Lut] = lru_cache(16)(
+            lambda change: grading_lut(change.transform, self.baked)
+        )
         self.confidence = lru_cache(16)(self._confidence)
-        self.processor: Callable[[Lut], OCIO.CPUProcessor] = lru_cache(16)(lambda lut: lut.processor())
-        self.codes: Callable[[Lut], OCIO.CPUProcessor] = lru_cache(16)(lambda lut: lut.processor(codes=True))
-
-    def _refinish(self, change: SettingChange) -> Lut:
-        return grading_lut(change.transform, self.baked)
+        self.processor: Callable[..., OCIO.CPUProcessor] = lru_cache(32)(Lut.processor)
 
     def develop(self, change: SettingChange) -> OCIO.CPUProcessor:
         """Return the processor that renders a camera's RAW.

@@ -4,9 +4,8 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from threading import Lock
 
@@ -14,13 +13,12 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.apply.grade import Recipe
 from lutforge.apply.image import REGION_SAMPLES, GradedImage
-from lutforge.apply.inputs import Input
-from lutforge.apply.job import Job, Outcome, run_job
-from lutforge.apply.journal import add_to_journal, read_journal
-from lutforge.apply.jpeg import Canvases
+from lutforge.apply.inputs import Input, resolver
+from lutforge.apply.job import Job, Outcome, add_to_journal, read_journal, run_job
 from lutforge.atomic_write import remove_temporaries
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif
+from lutforge.progress import Progress, silent
 from lutforge.shots.discover import RAW_SUFFIXES
 
 
@@ -42,78 +40,81 @@ class BatchResult:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Progress:
-    """How far a batch is. share: of the work, in [0, 1]; pixels: graded so far; source: the image finished last."""
-
-    images: int
-    total: int
-    pixels: int
-    share: float
-    seconds: float
-    source: Path | None
-
-
-Report = Callable[[Progress], None]
-"""Called, in the calling thread, after each image and a few times a second."""
-
-
 def apply_batch(
     recipe: Recipe,
     images: Sequence[Input | str | Path],
     folder: str | Path,
     suffix: str | None = None,
     workers: int | None = None,
-    progress: Report | None = None,
+    progress: Progress = silent,
     resume: bool = False,
     scheduler: str | None = None,
     quality: int | None = None,
 ) -> BatchResult:
     """Grade images into a folder under their own names; each output is written whole or not at all.
 
-    suffix: such as ".exr", for another format. workers: threads, by default one per core. resume: what an earlier run
-    did by this recipe is skipped where neither the source nor the output has changed since. scheduler: the address of a
-    Dask cluster that does the work. quality: as of `apply_image`. Raises ImageError where two inputs would become one
-    output or an output would replace an input, LutForgeError where the recipe is wrong for all images; then nothing is
+    suffix: such as ".exr", for another format. workers: threads, by default one per core. progress: called, in this
+    thread, with the rate of work, after each image and a few times a second. resume: what an earlier run did by this
+    recipe is skipped where neither the source nor the output has changed since. scheduler: the address of a Dask
+    cluster that does the work. quality: as of `apply_image`. Raises ImageError where two inputs would become one output
+    or an output would replace an input, LutForgeError where the recipe is wrong for all images; then nothing is
     written.
     """
     folder = Path(folder)
     inputs = [image if isinstance(image, Input) else Input(Path(image), Path(Path(image).name)) for image in images]
-    inputs, repeated = _without_repetitions(inputs)
     jobs = plan_jobs(inputs, folder, suffix, quality)
     recipe.check()
     remove_temporaries(job.target for job in jobs)
-    already = _already_done(recipe, jobs, folder) if resume else set()
-    left = [job for job in jobs if job not in already]
-    tally = _Tally(len(jobs), len(already), report=progress)
+    already: set[Job] = set()
+    if resume:
+        records = read_journal(folder)
+        for job in jobs:
+            record = records.get(str(job.target.absolute()))
+            if record is not None and record.still_true(job.key(recipe), job.source):
+                already.add(job)
+    waiting = [job for job in jobs if job not in already]
     outcomes: dict[Job, Outcome] = {}
-    notes = [f"{source}: given twice; graded once" for source in dict.fromkeys(repeated)]
+    notes: list[str] = []
+    pixels, share, began, lock = 0, float(len(already)), time.monotonic(), Lock()
+
+    def add(more: int, part: float) -> None:
+        """Called from the threads of images in work."""
+        nonlocal pixels, share
+        with lock:
+            pixels, share = pixels + more, share + part
+
     if scheduler is None:
-        running = _run_here(recipe, left, workers or os.cpu_count() or 1, tally)
+        running = _run_here(recipe, waiting, workers or os.cpu_count() or 1, add)
     else:
         from lutforge.apply.cluster import run_on_cluster  # loads Dask
 
-        running = run_on_cluster(scheduler, recipe, left)
+        running = run_on_cluster(scheduler, recipe, waiting)
     for outcome in running:
-        if outcome is None:
-            tally.tell(None)
-            continue
-        outcomes[outcome.job] = outcome
-        if outcome.record is not None:
-            try:
-                add_to_journal(folder, outcome.record)
-            except OSError as error:
-                notes.append(f"{outcome.job.target}: graded, but --resume will not know of it ({error.strerror})")
-        if scheduler is not None and outcome.applied is not None:
-            tally.add(outcome.applied.width * outcome.applied.height, 1.0)
-        tally.finish(outcome.job.source)
-    failed = [Failure(job.source, outcomes[job].reason) for job in left if outcomes[job].applied is None]
+        if outcome is not None:
+            outcomes[outcome.job] = outcome
+            if outcome.record is not None:
+                try:
+                    add_to_journal(folder, outcome.record)
+                except OSError as error:
+                    target = outcome.job.target
+                    notes.append(f"{target}: graded, but --resume will not know of it ({error.strerror})")
+            if scheduler is not None and outcome.applied is not None:
+                add(outcome.applied.width * outcome.applied.height, 1.0)
+        images_done = len(already) + len(outcomes)
+        progress(rate(images_done, pixels, time.monotonic() - began), min(1.0, max(share, images_done) / len(jobs)))
+    failed = [Failure(job.source, outcomes[job].reason) for job in waiting if outcomes[job].applied is None]
     return BatchResult(
-        tuple(applied for job in left if (applied := outcomes[job].applied) is not None),
+        tuple(applied for job in waiting if (applied := outcomes[job].applied) is not None),
         tuple(failed),
         tuple(job.target for job in jobs if job in already),
         tuple(notes),
     )
+
+
+def rate(images: int, pixels: int, seconds: float) -> str:
+    """How fast images are graded, in words."""
+    seconds = max(seconds, 1e-3)
+    return f"{images / seconds:.2g} images/s, {pixels / 1e6 / seconds:.3g} Mpixel/s"
 
 
 def plan_jobs(
@@ -135,7 +136,7 @@ def plan_jobs(
         raw = image.place.suffix.lower() in RAW_SUFFIXES
         chosen = suffix or (".jpg" if raw or is_heif(image.place) else image.place.suffix)
         jobs.append(Job(image.path, folder / image.place.with_suffix(chosen), quality))
-    resolved = _resolver()
+    resolved = resolver()
     sources = {resolved(job.source) for job in jobs}
     seen: dict[str, Path] = {}
     for job in jobs:
@@ -149,114 +150,41 @@ def plan_jobs(
     return jobs
 
 
-def _without_repetitions(inputs: Sequence[Input]) -> tuple[list[Input], list[Path]]:
-    """The inputs, each once, and the paths of those that were given again: the same file, to become the same output.
-
-    Links with names of their own are images of their own.
-    """
-    first: dict[tuple[Path, Path], Input] = {}
-    resolved = _resolver()
-    repeated = [
-        image.path for image in inputs if first.setdefault((resolved(image.path), image.place), image) is not image
-    ]
-    return list(first.values()), repeated
-
-
-def _resolver() -> Callable[[Path], Path]:
-    """A function that resolves paths as `Path.resolve`, but each folder once: it holds most of thousands of files."""
-    folder = cache(Path.resolve)
-
-    def resolved(path: Path) -> Path:
-        linked = os.path.islink(path)  # noqa: PTH114 - Path.is_symlink raises where nothing may be read
-        return path.resolve() if linked else folder(path.parent) / path.name
-
-    return resolved
-
-
-def _already_done(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> set[Job]:
-    records = read_journal(folder)
-    done = set()
-    for job in jobs:
-        record = records.get(str(job.target.absolute()))
-        if record is not None and record.still_true(job.key(recipe), job.source, job.target):
-            done.add(job)
-    return done
-
-
-class _Tally:
-    """What has been done so far; images in work tell it from their threads."""
-
-    def __init__(self, total: int, done: int, report: Report | None) -> None:
-        self._total, self._images, self._report = total, done, report
-        self._pixels, self._share = 0, float(done)
-        self._began, self._lock = time.monotonic(), Lock()
-
-    def add(self, pixels: int, share: float) -> None:
-        with self._lock:
-            self._pixels += pixels
-            self._share += share
-
-    def finish(self, source: Path) -> None:
-        self._images += 1
-        self.tell(source)
-
-    def tell(self, source: Path | None) -> None:
-        if self._report is not None:
-            share = max(self._share, self._images) / max(1, self._total)
-            seconds = time.monotonic() - self._began
-            self._report(Progress(self._images, self._total, self._pixels, min(1.0, share), seconds, source))
-
-
-def _run_here(recipe: Recipe, jobs: Sequence[Job], workers: int, tally: "_Tally") -> Iterator[Outcome | None]:
+def _run_here(
+    recipe: Recipe, jobs: Sequence[Job], workers: int, progress: Callable[[int, float], None]
+) -> Iterator[Outcome | None]:
     """The outcomes as they come, and None a few times a second meanwhile.
 
     As many images are in work as there are threads, one more waits in the pool for the first that is free, and the
     system is asked to fetch those behind, so that no core waits for a disk. Where there are fewer images than threads,
-    each gets several.
+    each gets several. progress: as of `apply_image`.
     """
     at_once = max(1, min(workers, len(jobs)))
     threads = max(1, workers // at_once)
     # With less than a million values (4 MB), the work between two calls of a codec gets too small.
     samples = max(1_000_000, REGION_SAMPLES // at_once)
-    canvases = Canvases(at_once)
     begun = 0
-    with _codec_threads(threads), ThreadPoolExecutor(at_once) as pool:
-        running: set[Future[Outcome]] = set()
-        try:
-            while True:
-                while begun < len(jobs) and len(running) <= at_once:
-                    job = jobs[begun]
-                    running.add(pool.submit(run_job, recipe, job, threads, samples, tally.add, canvases))
-                    begun += 1
-                    if begun + at_once <= len(jobs):
-                        _fetch(jobs[begun + at_once - 1].source)
-                if not running:
-                    return
-                finished, running = wait(running, timeout=0.2, return_when=FIRST_COMPLETED)
-                yield from (future.result() for future in finished)
-                if not finished:
-                    yield None
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _fetch(path: Path) -> None:
-    """Ask the system to load a file that will be read soon, without waiting; do nothing where it cannot be asked."""
-    if hasattr(os, "posix_fadvise"):
-        with suppress(OSError):
-            if path.is_file():  # to open a pipe would take what another program writes to it
-                with path.open("rb") as file:
-                    os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_WILLNEED)
-
-
-@contextmanager
-def _codec_threads(count: int) -> Iterator[None]:
-    """Let OpenImageIO's own codecs use this many threads per image."""
-    before = {name: oiio.get_int_attribute(name) for name in ("threads", "exr_threads")}
-    oiio.attribute("threads", count)
-    oiio.attribute("exr_threads", count if count > 1 else -1)
+    running: set[Future[Outcome]] = set()
+    codecs = {name: oiio.get_int_attribute(name) for name in ("threads", "exr_threads")}
+    oiio.attribute("threads", threads)  # OpenImageIO's own, per image
+    oiio.attribute("exr_threads", threads if threads > 1 else -1)
+    pool = ThreadPoolExecutor(at_once)
     try:
-        yield
+        while begun < len(jobs) or running:
+            while begun < len(jobs) and len(running) <= at_once:
+                running.add(pool.submit(run_job, recipe, jobs[begun], threads, samples, progress))
+                begun += 1
+                if begun + at_once <= len(jobs) and hasattr(os, "posix_fadvise"):
+                    ahead = jobs[begun + at_once - 1].source
+                    with suppress(OSError):
+                        if ahead.is_file():  # to open a pipe would take what another program writes to it
+                            with ahead.open("rb") as file:
+                                os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_WILLNEED)
+            finished, running = wait(running, timeout=0.2, return_when=FIRST_COMPLETED)
+            yield from (future.result() for future in finished)
+            if not finished:
+                yield None
     finally:
-        for name, value in before.items():
+        pool.shutdown(cancel_futures=True)
+        for name, value in codecs.items():
             oiio.attribute(name, value)

@@ -57,27 +57,21 @@ def grade_floats(
             block = after[at : at + BLOCK]
             if result is not source:
                 block[:] = before[at : at + BLOCK]
-            _grade_block(processor, block, premultiplied)
+            if channels == 3:
+                processor.applyRGB(block)
+                continue
+            colours = np.ascontiguousarray(block[:, :3])
+            if premultiplied:
+                alpha = block[:, 3:4]
+                covered = np.where(alpha > 0, alpha, np.float32(1))
+                colours /= covered
+                processor.applyRGB(colours)
+                block[:, :3] = np.where(alpha > 0, colours * covered, block[:, :3])
+            else:
+                processor.applyRGB(colours)
+                block[:, :3] = colours
 
-    starts = range(0, len(before), 2 * BLOCK)
-    for _ in map(grade, starts) if threads is None or len(starts) == 1 else threads.map(grade, starts):
-        pass
-
-
-def _grade_block(processor: OCIO.CPUProcessor, block: Pixels, premultiplied: bool) -> None:
-    if block.shape[1] == 3:
-        processor.applyRGB(block)
-        return
-    colours = np.ascontiguousarray(block[:, :3])
-    if premultiplied:
-        alpha = block[:, 3:4]
-        covered = np.where(alpha > 0, alpha, np.float32(1))
-        colours /= covered
-        processor.applyRGB(colours)
-        block[:, :3] = np.where(alpha > 0, colours * covered, block[:, :3])
-        return
-    processor.applyRGB(colours)
-    block[:, :3] = colours
+    _in_pieces(grade, range(0, len(before), 2 * BLOCK), threads)
 
 
 def grade_codes(
@@ -98,7 +92,10 @@ def grade_codes(
         if done is not None:
             done(min(piece, len(flat) - start))
 
-    starts = range(0, len(flat), piece)
+    _in_pieces(grade, range(0, len(flat), piece), threads)
+
+
+def _in_pieces(grade: Callable[[int], None], starts: range, threads: Executor | None) -> None:
     for _ in map(grade, starts) if threads is None or len(starts) == 1 else threads.map(grade, starts):
         pass
 

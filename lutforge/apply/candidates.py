@@ -1,6 +1,5 @@
 """A contact sheet of a picture under presumed white balances, for one that tells none (thesis, chapter 6)."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from lutforge.images.read import Image, read_image
 from lutforge.images.write import upright, write_image
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import temperature_range
-from lutforge.settings import Kelvin, Multipliers, Selector, parse_selector
+from lutforge.settings import Kelvin, Multipliers, Selector
 from lutforge.shots.picture_settings import read_picture_settings
 
 GAP, LABEL = 8, 40
@@ -32,23 +31,22 @@ def candidates(camera: CameraProfile, style: str) -> list[Selector]:
     bluest to the reddest of the shots that it was calibrated from.
     """
     balances = camera.white_balances
+    presumed: list[Selector] = []
     try:
         low, high = temperature_range(balances)
     except SettingsError:
-        return [candidate for name in balances for candidate in _around(camera, style, name)]
+        for name, balance in balances.items():
+            if balance.spread <= STEADY or camera.raw_camera:
+                presumed.append(Selector(style, name))
+                continue
+            red, _, blue = balance.multipliers
+            ratios = ((1 + balance.spread) ** np.linspace(-1.0, 1.0, 11)).tolist()
+            presumed += [Selector(style, Multipliers((round(red * k, 3), 1.0, round(blue / k, 3)))) for k in ratios]
+        return presumed
     kelvins = 1e6 / np.linspace(1e6 / low, 1e6 / high, 12)
     rounded = np.clip(np.rint(kelvins / 50), np.ceil(low / 50), np.floor(high / 50)) * 50
     lamps = [name for name in balances if "fluorescent" in name]
     return [Selector(style, Kelvin(float(kelvin))) for kelvin in rounded] + [Selector(style, name) for name in lamps]
-
-
-def _around(camera: CameraProfile, style: str, name: str) -> list[Selector]:
-    balance = camera.white_balances[name]
-    if balance.spread <= STEADY or camera.raw_camera:
-        return [Selector(style, name)]
-    red, _, blue = balance.multipliers
-    ratios = (1 + balance.spread) ** np.linspace(-1.0, 1.0, 11)
-    return [Selector(style, Multipliers((round(red * k, 3), 1.0, round(blue / k, 3)))) for k in ratios.tolist()]
 
 
 def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[str, ...]:
@@ -59,22 +57,30 @@ def candidate_sheet(recipe: ProfileRecipe, source: Path, sheet: Path) -> tuple[s
     """
     settings = read_picture_settings(source)
     camera, _ = choose_camera(source, settings, recipe.cameras, recipe.source is not None)
-    asked = parse_selector(recipe.source).style if recipe.source else AS_SHOT
-    style = settings.style if asked == AS_SHOT else asked
+    style = settings.style if recipe.asked.style == AS_SHOT else recipe.asked.style
     if style not in camera.styles:
         known = ", ".join(sorted(camera.styles))
         raise SettingsError(f'{source}: unknown style "{style}"; name it with --from STYLE/auto, of {known}')
-    small, pictures = read_small(source, 480 * 360), []
-    for given in candidates(camera, style):
+    small, presumed = read_small(source, 480 * 360), candidates(camera, style)
+    height, width = small.shape[:2]
+    columns = min(4, len(presumed))
+    rows = -(-len(presumed) // columns)
+    cell = (height + LABEL + GAP, width + GAP)
+    page = oiio.ImageBuf(np.full((rows * cell[0] + GAP, columns * cell[1] + GAP, 3), 0.18, dtype=np.float32))
+    for place, given in enumerate(presumed):
         change = recipe.change(camera, given)
-        if recipe.keeps_white_balance:
+        if recipe.shift is not None:
             first = Selector(change.wanted.style, next(iter(change.look.white_balances)))
             change = replace(change, wanted=change.look.selector(first))
-        processor = recipe.chain(change).processor()
-        pictures.append((str(given), apply_to_pixels(processor, small)))
-    page = _page(pictures)
-    write_image(sheet, page, Image(page, oiio.ImageSpec(page.shape[1], page.shape[0], 3, "uint8")))
-    return tuple(name for name, _ in pictures)
+        picture = apply_to_pixels(recipe.baked_grades.refinish(change).processor(), small)
+        row, column = divmod(place, columns)
+        left, top = GAP + column * cell[1], GAP + row * cell[0]
+        oiio.ImageBufAlgo.paste(page, left, top + LABEL, 0, 0, oiio.ImageBuf(np.ascontiguousarray(picture)))
+        colour = (0.92, 0.92, 0.92)
+        oiio.ImageBufAlgo.render_text(page, left, top + LABEL - 12, str(given), 24, textcolor=colour)
+    pixels = np.ascontiguousarray(page.get_pixels(oiio.FLOAT), dtype=np.float32)
+    write_image(sheet, pixels, Image(pixels, oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint8")))
+    return tuple(map(str, presumed))
 
 
 def read_small(path: Path, most: int) -> Pixels:
@@ -95,18 +101,3 @@ def read_small(path: Path, most: int) -> Pixels:
         pixels = pixels[: height // factor * factor, : width // factor * factor]
         pixels = pixels.reshape(height // factor, factor, width // factor, factor, 3).mean(axis=(1, 3))
     return np.ascontiguousarray(pixels, dtype=np.float32)
-
-
-def _page(pictures: Sequence[tuple[str, Pixels]]) -> Pixels:
-    height, width = pictures[0][1].shape[:2]
-    columns = min(4, len(pictures))
-    rows = -(-len(pictures) // columns)
-    cell = (height + LABEL + GAP, width + GAP)
-    shape = (rows * cell[0] + GAP, columns * cell[1] + GAP, 3)
-    page = oiio.ImageBuf(np.full(shape, 0.18, dtype=np.float32))
-    for place, (name, picture) in enumerate(pictures):
-        row, column = divmod(place, columns)
-        left, top = GAP + column * cell[1], GAP + row * cell[0]
-        oiio.ImageBufAlgo.paste(page, left, top + LABEL, 0, 0, oiio.ImageBuf(np.ascontiguousarray(picture)))
-        oiio.ImageBufAlgo.render_text(page, left, top + LABEL - 12, name, 24, textcolor=(0.92, 0.92, 0.92))
-    return np.ascontiguousarray(page.get_pixels(oiio.FLOAT), dtype=np.float32)

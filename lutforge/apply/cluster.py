@@ -7,17 +7,24 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, replace
 from importlib import import_module
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, TypeVar
 
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.apply.grade import Recipe
 from lutforge.apply.job import Job, Outcome, run_job
 from lutforge.errors import LutForgeError
+
+Sent = TypeVar("Sent", Recipe, Job)
+
+_RECIPES: dict[str, Recipe] = {}
+"""The recipe that this worker has prepared, by its key."""
+
+_PREPARING = Lock()
 
 
 def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterator[Outcome]:
@@ -102,40 +109,32 @@ def _outcomes(batch: Sequence[Job], future: Any) -> Iterator[Outcome]:
         answers: list[Outcome] = future.result()
     except Exception as error:  # whatever went wrong there: the other images are graded
         line = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
-        for job in batch:
-            yield Outcome(job, reason=f"{job.source}: the cluster did not grade it ({line})")
-        return
+        answers = [Outcome(job, reason=f"{job.source}: the cluster did not grade it ({line})") for job in batch]
     for job, answer in zip(batch, answers, strict=True):
-        yield _checked(job, answer)
+        if answer.applied is None or answer.record is None:
+            yield replace(answer, job=job)
+            continue
+        # How long a file that another machine wrote may take to appear on this one, as on network file systems it does
+        until = time.monotonic() + 10
+        output = answer.record.output
+        while not output.still_true() and time.monotonic() < until:
+            time.sleep(0.2)
+        if output.still_true():
+            yield Outcome(job, replace(answer.applied, source=job.source, target=job.target), answer.record)
+        else:
+            yield Outcome(job, reason=f"{output.path}: a worker wrote it, but it is not here, or is another file")
 
 
-def _checked(job: Job, outcome: Outcome) -> Outcome:
-    """A worker's answer for one image, whose files must be here."""
-    if outcome.applied is None or outcome.record is None:
-        return replace(outcome, job=job)
-    # How long a file that another machine wrote may take to appear on this one, as on network file systems it does
-    until = time.monotonic() + 10
-    output = outcome.record.output
-    while not output.still_true():
-        if time.monotonic() > until:
-            return Outcome(job, reason=f"{output.path}: a worker wrote it, but it is not here, or is another file")
-        time.sleep(0.2)
-    applied = replace(outcome.applied, source=job.source, target=job.target)
-    return Outcome(job, applied, outcome.record)
+def _with_absolute_paths(record: Sent) -> Sent:
+    """A copy for machines with another working folder, of the fields alone: without what was computed from them."""
 
+    def absolute(value: object) -> object:
+        if isinstance(value, tuple):
+            return tuple(map(absolute, value))
+        return value.absolute() if isinstance(value, Path) else value
 
-def _with_absolute_paths(record: Any) -> Any:
-    """A copy of a dataclass, for machines with another working folder."""
-    if not is_dataclass(record) or isinstance(record, type):
-        return record
-    paths = {field.name: getattr(record, field.name) for field in fields(record) if field.init}
-    return replace(record, **{name: path.absolute() for name, path in paths.items() if isinstance(path, Path)})
-
-
-_RECIPES: dict[str, Recipe] = {}
-"""The recipe that this worker has prepared, by its key."""
-
-_PREPARING = Lock()
+    changes: dict[str, Any] = {field.name: absolute(getattr(record, field.name)) for field in fields(record)}
+    return replace(record, **changes)
 
 
 def _run_there(recipe: Recipe, key: str, jobs: Sequence[Job]) -> list[Outcome]:

@@ -62,39 +62,11 @@ def colour_space(source: Path, spec: oiio.ImageSpec, format: str, jpeg: JpegHead
     return TELL_ADOBE_RGB if in_adobe_rgb(tags(source)) else {}
 
 
-def wrong_light(grade: Grade, format: str, source: oiio.ImageSpec, output: oiio.ImageSpec) -> Iterator[str]:
-    """Yield notes on scene-linear light in 8-bit files, which hardly ever hold it, and on formats that are made for it.
-
-    format: of the source, as `Image.format`.
-    """
-    if grade.for_srgb and not grade.raw and format in ("openexr", "hdr"):
-        yield "such a file holds scene-linear light, as a rule, and this grade takes encoded sRGB: encode it first"
-    if grade.takes_linear and not grade.raw and str(source.format) == "uint8":
-        yield "scene-linear light is what this grade takes, and 8-bit pictures are encoded: linearize them first"
-    if grade.gives_linear and str(output.format) == "uint8":
-        yield "scene-linear light in 8 bits shows bands: keep it in half or float, with --suffix .exr"
-
-
-def check_space(path: Path, grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> None:
-    """Raise ImageError where a picture is in no sRGB, and its grade is for sRGB. attributes: what it will get."""
-    if grade.for_srgb and (name := _other_space(grade, source, attributes)):
-        raise ImageError(f"{path}: the picture is in {name}, and this grade is for sRGB; convert it to sRGB first")
-
-
-def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> Iterator[str]:
-    """Yield a note on a picture that is not in sRGB, unless the grade sets its space, or whose profile is broken.
+def other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> str:
+    """The name of a picture's space where it is not sRGB and the grade does not know so, else "".
 
     attributes: of the output.
     """
-    if name := _other_space(grade, source, attributes):
-        yield f"the picture is in {name}, and was graded as it is: what is made for sRGB wants it converted"
-    profile = source.getattribute("ICCProfile")
-    if profile is not None and is_broken(bytes(profile)):
-        yield "the picture's ICC profile is broken: its colours were taken as they are"
-
-
-def _other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, object]) -> str:
-    """The name of a picture's space where it is not sRGB and the grade does not know so, else ""."""
     if "ICCProfile" in grade.attributes:
         return ""
     if "ICCProfile" in attributes:
@@ -103,16 +75,6 @@ def _other_space(grade: Grade, source: oiio.ImageSpec, attributes: Mapping[str, 
     if profile is None or is_srgb(bytes(profile)):
         return ""
     return source.get_string_attribute("ICCProfile:profile_description").strip() or "a space without a name"
-
-
-def layers(spec: oiio.ImageSpec) -> Iterator[str]:
-    """Yield notes on a file whose graded channels have unusual names, or that has further layers."""
-    graded, others = spec.channelnames[:3], spec.channelnames[3:]
-    if tuple(_last_words(graded)) not in _RGB:
-        yield f"the channels {', '.join(graded)} were graded as red, green and blue"
-    found = dict.fromkeys(name.rpartition(".")[0] for name in others if name.lower().endswith((".r", ".red")))
-    if found:
-        yield f"{', '.join(graded)} were graded; the layers {', '.join(found)} are as they were"
 
 
 def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
@@ -132,8 +94,33 @@ def count_doubtful(pixels: Pixels, confidence: Pixels | None) -> Index:
     return np.array([clipped, unlike, broken])
 
 
-def doubts(doubtful: Index, count: int) -> Iterator[str]:
-    """Yield notes on the pixels of `count_doubtful`: on clipped and unlike ones if more than one in a thousand."""
+def notes_on(
+    grade: Grade, format: str, source: oiio.ImageSpec, output: oiio.ImageSpec, space: str, doubtful: Index
+) -> Iterator[str]:
+    """Yield what the user should know of the colours of a graded image.
+
+    format: of the source, as `Image.format`; space: as `other_space` names it; doubtful: as `count_doubtful` sums them.
+    """
+    # Scene-linear light in 8-bit files, which hardly ever hold it, and in formats that are made for it
+    if grade.for_srgb and not grade.raw and format in ("openexr", "hdr"):
+        yield "such a file holds scene-linear light, as a rule, and this grade takes encoded sRGB: encode it first"
+    if grade.takes_linear and not grade.raw and str(source.format) == "uint8":
+        yield "scene-linear light is what this grade takes, and 8-bit pictures are encoded: linearize them first"
+    if grade.gives_linear and str(output.format) == "uint8":
+        yield "scene-linear light in 8 bits shows bands: keep it in half or float, with --suffix .exr"
+    if space:
+        yield f"the picture is in {space}, and was graded as it is: what is made for sRGB wants it converted"
+    profile = source.getattribute("ICCProfile")
+    if profile is not None and is_broken(bytes(profile)):
+        yield "the picture's ICC profile is broken: its colours were taken as they are"
+    # Graded channels with unusual names, and further layers
+    graded, others = ", ".join(source.channelnames[:3]), source.channelnames[3:]
+    if tuple(_last_words(source.channelnames[:3])) not in _RGB:
+        yield f"the channels {graded} were graded as red, green and blue"
+    layers = dict.fromkeys(name.rpartition(".")[0] for name in others if name.lower().endswith((".r", ".red")))
+    if layers:
+        yield f"{graded} were graded; the layers {', '.join(layers)} are as they were"
+    count = source.width * source.height
     clipped, unlike, broken = (int(number) for number in doubtful)
     if clipped > 0.001 * count:
         yield f"{clipped / count:.1%} of the pixels are clipped; what they lost stays neutral"

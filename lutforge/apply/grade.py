@@ -1,11 +1,12 @@
 """Recipes and grades: a recipe says how a batch grades any image, and gives the grade of each image."""
 
 import hashlib
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
@@ -55,23 +56,20 @@ class Grade:
     marks_clipped: bool = False
 
 
-def unchanged(history: str) -> Grade:
-    """Return the grade of a picture that has the wanted settings already: it is copied, or saved in another format."""
-    nothing = OCIO.Config.CreateRaw().getProcessor(OCIO.MatrixTransform())
-    told = ("it was made with these settings: nothing to change",)
-    return Grade(nothing.getDefaultCPUProcessor(), history, notes=told, unchanged=True, codes=of_codes(nothing))
+@dataclass(frozen=True)
+class Recipe(ABC):
+    """How to grade any image. Its fields are paths and settings only, so that another machine can rebuild it."""
 
-
-class Recipe(Protocol):
-    """How to grade any image. Picklable: it holds paths and settings only, so that another machine can rebuild it."""
-
-    @property
+    @cached_property
     def key(self) -> str:
-        """A fingerprint of all that decides the result; see `fingerprint`."""
+        """A fingerprint of all that decides the result."""
+        return fingerprint(type(self).__name__, *(getattr(self, field.name) for field in fields(self)))
 
     def check(self) -> None:
         """Raise LutForgeError where what all images share is wrong, so that none can be graded."""
+        self.grade(Path())
 
+    @abstractmethod
     def grade(self, source: Path) -> Grade:
         """The grade of one image, made once where images share it. Raises LutForgeError: this image fails."""
 
@@ -84,47 +82,25 @@ def fingerprint(*parts: object) -> str:
     """
     total = hashlib.sha256(f"{__version__} {OCIO.__version__}".encode())
     for part in parts:
+        text = fingerprint(*part) if isinstance(part, tuple) else repr(part)
         try:
-            data = part.read_bytes() if isinstance(part, Path) else repr(part).encode()
+            data = part.read_bytes() if isinstance(part, Path) else text.encode()
         except OSError as error:
             raise LutError(f"{part}: {error.strerror or 'cannot be opened'}") from error
         total.update(hashlib.sha256(data).digest())
     return total.hexdigest()
 
 
-class Rebuilt:
-    """A base of dataclasses that are pickled as their fields alone, without cached properties."""
-
-    def __reduce__(self) -> tuple[object, ...]:
-        mine: Any = self
-        return type(self), tuple(getattr(self, field.name) for field in fields(mine))
-
-
-class _OneForAll(Rebuilt):
-    """A recipe whose grade is the same for all images."""
-
-    def check(self) -> None:
-        _ = self._grade
-
-    def grade(self, source: Path) -> Grade:
-        return self._grade
-
-    @cached_property
-    def _grade(self) -> Grade:
-        raise NotImplementedError  # each recipe below has its own
-
-
 @dataclass(frozen=True)
-class LutRecipe(_OneForAll):
+class LutRecipe(Recipe):
     """One LUT file for all images. interpolation: for files that name none."""
 
     path: Path
     interpolation: Interpolation = "tetrahedral"
 
-    @cached_property
-    def key(self) -> str:
-        """Identify the LUT by its contents."""
-        return fingerprint("LUT", self.path, self.interpolation)
+    def grade(self, source: Path) -> Grade:
+        """The grade by the LUT."""
+        return self._grade
 
     @cached_property
     def _grade(self) -> Grade:
@@ -149,7 +125,7 @@ class LutRecipe(_OneForAll):
 
 
 @dataclass(frozen=True)
-class ConfigRecipe(_OneForAll):
+class ConfigRecipe(Recipe):
     """Grade from one colour space of an OpenColorIO config to another."""
 
     path: Path
@@ -158,9 +134,12 @@ class ConfigRecipe(_OneForAll):
 
     @cached_property
     def key(self) -> str:
-        """Identify the conversion by its contents."""
-        # The processor's identity holds the contents of the LUT files that the config refers to.
+        """Identify the conversion by its contents: the processor's identity holds those of the config's LUT files."""
         return fingerprint("config", self._grade.processor.getCacheID())
+
+    def grade(self, source: Path) -> Grade:
+        """The grade by the conversion."""
+        return self._grade
 
     @cached_property
     def _grade(self) -> Grade:
@@ -175,21 +154,18 @@ class ConfigRecipe(_OneForAll):
                 raise ConfigError(f'{self.path}: no colour space "{name}"; {alternatives(name, names)}')
         try:
             guarded(converts, str(self.path), self.source, self.target)
-        except LutForgeError as error:
-            raise ConfigError(f"{self.path}: {' '.join(str(error).split())}") from error
-        try:
             processor = config.getProcessor(self.source, self.target)
             floats = processor.getDefaultCPUProcessor()
-            linear = [
+            takes_linear, gives_linear = (
                 config.isColorSpaceLinear(name, OCIO.REFERENCE_SPACE_SCENE) for name in (self.source, self.target)
-            ]
-        except OCIO_ERRORS as error:
-            raise ConfigError(f"{self.path}: {' '.join(str(error).split())}") from error
+            )
+        except (LutForgeError, *OCIO_ERRORS) as error:
+            raise ConfigError(f"{self.path}: {error}") from error
         return Grade(
             floats,
             f"{self.source} to {self.target}",
-            takes_linear=linear[0],
-            gives_linear=linear[1],
+            takes_linear=takes_linear,
+            gives_linear=gives_linear,
             oiiotool=("--colorconfig", str(self.path), "--colorconvert", self.source, self.target),
             codes=of_codes(processor, OCIO.OPTIMIZATION_DEFAULT),
         )

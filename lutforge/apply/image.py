@@ -1,42 +1,50 @@
-"""Grade one image: read, grade and write it region by region, so that memory does not grow with the image."""
+"""Grade one image: read, grade and write it region by region, so that memory does not grow with the image.
 
+Whole in memory are images that must be rendered, turned or converted, and JPEG files that become JPEG files.
+"""
+
+import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import zip_longest
-from os import cpu_count
 from pathlib import Path
+from threading import Semaphore
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.apply.blocks import grade_floats, threads_of
-from lutforge.apply.colours import (
-    check_colours,
-    check_space,
-    colour_space,
-    count_doubtful,
-    doubts,
-    layers,
-    other_space,
-    wrong_light,
-)
+from lutforge.apply.colours import check_colours, colour_space, count_doubtful, notes_on, other_space
 from lutforge.apply.grade import Grade
-from lutforge.apply.jpeg import Canvases, JpegSource, grade_whole, jpeg_source
-from lutforge.apply.open_image import InMemoryImage, open_image
+from lutforge.apply.jpeg import grade_whole, jpeg_source
 from lutforge.arrays import Index, Pixels
 from lutforge.atomic_write import atomic_path
 from lutforge.errors import ImageError
-from lutforge.images.icc import profile_name
-from lutforge.images.read import ImageReader, Region, is_premultiplied
-from lutforge.images.write import ImageWriter, describe_output, image_writer
+from lutforge.images.heif import is_heif
+from lutforge.images.icc import foreign_profile, pixels_to_srgb, profile_name
+from lutforge.images.read import ImageReader, Region, is_premultiplied, read_image
+from lutforge.images.write import (
+    IN_SRGB,
+    ImageWriter,
+    describe_output,
+    image_writer,
+    keeps_orientation,
+    upright,
+    with_shape,
+)
 from lutforge.model.highlights import clipped
+from lutforge.shots.discover import RAW_SUFFIXES
 
 REGION_SAMPLES = 8_000_000
 """Values in memory per region of an image (32 MB); reading, grading and writing hold one each."""
+
+_ORIENTATION_OF_FLIP = {3: 3, 5: 8, 6: 6}
+"""LibRaw's flip → EXIF orientation."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,34 @@ class GradedImage:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class InMemoryImage:
+    """An image that is needed as a whole: RAW files and HEIF pictures, and those that must be turned or converted.
+
+    profile: the ICC profile of the space that the pixels were converted from, to sRGB; empty where they were not.
+    """
+
+    pixels: Pixels
+    spec: oiio.ImageSpec
+    format: str = ""
+    parts: int = 1
+    profile: bytes = b""
+
+    def regions(self, pixels: int, rows_only: bool) -> list[Region]:
+        """Bands of about so many pixels, as `ImageReader.regions`."""
+        height, width = self.pixels.shape[:2]
+        step = max(1, pixels // width)
+        return [Region(0, top, width, min(top + step, height)) for top in range(0, height, step)]
+
+    def read(self, region: Region) -> Pixels:
+        """The pixels (h, w, c) of a region."""
+        return self.pixels[region.top : region.bottom]
+
+    def count_parts(self) -> int:
+        """How many images the file holds."""
+        return self.parts
+
+
 def apply_image(
     grade: Grade,
     source: str | Path,
@@ -58,32 +94,48 @@ def apply_image(
     region_samples: int = REGION_SAMPLES,
     progress: Callable[[int, float], None] | None = None,
     quality: int | None = None,
-    canvases: Canvases | None = None,
 ) -> GradedImage:
     """Grade an image file, with metadata, bit depth and extra channels kept.
 
     workers: threads, by default one per core. progress: called with the pixels that were graded since its last call,
-    and their share of the image. quality: of a JPEG, 1 … 100, by default its source's. canvases: memory that the images
-    of a batch share. Raises ImageError.
+    and their share of the image. quality: of a JPEG, 1 … 100, by default its source's. Raises ImageError.
     """
     source, target = Path(source), Path(target)
     if target.exists() and source.exists() and target.samefile(source):
         raise ImageError(f"{source}: the output would replace the input; choose another folder or name")
     if grade.unchanged and quality is None and target.suffix.lower() == source.suffix.lower():
-        return _copied(source, target, grade.notes)
-    count = workers or cpu_count() or 1
+        with ImageReader(source) as reader:
+            width, height = reader.spec.width, reader.spec.height
+        with atomic_path(target) as temporary:
+            shutil.copyfile(source, temporary)
+        return GradedImage(source, target, width, height, grade.notes)
+    count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
-        image = stack.enter_context(open_image(source, target, grade))
+        image = stack.enter_context(_opened(source, target, grade))
         spec, profile = image.spec, image.profile if isinstance(image, InMemoryImage) else b""
         if profile:
-            said = f"the picture is in {profile_name(profile)}: converted to sRGB"
-            grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, said))
+            converted = f"the picture is in {profile_name(profile)}: converted to sRGB"
+            grade = replace(grade, attributes={**grade.attributes, "ICCProfile": None}, notes=(*grade.notes, converted))
         check_colours(source, spec)
         jpeg = jpeg_source(source, target, image.format)
-        attributes = _attributes(source, image, grade, jpeg)
-        check_space(source, grade, spec, attributes)
-        shown = _with_mask(spec) if grade.marks_clipped else spec
-        output = describe_output(target, shown, image.format, grade.history, attributes, quality)
+        attributes = {
+            **colour_space(source, spec, image.format, None if jpeg is None else jpeg.header),
+            **grade.attributes,
+        }
+        if not spec.get_string_attribute("DateTime"):
+            # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
+            changed = time.gmtime(source.stat().st_mtime)
+            attributes.setdefault("DateTime", time.strftime("%Y:%m:%d %H:%M:%S", changed))
+        space = other_space(grade, spec, attributes)
+        if grade.for_srgb and space:
+            raise ImageError(
+                f"{source}: the picture is in {space}, and this grade is for sRGB; convert it to sRGB first"
+            )
+        written = oiio.ImageSpec(spec)
+        if grade.marks_clipped:
+            names = (*spec.channelnames, "clipped")
+            written.nchannels, written.channelnames, written.channelformats = len(names), names, ()
+        output = describe_output(target, written, image.format, grade.history, attributes, quality)
         if grade.marks_clipped:
             output.set_format(oiio.HALF)
         threads = stack.enter_context(threads_of(count))
@@ -94,17 +146,80 @@ def apply_image(
                 progress(pixels, pixels / total)
 
         if jpeg is not None and jpeg.is_graded_whole and grade.codes is not None and not profile:
-            whole = canvases or Canvases(1)
-            doubtful = grade_whole(jpeg, grade, target, quality, threads, whole, done)
+            doubtful = grade_whole(jpeg, grade, target, quality, threads, done)
         else:
             start = None if jpeg is None else jpeg.metadata(grade, profile)
             writer = stack.enter_context(image_writer(target, output, start))
             doubtful = _grade_regions(grade, image, writer, threads, region_samples, count > 1, done)
-        notes = (
-            *_notes(grade, image, output, attributes, doubtful),
-            *(() if jpeg is None else jpeg.notes),
-        )
+        parts = image.count_parts()
+    notes = (
+        *grade.notes,
+        *notes_on(grade, image.format, spec, output, space, doubtful),
+        *((f"the first of {parts} images in the file was used",) if parts != 1 else ()),
+        *(() if jpeg is None else jpeg.notes),
+    )
     return GradedImage(source, target, spec.width, spec.height, notes)
+
+
+@contextmanager
+def _opened(source: Path, target: Path, grade: Grade) -> Iterator[ImageReader | InMemoryImage]:
+    """Open an image for its grade: RAW files rendered linear, pictures turned where the target's format cannot tell so.
+
+    Raises ImageError.
+    """
+    if grade.raw:
+        from lutforge.images.raw import read_raw  # LibRaw, and what reads metadata, for RAW files alone
+        from lutforge.model.falloff import falloff_of
+        from lutforge.shots.metadata import lens_of, raw_attributes
+
+        with _in_memory():
+            image = read_raw(source)
+            falloff = falloff_of(grade.falloffs, lens_of(source, image), image.focal_mm, image.aperture)
+            if falloff is not None:
+                image.pixels[:] *= falloff.gain(*image.pixels.shape[:2])[..., None]
+            pixels = upright(image.pixels, _ORIENTATION_OF_FLIP.get(image.flip, 1))
+            spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint16")
+            for name, value in raw_attributes(source, image).items():
+                spec[name] = value
+            yield InMemoryImage(pixels, spec)
+        return
+    if source.suffix.lower() in RAW_SUFFIXES:
+        raise ImageError(f"{source}: a RAW file; what renders it is a camera's profile (.npz)")
+    if is_heif(source):
+        with _in_memory():
+            picture = read_image(source)
+            yield _in_srgb(InMemoryImage(picture.pixels, picture.spec, picture.format), grade)
+        return
+    with ImageReader(source) as reader:
+        orientation = reader.spec.get_int_attribute("Orientation", 1)
+        turned = orientation != 1 and not keeps_orientation(target)
+        if not turned and not (grade.for_srgb and foreign_profile(reader.spec)):
+            yield reader
+            return
+        with _in_memory():
+            pixels, spec = reader.read(reader.whole), reader.spec
+            if turned:
+                pixels = upright(pixels, orientation)
+                spec = with_shape(spec, pixels.shape)
+                spec.attribute("Orientation", 1)
+            yield _in_srgb(InMemoryImage(pixels, spec, reader.format, reader.count_parts()), grade)
+
+
+def _in_srgb(image: InMemoryImage, grade: Grade) -> InMemoryImage:
+    """The image, converted to sRGB where its grade wants that."""
+    profile, spec = foreign_profile(image.spec), oiio.ImageSpec(image.spec)
+    if not grade.for_srgb or not profile:
+        return image
+    spec.erase_attribute("ICCProfile")
+    spec.attribute("Exif:ColorSpace", IN_SRGB)
+    return replace(image, pixels=pixels_to_srgb(image.pixels, profile), spec=spec, profile=profile)
+
+
+@cache
+def _in_memory() -> Semaphore:
+    """How many images may be in memory as a whole at once: a decoded RAW file takes about 2 GB in the worst case."""
+    pages = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 8_000_000_000
+    return Semaphore(max(1, pages // 4_000_000_000))
 
 
 def _grade_regions(
@@ -116,7 +231,10 @@ def _grade_regions(
     overlap: bool,
     done: Callable[[int], None],
 ) -> Index:
-    """Read, grade and write an image region by region; (3,) how many pixels are doubtful, as `count_doubtful`."""
+    """Read, grade and write an image region by region; (3,) how many pixels are doubtful, as `count_doubtful`.
+
+    overlap: the next region is read, and the last one written, meanwhile.
+    """
     premultiplied = is_premultiplied(image.spec)
     doubtful = np.zeros(3, dtype=np.int64)
 
@@ -135,82 +253,21 @@ def _grade_regions(
         done(region.pixels)
 
     regions = image.regions(max(1, region_samples // image.spec.nchannels), not writer.tiled)
-    _overlapped(regions, image.read, work, write, overlap)
-    return doubtful
-
-
-def _notes(
-    grade: Grade,
-    image: ImageReader | InMemoryImage,
-    output: oiio.ImageSpec,
-    attributes: Mapping[str, object],
-    doubtful: Index,
-) -> Iterator[str]:
-    """What the user should know of a graded image. doubtful: as `count_doubtful` sums them."""
-    source, parts = image.spec, image.count_parts()
-    yield from grade.notes
-    yield from wrong_light(grade, image.format, source, output)
-    yield from other_space(grade, source, attributes)
-    yield from layers(source)
-    yield from doubts(doubtful, source.width * source.height)
-    if parts != 1:
-        yield f"the first of {parts} images in the file was used"
-
-
-def _with_mask(spec: oiio.ImageSpec) -> oiio.ImageSpec:
-    """A description with a channel more, "clipped"."""
-    names = (*spec.channelnames, "clipped")
-    spec = oiio.ImageSpec(spec)
-    spec.nchannels, spec.channelnames, spec.channelformats = len(names), names, ()
-    return spec
-
-
-def _copied(source: Path, target: Path, notes: tuple[str, ...]) -> GradedImage:
-    """Copy the image file as it is to another name."""
-    with ImageReader(source) as reader:
-        width, height = reader.spec.width, reader.spec.height
-    with atomic_path(target) as temporary:
-        shutil.copyfile(source, temporary)
-    return GradedImage(source, target, width, height, notes)
-
-
-def _attributes(
-    source: Path, image: ImageReader | InMemoryImage, grade: Grade, jpeg: JpegSource | None
-) -> dict[str, object]:
-    """The metadata that a graded image gets, by OpenImageIO's names."""
-    attributes = {
-        **colour_space(source, image.spec, image.format, None if jpeg is None else jpeg.header),
-        **grade.attributes,
-    }
-    if not image.spec.get_string_attribute("DateTime"):
-        # Else OpenImageIO dates a TIFF with the moment, and no two runs give the same file.
-        changed = time.gmtime(source.stat().st_mtime)
-        attributes.setdefault("DateTime", time.strftime("%Y:%m:%d %H:%M:%S", changed))
-    return attributes
-
-
-def _overlapped(
-    regions: Sequence[Region],
-    read: Callable[[Region], Pixels],
-    work: Callable[[Pixels], Pixels],
-    write: Callable[[Region, Pixels], None],
-    overlap: bool,
-) -> None:
-    """Read, work, write each region in order; with `overlap` the next is read and the last written meanwhile."""
     if not overlap or len(regions) == 1:
         for region in regions:
-            write(region, work(read(region)))
-        return
+            write(region, work(image.read(region)))
+        return doubtful
     with ThreadPoolExecutor(1) as reading, ThreadPoolExecutor(1) as writing:
-        ahead = reading.submit(read, regions[0])
+        ahead = reading.submit(image.read, regions[0])
         behind: Future[None] | None = None
         for region, following in zip_longest(regions, regions[1:]):
             pixels = ahead.result()
             if following is not None:
-                ahead = reading.submit(read, following)
+                ahead = reading.submit(image.read, following)
             pixels = work(pixels)
             if behind is not None:
                 behind.result()
             behind = writing.submit(write, region, pixels)
         if behind is not None:
             behind.result()
+    return doubtful

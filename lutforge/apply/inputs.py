@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.apply import journal
+from lutforge.apply.job import JOURNAL
 from lutforge.errors import ImageError, SettingsError
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.shots.discover import RAW_SUFFIXES
@@ -18,8 +18,6 @@ from lutforge.shots.discover import RAW_SUFFIXES
 _PATTERN = re.compile(
     r"(?P<head>.*?)(?P<frames>\d+-\d+(?:x\d+)?(?:,\d+(?:-\d+(?:x\d+)?)?)*)?(?P<pad>#+|@+|%0?\d*d)(?P<tail>[^#@%]*)"
 )
-_NOT_FILES = frozenset({"null", "term"})
-"""Formats of OpenImageIO whose suffixes are no image files."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ class Inputs:
     """What the words of a command name.
 
     missing: frames that were asked for by number and are not there; notes: gaps in sequences whose frames were not
-    named, and what was left out of folders.
+    named, what was left out of folders, and files that were named again.
     """
 
     images: tuple[Input, ...]
@@ -64,30 +62,48 @@ def find_inputs(
     for word in map(Path, words):
         pattern = _PATTERN.fullmatch(word.name)
         if word.is_dir():
-            found, left_out = _in_folder(word, recursive, leave_out, raw)
+            in_folder, left_out = _in_folder(word, recursive, leave_out, raw)
             notes += left_out
-            if not found:
+            if not in_folder:
                 raise ImageError(
                     f"{word}: no image in this folder" + ("" if recursive else "; --recursive looks deeper")
                 )
-            images += found
+            images += in_folder
         elif pattern is None or word.exists():
             images.append(Input(word, Path(word.name)))
-        elif (wanted := frames or pattern["frames"]) is not None:
-            for number in parse_frames(wanted):
-                path = word.with_name(frame_name(pattern, number))
+        elif (asked := frames or pattern["frames"]) is not None:
+            for number in parse_frames(asked):
+                path = word.with_name(f"{pattern['head']}{number:0{_digits(pattern['pad'])}d}{pattern['tail']}")
                 if path.exists():
                     images.append(Input(path, Path(path.name)))
                 else:
                     missing.append(path)
         else:
             numbered = _on_disk(word, pattern)
-            if not numbered:
-                raise ImageError(f"{word}: no frame of this sequence is there")
             images += [Input(path, Path(path.name)) for path in numbered.values()]
-            if gaps := _gaps(sorted(numbered)):
-                notes.append(f"{word}: not there: frame {gaps}")
-    return Inputs(tuple(images), tuple(missing), tuple(notes))
+            gaps = [(before + 1, after - 1) for before, after in pairwise(numbered) if after - before > 1]
+            if gaps:
+                ranges = ", ".join(f"{first}" if first == last else f"{first}-{last}" for first, last in gaps)
+                notes.append(f"{word}: not there: frame {ranges}")
+    # The same file, to become the same output, is graded once; links with names of their own are images of their own.
+    first: dict[tuple[Path, Path], Input] = {}
+    resolved = resolver()
+    again = [
+        image.path for image in images if first.setdefault((resolved(image.path), image.place), image) is not image
+    ]
+    notes += [f"{path}: given twice; graded once" for path in dict.fromkeys(again)]
+    return Inputs(tuple(first.values()), tuple(missing), tuple(notes))
+
+
+def resolver() -> Callable[[Path], Path]:
+    """A function that resolves paths as `Path.resolve`, but each folder once: it holds most of thousands of files."""
+    folder = cache(Path.resolve)
+
+    def resolved(path: Path) -> Path:
+        linked = os.path.islink(path)  # noqa: PTH114 - Path.is_symlink raises where nothing may be read
+        return path.resolve() if linked else folder(path.parent) / path.name
+
+    return resolved
 
 
 def parse_frames(text: str) -> list[int]:
@@ -102,11 +118,6 @@ def parse_frames(text: str) -> list[int]:
     return numbers
 
 
-def frame_name(pattern: re.Match[str], number: int) -> str:
-    """The file name of a frame."""
-    return f"{pattern['head']}{number:0{_digits(pattern['pad'])}d}{pattern['tail']}"
-
-
 def _digits(pad: str) -> int:
     if pad.startswith("%"):
         return int(pad[1:-1] or 1)
@@ -114,7 +125,7 @@ def _digits(pad: str) -> int:
 
 
 def _on_disk(word: Path, pattern: re.Match[str]) -> dict[int, Path]:
-    """The frames of a sequence that exist, by number."""
+    """The frames of a sequence that exist, by number. Raises ImageError where there are none."""
     head, tail, digits = pattern["head"], pattern["tail"], _digits(pattern["pad"])
     numbered = {}
     if not word.parent.is_dir():
@@ -126,23 +137,14 @@ def _on_disk(word: Path, pattern: re.Match[str]) -> dict[int, Path]:
             exact = len(middle) == digits or (len(middle) > digits and middle[0] != "0")
             if exact and name == head + middle + tail:
                 numbered[int(middle)] = path
+    if not numbered:
+        raise ImageError(f"{word}: no frame of this sequence is there")
     return dict(sorted(numbered.items()))
-
-
-def _gaps(numbers: Sequence[int]) -> str:
-    """The numbers missing between the first and the last, as "1005, 1010-1012"."""
-    gaps = []
-    for before, after in pairwise(numbers):
-        if after - before == 2:
-            gaps.append(str(before + 1))
-        elif after - before > 2:
-            gaps.append(f"{before + 1}-{after - 1}")
-    return ", ".join(gaps)
 
 
 def is_picture(path: Path) -> bool:
     """Whether the suffix is that of an image file."""
-    return path.suffix.lower() in _suffixes() | frozenset(HEIF_SUFFIXES) | RAW_SUFFIXES
+    return path.suffix.lower() in _suffixes() | RAW_SUFFIXES
 
 
 def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bool) -> tuple[list[Input], list[str]]:
@@ -150,52 +152,48 @@ def _in_folder(folder: Path, recursive: bool, leave_out: Sequence[Path], raw: bo
 
     Links to files are images, those to folders are not followed.
     """
-    suffixes = _suffixes() | frozenset(HEIF_SUFFIXES) | (RAW_SUFFIXES if raw else frozenset())
+    suffixes = _suffixes() | (RAW_SUFFIXES if raw else frozenset())
     excluded = {path.resolve() for path in leave_out}
-    found: list[Input] = []
+    images: list[Input] = []
     notes: list[str] = []
     negatives = 0
     if excluded & {folder.resolve(), *folder.resolve().parents}:
         raise ImageError(f"{folder}: the graded images go into this folder; choose another output folder")
-    for place, subfolders, names in os.walk(folder, onerror=_refuse):
+
+    def refuse(failure: OSError) -> None:
+        raise ImageError(
+            f"{failure.filename}: the folder cannot be read ({failure.strerror}); name the folders to grade"
+        )
+
+    for place, subfolders, names in os.walk(folder, onerror=refuse):
         at = Path(place)
-        kept = sorted(name for name in names if not name.startswith(".") and Path(name).suffix.lower() in suffixes)
-        pictures = {Path(name).stem.lower() for name in kept if not _is_raw(name)}
-        positives = [name for name in kept if not _is_raw(name) or Path(name).stem.lower() not in pictures]
-        negatives += len(kept) - len(positives)
-        found += [Input(at / name, (at / name).relative_to(folder)) for name in positives]
+        paths = [at / name for name in sorted(names) if not name.startswith(".")]
+        paths = [path for path in paths if path.suffix.lower() in suffixes]
+        pictures = {path.stem.lower() for path in paths if path.suffix.lower() not in RAW_SUFFIXES}
+        positives = [
+            path for path in paths if path.suffix.lower() not in RAW_SUFFIXES or path.stem.lower() not in pictures
+        ]
+        negatives += len(paths) - len(positives)
+        images += [Input(path, path.relative_to(folder)) for path in positives]
         followed = [name for name in subfolders if recursive and not name.startswith(".")]
-        subfolders[:] = [name for name in followed if not _is_output(at / name, excluded)]
+        followed = [name for name in followed if (at / name).resolve() not in excluded]
+        # Path.exists raises where nothing may be read.
+        graded = {name for name in followed if os.path.exists(at / name / JOURNAL)}  # noqa: PTH110
+        subfolders[:] = [name for name in followed if name not in graded]
         notes += [
-            f"{at / name}: left out, it was graded into; name it to grade what is in it"
-            for name in sorted(set(followed) - set(subfolders))
-            if (at / name).resolve() not in excluded
+            f"{at / name}: left out, it was graded into; name it to grade what is in it" for name in sorted(graded)
         ]
     if negatives:
         notes.append(
             f"{folder}: {negatives} RAW file{'s' if negatives > 1 else ''} left out beside pictures of the same name; "
             "to render them, name them"
         )
-    return sorted(found, key=lambda image: image.path), notes
-
-
-def _is_output(folder: Path, excluded: Container[Path]) -> bool:
-    written = os.path.exists(folder / journal.NAME)  # noqa: PTH110 - Path.exists raises where nothing may be read
-    return written or folder.resolve() in excluded
-
-
-def _refuse(failure: OSError) -> None:
-    raise ImageError(f"{failure.filename}: the folder cannot be read ({failure.strerror}); name the folders to grade")
-
-
-def _is_raw(name: str) -> bool:
-    return Path(name).suffix.lower() in RAW_SUFFIXES
+    return sorted(images, key=lambda image: image.path), notes
 
 
 @cache
 def _suffixes() -> frozenset[str]:
-    """The suffixes that OpenImageIO takes for images, in lower case."""
+    """The suffixes of finished pictures, in lower case: OpenImageIO's, but for those that are no files, and HEIF's."""
     groups = (group.partition(":") for group in oiio.get_string_attribute("extension_list").split(";"))
-    return frozenset(
-        f".{suffix}" for name, _, suffixes in groups if name not in _NOT_FILES for suffix in suffixes.split(",")
-    )
+    files = (suffixes.split(",") for name, _, suffixes in groups if name not in ("null", "term"))
+    return frozenset(f".{suffix}" for suffixes in files for suffix in suffixes) | frozenset(HEIF_SUFFIXES)

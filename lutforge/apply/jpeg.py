@@ -1,12 +1,11 @@
 """A JPEG to a JPEG: decoded, graded and encoded as 8-bit codes, with the source's quality and all of its metadata."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
-from queue import LifoQueue
+from threading import local
 
 import numpy as np
 
@@ -19,27 +18,9 @@ from lutforge.images.icc import to_srgb
 from lutforge.images.jpeg import JpegHeader, decode, encode, read_header, stored_metadata, with_colours, with_thumbnail
 from lutforge.images.write import IN_ANOTHER_SPACE, SOFTWARE, format_of
 
-
-class Canvases:
-    """Memory for so many pictures at a time, used again and again: new memory costs as much as a tenth of the codec."""
-
-    def __init__(self, count: int) -> None:
-        self._free: LifoQueue[Codes] = LifoQueue()
-        for _ in range(count):
-            self._free.put(np.empty(0, np.uint8))
-
-    @contextmanager
-    def borrow(self, height: int, width: int) -> Iterator[Codes]:
-        """A picture (h, w, 4) whose values mean nothing yet; waits for one to be free."""
-        memory = self._free.get()
-        try:
-            size = height * width * 4
-            if memory.size < size:
-                memory = np.empty(0, np.uint8)  # frees the smaller one first
-                memory = np.empty(size, np.uint8)
-            yield memory[:size].reshape(height, width, 4)
-        finally:
-            self._free.put(memory)
+_memory = local()
+"""Its attribute `codes` is what each thread uses for one picture after another: new memory costs as much as a tenth of
+the codec."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +44,9 @@ class JpegSource:
         """What of the file is not in the graded one."""
         if self.header.has_gain_map:
             return ("the gain map (Ultra HDR) is of the old colours, and was left out: the picture is SDR now",)
-        told = "the previews behind the picture show the old colours, and were left out"
-        return (told,) if self.header.has_previews else ()
+        if self.header.has_previews:
+            return ("the previews behind the picture show the old colours, and were left out",)
+        return ()
 
     def metadata(self, grade: Grade, profile: bytes = b"") -> bytes:
         """What stands in front of the graded pixels: the source's segments, with a comment on what was done.
@@ -104,7 +86,6 @@ def grade_whole(
     target: Path,
     quality: int | None,
     threads: Executor | None,
-    canvases: Canvases,
     done: Callable[[int], None],
 ) -> Index:
     """Grade a picture, and return (3,) how many pixels are doubtful, as `count_doubtful` does.
@@ -114,25 +95,22 @@ def grade_whole(
     assert grade.codes is not None
     header = jpeg.header
     start = jpeg.metadata(grade)
-    with canvases.borrow(header.height, header.width) as canvas:
-        decode(jpeg.path, jpeg.data, canvas)
-        doubtful = _doubtful(grade, canvas, threads)
-        grade_codes(grade.codes, canvas, threads, done)
-        with atomic_path(target) as temporary, FileIO(temporary, "r+") as file:
-            encode(file, canvas, start, header, quality)
+    size = header.height * header.width * 4
+    if getattr(_memory, "codes", np.empty(0)).size < size:
+        _memory.codes = None  # frees the smaller one first
+        _memory.codes = np.empty(size, np.uint8)
+    canvas: Codes = _memory.codes[:size].reshape(header.height, header.width, 4)
+    decode(jpeg.path, jpeg.data, canvas)
+    doubtful = np.zeros(3, dtype=np.int64)
+    if grade.confidence is not None:  # counted in every eighth row
+        rows_in_eight = canvas[::8, :, :3]
+        for top in range(0, len(rows_in_eight), 256):
+            pixels = np.divide(rows_in_eight[top : top + 256], 255, dtype=np.float32)
+            confidence = np.empty_like(pixels)
+            grade_floats(grade.confidence, pixels, confidence, premultiplied=False, threads=threads)
+            doubtful += count_doubtful(pixels, confidence)
+        doubtful = doubtful * len(canvas) // len(rows_in_eight)
+    grade_codes(grade.codes, canvas, threads, done)
+    with atomic_path(target) as temporary, FileIO(temporary, "r+") as file:
+        encode(file, canvas, start, header, quality)
     return doubtful
-
-
-def _doubtful(grade: Grade, canvas: Codes, threads: Executor | None) -> Index:
-    """Count doubtful pixels, in every eighth row."""
-    counts = np.zeros(3, dtype=np.int64)
-    if grade.confidence is None:
-        return counts
-    rows_in_eight = canvas[::8, :, :3]
-    for top in range(0, len(rows_in_eight), 256):
-        rows = rows_in_eight[top : top + 256]
-        pixels = np.divide(rows, 255, dtype=np.float32)
-        confidence = np.empty_like(pixels)
-        grade_floats(grade.confidence, pixels, confidence, premultiplied=False, threads=threads)
-        counts += count_doubtful(pixels, confidence)
-    return np.array(counts * len(canvas) // len(rows_in_eight), dtype=np.int64)

@@ -13,8 +13,6 @@ from lutforge.images.read import ImageReader, is_premultiplied
 from lutforge.images.write import SOFTWARE, describe_output, keeps_orientation
 from lutforge.luts.sequence import Lut
 
-_CONVERSIONS = ("--ociofiletransform", "--colorconvert")
-
 
 def oiiotool_commands(recipe: Recipe, jobs: Sequence[Job], folder: Path) -> Iterator[str | Failure]:
     """Per image a line for a POSIX shell that gives the pixels of `apply`, or why there is none.
@@ -58,7 +56,8 @@ def _command(grade: Grade, words: Sequence[str], job: Job) -> list[str]:
     if not premultiplied and described.alpha_channel >= 0:
         command += ["--iconfig", "oiio:UnassociatedAlpha", "1"]
     command += ["-i", str(job.source)]
-    command += [f"{word}:unpremult=1" if word in _CONVERSIONS and premultiplied else word for word in words]
+    conversions = ("--ociofiletransform", "--colorconvert") if premultiplied else ()
+    command += [f"{word}:unpremult=1" if word in conversions else word for word in words]
     if turned:
         command += ["--reorient"]
     command += ["--nosoftwareattrib", "--sattrib", "Software", SOFTWARE]

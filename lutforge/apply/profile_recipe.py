@@ -1,26 +1,33 @@
-"""Refinish pictures with camera profiles, each from its own settings to others, or to another camera's."""
+"""Grade pictures with camera profiles, each by its own settings: to other settings, another camera's, or to light."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from lutforge.apply.baked_grades import BakedGrades
+import numpy as np
+import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
+
+from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.apply.colours import TELL_ADOBE_RGB
-from lutforge.apply.grade import Grade, Rebuilt, fingerprint, unchanged
-from lutforge.apply.setting_change import SettingChange
-from lutforge.apply.source_settings import AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
-from lutforge.arrays import Array
-from lutforge.errors import ProfileError, SettingsError
+from lutforge.apply.grade import Grade, Recipe
+from lutforge.apply.source_settings import AS_IT_IS, AS_SHOT, NAMED_BY_FILE, choose_camera, source_selector
+from lutforge.colour.chromaticities import CHROMATICITIES
+from lutforge.colour.rgb_spaces import INTEROP_IDS, from_linear_srgb, rgb_space
+from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.images.write import IN_SRGB
+from lutforge.luts.ops import Matrix
+from lutforge.luts.processor import of_codes
 from lutforge.luts.sequence import Lut
 from lutforge.model.camera_profile import CameraProfile, load_profile, same_light
 from lutforge.model.raw_transfer import RawTransfer, chained, load_transfer
+from lutforge.model.transform import Transform
 from lutforge.model.white_balance import LIGHT_SOURCES
-from lutforge.settings import Multipliers, Selector, Shift, parse_selector, split_shift
+from lutforge.settings import Multipliers, Selector, Shift, parse_selector, require_exposure, split_shift
 from lutforge.shots.discover import RAW_SUFFIXES
 from lutforge.shots.maker_settings import ADOBE_RGB
-from lutforge.shots.picture_settings import PictureSettings, read_picture_settings, software_tag
+from lutforge.shots.picture_settings import PictureSettings, read_exposure, read_picture_settings, software_tag
 
 STALE = (
     "Exif:MakerNote", "Exif:Saturation", "Exif:Contrast", "Exif:CustomRendered",
@@ -28,42 +35,76 @@ STALE = (
 )  # fmt: skip
 """What the camera wrote about a rendering that is no longer the picture's."""
 
+UNIT_EXPOSURE = 2.0**-10
+"""Time in seconds · ISO / 100 / f-number² of a picture that keeps its values: 1/60 s at f/4 and ISO 100, nearly.
+
+Half floats hold noon and a lit room beside it without loss.
+"""
+
 
 @dataclass(frozen=True)
-class ProfileRecipe(Rebuilt):
-    """Grade each picture from the settings that it was made with to other settings.
+class _OfProfiles(Recipe):
+    """What recipes of camera profiles share.
 
     profiles: of one camera or of several; the camera that a picture names decides which applies. source: STYLE/WB of
     all pictures, by default what each one's metadata tell. target: STYLE/WB wanted; "as-shot" keeps a picture's own
-    style or white balance. ev: exposure change in stops. look: the profile of the camera whose look is wanted.
-    transfers: RAW → RAW from other cameras to that one, in steps where they go through a third.
+    style or white balance. ev: exposure change in stops.
     """
 
     profiles: tuple[Path, ...]
     source: str | None = None
     target: str | None = None
     ev: float = 0.0
+
+    def check(self) -> None:
+        """Raise SettingsError or ProfileError where the profiles, or the settings of all pictures, are wrong."""
+        for camera in self.cameras.values():
+            if self.asked.style != AS_SHOT and self.asked.white_balance not in NAMED_BY_FILE:
+                camera.selector(self.asked)
+
+    @cached_property
+    def cameras(self) -> dict[str, CameraProfile]:
+        """The profiles by camera, in lower case. Raises ProfileError where two are of one camera."""
+        cameras: dict[str, CameraProfile] = {}
+        for path in self.profiles:
+            profile = load_profile(path)
+            if cameras.setdefault(profile.camera.lower(), profile) is not profile:
+                raise ProfileError(f"{path}: a second profile of {profile.camera}; give one profile per camera")
+        return cameras
+
+    @cached_property
+    def asked(self) -> Selector:
+        """What the user says of the pictures' own settings."""
+        return parse_selector(self.source) if self.source else AS_IT_IS
+
+    @cached_property
+    def _wanted(self) -> Selector:
+        return parse_selector(self.target) if self.target else AS_IT_IS
+
+    @cached_property
+    def baked_grades(self) -> BakedGrades:
+        """The LUTs of the grades, which pictures share."""
+        return BakedGrades()
+
+
+@dataclass(frozen=True)
+class ProfileRecipe(_OfProfiles):
+    """Grade each picture from the settings that it was made with to other settings.
+
+    look: the profile of the camera whose look is wanted. transfers: RAW → RAW from other cameras to that one, in steps
+    where they go through a third.
+    """
+
     look: Path | None = None
     transfers: tuple[Path, ...] = ()
 
-    @cached_property
-    def key(self) -> str:
-        """Identify the profiles and settings by their contents."""
-        files = (*self.profiles, *((self.look,) if self.look else ()), *self.transfers)
-        return fingerprint("profile", *files, self.source, self.target, self.ev)
-
     def check(self) -> None:
         """Raise SettingsError or ProfileError where the profiles, the transfers or the settings asked for are wrong."""
-        cameras = self.cameras
-        asked = parse_selector(self.source) if self.source else None
-        for camera in cameras.values():
-            if asked is not None and asked.style != AS_SHOT and asked.white_balance not in NAMED_BY_FILE:
-                camera.selector(asked)
-        target = self._target
-        for camera in [self._look] if self._look else cameras.values():
-            style = target.style if target.style != AS_SHOT else next(iter(camera.styles))
-            own = _own_shift(target) is not None
-            camera.selector(Selector(style, next(iter(camera.white_balances)) if own else target.white_balance))
+        super().check()
+        for camera in [self._look] if self._look else self.cameras.values():
+            style = self._wanted.style if self._wanted.style != AS_SHOT else next(iter(camera.styles))
+            first = next(iter(camera.white_balances))
+            camera.selector(Selector(style, self._wanted.white_balance if self.shift is None else first))
         _ = self._transfers
 
     def grade(self, source: Path) -> Grade:
@@ -72,32 +113,29 @@ class ProfileRecipe(Rebuilt):
         camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
         if source.suffix.lower() in RAW_SUFFIXES:
             return self._developed(source, settings, camera)
-        other = self._look not in (None, camera)
-        needed = other or not self.keeps_white_balance or _own_shift(self._target) not in (None, Shift())
-        given, doubts = source_selector(source, settings, camera, self.source, needed)
-        change = self.change(camera, given)
-        if change.is_none:
-            return unchanged(change.history(str(given)))
-        chain = self.chain(change)
+        needed = self._look not in (None, camera) or self.shift != Shift()
+        given, doubts = source_selector(source, settings, camera, self.asked, needed)
+        change, grades = self.change(camera, given), self.baked_grades
+        if change.is_none:  # it is copied, or saved in another format
+            nothing = OCIO.Config.CreateRaw().getProcessor(OCIO.MatrixTransform())
+            return Grade(
+                nothing.getDefaultCPUProcessor(),
+                change.history(str(given)),
+                notes=("it was made with these settings: nothing to change",),
+                unchanged=True,
+                codes=of_codes(nothing),
+            )
+        lut = grades.refinish(change)
         return Grade(
-            self._baked_grades.processor(chain),
+            grades.processor(lut),
             change.history(str(given)),
             attributes=_attributes(change.look, change.wanted, given),
-            confidence=self._baked_grades.confidence(change),
+            confidence=grades.confidence(change),
             notes=(*settings.notes, *notes, *doubts),
-            lut=chain,
-            codes=self._baked_grades.codes(chain),
+            lut=lut,
+            codes=grades.processor(lut, codes=True),
             for_srgb=not given.style.endswith(ADOBE_RGB),
         )
-
-    @property
-    def keeps_white_balance(self) -> bool:
-        """True where pictures keep the white balance that they were shot with."""
-        return _own_shift(self._target) is not None
-
-    def chain(self, change: SettingChange) -> Lut:
-        """The refinish as LUTs, the same for all pictures with the same settings."""
-        return self._baked_grades.refinish(change)
 
     def _developed(self, source: Path, settings: PictureSettings, camera: CameraProfile) -> Grade:
         """The grade of a RAW file: rendered, with its own white balance or the one asked for."""
@@ -105,16 +143,15 @@ class ProfileRecipe(Rebuilt):
             raise SettingsError(
                 f"{source}: the profile is of {camera.developer}, not of RAW: develop it with `lutforge kit`"
             )
-        told = (settings.style, settings.style.removesuffix(f" {ADOBE_RGB}"))
-        style = next((name for name in told if name in camera.styles), next(iter(camera.styles)))
-        asked = parse_selector(self.source) if self.source else Selector(AS_SHOT, AS_SHOT)
-        text = str(Selector(style, asked.white_balance)) if self.source else None
-        given, notes = source_selector(source, replace(settings, style=style), camera, text)
-        if self._target.style == AS_SHOT and style not in told:
+        stated = (settings.style, settings.style.removesuffix(f" {ADOBE_RGB}"))
+        style = next((name for name in stated if name in camera.styles), next(iter(camera.styles)))
+        asked = Selector(style, self.asked.white_balance)
+        given, notes = source_selector(source, replace(settings, style=style), camera, asked)
+        if self._wanted.style == AS_SHOT and style not in stated:
             notes = (*notes, f'the file does not tell a style of this profile; "{style}" is used')
         change = self.change(camera, given)
         return Grade(
-            self._baked_grades.develop(change),
+            self.baked_grades.develop(change),
             change.history("RAW"),
             attributes=_attributes(change.look, change.wanted),
             raw=True,
@@ -123,9 +160,11 @@ class ProfileRecipe(Rebuilt):
         )
 
     @cached_property
-    def cameras(self) -> dict[str, CameraProfile]:
-        """The profiles by camera, in lower case."""
-        return cameras_of(self.profiles)
+    def shift(self) -> Shift | None:
+        """The step from a picture's own white balance ("as-shot", "as-shot+500K"); None where another is wanted."""
+        balance = str(self._wanted.white_balance)
+        name, shift = split_shift(balance) or (balance, Shift())
+        return shift if name in NAMED_BY_FILE else None
 
     @cached_property
     def _look(self) -> CameraProfile | None:
@@ -136,34 +175,28 @@ class ProfileRecipe(Rebuilt):
         return self.cameras[look.camera.lower()] if same else look
 
     @cached_property
-    def _target(self) -> Selector:
-        return parse_selector(self.target) if self.target else Selector(AS_SHOT, AS_SHOT)
-
-    @cached_property
     def _transfers(self) -> dict[str, RawTransfer]:
         """The transfer to the wanted look, by the camera at which it begins; steps may be given in any order."""
-        if self.transfers and self._look is None:
-            raise SettingsError("--transfer goes with --as: it leads to the RAW of the camera whose look is wanted")
+        if self._look is None:
+            if self.transfers:
+                raise SettingsError("--transfer goes with --as: it leads to the RAW of the camera whose look is wanted")
+            return {}
         steps = {step.source: step for step in map(load_transfer, self.transfers)}
-        found = {}
+        transfers = {}
         for camera in self.cameras.values():
             path: list[RawTransfer] = []
             at = camera.camera
-            while self._look is not None and at != self._look.camera and at in steps and len(path) < len(steps):
+            while at != self._look.camera and at in steps and len(path) < len(steps):
                 path.append(steps[at])
                 at = steps[at].target
-            if path and self._look is not None and at == self._look.camera:
-                found[camera.camera] = chained(path)
-        if steps and not found:
+            if path and at == self._look.camera:
+                transfers[camera.camera] = chained(path)
+        if steps and not transfers:
             raise SettingsError(
                 f"no transfer leads from {', '.join(camera.camera for camera in self.cameras.values())} to "
-                f"{self._look.camera if self._look else ''}; those given begin at {', '.join(steps)}"
+                f"{self._look.camera}; those given begin at {', '.join(steps)}"
             )
-        return found
-
-    @cached_property
-    def _baked_grades(self) -> BakedGrades:
-        return BakedGrades()
+        return transfers
 
     def change(self, camera: CameraProfile, given: Selector) -> SettingChange:
         """What is changed of a picture with given settings.
@@ -172,52 +205,97 @@ class ProfileRecipe(Rebuilt):
         """
         look = self._look or camera
         transfer = None if look is camera else self._transfers.get(camera.camera)
-        return SettingChange(camera, given, look, self._wanted(camera, given, look, transfer), self.ev, transfer)
-
-    def _wanted(
-        self, camera: CameraProfile, given: Selector, look: CameraProfile, transfer: RawTransfer | None
-    ) -> Selector:
-        """The settings to render with."""
-        style = given.style if self._target.style == AS_SHOT else self._target.style
-        shift = _own_shift(self._target)
-        if shift is None:
-            return look.selector(Selector(style, self._target.white_balance))
+        style = given.style if self._wanted.style == AS_SHOT else self._wanted.style
         balance = given.white_balance
-        if look is not camera:
+        if self.shift is None:
+            balance = self._wanted.white_balance
+        elif look is not camera:
             light = same_light(camera, given, look)
             if light is not None:
                 balance = light
             elif transfer is not None:
                 neutral = transfer(1 / camera.multipliers(given))
-                balance = _multipliers(neutral[1] / neutral)
+                red, _, blue = (neutral[1] / neutral).tolist()
+                balance = Multipliers((red, 1.0, blue))
             else:
                 # Where the light is unknown to the other camera, any setting that it knows serves to stay neutral.
                 balance = next(iter(look.white_balances))
         wanted = look.selector(Selector(style, balance))
-        if shift != Shift():
-            wanted = Selector(style, look.shifted(look.multipliers(wanted), shift))
-        return wanted
+        if self.shift not in (None, Shift()):
+            wanted = Selector(style, look.shifted(look.multipliers(wanted), self.shift))
+        return SettingChange(camera, given, look, wanted, self.ev, transfer)
 
 
-def cameras_of(profiles: tuple[Path, ...]) -> dict[str, CameraProfile]:
-    """Return profiles by camera, in lower case. Raises ProfileError where two are of one camera."""
-    cameras: dict[str, CameraProfile] = {}
-    for path in profiles:
-        profile = load_profile(path)
-        if cameras.setdefault(profile.camera.lower(), profile) is not profile:
-            raise ProfileError(f"{path}: a second profile of {profile.camera}; give one profile per camera")
-    return cameras
+@dataclass(frozen=True)
+class SceneRecipe(_OfProfiles):
+    """Take each picture from the settings that it was made with to linear light of a colour space.
 
+    space: a scene-linear one of `lutforge.colour.rgb_spaces`. target: whose white balance names the light that becomes
+    neutral, "as-shot/WB"; by default a picture's own, or where exposures are minded one for all, daylight or else the
+    profile's first. by_exposure: divide by time, ISO and aperture, as the file states them, so that pictures of one
+    scene agree.
+    """
 
-def _own_shift(target: Selector) -> Shift | None:
-    """The step from a picture's own white balance ("as-shot", "as-shot+500K"); None where another is wanted."""
-    name, shift = split_shift(str(target.white_balance)) or (str(target.white_balance), Shift())
-    return shift if name in NAMED_BY_FILE else None
+    space: str = field(kw_only=True)
+    by_exposure: bool = False
 
+    def check(self) -> None:
+        """Raise SettingsError or ProfileError where the profiles or the settings asked for are wrong."""
+        if not rgb_space(self.space).is_linear:
+            raise SettingsError(f"--space {self.space}: encoded; pictures become linear light, such as acescg")
+        require_exposure(self.ev)
+        if self._wanted.style != AS_SHOT:
+            helps = f"write --to {AS_SHOT}/{self._wanted.white_balance}"
+            raise SettingsError(f"--to {self.target}: light has no style, only a white balance; {helps}")
+        super().check()
+        for camera in self.cameras.values():
+            self._neutral(camera, Selector(next(iter(camera.styles)), next(iter(camera.white_balances))))
 
-def _multipliers(values: Array) -> Multipliers:
-    r, g, b = (float(value) for value in values)
-    return Multipliers((r / g, 1.0, b / g))
+    def grade(self, source: Path) -> Grade:
+        """Return the grade of one picture by its own settings."""
+        if source.suffix.lower() in RAW_SUFFIXES:
+            raise SettingsError(f"{source}: a RAW file; --space takes finished pictures")
+        settings = read_picture_settings(source)
+        camera, notes = choose_camera(source, settings, self.cameras, self.source is not None)
+        given, doubts = source_selector(source, settings, camera, self.asked)
+        scale = 2.0**self.ev
+        if self.by_exposure:
+            exposure = read_exposure(source)
+            if not math.isfinite(exposure.value):
+                raise ImageError(f"{source}: the file does not tell its exposure; leave out --exposure exif")
+            scale *= UNIT_EXPOSURE / exposure.value
+            doubts += exposure.notes
+        neutral, space = self._neutral(camera, given), rgb_space(self.space)
+        # The LUT to light: the step to balanced RAW, baked once for each style, and a matrix.
+        stages = camera.linearize_to_own_raw(given).stages
+        to_balanced, to_raw = Transform(stages[:-1]), Transform(stages[-1:])
+        raw = to_raw(np.eye(3)).T
+        light = from_linear_srgb(self.space) @ camera.matrix @ np.diag(camera.multipliers(neutral))
+        lut = Lut((*self.baked_grades.baked(to_balanced).ops, Matrix(scale * light @ raw)))
+        details = f", {self.ev:+g} EV" * bool(self.ev) + ", by exposure" * self.by_exposure
+        return Grade(
+            self.baked_grades.processor(lut),
+            f"{camera.camera}: {given} -> {self.space}, neutral {neutral.white_balance}{details}",
+            attributes={
+                **dict.fromkeys((*STALE, "ICCProfile", "Exif:ColorSpace", "oiio:ColorSpace", "oiio:Gamma")),
+                "colorInteropID": INTEROP_IDS.get(space.name),
+                "chromaticities": tuple(np.ravel(CHROMATICITIES[space.primaries]).tolist()),
+            },
+            notes=(*settings.notes, *notes, *doubts),
+            gives_linear=True,
+            lut=lut,
+            for_srgb=not given.style.endswith(ADOBE_RGB),
+            marks_clipped=True,
+        )
+
+    def _neutral(self, camera: CameraProfile, given: Selector) -> Selector:
+        """The setting whose light becomes neutral."""
+        if self._wanted.white_balance not in NAMED_BY_FILE:
+            return camera.selector(Selector(given.style, self._wanted.white_balance))
+        if self.target is not None or not self.by_exposure:
+            return given
+        known = camera.white_balances
+        return camera.selector(Selector(given.style, "daylight" if "daylight" in known else next(iter(known))))
 
 
 def _attributes(look: CameraProfile, wanted: Selector, given: Selector | None = None) -> dict[str, object]:

@@ -8,10 +8,11 @@ import numpy as np
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import temperatures_of
-from lutforge.settings import KELVIN_RANGE, Kelvin, Multipliers, Selector, parse_selector
+from lutforge.settings import KELVIN_RANGE, Kelvin, Multipliers, Selector
 from lutforge.shots.picture_settings import PictureSettings
 
 AS_SHOT = "as-shot"
+AS_IT_IS = Selector(AS_SHOT, AS_SHOT)
 NAMED_BY_FILE = (AS_SHOT, "auto")
 """White balances that stand for the picture's own."""
 
@@ -41,63 +42,53 @@ def choose_camera(
 
 
 def source_selector(
-    path: Path, settings: PictureSettings, camera: CameraProfile, asked: str | None, needed: bool = True
+    path: Path, settings: PictureSettings, camera: CameraProfile, asked: Selector = AS_IT_IS, needed: bool = True
 ) -> tuple[Selector, tuple[str, ...]]:
     """The settings of a picture: those asked for, completed by its metadata; and notes.
 
     needed: False where the white balance stays as it is, so that any serves where it is not told. Raises SettingsError
     with the profile's known settings where they cannot be told.
     """
-    wanted = parse_selector(asked) if asked else Selector(AS_SHOT, AS_SHOT)
-    style = wanted.style if wanted.style != AS_SHOT else settings.style
+    style = asked.style if asked.style != AS_SHOT else settings.style
     if style not in camera.styles:
-        if wanted.style != AS_SHOT:
-            camera.selector(wanted)  # raises: this error lists the styles
+        if asked.style != AS_SHOT:
+            camera.selector(asked)  # raises: this error lists the styles
         known = f"{camera.camera} has the styles {', '.join(sorted(camera.styles))}"
-        told = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
+        stated = f'its picture style is "{style}"' if style != "unknown" else "the file does not tell its picture style"
         balances = ", ".join(sorted(camera.white_balances))
-        raise SettingsError(f"{path}: {told}; {known} and the white balances {balances}: name it with --from")
+        raise SettingsError(f"{path}: {stated}; {known} and the white balances {balances}: name it with --from")
     balance = _balance_of_file(settings, camera)
-    if wanted.white_balance not in NAMED_BY_FILE:
-        given = camera.selector(Selector(style, wanted.white_balance))
-        return given, _contradictions(settings, camera, given, balance)
-    if balance is not None:
-        given = camera.selector(Selector(style, balance))
-        return given, _contradictions(settings, camera, given, balance)
+    chosen = balance if asked.white_balance in NAMED_BY_FILE else asked.white_balance
+    if chosen is not None:
+        given = camera.selector(Selector(style, chosen))
+        named_style = settings.style if settings.style != "unknown" else style
+        named = settings.white_balance if settings.white_balance != "unknown" else str(given.white_balance)
+        if balance is None:
+            same = named in (str(given.white_balance), "auto")
+        else:
+            stated_multipliers = camera.multipliers(Selector(style, balance))
+            same = bool(np.allclose(stated_multipliers, camera.multipliers(given), rtol=2 * STEADY))
+        if named_style == style and same:
+            return given, ()
+        named = str(given.white_balance) if same else named
+        return given, (f"the file says {named_style}/{named}; it is taken for {given}, as --from says",)
     middle = camera.white_balances.get("auto")
-    if wanted.white_balance == "auto" and middle is not None:
+    if asked.white_balance == "auto" and middle is not None:
         r, g, b = middle.multipliers
         text = f"the file does not tell its white balance; that of the middle shot, {r:.3f},{g:g},{b:.3f}, is used"
         return Selector(style, "auto"), (text,)
     if not needed:
         return Selector(style, next(iter(camera.white_balances))), ()
-    told = "the file does not tell its white balance"
+    stated = "the file does not tell its white balance"
     if settings.white_balance != "unknown":
-        told = (
+        stated = (
             f'its white balance is "{settings.white_balance}", and the file does not tell which multipliers that were'
         )
     known = ", ".join(sorted(camera.white_balances))
     raise SettingsError(
-        f"{path}: {told}; put its RAW file beside it, name it with --from {style}/WB, where WB is {known}"
+        f"{path}: {stated}; put its RAW file beside it, name it with --from {style}/WB, where WB is {known}"
         f"{temperatures_of(camera.white_balances)}, or find it with --candidates sheet.jpg"
     )
-
-
-def _contradictions(
-    settings: PictureSettings, camera: CameraProfile, given: Selector, told: str | Kelvin | Multipliers | None
-) -> tuple[str, ...]:
-    """Return a note where the settings that are used are not those that the file names."""
-    style = settings.style if settings.style != "unknown" else given.style
-    balance = settings.white_balance if settings.white_balance != "unknown" else str(given.white_balance)
-    if told is None:
-        same = balance in (str(given.white_balance), "auto")
-    else:
-        of_file = camera.multipliers(Selector(given.style, told))
-        same = bool(np.allclose(of_file, camera.multipliers(given), rtol=2 * STEADY))
-    if style == given.style and same:
-        return ()
-    named = balance if not same else str(given.white_balance)
-    return (f"the file says {style}/{named}; it is taken for {given}, as --from says",)
 
 
 def _balance_of_file(settings: PictureSettings, camera: CameraProfile) -> str | Kelvin | Multipliers | None:

@@ -12,7 +12,6 @@ from lutforge.cli.console import argument, complain, note, option, progress_bar,
 from lutforge.notes import in_common
 
 if TYPE_CHECKING:
-    from lutforge.apply.batch import BatchResult
     from lutforge.pipeline.grading import Grading
 
 
@@ -82,9 +81,11 @@ def apply(
 
 def _run(grading: "Grading", as_json: bool) -> None:
     """Grade, and say what became of the images. Exits 1 where one failed, 2 where that was the only one."""
+    from lutforge.apply.batch import rate
+
     began = time.monotonic()
     with quiet_codecs(), progress_bar("grading") as progress:
-        result = grading.run(lambda now: progress(_rate(now.images, now.pixels, now.seconds), now.share))
+        result = grading.run(progress)
     seconds = time.monotonic() - began
     notes = ((done.source, text) for done in result.done for text in done.notes)
     note(*result.notes, *in_common(notes, "images"))
@@ -94,7 +95,19 @@ def _run(grading: "Grading", as_json: bool) -> None:
         same = first.setdefault(reason, failure.source)
         complain(failure.reason if same == failure.source else f"{failure.source}: as {same}")
     if as_json:
-        _print_json(result, seconds)
+        graded = [
+            {"source": str(done.source), "output": str(done.target)}
+            | {"width": done.width, "height": done.height, "notes": done.notes}
+            for done in result.done
+        ]
+        document = {
+            "graded": graded,
+            "skipped": [str(path) for path in result.skipped],
+            "failed": [{"source": str(failure.source), "reason": failure.reason} for failure in result.failed],
+            "seconds": round(seconds, 3),
+        }
+        json.dump(document, sys.stdout, indent=1)
+        print()
     else:
         for done in result.done:
             say(str(done.target))
@@ -102,7 +115,7 @@ def _run(grading: "Grading", as_json: bool) -> None:
     if asked > 1:
         pixels = sum(done.width * done.height for done in result.done)
         counts = f"{len(result.done)} graded, {len(result.skipped)} skipped, {len(result.failed)} failed"
-        note(f"{counts} in {seconds:.1f} s: {_rate(len(result.done), pixels, seconds)}")
+        note(f"{counts} in {seconds:.1f} s: {rate(len(result.done), pixels, seconds)}")
     if result.failed:
         raise typer.Exit(1 if asked > 1 else 2)
 
@@ -118,24 +131,3 @@ def _print_commands(grading: "Grading") -> None:
             complain(command.reason)
     if failed:
         raise typer.Exit(1 if asked > 1 else 2)
-
-
-def _rate(images: int, pixels: int, seconds: float) -> str:
-    seconds = max(seconds, 1e-3)
-    return f"{images / seconds:.2g} images/s, {pixels / 1e6 / seconds:.3g} Mpixel/s"
-
-
-def _print_json(result: "BatchResult", seconds: float) -> None:
-    graded = [
-        {"source": str(done.source), "output": str(done.target)}
-        | {"width": done.width, "height": done.height, "notes": done.notes}
-        for done in result.done
-    ]
-    document = {
-        "graded": graded,
-        "skipped": [str(path) for path in result.skipped],
-        "failed": [{"source": str(failure.source), "reason": failure.reason} for failure in result.failed],
-        "seconds": round(seconds, 3),
-    }
-    json.dump(document, sys.stdout, indent=1)
-    print()

@@ -3,18 +3,18 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 # What only some grades need is imported where it is needed: a command should not wait for it.
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 from lutforge.apply.batch import BatchResult, Failure, apply_batch, plan_jobs
-from lutforge.apply.batch import Progress as BatchProgress
 from lutforge.apply.grade import ConfigRecipe, LutRecipe, Recipe
 from lutforge.apply.inputs import Inputs, find_inputs, is_picture
 from lutforge.errors import ImageError, SettingsError
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, check_output, one_of, several
+from lutforge.progress import Progress, silent
 
 
 @dataclass(frozen=True)
@@ -83,35 +83,34 @@ class Grading:
     @cached_property
     def recipe(self) -> Recipe:
         """The recipe of the profiles, LUT or config, checked. Raises LutForgeError where an option does not fit it."""
-        recipe = self._recipe()
-        recipe.check()
-        return recipe
-
-    def _recipe(self) -> Recipe:
+        recipe: Recipe
         interpolation = one_of("interpolation", self.interpolation, INTERPOLATIONS)
         path, *others = self.grades
         is_config = path.suffix.lower() in (".ocio", ".ocioz")
         if interpolation != "tetrahedral" and (is_config or _is_profile(path)):
             raise SettingsError("--interpolation goes with a LUT; profiles and configs say how theirs are interpolated")
         if _is_profile(path):
-            from lutforge.apply.profile_recipe import ProfileRecipe
-            from lutforge.apply.scene_recipe import SceneRecipe
+            from lutforge.apply.profile_recipe import ProfileRecipe, SceneRecipe
 
+            settings = (self.grades, self.source, self.target, self.ev)
             if self.space is not None:
-                by_exposure = self.exposure is not None
-                return SceneRecipe(self.grades, self.space, self.source, self.target, self.ev, by_exposure)
-            return ProfileRecipe(self.grades, self.source, self.target, self.ev, self.look, self.transfers)
-        if self.look is not None or self.transfers or others:
+                recipe = SceneRecipe(*settings, space=self.space, by_exposure=self.exposure is not None)
+            else:
+                recipe = ProfileRecipe(*settings, self.look, self.transfers)
+        elif self.look is not None or self.transfers or others:
             raise SettingsError("--as, --transfer and several profiles go with profiles (.npz) only")
-        if is_config:
+        elif is_config:
             if self.ev:
                 raise SettingsError("--ev goes with a profile; a config converts from one colour space to another")
-            return ConfigRecipe(path, self.source, self.target)
-        if self.source is not None or self.target is not None or self.ev:
+            recipe = ConfigRecipe(path, self.source, self.target)
+        elif self.source is not None or self.target is not None or self.ev:
             raise SettingsError(
                 "--from and --to go with a profile or a config, --ev with a profile; a LUT is applied as it is"
             )
-        return LutRecipe(path, interpolation)
+        else:
+            recipe = LutRecipe(path, interpolation)
+        recipe.check()
+        return recipe
 
     @cached_property
     def folder(self) -> Path:
@@ -154,15 +153,14 @@ class Grading:
         )
         yield from self.missing
 
-    def run(self, progress: Callable[[BatchProgress], None] | None = None) -> BatchResult:
-        """Grade the images; one that fails is told of in the result, and the others go on.
+    def run(self, progress: Progress = silent) -> BatchResult:
+        """Grade the images; one that fails is told of in the result, and the others go on. progress: tells the rate.
 
         Raises LutForgeError where nothing can be graded; then nothing is written.
         """
-        recipe, inputs = self.recipe, self.inputs.images
         suffix = self.suffix if self.space is None else ".exr"
         result = apply_batch(
-            recipe, inputs, self.folder, suffix, workers=self.workers, progress=progress,
+            self.recipe, self.inputs.images, self.folder, suffix, self.workers, progress,
             resume=self.resume, scheduler=self.scheduler, quality=self.quality,
         )  # fmt: skip
         return replace(result, failed=(*result.failed, *self.missing), notes=(*self.inputs.notes, *result.notes))

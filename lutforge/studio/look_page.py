@@ -16,9 +16,8 @@ import param
 from panel.custom import JSComponent
 from PIL import Image
 
-from lutforge.apply.baked_grades import BakedGrades, baked_steps
+from lutforge.apply.baked_grades import BakedGrades, SettingChange, baked_steps
 from lutforge.apply.blocks import apply_to_pixels
-from lutforge.apply.setting_change import SettingChange
 from lutforge.arrays import Array, Pixels
 from lutforge.errors import LutError, SettingsError
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range

@@ -169,7 +169,7 @@ def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> P
     selector, style = None, settings.style if settings.style in profile.styles else ""
     try:
         choose_camera(path, settings, {profile.camera.lower(): profile}, asked=False)
-        selector, notes = source_selector(path, settings, profile, None)
+        selector, notes = source_selector(path, settings, profile)
     except SettingsError:
         pass
     return Photograph(path, picture, small, selector, style, (*settings.notes, *notes))

@@ -8,14 +8,14 @@ from typing import Any
 import distributed
 import pytest
 
-from lutforge.apply import journal
-from lutforge.apply.batch import Progress, apply_batch
+from lutforge.apply.batch import apply_batch
 from lutforge.apply.grade import LutRecipe
+from lutforge.apply.job import JOURNAL
 from tests.cases.pictures import write_cube, write_picture
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != journal.NAME}
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != JOURNAL}
 
 
 @pytest.mark.slow
@@ -33,8 +33,8 @@ def test_a_killed_worker_changes_nothing(tmp_path: Path) -> None:
         victim = next(iter(cluster.workers.values())).pid
         killed: list[int] = []
 
-        def watch(progress: Progress) -> None:
-            if progress.images == 3 and not killed:
+        def watch(what: str, share: float) -> None:
+            if share >= 3 / 17 and not killed:
                 killed.append(victim)
                 os.kill(victim, signal.SIGKILL)
 

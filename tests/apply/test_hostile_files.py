@@ -9,7 +9,7 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 
 from lutforge.apply.grade import ConfigRecipe
-from lutforge.apply.journal import NAME, read_journal
+from lutforge.apply.job import JOURNAL, read_journal
 from lutforge.errors import ConfigError, ImageError
 from lutforge.images.read import ImageReader
 from lutforge.ocio.config import write_config
@@ -38,5 +38,5 @@ def test_an_exr_whose_attributes_are_no_text_is_one_line(tmp_path: Path) -> None
 
 
 def test_a_journal_that_is_nested_too_deeply_is_as_good_as_none(tmp_path: Path) -> None:
-    (tmp_path / NAME).write_text("[" * 100_000 + "\n" + json.dumps({"recipe": 1}) + "\n")
+    (tmp_path / JOURNAL).write_text("[" * 100_000 + "\n" + json.dumps({"recipe": 1}) + "\n")
     assert read_journal(tmp_path) == {}

@@ -17,7 +17,6 @@ from lutforge.apply.batch import apply_batch
 from lutforge.apply.blocks import apply_to_pixels, grade_codes
 from lutforge.apply.grade import Grade, LutRecipe
 from lutforge.apply.image import apply_image
-from lutforge.apply.jpeg import Canvases
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError
 from lutforge.images.jpeg import JpegHeader, Segment, exif_places, read_header
@@ -212,15 +211,6 @@ def test_headers_of_strangers_raise_nothing(tmp_path: Path) -> None:
         header = read_header(bytes(spoilt[: rng.integers(2, len(data))]))
         if header is not None and header.exif is not None:
             exif_places(header.exif)
-
-
-def test_canvases_are_used_again() -> None:
-    canvases = Canvases(1)
-    with canvases.borrow(20, 30) as first:
-        first[:] = 7
-    with canvases.borrow(10, 10) as second:
-        assert second.shape == (10, 10, 4)
-        assert (second == 7).all()
 
 
 def test_real_photographs_keep_their_metadata(tmp_path: Path, shared_data: Path, grade: Grade) -> None:

@@ -22,13 +22,8 @@ from tests.cases.pictures import write_cube, write_picture
 
 
 @dataclass(frozen=True)
-class BakedRecipe:
+class BakedRecipe(Recipe):
     """Gives a LUT that is in no file, as a profile does."""
-
-    key: str = "0123456789abcdef"
-
-    def check(self) -> None:
-        pass
 
     @cached_property
     def _lut(self) -> Lut:

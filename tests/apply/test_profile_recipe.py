@@ -9,11 +9,10 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 from numpy.typing import NDArray
 
-from lutforge.apply.baked_grades import BakedGrades
+from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.apply.batch import apply_batch
 from lutforge.apply.candidates import candidate_sheet
 from lutforge.apply.profile_recipe import ProfileRecipe
-from lutforge.apply.setting_change import SettingChange
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.raw_to_raw import fit_raw_transfer
 from lutforge.errors import ProfileError, SettingsError
@@ -131,7 +130,7 @@ def test_every_pair_of_settings_on_a_scene_that_was_held_out(
             if source != target:
                 recipe = ProfileRecipe((folder / "camera.npz",), "/".join(source), "/".join(target))
                 given, wanted = (profile.selector("/".join(setting)) for setting in (source, target))
-                chain = recipe.chain(SettingChange(profile, given, profile, wanted))
+                chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, wanted))
                 assert (
                     sum(isinstance(op, Cube) for op in chain.ops) == 3
                 )  # one of highlights between those of the model
@@ -219,7 +218,7 @@ def test_clipped_whites_and_blacks_stay_neutral_and_are_counted(
     for ev in (-1.0, 0.0, 1.0):
         recipe = ProfileRecipe((folder / "camera.npz",), "standard/tungsten", "vivid/shade", ev)
         given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/shade")
-        chain = recipe.chain(SettingChange(profile, given, profile, wanted, ev))
+        chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, wanted, ev))
         white, black = evaluate(chain.processor(), np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]))
         assert np.linalg.norm(greys - white, axis=1).min() < 0.001  # one of the greys that the camera makes
         assert np.all(black == 0.0)
@@ -360,7 +359,7 @@ def test_photographs_of_two_cameras_come_to_one_look(
             transfers=transfers,
         )
         recipe.check()
-        again: ProfileRecipe = pickle.loads(pickle.dumps(recipe))
+        again: ProfileRecipe = pickle.loads(pickle.dumps(replace(recipe)))  # as it goes to a cluster
         assert again.key == recipe.key
         grade = recipe.grade(theirs.jpeg)
         assert grade.history.endswith(f"{other.name}: vivid/daylight -> {nikon_d5100().name}: standard/daylight")

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from lutforge.apply import journal
 from lutforge.apply.batch import BatchResult, apply_batch
 from lutforge.apply.grade import LutRecipe
+from lutforge.apply.job import JOURNAL
 from tests.cases.pictures import write_cube, write_picture
 
 MOMENTS = int(os.environ.get("LUTFORGE_KILL_MOMENTS", "3"))
@@ -30,7 +30,7 @@ def pictures(tmp_path: Path) -> list[Path]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != journal.NAME}
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != JOURNAL}
 
 
 def test_what_is_done_and_valid_is_skipped(tmp_path: Path, pictures: list[Path]) -> None:
@@ -67,8 +67,8 @@ def test_what_is_done_and_valid_is_skipped(tmp_path: Path, pictures: list[Path])
 def test_a_damaged_journal_costs_time_only(tmp_path: Path, pictures: list[Path]) -> None:
     recipe, out = LutRecipe(write_cube(tmp_path / "look.cube")), tmp_path / "out"
     apply_batch(recipe, pictures, out)
-    lines = (out / journal.NAME).read_bytes().split(b"\n")
-    (out / journal.NAME).write_bytes(b"\xff{]\n[]\nnull\n" + b"\n".join(lines[:-1])[:-40])
+    lines = (out / JOURNAL).read_bytes().split(b"\n")
+    (out / JOURNAL).write_bytes(b"\xff{]\n[]\nnull\n" + b"\n".join(lines[:-1])[:-40])
     result = apply_batch(recipe, pictures, out, resume=True)
     assert (len(result.done), len(result.skipped), result.failed) == (1, 3, ())
     assert len(apply_batch(recipe, pictures, out, resume=True).skipped) == 4

@@ -11,6 +11,7 @@ from lutforge.apply.source_settings import source_selector
 from lutforge.errors import ConfigError, LutError, SettingsError
 from lutforge.notes import in_common
 from lutforge.pipeline.grading import Grading
+from lutforge.settings import parse_selector
 from lutforge.shots.picture_settings import PictureSettings
 from tests.cases.profiles import small_profile
 
@@ -31,15 +32,18 @@ from tests.cases.profiles import small_profile
 def test_settings_that_contradict_the_file_are_noted(style: str, balance: str, asked: str | None, told: str) -> None:
     camera = small_profile()
     settings = PictureSettings(camera.camera, style, balance, None)
-    given, notes = source_selector(Path("a.jpg"), settings, camera, asked)
+    given, notes = source_selector(Path("a.jpg"), settings, camera, parse_selector(asked or "as-shot/as-shot"))
     assert notes == ((f"the file says {told}; it is taken for {given}, as --from says",) if told else ())
 
 
 def test_multipliers_of_the_file_count_as_what_it_says() -> None:
     camera = small_profile()
     settings = PictureSettings(camera.camera, "standard", "auto", np.array([1.31, 1.0, 2.58]))
-    assert source_selector(Path("a.jpg"), settings, camera, "standard/tungsten")[1] == ()
-    assert "the file says standard/auto" in source_selector(Path("a.jpg"), settings, camera, "standard/daylight")[1][0]
+    assert source_selector(Path("a.jpg"), settings, camera, parse_selector("standard/tungsten"))[1] == ()
+    assert (
+        "the file says standard/auto"
+        in source_selector(Path("a.jpg"), settings, camera, parse_selector("standard/daylight"))[1][0]
+    )
 
 
 def test_notes_that_files_share_are_one_line() -> None:
@@ -60,7 +64,7 @@ def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do(
         r"standard/WB, where WB is .*, a temperature from \d+K to \d+K, or find it with --candidates"
     )
     with pytest.raises(SettingsError, match=wanted):
-        source_selector(Path("a.jpg"), settings, camera, None)
+        source_selector(Path("a.jpg"), settings, camera)
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import lutforge as lf
-from lutforge.apply.baked_grades import BakedGrades
-from lutforge.apply.setting_change import SettingChange
+from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.images.read import read_image
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor

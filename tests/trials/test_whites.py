@@ -19,8 +19,7 @@ import pytest
 from numpy.typing import NDArray
 
 import lutforge as lf
-from lutforge.apply.baked_grades import BakedGrades
-from lutforge.apply.setting_change import SettingChange
+from lutforge.apply.baked_grades import BakedGrades, SettingChange
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.inverse.linearization import InverseOptions
 from lutforge.luts.bake import bake_steps
