@@ -161,9 +161,7 @@ def _is_over(process: int, folder: Path) -> bool:
 
 def _prefix(path: Path) -> str:
     """How the temporary names of a path begin; a name that is too long to be made longer is replaced by its hash."""
-    name = os.fsencode(path.name)
-    if len(name) < 200:
-        return f".{path.stem}.lutforge-"
     import hashlib
 
-    return f".{hashlib.sha256(name).hexdigest()[:32]}.lutforge-"
+    name = os.fsencode(path.name)
+    return f".{path.stem if len(name) < 200 else hashlib.sha256(name).hexdigest()[:32]}.lutforge-"

@@ -4,20 +4,15 @@ Parsers raise many types on damaged files: zipfile alone raises eight, NumPy's h
 Rust extensions a panic that is no Exception and prints forty lines. So every reader runs inside `reading`.
 """
 
-import os
 import re
-import sys
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from lutforge.errors import LutForgeError, one_line
 
 MAX_SAMPLES = 1_200_000_000
 """Largest width × height × channels that is read at once (400 Mpixel of RGB); larger claims are not allocated."""
-
-_redirection = threading.RLock()
 
 
 @contextmanager
@@ -88,26 +83,3 @@ def require_file(path: str | Path, kind: str, error: type[LutForgeError] = LutFo
     if size > most:
         raise error(f"{path}: {size:,} bytes are more than {kind} has (up to {most:,}); is it another file?")
     return size
-
-
-@contextmanager
-def silent_stderr() -> Iterator[None]:
-    """Discard what the process prints to standard error while the block runs, by native libraries and by Python.
-
-    One thread at a time can do so. Where there is no standard error to redirect (a Windows service), nothing is done.
-    """
-    with _redirection:
-        try:
-            saved = os.dup(2)
-        except OSError:
-            yield
-            return
-        try:
-            with suppress(OSError, ValueError, AttributeError):
-                sys.stderr.flush()
-            with Path(os.devnull).open("wb") as nowhere:
-                os.dup2(nowhere.fileno(), 2)
-            yield
-        finally:
-            os.dup2(saved, 2)
-            os.close(saved)

@@ -1,15 +1,32 @@
-"""Run other programs so that none outlives a command that Ctrl-C ends."""
+"""Run programs, and functions on strangers' files, in processes that do not outlive a command that Ctrl-C ends."""
 
 import os
 import signal
 import subprocess
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from threading import RLock
-from typing import Any
+from importlib import import_module
+from pathlib import Path
+from threading import Lock, RLock, Timer
+from typing import IO, Any, ParamSpec, TypeVar
+
+from lutforge.errors import LutForgeError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+SECONDS = 10
+"""Processor time of a guarded call; the largest LUTs and configs that OpenColorIO reads take three."""
+WAIT = 6 * SECONDS
+"""Seconds until a guarded call is given up, however little of the processor it had."""
+MEMORY = 4 << 30
+"""Bytes of address space of the process of guarded calls."""
 
 _running: set["subprocess.Popen[Any]"] = set()
 _beginning = RLock()  # a signal may come while this thread holds it
+_guarding = Lock()
+_guard: "subprocess.Popen[bytes] | None" = None
 
 
 def run(
@@ -27,25 +44,14 @@ def run(
         )  # fmt: skip
         _running.add(process)
     try:
-        said, complained = process.communicate(timeout=timeout)
+        output, errors = process.communicate(timeout=timeout)
     except BaseException:
         _end(process)
         process.communicate()
         raise
     finally:
         _running.discard(process)
-    return subprocess.CompletedProcess(command, process.returncode, said, complained)
-
-
-def keep(command: Sequence[str], environment: Mapping[str, str]) -> "subprocess.Popen[bytes]":
-    """Begin a program that answers on its output what it is asked on its input, until the input ends."""
-    with _beginning:
-        process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment,
-            process_group=0 if os.name == "posix" else None,
-        )  # fmt: skip
-        _running.add(process)
-    return process
+    return subprocess.CompletedProcess(command, process.returncode, output, errors)
 
 
 def end_all() -> None:
@@ -63,3 +69,106 @@ def _end(process: "subprocess.Popen[Any]") -> None:
             os.killpg(process.pid, signal.SIGKILL)
         else:
             process.kill()
+
+
+class OverrunError(LutForgeError):
+    """A guarded call that did not end within its limits, or ended the process that it ran in."""
+
+
+def guarded(function: Callable[P, R], *arguments: P.args, **words: P.kwargs) -> R:
+    """Return what a module's function returns, called in another process, within limits of time and memory.
+
+    Native parsers may loop with Python's lock held, so that neither Ctrl-C nor a timer of this process is heard, or ask
+    for all memory. What they do in another process, which is kept for the next call, can be ended. The function, its
+    arguments and its value are pickled. What it raises is raised here; OverrunError where it takes more than SECONDS or
+    MEMORY, or ends the process. Ctrl-C ends the call.
+    """
+    import pickle
+
+    with _guarding:
+        process = _guard_process()
+        timer = Timer(WAIT, process.kill)
+        try:
+            timer.start()
+            channel_in, channel_out = _channels(process)
+            pickle.dump((str(Path.cwd()), function, arguments, words), channel_in)
+            channel_in.flush()
+            value, error = pickle.load(channel_out)
+        except BaseException as failure:
+            _end(process)
+            for channel in _channels(process):
+                with suppress(OSError):
+                    channel.close()
+            process.wait()
+            if isinstance(failure, EOFError | OSError | pickle.UnpicklingError):
+                limits = f"{SECONDS} seconds or {MEMORY >> 30} GB"
+                raise OverrunError(f"it takes more than {limits} to read, or ends its reader") from None
+            raise
+        finally:
+            timer.cancel()
+    if error is not None:
+        raise error
+    return value  # type: ignore[no-any-return]  # pickled
+
+
+def prepare(module: str) -> None:
+    """Begin the process of guarded calls: it loads the module of one to come while this one does other things."""
+    with _guarding:
+        _guard_process(module)
+
+
+def _guard_process(module: str = __name__) -> "subprocess.Popen[bytes]":
+    global _guard
+    if _guard is None or _guard.poll() is not None:
+        paths = [str(Path(entry).absolute()) for entry in sys.path]
+        with _beginning:
+            _guard = subprocess.Popen(
+                [sys.executable, "-c", f"from lutforge.child_processes import serve; serve({module!r})"],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+                process_group=0 if os.name == "posix" else None,
+            )  # fmt: skip
+            _running.add(_guard)
+    return _guard
+
+
+def _channels(process: "subprocess.Popen[bytes]") -> tuple[IO[bytes], IO[bytes]]:
+    assert process.stdin is not None
+    assert process.stdout is not None
+    return process.stdin, process.stdout
+
+
+def serve(module: str) -> None:
+    """Load a module, and answer guarded calls until the process that asks is gone."""
+    import pickle
+
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints is no answer
+    with suppress(ImportError, OSError, ValueError):  # Windows has no such limits; WAIT remains
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    import_module(module)
+    while True:
+        try:
+            folder, function, arguments, words = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        with suppress(ImportError, OSError, ValueError):  # the system ends this process when it has used SECONDS more
+            import resource
+
+            used = resource.getrusage(resource.RUSAGE_SELF)
+            soft = int(used.ru_utime + used.ru_stime) + SECONDS + 1
+            resource.setrlimit(resource.RLIMIT_CPU, (soft, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+        value: Any = None
+        failure: LutForgeError | None = None
+        try:
+            os.chdir(folder)
+            value = function(*arguments, **words)
+        except LutForgeError as error:
+            failure = error
+        except Exception as error:
+            failure = LutForgeError(f"{type(error).__name__}: {error}")
+        pickle.dump((value, failure), answers)
+        answers.flush()

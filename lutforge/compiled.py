@@ -25,7 +25,8 @@ class _Kernel:
     """A function that numba compiles when it is first called, and not before: numba itself takes long to load."""
 
     def __init__(self, function: Callable[..., Any], fastmath: bool | set[str]) -> None:
-        self._function, self._fastmath, self._made = function, fastmath, None
+        self._function, self._fastmath = function, fastmath
+        self._made: Any = None
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -34,31 +35,30 @@ class _Kernel:
     def made(self) -> Any:
         """numba's function; the kernels that it calls are put in place of their names, which numba looks up."""
         with _making:
-            if self._made is None:
-                names = self._function.__globals__
-                for name in self._function.__code__.co_names:
-                    if isinstance(names.get(name), _Kernel):
-                        names[name] = names[name].made()
-                self._made = _jitted(self._function, self._fastmath)
+            if self._made is not None:
+                return self._made
+            names = self._function.__globals__
+            for name in self._function.__code__.co_names:
+                if isinstance(names.get(name), _Kernel):
+                    names[name] = names[name].made()
+            import numba
+            import platformdirs
+
+            # numba reads this setting once, when it is given the function; other packages' kernels keep their folder.
+            settings: Any = numba.config
+            named = settings.CACHE_DIR
+            folder = platformdirs.user_cache_dir("lutforge", appauthor=False, version=lutforge.__version__)
+            settings.CACHE_DIR = named or folder
+            # error_model: a division by 0 gives an infinity, as in numpy; the checks that numba else adds take time to
+            # compile.
+            options: dict[str, Any] = {"nogil": True, "fastmath": self._fastmath, "error_model": "numpy"}
+            try:
+                self._made = numba.njit(self._function, cache=True, **options)
+            except RuntimeError:  # no folder can be written, nor that of the source
+                self._made = numba.njit(self._function, **options)
+            finally:
+                settings.CACHE_DIR = named
         return self._made
-
-
-def _jitted(function: Callable[..., Any], fastmath: bool | set[str]) -> Any:
-    import numba
-    import platformdirs
-
-    # numba reads this setting once, when it is given the function; other packages' kernels keep their own folder.
-    settings: Any = numba.config
-    named = settings.CACHE_DIR
-    settings.CACHE_DIR = named or platformdirs.user_cache_dir("lutforge", appauthor=False, version=lutforge.__version__)
-    # error_model: a division by 0 gives an infinity, as in numpy; the checks that numba else adds take time to compile.
-    options: dict[str, Any] = {"nogil": True, "fastmath": fastmath, "error_model": "numpy"}
-    try:
-        return numba.njit(function, cache=True, **options)
-    except RuntimeError:  # no folder can be written, nor that of the source
-        return numba.njit(function, **options)
-    finally:
-        settings.CACHE_DIR = named
 
 
 def compiled(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:

@@ -1,11 +1,13 @@
-"""Every exception that LutForge raises on purpose, in one tree.
+"""Every exception that LutForge raises on purpose, in one tree, and the words of messages and notes.
 
 The message is one line for the person who caused it: what is wrong, where (path, line, row), what to do.
 The command line prints it and exits with status 2.
 """
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
+from pathlib import Path
 
 
 class LutForgeError(Exception):
@@ -37,6 +39,21 @@ def alternatives(word: str, names: Iterable[str]) -> str:
         others = len(known) - len(listed.split(", "))
     asked = f"did you mean {' or '.join(near)}? " if near else ""
     return f"{asked}known: {listed}{f' and {others} others' if others else ''}"
+
+
+def in_common(notes: Iterable[tuple[str | Path, str]], what: str) -> Iterator[str]:
+    """One line for each note, by the first that it is of and the number of those that share it.
+
+    notes: pairs of a file, or a shot's name, and what there is to know of it; equal notes may differ in numbers and in
+    the paths of their own files. what: they are, in the plural, such as "images".
+    """
+    alike: dict[str, list[tuple[str | Path, str]]] = {}
+    for source, text in dict.fromkeys(notes):
+        own = rf"[^\s:]*\b{re.escape(Path(source).stem)}\b[^\s:]*|[\d.]+"
+        alike.setdefault(re.sub(own, "", text), []).append((source, text))
+    for several in alike.values():
+        source, text = several[0]
+        yield f"{source}: {text}" if len(several) == 1 else f"{len(several)} {what}, such as {source}: {text}"
 
 
 class SettingsError(LutForgeError):

@@ -119,22 +119,23 @@ def parse_selector(text: str) -> Selector:
     if not slash or not style or not balance:
         raise SettingsError(f'"{text}" is not STYLE/WB, a picture style and a white balance, such as "vivid/daylight"')
     if (number := re.match(r"([\d.]+(?:e\d+)?)\s*k\s*([+-].*)?$", balance)) is not None:
-        return Selector(style, _parse_kelvin(text, number[1], number[2] or "0"))
+        try:
+            kelvin, tint = float(number[1]), float(number[2] or "0")
+        except ValueError:
+            raise SettingsError(f'"{text}": a temperature is written 5200K, with a tint 5200K+10') from None
+        if not KELVIN_RANGE[0] <= kelvin <= KELVIN_RANGE[1]:
+            limits = f"{KELVIN_RANGE[0]:g}K and {KELVIN_RANGE[1]:g}K"
+            raise SettingsError(f'"{text}": a colour temperature lies between {limits}')
+        return Selector(style, Kelvin(kelvin, checked_tint(tint)))
     if "," in balance:
-        return Selector(style, Multipliers(_parse_multipliers(text, balance)))
+        try:
+            r, g, b = (float(part) for part in balance.split(","))
+        except ValueError:
+            raise SettingsError(f'"{text}": multipliers are three numbers r,g,b, for example 2.10,1,1.43') from None
+        if not all(math.isfinite(value) and value > 0 for value in (r, g, b)):
+            raise SettingsError(f'"{text}": multipliers are positive numbers')
+        return Selector(style, Multipliers((r / g, 1.0, b / g)))
     return Selector(style, balance)
-
-
-def _parse_kelvin(text: str, temperature: str, tint: str) -> Kelvin:
-    try:
-        kelvin, distance = float(temperature), float(tint)
-    except ValueError:
-        raise SettingsError(f'"{text}": a temperature is written 5200K, with a tint 5200K+10') from None
-    if not KELVIN_RANGE[0] <= kelvin <= KELVIN_RANGE[1]:
-        raise SettingsError(
-            f'"{text}": a colour temperature lies between {KELVIN_RANGE[0]:g}K and {KELVIN_RANGE[1]:g}K'
-        )
-    return Kelvin(kelvin, checked_tint(distance))
 
 
 def require_exposure(ev: SupportsFloat) -> None:
@@ -148,13 +149,3 @@ def checked_tint(tint: float) -> float:
     if not abs(tint) <= LARGEST_TINT:
         raise SettingsError(f"tint {tint:g}: a tint lies between -{LARGEST_TINT:g} and +{LARGEST_TINT:g}")
     return tint
-
-
-def _parse_multipliers(text: str, balance: str) -> tuple[float, float, float]:
-    try:
-        r, g, b = (float(part) for part in balance.split(","))
-    except ValueError:
-        raise SettingsError(f'"{text}": multipliers are three numbers r,g,b, for example 2.10,1,1.43') from None
-    if not all(math.isfinite(value) and value > 0 for value in (r, g, b)):
-        raise SettingsError(f'"{text}": multipliers are positive numbers')
-    return (r / g, 1.0, b / g)

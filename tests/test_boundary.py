@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lutforge.boundary import reading, require_file, silent_stderr
+from lutforge.boundary import reading, require_file
 from lutforge.errors import ImageError, LutForgeError, SampleError
 
 
@@ -104,10 +104,3 @@ def test_pipes_are_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(LutForgeError, match="not a regular file"):
         require_file(tmp_path / "pipe", "a LUT")
-
-
-def test_native_libraries_print_nothing(capfd: pytest.CaptureFixture[str]) -> None:
-    with silent_stderr():
-        os.write(2, b"thread 'main' panicked\n" * 45)
-    os.write(2, b"after\n")
-    assert capfd.readouterr().err == "after\n"

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
+from lutforge.child_processes import OverrunError, guarded, prepare
 from lutforge.errors import LutForgeError
-from lutforge.guarded import OverrunError, guarded, prepare
 
 ENDLESS = range(10**15)
 """Its sum is a loop in C that holds Python's lock."""

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge import __version__
+from lutforge.child_processes import guarded
 from lutforge.errors import ConfigError, LutError, LutForgeError, alternatives
-from lutforge.guarded import guarded
 from lutforge.interpolation import Interpolation
 from lutforge.luts.input_and_output import ENCODED, read_input_and_output
 from lutforge.luts.processor import OCIO_ERRORS, of_codes

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lutforge.cli.console import argument, complain, note, option, progress_bar, quiet_codecs, say
-from lutforge.notes import in_common
+from lutforge.errors import in_common
 
 if TYPE_CHECKING:
     from lutforge.pipeline.grading import Grading
@@ -59,7 +59,7 @@ def apply(
 
     IMAGES are files, folders, and sequences: shot.####.exr, shot.1001-1100####.exr, shot.%04d.exr.
     """
-    from lutforge.guarded import prepare
+    from lutforge.child_processes import prepare
 
     if grade.suffix.lower() not in (".npz", ".ocio", ".ocioz"):
         prepare("lutforge.luts.reading")  # what reads the LUT first loads beside what grades

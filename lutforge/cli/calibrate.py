@@ -1,7 +1,7 @@
 """`lutforge calibrate`: samples or RAW files → a camera profile."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from lutforge.cli.console import (
     DevelopedFolder,
@@ -17,9 +17,6 @@ from lutforge.cli.console import (
 from lutforge.cli.sample import tell
 from lutforge.errors import SettingsError
 from lutforge.report.tables import held_out_table
-
-if TYPE_CHECKING:
-    from lutforge.pipeline.sampling import SampledShots
 
 
 def calibrate(
@@ -45,37 +42,23 @@ def calibrate(
     from lutforge.pipeline.calibration import calibrate as fit
     from lutforge.pipeline.calibration import calibration_options
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output, named_or_new
+    from lutforge.pipeline.sampling import gather_samples, raw_substitute, sample_pairs
 
     output = check_output(named_or_new(output, "camera.npz"), PROFILE_SUFFIXES, sources or ())
     options = calibration_options(model, preset, size, interpolation, not uniform)
-    samples = _sampled(sources or [], pairs, from_space, (developed, developed_space)).samples
+    if pairs is not None and sources:
+        raise SettingsError("give --pairs or shots, not both")
+    with progress_bar("sampling") as progress:
+        if pairs is not None:
+            tell(sampled := sample_pairs(*pairs, from_space, progress))
+        else:
+            substitute = raw_substitute(developed, developed_space)
+            sampled = gather_samples(sources or [], progress, tell, substitute)
     with progress_bar("calibrating") as progress:
-        profile = fit(samples, options, progress)
+        profile = fit(sampled.samples, options, progress)
     note(*map(str, profile.diagnoses), *profile.notes)
     print_tables(held_out_table(profile))
     profile.save(output)
     shots = "1 shot" if len(profile.shots) == 1 else f"{len(profile.shots)} shots"
-    say(f"{output}: {profile.camera}, {len(samples)} samples of {shots}")
+    say(f"{output}: {profile.camera}, {len(sampled.samples)} samples of {shots}")
     say(f"styles: {', '.join(profile.styles)}; white balances: {', '.join(profile.white_balances)}")
-
-
-def _sampled(
-    sources: list[Path],
-    pairs: tuple[Path, Path] | None,
-    from_space: str,
-    substitute: tuple[Path | None, str | None],
-) -> "SampledShots":
-    """Take the samples of pairs, or of sources; substitute: what stands in for RAW, if anything."""
-    from lutforge.pipeline.sampling import gather_samples
-
-    if pairs is not None and sources:
-        raise SettingsError("give --pairs or shots, not both")
-    with progress_bar("sampling") as progress:
-        if pairs is None and substitute == (None, None):
-            return gather_samples(sources, progress, tell)
-        from lutforge.pipeline.sampling import raw_substitute, sample_pairs  # loads what decodes RAW files
-
-        if pairs is None:
-            return gather_samples(sources, progress, tell, raw_substitute(*substitute))
-        tell(sampled := sample_pairs(*pairs, from_space, progress))
-        return sampled

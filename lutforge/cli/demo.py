@@ -22,15 +22,24 @@ def demo(
 ) -> None:
     """Photograph with a simulated camera, calibrate it, bake, write a config, grade, and compare with the truth."""
     from lutforge.calibration.options import CalibrationOptions
+    from lutforge.pipeline.baking import bake_files
     from lutforge.pipeline.calibration import calibrate
+    from lutforge.pipeline.configs import write_config
     from lutforge.pipeline.outputs import check_output
     from lutforge.pipeline.reports import report as write_report
     from lutforge.pipeline.sampling import sample_shots
+    from lutforge.pipeline.transforms import TransformRequest
     from lutforge.report.matplotlib_figure import calibration_sheet
     from lutforge.samples.table import write_samples
+    from lutforge.simulate.demo import SHOTS, demo_shots
 
     check_output(output / "report.html")
-    shots = _photograph(output / "shots")
+    say("1. Photograph: RAW (DNG) and JPEG files of a simulated Nikon D5100")
+    taken = count()
+    with progress_bar("photographing") as progress:
+        shots = demo_shots(output / "shots", lambda name: progress(name, next(taken) / (len(SHOTS) + 1)))
+    say(f"   {len(shots.calibration)} shots in {output / 'shots'}")
+
     say("2. Sample: colours that RAW and JPEG share")
     with progress_bar("sampling") as progress:
         sampled = sample_shots(shots.calibration, progress)
@@ -47,9 +56,25 @@ def demo(
     print_tables(held_out_table(profile))
 
     say("4. Bake: LUT files, each read back and compared with the model")
-    _bake(profile, shots, output / "luts")
+    refinish = TransformRequest("refinish", shots.source, shots.target, shots.ev)
+    for request, names in (
+        (TransformRequest("render", target=shots.target), ["render.clf"]),
+        (TransformRequest("linearize", shots.source, space="acescg"), ["linearize_acescg.clf"]),
+        (refinish, ["refinish.clf", "refinish.resolve.cube", "refinish.cube"]),
+    ):
+        for file in bake_files(profile, request, [output / "luts" / name for name in names])[0]:
+            say(f"   {file.path}: {file.summary}; {file.error}")
+
     say("5. Config: OpenColorIO")
-    _config(profile, output / "ocio")
+    written = write_config([profile], output / "ocio", replace=True)
+    note(*(finding.note for finding in written.findings))
+    verdict = f"{len(written.findings)} notes" if written.findings else "sound"
+    program = Path(sys.executable).with_name("ociocheck")
+    if program.exists():
+        result = child_processes.run([str(program), "--iconfig", str(written.path)], 120)
+        verdict += "; ociocheck: " + ("passed" if result.returncode == 0 else "FAILED")
+    say(f"   {written.path}: {verdict}")
+
     say("6. Grade a photograph that went wrong: white balance, exposure and style")
     graded = _grade(shots, output)
 
@@ -62,53 +87,6 @@ def demo(
         page = write_report(profile, sampled, output / "report.html", progress=progress)
     say(f"   {output / 'report.html'}: {len(page.pictures)} figures")
     say(f"Everything is in {output}; look at {output / 'refinish.png'} first")
-
-
-def _photograph(folder: Path) -> "DemoShots":
-    from lutforge.simulate.demo import SHOTS, demo_shots
-
-    say("1. Photograph: RAW (DNG) and JPEG files of a simulated Nikon D5100")
-    taken = count()
-    with progress_bar("photographing") as progress:
-        shots = demo_shots(folder, lambda name: progress(name, next(taken) / (len(SHOTS) + 1)))
-    say(f"   {len(shots.calibration)} shots in {folder}")
-    return shots
-
-
-def _cells(what: str, figures: "ErrorFigures") -> tuple[str, ...]:
-    numbers = (f"{value:.4f}" for value in (figures.mean, figures.maximum, figures.rmse))
-    return (what, str(figures.count), *numbers, "–" if figures.de00_mean is None else f"{figures.de00_mean:.2f}")
-
-
-def _bake(profile: "CameraProfile", shots: "DemoShots", folder: Path) -> None:
-    from lutforge.pipeline.baking import bake_files
-    from lutforge.pipeline.transforms import TransformRequest
-
-    for wanted, names in (
-        (TransformRequest("render", target=shots.target), ["render.clf"]),
-        (TransformRequest("linearize", shots.source, space="acescg"), ["linearize_acescg.clf"]),
-        (
-            TransformRequest("refinish", shots.source, shots.target, shots.ev),
-            ["refinish.clf", "refinish.resolve.cube", "refinish.cube"],
-        ),
-    ):
-        for file in bake_files(profile, wanted, [folder / name for name in names])[0]:
-            say(f"   {file.path}: {file.summary}; {file.error}")
-
-
-def _config(profile: "CameraProfile", folder: Path) -> None:
-    from lutforge.pipeline.configs import write_config
-
-    written = write_config([profile], folder, replace=True)
-    for finding in written.findings:
-        note(finding.note)
-    verdict = f"{len(written.findings)} notes" if written.findings else "sound"
-    program = Path(sys.executable).with_name("ociocheck")
-    if program.exists():
-        checked = [str(program), "--iconfig", str(written.path)]
-        result = child_processes.run(checked, 120)
-        verdict += "; ociocheck: " + ("passed" if result.returncode == 0 else "FAILED")
-    say(f"   {written.path}: {verdict}")
 
 
 def _grade(shots: "DemoShots", output: Path) -> tuple[str, ...]:
@@ -132,6 +110,11 @@ def _grade(shots: "DemoShots", output: Path) -> tuple[str, ...]:
     return _cells(
         "graded JPEG, 8 bit", error_figures(after[usable].astype(float), wanted[usable].astype(float), display=True)
     )
+
+
+def _cells(what: str, figures: "ErrorFigures") -> tuple[str, ...]:
+    numbers = (f"{value:.4f}" for value in (figures.mean, figures.maximum, figures.rmse))
+    return (what, str(figures.count), *numbers, "–" if figures.de00_mean is None else f"{figures.de00_mean:.2f}")
 
 
 def _truth(profile: "CameraProfile", shots: "DemoShots") -> Iterator[tuple[str, ...]]:

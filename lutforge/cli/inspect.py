@@ -1,4 +1,4 @@
-"""`lutforge inspect`: what a file is, and what it can be used for."""
+"""`lutforge inspect`, `check`: what a file is and can be used for; what is in a LUT file, and who can read it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,6 +20,7 @@ def inspect(
 ) -> None:
     """Show what files are: a shot's or picture's camera and settings, what a profile, table or LUT holds."""
     from lutforge.pipeline.inspection import files_to_inspect
+    from lutforge.pipeline.inspection import inspect as look
 
     if scene is not None:
         from lutforge.pipeline.evaluation import inspect_scene
@@ -29,16 +30,27 @@ def inspect(
         print_tables(table)
         note(*notes)
         return
-    for_each("inspecting", [file for path in files for file in files_to_inspect(path)], _show)
+
+    def show(file: Path) -> None:
+        content = look(file)
+        if content.lines:
+            say(*content.lines)
+            return
+        print_tables(Table(str(file), ("", ""), content.rows))
+        if content.profile is not None:
+            print_tables(held_out_table(content.profile))
+
+    for_each("inspecting", [file for path in files for file in files_to_inspect(path)], show)
 
 
-def _show(file: Path) -> None:
-    from lutforge.pipeline.inspection import inspect as look
+def check(
+    luts: Annotated[list[Path], argument("LUT files of any origin.")],
+) -> None:
+    """Show what LUT files hold, which programs read them, and which misread them."""
 
-    found = look(file)
-    if found.lines:
-        say(*found.lines)
-        return
-    print_tables(Table(str(file), ("", ""), found.rows))
-    if found.profile is not None:
-        print_tables(held_out_table(found.profile))
+    def show(path: Path) -> None:
+        from lutforge.pipeline.inspection import check as lines_of
+
+        say(*lines_of(path))
+
+    for_each("checking", luts, show)

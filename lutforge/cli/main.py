@@ -19,24 +19,13 @@ COMMANDS = (
     "demo", "inspect", "sample", "calibrate", "response", "evaluate", "bake", "kit", "config", "apply", "transfer",
     "check", "report", "compare", "studio", "import-nus", "export-nus",
 )  # fmt: skip
-"""In the order of the help; each is the function of that name in a file of that name."""
+"""In the order of the help."""
+
+FILES = {"check": "inspect", "compare": "report", "export-nus": "import_nus"}
+"""Of the commands that share another one's file."""
 
 UsageErrors: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 """The root of typer's errors of usage, which typer itself does not name."""
-
-
-def _show_version(value: bool) -> None:
-    if value:
-        print(f"lutforge {__version__}")
-        raise typer.Exit
-
-
-def _root(
-    context: typer.Context,
-    version: bool = typer.Option(False, "--version", callback=_show_version, is_eager=True, help="Print the version."),
-) -> None:
-    if context.invoked_subcommand is None:
-        print(context.get_help())
 
 
 def command_line(first: str = "") -> typer.Typer:
@@ -48,10 +37,21 @@ def command_line(first: str = "") -> typer.Typer:
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    app.callback()(_root)
+
+    @app.callback()
+    def root(
+        context: typer.Context, version: bool = typer.Option(False, "--version", help="Print the version.")
+    ) -> None:
+        if version:
+            print(f"lutforge {__version__}")
+            raise typer.Exit
+        if context.invoked_subcommand is None:
+            print(context.get_help())
+
     for name in (first,) if first in COMMANDS else COMMANDS:
-        module = import_module(f"lutforge.cli.{'import_nus' if name == 'export-nus' else name.replace('-', '_')}")
-        app.command(name)(getattr(module, name.replace("-", "_")))
+        function = name.replace("-", "_")
+        module = import_module(f"lutforge.cli.{FILES.get(name, function)}")
+        app.command(name)(getattr(module, function))
     return app
 
 

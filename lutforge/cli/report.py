@@ -1,4 +1,4 @@
-"""`lutforge report`: a profile, its errors and what to shoot next, as one HTML file."""
+"""`lutforge report`, `compare`: a profile, its errors and what to shoot next, or two cameras, as one HTML file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -34,3 +34,21 @@ def report(
     say(f"{output}: {len(page.pictures)} figures, {output.stat().st_size / 1e6:.1f} MB")
     if figures is not None:
         say(f"{figures}: {2 * len(page.pictures)} files")
+
+
+def compare(
+    first: Profile,
+    second: Annotated[Path | None, argument("Another profile (.npz).", show_default="the first")] = None,
+    output: Annotated[Path, option("The page to write (.html).", "-o", "--output")] = Path("compare.html"),
+    one: Annotated[
+        str | None, option("STYLE/WB of the first profile; unless given, the first in it.", "--from")
+    ] = None,
+    other: Annotated[str | None, option("STYLE/WB of the second; unless given, the first in it.", "--to")] = None,
+) -> None:
+    """Show what two cameras, or two styles of one, make of the same light: a chart, a picture, ΔE00."""
+    from lutforge.pipeline.reports import compare as write_comparison
+
+    with progress_bar("comparing") as progress:
+        page = write_comparison(first, second or first, output, one, other, progress)
+    say(f"{output}: {page.title}")
+    say(*page.lead)

@@ -34,55 +34,53 @@ def response(
     """Find the response of a camera without RAW from one scene at several exposures, and how exact these were."""
     from lutforge.pipeline.outputs import named_or_new
     from lutforge.pipeline.response import parse_times
-    from lutforge.pipeline.response import response as fit_response
 
     output = named_or_new(output, "camera.npz")
+    exposure_s = None if times is None else parse_times(times)
     if chart is not None:
-        _of_chart(bracket, output, chart, light or "D50", corners, times, camera)
+        _of_chart(bracket, output, chart, light or "D50", corners, exposure_s, camera)
         return
     for name, value in (("--light", light), ("--corners", corners)):
         if value is not None:
             raise CalibrationError(f"{name} is of a colour chart: name the chart, too, such as --chart classic")
+    from lutforge.pipeline.response import response as fit_response
+
     with progress_bar("response") as progress:
-        fitted = fit_response(
-            bracket, output, None if times is None else parse_times(times), camera=camera, all_colours=all_colours,
-            progress=progress,
-        )  # fmt: skip
+        fitted = fit_response(bracket, output, exposure_s, camera=camera, all_colours=all_colours, progress=progress)
     fit, profile, exposures = fitted.fit, fitted.profile, fitted.exposure_s
-    say(f"{output}: {profile.camera}, {', '.join(profile.styles)}/{', '.join(profile.white_balances)}")
+    (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
+    say(f"{output}: {profile.camera}, {selector}")
     known, follows = fit.told
     say(known)
+    print_tables(response_table(fit))
     rows = [
         (name, f"{time / min(exposures.values()):.4g}", _true_over_stated(fit, name))
         for name, time in exposures.items()
     ]
-    print_tables(response_table(fit))
     print_tables(Table("Exposures", ("shot", "stated, relative", "true / stated"), rows))
     say(follows)
     _tell_verdict(fit)
-    (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
     say(f"next: lutforge bake {output} linearize --from {selector} -o linear.cube")
 
 
 def _of_chart(
-    bracket: list[Path], output: Path, chart: str, light: str, corners: str | None, times: str | None, camera: str
-) -> None:
+    bracket: list[Path], output: Path, chart: str, light: str, corners: str | None,
+    exposure_s: list[float] | None, camera: str,
+) -> None:  # fmt: skip
     """Calibrate on exposures of a chart, and print what they tell."""
     from lutforge.pipeline.charts import KnownChart, write_input_transform
-    from lutforge.pipeline.response import parse_times
     from lutforge.samples.chart_kinds import chart_kind, parse_corners
 
     known = KnownChart(chart_kind(chart), light, None if corners is None else parse_corners(corners))
-    exposure_s = None if times is None else parse_times(times)
     with progress_bar("response") as progress:
         fitted = write_input_transform(bracket, output, known, exposure_s, camera=camera, progress=progress)
     profile, exposures = fitted.profile, fitted.exposure_s
     (selector,) = (f"{style}/{balance}" for style in profile.styles for balance in profile.white_balances)
     say(f"{output}: {profile.camera}, {selector}, of the {known.kind.name} under {light}")
-    kept = {name: len(rows) for name, rows in fitted.samples.by_shot()}
+    used = {name: len(rows) for name, rows in fitted.samples.by_shot()}
     rows = [
         (
-            name, "found" if name in fitted.found else "", str(kept.get(name, 0)),
+            name, "found" if name in fitted.found else "", str(used.get(name, 0)),
             f"{time / min(exposures.values()):.4g}", _true_over_stated(fitted.fit, name),
             f"{fitted.level[name]:.3g}",
         )
@@ -90,11 +88,9 @@ def _of_chart(
     ]  # fmt: skip
     header = ("shot", "chart", "patches used", "stated, relative", "true / stated", "white beside the chart")
     print_tables(Table("Exposures", header, rows))
-    lost = [name for name in exposures if name not in fitted.found]
-    if lost and corners is None:
-        note(
-            f"the chart was not found in {', '.join(lost)}: its place in the nearest exposure was taken; see --corners"
-        )
+    missed = ", ".join(name for name in exposures if name not in fitted.found)
+    if missed and corners is None:
+        note(f"the chart was not found in {missed}: its place in the nearest exposure was taken; see --corners")
     _tell_verdict(fitted.fit)
     note(*profile.notes)
     print_tables(held_out_table(profile))

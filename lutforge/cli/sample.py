@@ -8,15 +8,12 @@ from lutforge.cli.console import DevelopedFolder, DevelopedSpace, Shots, note, o
 if TYPE_CHECKING:
     from lutforge.pipeline.sampling import SampledShots
 
-Output = Annotated[
-    Path | None,
-    option("A .csv or .npz table.", "-o", "--output", show_default="samples.csv, if it is new"),
-]
-
 
 def sample(
     shots: Shots,
-    output: Output = None,
+    output: Annotated[
+        Path | None, option("A .csv or .npz table.", "-o", "--output", show_default="samples.csv, if it is new")
+    ] = None,
     reference: Annotated[
         Path | None,
         option("For JPEGs of a camera without RAW: another camera's RAW files of the same scenes, a folder."),

@@ -8,13 +8,8 @@ from lutforge.errors import SettingsError
 
 if TYPE_CHECKING:
     from lutforge.calibration.physical.raw_to_raw import Form
-    from lutforge.pipeline.sampling import SampledShots
 
-NAMES = {
-    "matrix": "one matrix",
-    "piecewise": "piecewise linear in hue",
-    "root-polynomial": "root polynomial",
-}
+NAMES = {"matrix": "one matrix", "piecewise": "piecewise linear in hue", "root-polynomial": "root polynomial"}
 
 
 def transfer(
@@ -33,13 +28,9 @@ def transfer(
         raise SettingsError("--piecewise and --root-polynomial are two forms; choose one")
     form: Form = "piecewise" if piecewise else "root-polynomial" if root_polynomial else "matrix"
     with progress_bar("sampling") as progress:
-        common, fitted = write_transfer(source, target, output, form, progress, _tell)
+        common, fitted = write_transfer(source, target, output, form, progress, lambda sampled: note(*sampled.left_out))
     say(f"{output}: {fitted[form].source} to {fitted[form].target}, from {common} common colours: {NAMES[form]}")
     known = {form: transfer.error for form, transfer in fitted.items() if transfer.error is not None}
     if known:
         errors = ", ".join(f"{NAMES[form]} {error:.2%}" for form, error in known.items())
         say(f"  held-out error, relative: {errors}")
-
-
-def _tell(sampled: "SampledShots") -> None:
-    note(*sampled.left_out)

@@ -16,8 +16,8 @@ import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation use
 from lutforge.arrays import Array
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import path_of, reading, require_file
+from lutforge.child_processes import OverrunError, P, R, guarded
 from lutforge.errors import LutError, one_line
-from lutforge.guarded import OverrunError, P, R, guarded
 from lutforge.interpolation import Interpolation
 from lutforge.luts.ops import Cube, Curve, Matrix, Op, Range
 from lutforge.luts.processor import OCIO_ERRORS, evaluate

@@ -15,8 +15,8 @@ from pathlib import Path, PurePosixPath
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
 from lutforge.atomic_write import scratch_folder
+from lutforge.child_processes import OverrunError, guarded
 from lutforge.errors import ConfigError, LutForgeError
-from lutforge.guarded import OverrunError, guarded
 from lutforge.luts.processor import OCIO_ERRORS
 from lutforge.ocio.base_config import (
     DATA,

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lutforge.colour.rgb_spaces import rgb_space
-from lutforge.errors import LutForgeError, SampleError, SettingsError, ShotError
-from lutforge.notes import in_common
+from lutforge.errors import LutForgeError, SampleError, SettingsError, ShotError, in_common
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet, concatenate

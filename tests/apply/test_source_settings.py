@@ -8,8 +8,7 @@ import pytest
 
 import lutforge as lf
 from lutforge.apply.source_settings import source_selector
-from lutforge.errors import ConfigError, LutError, SettingsError
-from lutforge.notes import in_common
+from lutforge.errors import ConfigError, LutError, SettingsError, in_common
 from lutforge.pipeline.grading import Grading
 from lutforge.settings import parse_selector
 from lutforge.shots.picture_settings import PictureSettings

@@ -42,7 +42,7 @@ def test_a_command_loads_no_other_command() -> None:
     code = "import sys; from lutforge.cli.main import command_line; command_line('check'); print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100)
     loaded = {name for name in run.stdout.split() if name.startswith("lutforge.cli.")}
-    assert loaded == {"lutforge.cli.main", "lutforge.cli.console", "lutforge.cli.check"}
+    assert loaded == {"lutforge.cli.main", "lutforge.cli.console", "lutforge.cli.inspect"}
 
 
 def test_inspecting_a_profile_loads_numpy_alone(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lutforge.cli.compare import compare as compare_command
+from lutforge.cli.report import compare as compare_command
 from lutforge.errors import SettingsError
 from lutforge.model.camera_profile import as_profile
 from lutforge.model.published_model import import_published

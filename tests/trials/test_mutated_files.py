@@ -22,7 +22,7 @@ import pytest
 import lutforge as lf
 from lutforge.apply.grade import LutRecipe
 from lutforge.apply.image import apply_image
-from lutforge.boundary import silent_stderr
+from lutforge.cli.console import quiet_codecs
 from lutforge.errors import LutError, LutForgeError
 from lutforge.images.raw import read_raw
 from lutforge.inverse.linearization import InverseOptions
@@ -156,7 +156,7 @@ def fault(path: Path, read: Callable[[Path], object]) -> str:
     """What is wrong with how a file is read; "" where it is read, or is one line of our own error."""
     began, told = time.process_time(), ""
     try:
-        with warnings.catch_warnings(), silent_stderr():
+        with warnings.catch_warnings(), quiet_codecs():
             warnings.simplefilter("ignore")
             read(path)
     except LutForgeError as error:
