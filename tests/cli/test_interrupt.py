@@ -98,12 +98,14 @@ def test_fits_samples_configs_and_reports_stop_at_once(demo: tuple[Path, str], t
         "fix.cube": ("bake", profile, "linearize", "--from", "standard/daylight", "-o", "fix.cube"),
     }
     for output, words in commands.items():
-        for seconds in MOMENTS:
+        assert interrupted(tmp_path, MOMENTS[0], *words)
+        assert not (tmp_path / output).exists()
+        for seconds in MOMENTS[1:]:
             if not interrupted(tmp_path, seconds, *words):
                 break
             # Between its last line of work and its end, a command may have written what it makes: whole then.
             if output == "camera.npz" and (tmp_path / output).exists():
-                load_profile(tmp_path / output)
+                assert load_profile(tmp_path / output).styles
 
 
 @pytest.mark.slow

@@ -17,10 +17,8 @@ COMPILED = ["lutforge.luts.formats.text"]
 """Modules with loops that numba compiles; they cannot be instrumented."""
 
 with atheris.instrument_imports(include=["lutforge.luts"], exclude=COMPILED):
-    from lutforge.luts.sequence import suffixes
-    from tests.luts.fuzz_luts import seeds, try_file
+    from tests.cases.damaged import LUTS, READERS, fault, whole_files
 
-SUFFIXES = suffixes()
 LONGEST = 30_000
 
 
@@ -30,13 +28,16 @@ def main() -> None:
         folder, corpus = Path(name), Path(name) / "corpus"
         corpus.mkdir()
         (folder / "seeds").mkdir()
-        for file, data in seeds(folder / "seeds").items():
-            (corpus / file).write_bytes(bytes([SUFFIXES.index(Path(file).suffix)]) + data)
+        whole = whole_files(folder / "seeds")
+        for number, kind in enumerate(LUTS):
+            (corpus / f"a{kind}").write_bytes(bytes([number]) + whole[kind])
 
         def one_file(data: bytes) -> None:
-            path = folder / f"x{SUFFIXES[data[0] % len(SUFFIXES) if data else 0]}"
+            kind = LUTS[data[0] % len(LUTS) if data else 0]
+            path = folder / f"x{kind}"
             path.write_bytes(data[1:])
-            try_file(path)
+            if problem := fault(path, READERS[kind]):
+                raise AssertionError(problem)
 
         flags = [f"-runs={count}", "-timeout=2", "-rss_limit_mb=1024", f"-max_len={LONGEST}", "-seed=1"]
         atheris.Setup([sys.argv[0], str(corpus), *flags, *sys.argv[2:]], one_file)

@@ -1,12 +1,9 @@
 """`check`: what is in a LUT file, who misreads it; and any bytes give a report or one clear line."""
 
 from pathlib import Path
-from random import Random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from lutforge.errors import LutError
 from lutforge.luts.check import check_lut
@@ -14,10 +11,9 @@ from lutforge.luts.input_and_output import input_and_output_of
 from lutforge.luts.ops import Cube
 from lutforge.luts.processor import evaluate
 from lutforge.luts.reading import file_processor, read_lut
-from lutforge.luts.sequence import Lut, suffixes
+from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from tests.cases.luts import lut_of_nodes
-from tests.luts.fuzz_luts import seeds, spoil, try_file
 
 CLF, DEPTHS = "compCLFversion='3' id='a'", "inBitDepth='32f' outBitDepth='32f'"
 LEVELS = (np.array([0.0, 0.125, 0.5, 1.0]),) * 3
@@ -204,37 +200,6 @@ def test_what_no_operation_holds_is_said_and_not_dropped(tmp_path: Path) -> None
     for read in (read_lut, check_lut):
         with pytest.raises(LutError, match="a curve that keeps hues, of which no figures can be told"):
             read(path)
-
-
-@pytest.fixture(scope="module")
-def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    return seeds(tmp_path_factory.mktemp("seeds"))
-
-
-@given(data=st.data())
-@settings(max_examples=300, deadline=2000)
-def test_spoilt_files_give_a_report_or_one_line(
-    originals: dict[str, bytes], tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
-) -> None:
-    name = data.draw(st.sampled_from(sorted(originals)))
-    spoilt = spoil(originals[name], Random(data.draw(st.integers(0, 1 << 32))))
-    path = tmp_path_factory.getbasetemp() / f"spoilt{Path(name).suffix}"
-    path.write_bytes(spoilt)
-    assert try_file(path)
-
-
-def test_every_format_is_among_the_files_that_are_spoilt(originals: dict[str, bytes]) -> None:
-    """A new format needs a line in `seeds`; `.tiff` is `.tif`."""
-    assert {Path(name).suffix for name in originals} >= {*suffixes()} - {".tiff", ".spi1d"}
-
-
-@given(suffix=st.sampled_from(suffixes()))
-@settings(max_examples=20, deadline=2000)
-def test_no_bytes_at_all_and_random_bytes(tmp_path_factory: pytest.TempPathFactory, suffix: str) -> None:
-    path = tmp_path_factory.getbasetemp() / f"random{suffix}"
-    for count in (0, 1, 100, 4000):
-        path.write_bytes(Random(count).randbytes(count))
-        assert try_file(path) != "report"
 
 
 def test_blenders_spi3d_begins_in_lower_case(tmp_path: Path) -> None:

@@ -121,7 +121,7 @@ def test_a_missing_file_says_how_to_make_one(tmp_path: Path) -> None:
 def test_truncated_files(saved: Path, share: float) -> None:
     data = saved.read_bytes()
     saved.write_bytes(data[: int(share * len(data))])
-    _refused(saved)
+    assert _refused(saved)
 
 
 def test_flipped_bytes_never_give_a_traceback(saved: Path) -> None:
@@ -224,7 +224,7 @@ def test_a_negative_shape_is_refused(saved: Path) -> None:
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (-5, -1, 3)})
     _rewrite(saved, {"style0_render_values.npy": header.getvalue() + b"\0" * 64})
-    _refused(saved)
+    assert _refused(saved)
 
 
 def test_a_zip_bomb_is_refused(saved: Path) -> None:

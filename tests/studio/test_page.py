@@ -340,6 +340,7 @@ def test_dropped_files_are_sampled(visit: Visit, folder: Path) -> None:
     visit.page.locator("input[type=file]").set_input_files(files)
     visit.reads("samples of 1 shots")
     expect(visit.page.locator(".pictures")).to_have_count(1, timeout=MOST_MS)  # drawn a moment after the words
+    assert visit.page.locator(".pictures").count() == 1
 
 
 @pytest.mark.slow
@@ -526,6 +527,7 @@ def test_gamut_map_in_3d_and_error_maps_on_a_shot(visit: Visit, folder: Path, ax
     visit.choose("Shot", "LF0015-vivid-cloudy-still-life")
     visit.press("Draw its errors")
     visit.reads("LF0015-vivid-cloudy-still-life, vivid/cloudy: no model has seen it")
+    assert page.locator(".bk-Figure:visible").count() > 0
     everywhere_in_the_window(visit, "error_maps", ".bk-Figure")
 
 
