@@ -8,13 +8,16 @@ runs spreads them over all cores.
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, wraps
 from itertools import pairwise
 from threading import local
-from typing import TypeVar
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  # it has no type information
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
+P = ParamSpec("P")
 
 _task = local()  # its attribute `unfinished` is there in a thread that runs one of several tasks: these
 
@@ -81,3 +84,24 @@ def each(task: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
             yield from pool.map(run_one, tuple(unfinished))
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def one_blas_thread(function: Callable[P, Made]) -> Callable[P, Made]:
+    """The function with BLAS limited to one thread while it runs.
+
+    The threads of BLAS wait actively, and many small products then take ten times as long.
+    """
+
+    @wraps(function)
+    def limited(*args: P.args, **kwargs: P.kwargs) -> Made:
+        with _blas().limit(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    import scipy.linalg  # noqa: F401 - loads the second BLAS, so that both are found
+
+    return ThreadpoolController()

@@ -21,8 +21,7 @@ from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.blas import one_blas_thread
-from lutforge.threads import each
+from lutforge.threads import each, one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,8 +30,8 @@ from lutforge.model.profile_data import Both, Direction, PhysicalModel
 from lutforge.model.response import smooth_response
 from lutforge.samples.clipping import unclipped_colours
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.cross_validation import leave_groups_out
+from lutforge.threads import one_blas_thread
 
 LEAST_SAMPLES = 10
 

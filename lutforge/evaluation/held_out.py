@@ -18,8 +18,7 @@ from lutforge.calibration.style import LEAST_SAMPLES, StyleData
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.methods import Fit, Fitter, fit_baselines, fits_of_profile
 from lutforge.model.profile_data import Both, Direction, PhysicalModel, PictureStyle
-from lutforge.solvers.blas import one_blas_thread
-from lutforge.threads import each
+from lutforge.threads import each, one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)

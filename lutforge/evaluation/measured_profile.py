@@ -23,7 +23,7 @@ from lutforge.model.gamut_map import even_slope
 from lutforge.model.lattice import grid
 from lutforge.model.profile_data import Both, Direction, PictureStyle
 from lutforge.progress import Progress, part
-from lutforge.solvers.blas import one_blas_thread
+from lutforge.threads import one_blas_thread
 
 
 @one_blas_thread

@@ -25,8 +25,7 @@ from lutforge.luts.sequence import Lut
 from lutforge.luts.shaper import node_levels, shaper
 from lutforge.model.lattice import grid, snap_levels
 from lutforge.solvers.gauss_newton import gauss_newton
-from lutforge.solvers.lattice_regression import Prior, Regularization, solve_lattice
-from lutforge.solvers.normal_equations import InterpolationMatrix
+from lutforge.solvers.lattice_regression import Prior, Regularization, fit_lattice
 from lutforge.threads import each, slabs
 
 
@@ -179,20 +178,21 @@ def inverse_of(
     knots = _on_axes(render.curve, levels)
     nodes = grid(levels)
     prior = Prior((near or _straight(render))(nodes), np.full(nodes.shape, PRIOR_WEIGHT))
-    smooth = Regularization(options.smoothness, options.smoothness, 0.0, 0.0)
+    smooth = Regularization(options.smoothness, options.smoothness)
     known = Linearization(levels, render.curve, prior.values)
     colours = in_every_cell(levels, np.random.default_rng(1))
     jpeg, raw, trust = _pairs(render, known, colours, levels[0][1], options)
     lattice_values, side = render.to_values(jpeg), clipped_sides(jpeg)
     clipped = np.any(side != 0, axis=1) & (np.abs(side.sum(axis=1)) < 3)
-    matrix = InterpolationMatrix(lattice_values, knots, "tetrahedral")
-    continued, slope = matrix @ prior.values, render.slope(render.cube_values(raw))
+    slope = render.slope(render.cube_values(raw))
     lawson_weight, values, best, least = np.ones(len(jpeg)), None, None, np.inf
     for remaining in reversed(range(options.rounds)):
         weight = trust * lawson_weight * np.einsum("nc,nc->n", slope, slope)
-        equations = matrix.normal_equations(raw - continued, weight / weight.mean())
-        values = solve_lattice(equations, knots, smooth, prior=prior, start=values, tolerance=1e-4).values
-        reached = matrix @ values
+        values = fit_lattice(
+            lattice_values, raw, knots, smooth, method="tetrahedral", weight=weight / weight.mean(), prior=prior,
+            start=values, tolerance=1e-5,
+        ).value  # fmt: skip
+        reached = interpolate(lattice_values, knots, values, "tetrahedral")
         error = trust * np.linalg.norm(render(reached) - jpeg, axis=1)
         if error.max() < least:
             best, least = values, float(error.max())

@@ -12,15 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lutforge.arrays import Array, Mask
-from lutforge.errors import LutError
+from lutforge.errors import CalibrationError, LutError
 from lutforge.interpolation import Interpolation, Levels, apply_curve, interpolate
 from lutforge.model.lattice import grid
 from lutforge.sobol import sobol
-from lutforge.solvers.conjugate_gradients import conjugate_gradients
-from lutforge.solvers.normal_equations import normal_equations
+from lutforge.solvers.lattice_regression import Prior, fit_lattice
 from lutforge.solvers.robust_weights import lawson
-from lutforge.solvers.solution import Status
-from lutforge.solvers.stencil import StencilOperator, from_planar, planar
 
 Function = Callable[[Array], Array]
 
@@ -168,19 +165,15 @@ def _points(designs: tuple[Levels, ...], gain: Array) -> tuple[Array, Mask, Arra
 def solve_nodes(
     x: Array, y: Array, levels: Levels, method: Interpolation, omega: Array, sampled: Array, start: Array
 ) -> Array:
-    """(W'ΩW + ε) b = W'Ωy + ε b₀ by conjugate gradients from `start`, the three outputs together."""
-    equations = normal_equations(x, y, levels, method, omega)
-    stencil, right = equations.stencil, equations.right
-    # A node without points around it takes the function's own value.
-    hold = 1e-3 * float(stencil[0].mean())
-    stencil[0] += hold
-    right += hold * sampled
-    operator, first = StencilOperator(stencil), planar(start)
-    residual = np.empty_like(first)
-    operator.product(first, residual)
-    # A hundredth of the difference between the sampled cube and the best one remains. At the limit of iterations more
-    # remains, but each iteration has brought the cube nearer to the function.
-    solution = conjugate_gradients(operator, planar(right) - residual, tolerance=1e-2, most=60)
-    if solution.status is Status.SINGULAR:
-        raise LutError("the transform cannot be fitted by a cube: its values span too wide a range")
-    return start + from_planar(solution.value, operator.size)
+    """(W'ΩW + ε) b = W'Ωy + ε b₀ by conjugate gradients from `start`, the three outputs together; ω: 1 in the mean."""
+    # A node without points around it takes the function's own value: it counts a thousandth of the points of a node.
+    hold = np.full_like(sampled, 3e-4 * len(x) / sampled[..., 0].size)
+    try:
+        # A hundredth of the difference between the sampled cube and the best one remains. At the limit of iterations
+        # more remains, but each iteration has brought the cube nearer to the function.
+        solution = fit_lattice(
+            x, y, levels, method=method, weight=omega, prior=Prior(sampled, hold), start=start, tolerance=1e-2, most=60
+        )
+    except CalibrationError as error:
+        raise LutError("the transform cannot be fitted by a cube: its values span too wide a range") from error
+    return solution.value

@@ -32,8 +32,7 @@ from lutforge.ocio.spaces import (
     put_first,
 )
 from lutforge.progress import Progress, silent
-from lutforge.solvers.blas import one_blas_thread
-from lutforge.threads import each
+from lutforge.threads import each, one_blas_thread
 
 
 def write_archive(folder: Path, target: Path) -> Path:

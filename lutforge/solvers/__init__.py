@@ -1,1 +1,1 @@
-"""Numerical solvers: lattice regression with its multigrid, constrained and robust least squares, Gauss-Newton."""
+"""Numerical solvers: lattice regression, constrained and robust least squares, Gauss–Newton."""

@@ -1,14 +1,16 @@
-"""The data term of lattice regression, W'W and W'y, assembled as a stencil (thesis 5.2; Garcia & Gupta 2009).
+"""The data term of lattice regression, W'ΩW and W'Ωy, assembled as a sparse matrix (thesis 5.2; Garcia & Gupta 2009).
 
-A sample touches the eight corners of one cell, so W'W couples a node with its 26 neighbours at most. It is symmetric:
-kept are its diagonal and the couplings with the 13 neighbours that follow, without ever forming W. Samples are sorted
-by cell, and what a cell's samples make of its 8 corners is summed before it goes into the stencil. Time O(36 n), memory
-O(14 N³). The sums of a node come in one order whatever the number of threads.
+A sample touches the eight corners of one cell, so W'ΩW couples a node with its 26 neighbours at most. It is symmetric:
+its diagonal and the couplings with the 13 neighbours that follow are summed, without ever forming W. Samples are sorted
+by cell, and what a cell's samples make of its 8 corners is summed before it goes into the matrix. Time O(36 n), memory
+O(27 N³). The sums of a node come in one order whatever the number of threads.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
 from lutforge.arrays import Array, Index
 from lutforge.compiled import compiled
@@ -16,22 +18,31 @@ from lutforge.interpolation import Axis, Interpolation, Levels, corner_weights, 
 from lutforge.threads import cores, run, slabs
 
 FOLLOWING = 14
-"""Offsets of a node's neighbours (dr, dg, db) in the order of 9 dr + 3 dg + db, from itself (0, 0, 0) to (1, 1, 1)."""
+"""A node and the neighbours after it, (dr, dg, db) in the order of 9 dr + 3 dg + db from (0, 0, 0) to (1, 1, 1)."""
 
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """W'ΩW as half a 27-point stencil and W'Ωy, for sample weights Ω.
+    """W'ΩW (N³, N³), nodes in C order, and W'Ωy (N_r, N_g, N_b, 3), for sample weights Ω."""
 
-    stencil: (FOLLOWING, N_r, N_g, N_b), 0 where there is no such neighbour; right: (N_r, N_g, N_b, 3).
-    """
-
-    stencil: Array
+    matrix: sparse.dia_array
     right: Array
 
-    def __add__(self, other: "NormalEquations") -> "NormalEquations":
-        """Return the equations of the samples of both."""
-        return NormalEquations(self.stencil + other.stencil, self.right + other.right)
+
+def symmetric(size: tuple[int, int, int], half: Iterable[tuple[tuple[int, int, int], Array]]) -> sparse.dia_array:
+    """Return the symmetric matrix of couplings in a lattice of `size` nodes, as its diagonals.
+
+    half: offsets (dr, dg, db) that are 0 or follow, and what each node is coupled by with the one there,
+    (N_r, N_g, N_b), 0 where there is none.
+    """
+    (r, g, b), diagonals = size, dict[int, Array]()
+    for (dr, dg, db), couplings in half:
+        step = (dr * g + dg) * b + db
+        if step == 0 or np.any(couplings):
+            diagonals[step] = diagonals.get(step, 0.0) + couplings.reshape(-1)
+    upper = {step: line[: len(line) - step] for step, line in diagonals.items()}
+    lower = {-step: line for step, line in upper.items() if step}
+    return sparse.diags_array([*upper.values(), *lower.values()], offsets=[*upper, *lower], shape=(r * g * b,) * 2)
 
 
 @compiled()
@@ -102,74 +113,25 @@ def _assemble(
                         stencil[offset, i + pr, j + pg, k + pb] += block[p, q]
 
 
-@compiled()
-def _values(
-    order: Index, begin: Index, fraction: Array, tetrahedral: bool, values: Array, y: Array, first: int, last: int
-) -> None:
-    """y = W b of the samples of the slabs of cells first … last − 1 along the first axis."""
-    ng, nb = values.shape[1] - 1, values.shape[2] - 1
-    weights, corners = np.empty(8), np.empty((8, 3))
-    for i in range(first, last):
-        for j in range(ng):
-            for k in range(nb):
-                c = (i * ng + j) * nb + k
-                if begin[c] == begin[c + 1]:
-                    continue
-                for p in range(8):
-                    for channel in range(3):
-                        corners[p, channel] = values[i + (p >> 2), j + ((p >> 1) & 1), k + (p & 1), channel]
-                for s in range(begin[c], begin[c + 1]):
-                    n = order[s]
-                    corner_weights(tetrahedral, fraction[n, 0], fraction[n, 1], fraction[n, 2], weights)
-                    for channel in range(3):
-                        total = 0.0
-                        for p in range(8):
-                            total += weights[p] * corners[p, channel]
-                        y[n, channel] = total
-
-
-class InterpolationMatrix:
-    """W of samples x (n, 3) at given node levels: the cells that the samples are in, and their fractions there."""
-
-    def __init__(self, x: Array, levels: Levels, method: Interpolation) -> None:
-        self.levels = levels
-        self.size = tuple(len(axis) for axis in levels)
-        self._tetrahedral = method == "tetrahedral"
-        count = len(x)
-        self._threads = max(1, min(cores(), count // 20_000))
-        x = np.ascontiguousarray(x, dtype=np.float64)
-        cell, fraction, axes = np.empty(count, dtype=np.int64), np.empty((count, 3)), indexed(levels)
-        run(lambda first, last: _locate(x, *axes, cell, fraction, first, last), slabs(0, count, 1, self._threads))
-        r, g, b = self.size
-        order, begin = np.empty(count, dtype=np.int64), np.zeros((r - 1) * (g - 1) * (b - 1) + 1, dtype=np.int64)
-        _sort(cell, order, begin)
-        self._rows = order, begin, fraction
-
-    def __matmul__(self, values: Array) -> Array:
-        """W b of node values (N_r, N_g, N_b, 3): (n, 3)."""
-        y, values = np.empty((len(self._rows[0]), 3)), np.ascontiguousarray(values, dtype=np.float64)
-        run(
-            lambda first, last: _values(*self._rows, self._tetrahedral, values, y, first, last),
-            slabs(0, self.size[0] - 1, 1, self._threads),
-        )
-        return y
-
-    def normal_equations(self, y: Array, weight: Array | None = None) -> NormalEquations:
-        """W'ΩW and W'Ωy of values y (n, 3) with weights (n,), all 1 unless given."""
-        stencil, right = np.zeros((FOLLOWING, *self.size)), np.zeros((*self.size, 3))
-        omega = np.ones(len(y)) if weight is None else np.ascontiguousarray(weight, dtype=np.float64)
-        y = np.ascontiguousarray(y, dtype=np.float64)
-
-        def assemble(first: int, last: int) -> None:
-            _assemble(*self._rows, y, omega, self._tetrahedral, stencil, right, first, last)
-
-        for parity in range(2):
-            run(assemble, slabs(parity, self.size[0] - 1, 2, self._threads))
-        return NormalEquations(stencil, right)
-
-
 def normal_equations(
     x: Array, y: Array, levels: Levels, method: Interpolation, weight: Array | None = None
 ) -> NormalEquations:
     """Assemble W'ΩW and W'Ωy for samples `x` (n, 3) → `y` (n, 3) with weights (n,), all 1 unless given."""
-    return InterpolationMatrix(x, levels, method).normal_equations(y, weight)
+    r, g, b = size = (len(levels[0]), len(levels[1]), len(levels[2]))
+    count, tetrahedral = len(x), method == "tetrahedral"
+    threads = max(1, min(cores(), count // 20_000))
+    x, y = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(y, dtype=np.float64)
+    omega = np.ones(count) if weight is None else np.ascontiguousarray(weight, dtype=np.float64)
+    cell, fraction, axes = np.empty(count, dtype=np.int64), np.empty((count, 3)), indexed(levels)
+    run(lambda first, last: _locate(x, *axes, cell, fraction, first, last), slabs(0, count, 1, threads))
+    order, begin = np.empty(count, dtype=np.int64), np.zeros((r - 1) * (g - 1) * (b - 1) + 1, dtype=np.int64)
+    _sort(cell, order, begin)
+    stencil, right = np.zeros((FOLLOWING, *size)), np.zeros((*size, 3))
+
+    def assemble(first: int, last: int) -> None:
+        _assemble(order, begin, fraction, y, omega, tetrahedral, stencil, right, first, last)
+
+    for parity in range(2):
+        run(assemble, slabs(parity, r - 1, 2, threads))
+    offsets = [(t // 9 - 1, t // 3 % 3 - 1, t % 3 - 1) for t in range(27)][-FOLLOWING:]
+    return NormalEquations(symmetric(size, zip(offsets, stencil, strict=True)), right)

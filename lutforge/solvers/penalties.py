@@ -1,42 +1,49 @@
-"""The smoothness terms of lattice regression, as banded matrices of one axis.
+"""The smoothness terms of lattice regression, all sums of tensor products of banded matrices of one axis."""
 
-Both terms are sums of tensor products of one-dimensional matrices, so a lattice of N³ nodes only ever stores O(N).
-"""
-
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
+from scipy import sparse
 
 from lutforge.arrays import Array
-from lutforge.compiled import compiled
+from lutforge.interpolation import Levels
+from lutforge.solvers.normal_equations import symmetric
 
 
-@compiled()
 def second_difference(levels: Array) -> Array:
     """The (N − 2, N) three-point second difference S of one axis (thesis 5.4).
 
     For neighbours 1, 2, 3 at distances d12, d23 the row is −d23/(d12 + d23), 1, −d12/(d12 + d23): it vanishes on
     functions that are linear along the axis.
     """
-    count = len(levels)
-    rows = np.zeros((max(count - 2, 0), count))
-    for row in range(count - 2):
-        before, after = levels[row + 1] - levels[row], levels[row + 2] - levels[row + 1]
-        share = before / (before + after)
-        rows[row, row], rows[row, row + 1], rows[row, row + 2] = share - 1.0, 1.0, -share
-    return rows
+    widths, unit = np.diff(levels), np.eye(len(levels))
+    share = (widths[:-1] / (widths[:-1] + widths[1:]))[:, None]
+    return np.asarray((share - 1.0) * unit[:-2] + unit[1:-1] - share * unit[2:])
 
 
-@compiled()
-def bending(levels: Array) -> Array:
-    """S'S, (N, N)."""
-    rows, count = second_difference(levels), len(levels)
-    gram = np.zeros((count, count))
-    for row in range(count - 2):
-        for p in range(row, row + 3):
-            for q in range(row, row + 3):
-                gram[p, q] += rows[row, p] * rows[row, q]
-    return gram
+def smoothness_matrix(levels: Levels, smoothness: float, mixed: float) -> sparse.dia_array:
+    """λ_S S'S + λ_T T'T, (N³, N³): second differences along each axis, and mixed ones across each pair of axes."""
+    r, g, b = (len(axis) for axis in levels)
+    none = [np.eye(count) for count in (r, g, b)]
+    bend = [rows.T @ rows for rows in map(second_difference, levels)]
+    slope = [rows.T @ rows for rows in (np.diff(unit, axis=0) for unit in none)]
+    terms = [(smoothness, [bend[c] if c == axis else none[c] for c in range(3)]) for axis in range(3)]
+    terms += [(mixed, [none[c] if c == axis else slope[c] for c in range(3)]) for axis in range(3)]
+
+    def half() -> Iterator[tuple[tuple[int, int, int], Array]]:
+        for (weight, matrices), offset in product(terms, product(range(3), range(-2, 3), range(-2, 3))):
+            lines = [_diagonal(matrix, step) for matrix, step in zip(matrices, offset, strict=True)]
+            if offset >= (0, 0, 0) and weight and all(np.any(line) for line in lines):
+                yield offset, weight * np.einsum("i,j,k->ijk", *lines)
+
+    return symmetric((r, g, b), half())
+
+
+def _diagonal(matrix: Array, offset: int) -> Array:
+    """The entries (i, i + offset) of a matrix (N, N), 0 where there is none, (N,)."""
+    return np.pad(np.diag(matrix, offset), (max(-offset, 0), max(offset, 0)))
 
 
 def keys_cubic(count: int) -> tuple[Array, Array, Array]:
@@ -47,64 +54,52 @@ def keys_cubic(count: int) -> tuple[Array, Array, Array]:
     """
     # Coefficients of t⁰ … t³ for the four nodes around a unit interval.
     cell = 0.5 * np.array([[0, -1, 2, -1], [2, 0, -5, 3], [0, 1, 4, -3], [0, 0, -1, 1]], dtype=np.float64)
-    power = np.arange(4)
-    derivatives = []
+    unit = np.eye(count)
+    nodes = np.vstack([2.0 * unit[0] - unit[1], unit, 2.0 * unit[-1] - unit[-2]])  # with one beyond either end
+    grams = []
     for order in range(3):
-        scale = np.prod([np.maximum(power - step, 0) for step in range(order)], axis=0) if order else 1.0
-        shifted = np.zeros((4, 4))
-        shifted[:, : 4 - order] = (cell * scale)[:, order:]
-        derivatives.append(shifted)
-    moment = 1.0 / (power[:, None] + power[None, :] + 1.0)
-    result = []
-    for coefficients in derivatives:
-        gram = coefficients @ moment @ coefficients.T
-        total = np.zeros((count, count))
-        for start in range(count - 1):
-            spread = _neighbours(start, count)
-            total += spread.T @ gram @ spread
-        result.append(total)
-    return result[0], result[1], result[2]
-
-
-def _neighbours(start: int, count: int) -> Array:
-    """(4, count): the values at nodes start − 1 … start + 2, beyond the ends by linear extrapolation."""
-    spread = np.zeros((4, count))
-    for row, node in enumerate(range(start - 1, start + 3)):
-        if 0 <= node < count:
-            spread[row, node] = 1.0
-        elif node < 0:
-            spread[row, [0, 1]] = 2.0, -1.0
-        else:
-            spread[row, [count - 1, count - 2]] = 2.0, -1.0
-    return spread
+        coefficients = np.polynomial.polynomial.polyder(cell, order, axis=1)
+        power = np.arange(coefficients.shape[1])
+        gram = coefficients @ (1.0 / (power[:, None] + power + 1.0)) @ coefficients.T
+        grams.append(
+            sum((around.T @ gram @ around for around in (nodes[i : i + 4] for i in range(count - 1))), 0 * unit)
+        )
+    return grams[0], grams[1], grams[2]
 
 
 @dataclass(frozen=True, eq=False)
 class ThinPlate:
-    """The thin-plate regulariser b'Kb of Garcia & Gupta (2009): ∫ Σ (∂²f/∂u∂v)² with tricubic interpolation.
+    """The thin-plate regulariser λ_K b'Kb of Garcia & Gupta (2009): ∫ Σ (∂²f/∂u∂v)² with tricubic interpolation.
 
-    In index space (unit spacing), as the thesis builds it once for each lattice size. `axes` holds (mass, slope, bend)
-    for each axis.
+    In index space (unit spacing), as the thesis builds it once for each lattice size. axes: (mass, slope, bend) of each
+    axis; weight: λ_K.
     """
 
-    axes: tuple[tuple[Array, Array, Array], tuple[Array, Array, Array], tuple[Array, Array, Array]]
+    axes: Sequence[Sequence[Array]]
+    weight: float = 1.0
 
     def __call__(self, b: Array) -> Array:
-        """Return K b for node values (N_r, N_g, N_b, C): a sum of tensor products, one axis after the other."""
+        """Return λ_K K b for lattices (…, N_r, N_g, N_b): a sum of tensor products, one axis after the other."""
         (mr, sr, br), (mg, sg, bg), (mb, sb, bb) = self.axes
-        mass, slope, bend = (_along(2, matrix, b) for matrix in (mb, sb, bb))
-        one = _along(1, mg, mass)
-        two = _along(1, 2 * sg, mass) + _along(1, 2 * mg, slope)
-        three = _along(1, bg, mass) + _along(1, mg, bend) + _along(1, 2 * sg, slope)
-        return _along(0, br, one) + _along(0, sr, two) + _along(0, mr, three)
+        mass, slope, bend = b @ mb, b @ sb, b @ bb
+        one = mg @ mass
+        two = 2.0 * (sg @ mass + mg @ slope)
+        three = bg @ mass + mg @ bend + 2.0 * (sg @ slope)
+        planes = (*b.shape[:-2], b.shape[-2] * b.shape[-1])
+        image = br @ one.reshape(planes) + sr @ two.reshape(planes) + mr @ three.reshape(planes)
+        return np.asarray(self.weight * image.reshape(b.shape))
+
+    def diagonal(self) -> Array:
+        """The diagonal of λ_K K, (N_r, N_g, N_b)."""
+        alone = [[np.diag(np.diag(matrix)) for matrix in axis] for axis in self.axes]
+        return ThinPlate(alone, self.weight)(np.ones([len(axis[0]) for axis in self.axes]))
+
+    def through(self, interpolations: Sequence[Array]) -> "ThinPlate":
+        """P'KP of a coarser lattice, from which matrices (N, M) interpolate along each axis."""
+        pairs = zip(self.axes, interpolations, strict=True)
+        return ThinPlate([[p.T @ matrix @ p for matrix in axis] for axis, p in pairs], self.weight)
 
 
-def _along(axis: int, matrix: Array, b: Array) -> Array:
-    """A matrix (N, N) times b along one of its axes."""
-    return np.moveaxis(np.tensordot(matrix, b, axes=(1, axis)), 0, axis)
-
-
-def thin_plate(size: tuple[int, int, int]) -> ThinPlate:
-    """The thin-plate term for a lattice of `size` nodes."""
-    r, g, b = (keys_cubic(count) for count in size)
-    return ThinPlate((r, g, b))
+def thin_plate(size: tuple[int, int, int], weight: float = 1.0) -> ThinPlate:
+    """The thin-plate term for a lattice of `size` nodes, λ_K its weight."""
+    return ThinPlate([keys_cubic(count) for count in size], weight)

@@ -12,7 +12,7 @@ from lutforge.calibration.style import fit_lattices
 from lutforge.colour.srgb import delta_e_2000
 from lutforge.model.lattice import Lattice
 from lutforge.simulate.camera import nikon_d5100
-from lutforge.solvers import multigrid, normal_equations
+from lutforge.solvers import normal_equations
 from tests.cases.samples import style_of
 
 Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     x, y = colours_in_gamut(45_000, 12)
     fitted = []
     for threads in (1, 2):
-        for module in (multigrid, normal_equations, shared):
+        for module in (normal_equations, shared):
             monkeypatch.setattr(module, "cores", lambda threads=threads: threads)
         with threadpool_limits(threads, user_api="blas"):
             fitted.append(fit_lattices(style_of(x, y), CalibrationOptions()))

@@ -17,12 +17,12 @@ def test_the_thin_plate_alone_is_minimized() -> None:
     size, count = (7, 6, 5), 210
     levels = random_levels(rng, size)
     x, y = rng.random((60, 3)), rng.random((60, 3))
-    terms = Regularization(smoothness=0.0, anchor=0.0, thin_plate=1e-4)
+    terms = Regularization(thin_plate=1e-4)
     found = fit_lattice(x, y, levels, terms, tolerance=1e-11)
     weights = interpolation_weights(x, levels, "trilinear")
-    plate = thin_plate(size)(np.eye(count).reshape(*size, count)).reshape(count, count)
+    plate = thin_plate(size)(np.eye(count).reshape(count, *size)).reshape(count, count)
     wanted = np.linalg.solve(weights.T @ weights + 1e-4 * plate, weights.T @ y)
-    np.testing.assert_allclose(found.values.reshape(count, 3), wanted, atol=1e-5)
+    np.testing.assert_allclose(found.value.reshape(count, 3), wanted, atol=1e-5)
 
 
 def test_the_uniform_baseline_fits_and_smoothness_helps_it_where_samples_are_few() -> None:

@@ -1,10 +1,10 @@
-"""W'W and W'y as a stencil against the dense matrices."""
+"""W'W and W'y against the dense matrices."""
 
 import numpy as np
 import pytest
 
-from lutforge.interpolation import INTERPOLATIONS, Interpolation, interpolate
-from lutforge.solvers.normal_equations import FOLLOWING, InterpolationMatrix, normal_equations
+from lutforge.interpolation import INTERPOLATIONS, Interpolation
+from lutforge.solvers.normal_equations import normal_equations
 from tests.solvers.dense_lattice import interpolation_weights, random_levels
 
 
@@ -22,16 +22,7 @@ def test_equals_the_dense_matrices(method: Interpolation, weighted: bool) -> Non
 
     weights = interpolation_weights(x, levels, method)
     scaled = weights if omega is None else weights * omega[:, None]
-    dense = np.zeros((120, 120))
-    for i, j, k in np.ndindex(size):
-        for t in range(FOLLOWING):
-            a, b, c = i + (t + 13) // 9 - 1, j + (t + 13) // 3 % 3 - 1, k + (t + 13) % 3 - 1
-            value = found.stencil[t, i, j, k]
-            if 0 <= a < 4 and 0 <= b < 5 and 0 <= c < 6:
-                dense[30 * i + 6 * j + k, 30 * a + 6 * b + c] = dense[30 * a + 6 * b + c, 30 * i + 6 * j + k] = value
-            else:
-                assert value == 0.0
-    np.testing.assert_allclose(dense, weights.T @ scaled, atol=1e-12)
+    np.testing.assert_allclose(found.matrix.toarray(), weights.T @ scaled, atol=1e-12)
     np.testing.assert_allclose(found.right.reshape(-1, 3), scaled.T @ y, atol=1e-12)
 
 
@@ -46,16 +37,8 @@ def test_many_samples_are_summed_as_a_few_are(method: Interpolation) -> None:
         normal_equations(x[start : start + 999], y[start : start + 999], levels, method)
         for start in range(0, len(x), 999)
     ]
-    np.testing.assert_allclose(whole.stencil, sum(part.stencil for part in parts), rtol=1e-11, atol=1e-9)
+    np.testing.assert_allclose(
+        whole.matrix.toarray(), sum(part.matrix.toarray() for part in parts), rtol=1e-11, atol=1e-9
+    )
     np.testing.assert_allclose(whole.right, sum(part.right for part in parts), rtol=1e-11, atol=1e-9)
-    total = 2 * whole.stencil.sum() - whole.stencil[0].sum()
-    assert total == pytest.approx(len(x))  # the weights of a sample sum to 1
-
-
-@pytest.mark.parametrize("method", INTERPOLATIONS)
-def test_interpolation_matrix_times_a_lattice(method: Interpolation) -> None:
-    rng = np.random.default_rng(5)
-    levels = random_levels(rng, (7, 6, 5))
-    x, values = rng.uniform(-0.1, 1.1, (100_000, 3)), rng.normal(size=(7, 6, 5, 3))
-    found = InterpolationMatrix(x, levels, method) @ values
-    np.testing.assert_allclose(found, interpolate(x, levels, values, method), atol=1e-12)
+    assert whole.matrix.sum() == pytest.approx(len(x))  # the weights of a sample sum to 1

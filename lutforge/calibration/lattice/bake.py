@@ -22,13 +22,22 @@ from lutforge.calibration.lattice.output_curve import OutputCurve
 from lutforge.calibration.options import CalibrationOptions
 from lutforge.calibration.physical.kriging import OFFSET
 from lutforge.compiled import compiled
-from lutforge.interpolation import Axis, Interpolation, Levels, apply_curve, corner_weights, indexed, locate
+from lutforge.interpolation import (
+    Axis,
+    Interpolation,
+    Levels,
+    apply_curve,
+    corner_weights,
+    indexed,
+    interpolate,
+    locate,
+)
 from lutforge.model.gamut_map import from_even
 from lutforge.model.lattice import Lattice, grid, resized_levels, snapped, uniform_levels
 from lutforge.sobol import sobol
 from lutforge.solvers.inequality_least_squares import least_distance
-from lutforge.solvers.lattice_regression import Prior, Regularization, solve_lattice
-from lutforge.solvers.normal_equations import InterpolationMatrix
+from lutforge.solvers.lattice_regression import Prior, fit_lattice
+from lutforge.solvers.normal_equations import normal_equations
 
 SEARCH_SIZE = 13
 """Nodes per axis of the lattice on which levels are searched: the best ones hardly depend on their number."""
@@ -60,8 +69,8 @@ def bake_lattice(
 
 def node_coverage(lattice: Lattice, samples: Array) -> Array:
     """The summed weight of samples (n, 3) at each node, (N_r, N_g, N_b)."""
-    matrix = InterpolationMatrix(samples, lattice.levels, lattice.interpolation)
-    return np.ascontiguousarray(matrix.normal_equations(np.ones_like(samples)).right[..., 0])
+    summed = normal_equations(samples, np.ones_like(samples), lattice.levels, lattice.interpolation)
+    return np.ascontiguousarray(summed.right[..., 0])
 
 
 def _likely(samples: Array, count: int) -> tuple[Array, Array]:
@@ -100,7 +109,7 @@ def _levels(
     best, least = levels, np.inf
     for _ in range(6):
         sampled = model(grid(levels).reshape(-1, 3)).reshape(len(even), len(even), len(even), 3)
-        error = weight * squares(InterpolationMatrix(points, levels, options.interpolation) @ sampled - values)
+        error = weight * squares(interpolate(points, levels, sampled, options.interpolation) - values)
         if error.mean() >= 0.9 * least:
             break
         best, least = levels, float(error.mean())
@@ -122,18 +131,17 @@ def _fitted(
     Its grey axis rises, and black stays black.
     """
     levels = snapped(levels, options.shaper_size)
-    matrix = InterpolationMatrix(points, levels, options.interpolation)
     sampled = model(grid(levels))
-    mean = float(weight.mean())
-    equations = matrix.normal_equations(values - matrix @ sampled, weight / mean)
     # A node without colours around it takes the model's own value.
-    prior = Prior(sampled, np.full_like(sampled, HOLD))
-    nodes = solve_lattice(equations, levels, Regularization(0.0, 0.0, 0.0, 0.0), prior=prior, tolerance=1e-4).values
+    nodes = fit_lattice(
+        points, values, levels, method=options.interpolation, weight=weight / float(weight.mean()),
+        prior=Prior(sampled, np.full_like(sampled, HOLD)), tolerance=1e-4,
+    ).value  # fmt: skip
     nodes[0, 0, 0] = 0.0
     if curve is not None:
         nodes[-1, -1, -1] = np.maximum(sampled[-1, -1, -1], 1.0)
     nodes = with_rising_axis(nodes, levels, options.interpolation)
-    error = weight * squares(matrix @ nodes - values)
+    error = weight * squares(interpolate(points, levels, nodes, options.interpolation) - values)
     return Lattice(levels, nodes, options.interpolation, None if curve is None else curve.table), error
 
 

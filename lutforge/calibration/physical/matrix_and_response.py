@@ -24,9 +24,9 @@ from lutforge.calibration.physical.robust_fit import Light, ToneWeights, robust_
 from lutforge.calibration.physical.unsaturated import saturation, untouched_odds
 from lutforge.errors import CalibrationError
 from lutforge.model.response import Response
-from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
 from lutforge.solvers.solution import Status
+from lutforge.threads import one_blas_thread
 
 ENOUGH = 20.0
 """β grows until colours count as much as this many grey ones."""

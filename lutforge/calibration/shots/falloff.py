@@ -27,9 +27,9 @@ from lutforge.calibration.physical.gamut_map import farthest_points
 from lutforge.model.falloff import DEGREE, Falloff, falloff_basis, falloff_of
 from lutforge.model.gamut_map import kriging_covariance
 from lutforge.samples.sample_set import SampleSet
-from lutforge.solvers.blas import one_blas_thread
 from lutforge.solvers.gauss_newton import gauss_newton
 from lutforge.solvers.robust_weights import RobustWeights, cauchy
+from lutforge.threads import one_blas_thread
 
 NOISE = 0.03
 """Standard deviation of y, in stops, of bright samples; that of darker ones is larger, because codes are rounded."""

@@ -8,9 +8,9 @@ from scipy.optimize import minimize_scalar
 from lutforge.arrays import Array
 from lutforge.calibration.lattice.node_levels import BINS, error_histogram
 from lutforge.calibration.options import CalibrationOptions
-from lutforge.interpolation import Levels
+from lutforge.interpolation import Levels, interpolate
 from lutforge.model.lattice import Lattice, equidistribute, snapped, uniform_levels
-from lutforge.solvers.lattice_regression import LatticeFit, Regularization, fit_lattice, predict
+from lutforge.solvers.lattice_regression import Regularization, fit_lattice
 
 THESIS = Regularization(smoothness=0.1, anchor=0.01, thin_plate=1e-6)
 """λ_S, λ_A and λ_K of section 5.3."""
@@ -18,9 +18,8 @@ THESIS = Regularization(smoothness=0.1, anchor=0.01, thin_plate=1e-6)
 
 def fit_uniform(x: Array, y: Array, options: CalibrationOptions) -> Lattice:
     """Fit a lattice with evenly spaced nodes to samples x → y (n, 3), as the thesis's comparison does: by λ_K alone."""
-    regularization = Regularization(smoothness=0.0, anchor=0.0, thin_plate=THESIS.thin_plate)
-    fit = _uniform(x, y, options, regularization)
-    return Lattice(fit.levels, fit.values, options.interpolation)
+    regularization = Regularization(thin_plate=THESIS.thin_plate)
+    return _uniform(x, y, options, regularization)
 
 
 def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) -> Lattice:
@@ -32,16 +31,16 @@ def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) 
     method = options.interpolation
     first = _uniform(x, y, options, regularization)
     if not options.nonuniform:
-        return Lattice(first.levels, first.values, method)
-    histograms = error_histogram(x, np.sum((predict(first, x, method) - y) ** 2, axis=1))
+        return first
+    histograms = error_histogram(x, np.sum((first(x) - y) ** 2, axis=1))
     fits: dict[float, tuple[float, Levels, Array]] = {}
 
     def fitting_error(alpha: float) -> float:
         levels = snapped(blended_levels(histograms, alpha, options.size), options.shaper_size)
         start = fits[min(fits, key=lambda other: abs(other - alpha))][2] if fits else first.values
-        fit = fit_lattice(x, y, levels, regularization, method=method, start=start, tolerance=1e-4)
-        error = float(np.sum((predict(fit, x, method) - y) ** 2))
-        fits[alpha] = (error, levels, fit.values)
+        nodes = fit_lattice(x, y, levels, regularization, method=method, start=start, tolerance=1e-4).value
+        error = float(np.sum((interpolate(x, levels, nodes, method) - y) ** 2))
+        fits[alpha] = (error, levels, nodes)
         return error
 
     alphas = (0.0, 0.25, 0.5, 0.75, 1.0)  # the error over α has more than one minimum
@@ -50,8 +49,7 @@ def fit_thesis(x: Array, y: Array, options: CalibrationOptions, *, clips: bool) 
     # Every fit on the way is kept, so that the least of them is taken however the search ends.
     minimize_scalar(fitting_error, bounds=bounds, method="bounded", options={"xatol": 0.02})
     _, levels, start = min(fits.values(), key=lambda entry: entry[0])
-    last = fit_lattice(x, y, levels, regularization, method=method, start=start)
-    return Lattice(last.levels, last.values, method)
+    return Lattice(levels, fit_lattice(x, y, levels, regularization, method=method, start=start).value, method)
 
 
 def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: int) -> Levels:
@@ -60,6 +58,6 @@ def blended_levels(histograms: tuple[Array, Array, Array], alpha: float, size: i
     return (r, g, b)
 
 
-def _uniform(x: Array, y: Array, options: CalibrationOptions, regularization: Regularization) -> LatticeFit:
-    levels = snapped(uniform_levels(options.size), options.shaper_size)
-    return fit_lattice(x, y, levels, regularization, method=options.interpolation)
+def _uniform(x: Array, y: Array, options: CalibrationOptions, regularization: Regularization) -> Lattice:
+    levels, method = snapped(uniform_levels(options.size), options.shaper_size), options.interpolation
+    return Lattice(levels, fit_lattice(x, y, levels, regularization, method=method).value, method)
