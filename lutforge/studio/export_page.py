@@ -1,9 +1,7 @@
 """Export: profile, LUTs, kits, config, report: use cases of the command line, each with the words that do the same."""
 
 import re
-import shlex
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -27,135 +25,11 @@ from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.studio import ui
 from lutforge.studio.model_page import held_out_error
+from lutforge.studio.opening import command
 from lutforge.studio.session import Session, Written
-from lutforge.studio.workspace import SUFFIX, WorkspaceError, save_workspace
+from lutforge.studio.workspace import SUFFIX, FitTask, WorkspaceError, save_workspace
 
 LUT_SUFFIXES = (".clf", ".cube", ".resolve.cube", ".dctl", ".csp", ".spi1d", ".3dl", ".png")
-
-
-@dataclass(frozen=True)
-class Export:
-    """A file or folder to write. words: of the command, as one would type them; write: tells lines, with the error."""
-
-    words: tuple[str, ...]
-    write: Callable[..., Iterator[str]]
-    arguments: tuple[Any, ...]
-
-    def __str__(self) -> str:
-        return shlex.join(["lutforge", *self.words])
-
-
-def run(export: Export, progress: Progress) -> tuple[str, ...]:
-    """Write the export; the lines that tell of it, and of its error. Raises LutForgeError."""
-    return tuple(export.write(*export.arguments, progress))
-
-
-def lut_export(profile: Path, output: Path, wanted: TransformRequest) -> Export:
-    """A LUT of a transform."""
-    words = ["bake", str(profile), wanted.kind]
-    for option, value in (("--from", wanted.source), ("--to", wanted.target)):
-        words += [option, value] if value else []
-    words += ["--ev", f"{wanted.ev:g}"] if wanted.ev else []
-    words += ["--space", wanted.space] if wanted.space != "raw" else []
-    return Export((*words, "-o", str(output)), _bake, (profile, output, wanted))
-
-
-def _bake(profile: Path, output: Path, wanted: TransformRequest, progress: Progress) -> Iterator[str]:
-    files, notes = bake_files(profile, wanted, [output], progress=progress)
-    yield from (f"{file.summary}; read back, against the model: {file.error}" for file in files)
-    yield from notes
-
-
-def kit_export(profile: Path, output: Path, target: str, program: str, shots: tuple[Path, ...] = ()) -> Export:
-    """A kit for a program. target: its STYLE/WB; shots: RAW files that it is checked with."""
-    checks = [word for shot in shots for word in ("--check", str(shot))]
-    words = ("kit", str(profile), "--to", target, "--for", program, *checks, "-o", str(output))
-    return Export(words, _kit, (profile, output, target, program, shots))
-
-
-def _kit(
-    profile: Path, output: Path, target: str, program: str, shots: tuple[Path, ...], progress: Progress
-) -> Iterator[str]:
-    progress("kit", 0.0)
-    folder = write_kit(as_profile(profile), target, output, program)
-    yield f"{', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first"
-    if shots and not (folder / SCRIPT).is_file():
-        yield f"not checked: {program} is not run from the command line; compare a shot there by eye"
-    elif shots:
-        try:
-            checks, notes = check_kit(folder, shots, progress)
-        except LutForgeError as error:  # such as a program that is not installed here: the kit is written all the same
-            yield f"not checked: {one_line(str(error), 300)}"
-            return
-        for each in checks:
-            yield f"{each.shot}: the program against the camera's JPEG, ΔE00 mean {each.mean:.2f}, 95 % {each.p95:.2f}"
-        yield from notes
-
-
-def config_export(profile: Path, output: Path) -> Export:
-    """An OpenColorIO config, checked."""
-    return Export(("config", str(profile), "-o", str(output)), _config, (profile, output))
-
-
-def _config(profile: Path, output: Path, progress: Progress) -> Iterator[str]:
-    made = write_config([profile], output, progress=progress)
-    checked = "; ".join(map(str, made.findings)) or "sound"
-    yield f"{len(made.spaces)} input colour spaces, {len(made.looks)} looks; checked: {checked}"
-
-
-def parameters_export(profile: Path, output: Path, style: str) -> Export:
-    """The parameters of one style as text."""
-    words = ("export-nus", str(profile), "--style", style, "-o", str(output))
-    return Export(words, _parameters, (profile, output, style))
-
-
-def _parameters(profile: Path, output: Path, style: str, progress: Progress) -> Iterator[str]:
-    progress("parameters", 0.0)
-    yield from (f"{path}" for path in export_published(as_profile(profile), style, output))
-
-
-def report_export(profile: Path, output: Path, samples: SampleSet | None = None, table: Path | None = None) -> Export:
-    """A report; with the samples in the fit, which are in a table, where there are any."""
-    words = ("report", str(profile), *(() if table is None else (str(table),)), "-o", str(output))
-    return Export(words, _report, (profile, output, samples))
-
-
-def _report(profile: Path, output: Path, samples: SampleSet | None, progress: Progress) -> Iterator[str]:
-    yield f"{len(report(profile, samples, output, progress=progress).pictures)} figures"
-
-
-def wanted_lut(kind: str, source: str, target: str, ev: float, space: str = "raw") -> TransformRequest:
-    """The transform of a LUT, with the options that its kind takes."""
-    spaced = kind == "linearize" or (kind == "render" and space != "raw")
-    return TransformRequest(
-        kind,
-        source if kind != "render" else None,
-        target if kind != "linearize" else None,
-        ev if kind == "refinish" or (kind == "render" and spaced) else 0.0,
-        space if spaced else "raw",
-    )
-
-
-def calibration_command(table: Path, inliers: Path | None, options: CalibrationOptions, profile: Path) -> str:
-    """Return what makes a profile of the samples in a table: a command, or lines of Python where no command does.
-
-    inliers: the table that response, matrix and white balances were fitted to, where that was another.
-    """
-    usual = CalibrationOptions()
-    if inliers is not None or options.physical != usual.physical:
-        given = "" if inliers is None else f", stages=calibrate_stages({str(inliers)!r}, options)"
-        return "\n".join(
-            (
-                "from lutforge.calibration.options import CalibrationOptions, PhysicalOptions",
-                "from lutforge.pipeline.calibration import calibrate, calibrate_stages",
-                f"options = {options!r}",
-                f"calibrate({str(table)!r}, options{given}).save({str(profile)!r})",
-            )
-        )
-    words = ["lutforge", "calibrate", str(table)]
-    for name in ("model", "preset", "size", "interpolation"):
-        words += [f"--{name}", str(getattr(options, name))] if getattr(options, name) != getattr(usual, name) else []
-    return shlex.join([*words, *([] if options.nonuniform else ["--uniform"]), "-o", str(profile)])
 
 
 class ExportPage:
@@ -176,45 +50,41 @@ class ExportPage:
         self.asked: list[Path] = []
         self.look = ui.text()
         self.main = pn.Column(**ui.SCROLLED)
-
-        def button(label: str, action: Any, **more: Any) -> pmui.Button:
-            return session.button(label, action, **{**ui.WIDE, **more})
-
-        bake, kit = (
-            button("Bake LUT", self._bake, variant="contained"),
-            button("Write kit", self._kit, variant="contained"),
+        actions: dict[str, Callable[[], None]] = {
+            "Save profile": self._save_profile, "Write kit": self._kit, "Bake LUT": self._bake,
+            "Write config": self._config, "Write report": self._report, "Save parameters as text": self._parameters,
+            "Save workspace": self._workspace,
+        }  # fmt: skip
+        variants = ["contained"] * 3 + ["outlined"] * 4
+        profile, kit, bake, *others = (
+            session.button(label, action, variant=variant, **ui.WIDE)
+            for (label, action), variant in zip(actions.items(), variants, strict=True)
         )
+        folder = ui.html("<p>Files go to <b>{}</b>; the commands are of that folder.</p>", session.folders.roots[0])
         self.controls = [
-            ui.text(
-                ui.html("<p>Files go to <b>{}</b>; the commands are of that folder.</p>", session.folders.roots[0])
-            ),
+            ui.text(folder),
             self.name,
-            button("Save profile", self._save_profile, variant="contained"),
+            profile,
             pn.Column(self.look, self.program, self.check, kit, **ui.TOGETHER),
             pn.Column(self.kind, self.space, self.suffix, bake, **ui.TOGETHER),
-            button("Write config", self._config),
-            button("Write report", self._report),
-            button("Save parameters as text", self._parameters),
-            button("Save workspace", self._workspace),
+            *others,
         ]
 
     def refresh(self) -> None:
         """What was written, and whether it is of the model and look as they are; the programs that a kit can be for."""
         session = self.session
-        if session.has_profile:
+        if session.profile is not None:
             ui.offer(self.program, kits_of(session.profile, session.look.target))
             self.look.object = ui.paragraphs(f"Kits and LUTs are of {session.look.target}; choose another under Look.")
         if self._offered is not session.response and session.response is not None:  # what a bracket is taken for
             self.kind.value = "linearize"
             self.space.value = "aces2065-1" if session.response[0].chart else "raw"
         self._offered = session.response
-        nothing = ui.paragraphs(
-            "Nothing is written yet. Each file will stand here with its error, and with its command."
-        )
         cards = {(each, session.is_old(each)): None for each in reversed(session.written.values())}
         if not cards or list(cards) != list(self._cards):
             self._cards = {key: self._cards.get(key) or self._card(*key) for key in cards}
-            self.main[:] = list(self._cards.values()) or [ui.text(nothing)]
+            nothing = "Nothing is written yet. Each file will stand here with its error, and with its command."
+            self.main[:] = list(self._cards.values()) or [ui.text(ui.paragraphs(nothing))]
 
     def _card(self, made: Written, stale: bool) -> pmui.Paper:
         """What was written: lines that tell of it, and its command with a button that copies it."""
@@ -229,6 +99,8 @@ class ExportPage:
             copy.js_on_click(args={"command": made.command, "button": copy}, code=copied)
             card.append(pn.Row(ui.text(ui.html("<code>{}</code>", made.command)), copy, sizing_mode="stretch_width"))
         return card
+
+    # --- where files go, and what there is to tell of them -----------------------------------------------------------
 
     def _paths(self, *suffixes: str) -> list[Path]:
         """Return where files, and folders (a suffix without a dot), go, under one name.
@@ -260,71 +132,81 @@ class ExportPage:
 
         The profile is saved where it was made in this visit; one that was opened is where it was.
         """
-        opened = self.session.profile_file
-        if opened is not None and opened.is_file():
-            return [opened, *self._paths(*suffixes)]
-        profile = self.session.profile  # before any name is taken
+        profile, opened = self.session.require_profile(), self.session.opened
+        if profile is opened.profile and opened.profile_source is not None and opened.profile_source.is_file():
+            return [opened.profile_source, *self._paths(*suffixes)]
         paths = self._paths(".npz", *suffixes)
         profile.save(paths[0])
         return paths
 
-    def _tell(self, what: str, path: Path, lines: tuple[str, ...], command: str) -> None:
-        command = command.replace(f"{self.session.folders.roots[0]}/", "")  # as one types it there
-        self.session.written.pop(what, None)
-        self.session.written[what] = Written(what, path, lines[:20], command, self.session.made)
-        self.session.say(f"{what}: written, {path.name}")
-        self.session.on_change()
+    def _tell(self, what: str, path: Path, lines: tuple[str, ...], words: str) -> None:
+        session = self.session
+        words = words.replace(f"{session.folders.roots[0]}/", "")  # as one types it there
+        session.written.pop(what, None)
+        session.written[what] = Written(what, path, lines[:20], words, (session.profile, session.look))
+        session.say(f"{what}: written, {path.name}")
+        session.on_change()
+
+    def _run(
+        self, what: str, words: tuple[object, ...], options: Mapping[str, object], write: Callable[..., Any], *call: Any
+    ) -> None:
+        """Write a file or folder in another process: the second argument of `write`, which gives lines to tell."""
+
+        def done(lines: tuple[str, ...]) -> None:
+            self._tell(what, call[1], lines, command(words, options, call[1]))
+
+        self.session.start(f"lutforge {words[0]}", done, write, *call)
+
+    # --- what can be written -----------------------------------------------------------------------------------------
 
     def _workspace(self) -> None:
-        workspace = self.session.workspace
+        workspace = self.session.require_workspace()
         (path,) = self._paths(SUFFIX)
         save_workspace(workspace, path)
         self._tell("workspace", path, ("all of this page's work: open it under Shots",), "")
 
     def _save_profile(self) -> None:
         """The profile, and the samples that it was fitted to, so that the command line makes the same."""
-        profile = self.session.profile
-        task = None
-        if self.session.history is not None and self.session.workspace.fitted is not None:
-            task = self.session.workspace.fitted.task
-        if task is None:
+        profile, workspace, response = self.session.require_profile(), self.session.workspace, self.session.response
+        task = None if workspace is None or workspace.fitted is None else workspace.fitted.task
+        if workspace is None or task is None:
             (path,) = self._paths(".npz")
             profile.save(path)
-            response = self.session.response
-            command = "" if response is None or response[1].profile is not profile else response[0].command(path)
-            self._tell("profile", path, (f"profile of {profile.camera}", *profile.notes), command)
+            words = "" if response is None or response[1].profile is not profile else response[0].command(path)
+            self._tell("profile", path, (f"profile of {profile.camera}", *profile.notes), words)
             return
-        stages = task.stages.task if task.stages is not None else None
+        stages = None if task.stages is None else task.stages.task
         path, table, *others = self._paths(".npz", "_samples.npz", *(["_inliers.npz"] if stages is not None else []))
-        samples = self.session.workspace.samples
         profile.save(path)
-        write_samples(table, samples.select(task.rows))
+        write_samples(table, workspace.samples.select(task.rows))
         if stages is not None:
-            write_samples(others[0], samples.select(stages.rows))
-        command = calibration_command(table, others[0] if others else None, task.options, path)
-        if task.kind == "matrix":  # no command fits the stages alone
-            command = ""
+            write_samples(others[0], workspace.samples.select(stages.rows))
         error = held_out_error(profile)
         known = "no shot could be left out" if error is None else f"mean error on shots left out {error:.4f}"
         line = f"profile of {profile.camera}, {int(task.rows.sum()):,} samples; {known}"
-        self._tell("profile", path, (line,), command)
-
-    def _run(self, what: str, path: Path, export: Export) -> None:
-        def done(lines: tuple[str, ...]) -> None:
-            self._tell(what, path, lines, str(export))
-
-        self.session.start(f"lutforge {export.words[0]}", done, run, export)
+        self._tell("profile", path, (line,), calibration_command(task, table, others, path))
 
     def _bake(self) -> None:
-        profile, look, kind = self.session.profile, self.session.look, self.kind.value
-        source = look.source
+        profile, look, kind = self.session.require_profile(), self.session.look, self.kind.value
+        source, space = look.source, "raw" if kind == "refinish" else self.space.value
         if not source and len(profile.styles) == len(profile.white_balances) == 1:
             source = f"{next(iter(profile.styles))}/{next(iter(profile.white_balances))}"
         if kind != "render" and not source:
             raise WorkspaceError("what were the pictures taken as? choose that under Look, “Taken as”")
-        wanted = wanted_lut(kind, source, look.target, look.ev, self.space.value)
+        exposed = kind == "refinish" or (kind == "render" and space != "raw")
+        wanted = TransformRequest(
+            kind,
+            source if kind != "render" else None,
+            look.target if kind != "linearize" else None,
+            look.ev if exposed else 0.0,
+            space,
+        )
         path, output = self._with_profile(f"_{kind}{self.suffix.value}")
-        self._run(f"LUT, {kind}", output, lut_export(path, output, wanted))
+        options = {
+            "--from": wanted.source, "--to": wanted.target, "--ev": f"{wanted.ev:g}" if wanted.ev else None,
+            "--space": space if space != "raw" else None,
+        }  # fmt: skip
+        self._run(f"LUT, {kind}", ("bake", path, kind), options, _bake_lut, path, output, wanted)
 
     def _kit(self) -> None:
         target, program = self.session.look.target, self.program.value
@@ -332,23 +214,92 @@ class ExportPage:
             raise WorkspaceError("a kit needs a camera with RAW: compute a model, or open a profile")
         profile, output = self._with_profile(f"_{program}_kit")
         shots = tuple(self.session.opened.files.values()) if self.check.value else ()
-        self._run(f"kit for {program}", output, kit_export(profile, output, target, program, shots))
+        words = ("kit", profile, *(word for shot in shots for word in ("--check", shot)))
+        options = {"--to": target, "--for": program}
+        self._run(f"kit for {program}", words, options, write_checked_kit, profile, output, target, program, shots)
 
     def _config(self) -> None:
         profile, output = self._with_profile(".ocioz")
-        self._run("config", output, config_export(profile, output))
+        self._run("config", ("config", profile), {}, _write_config, profile, output)
 
     def _parameters(self) -> None:
-        style = next(iter(self.session.profile.styles))
+        style = next(iter(self.session.require_profile().styles))
         profile, output = self._with_profile("_parameters")
-        self._run("parameters", output, parameters_export(profile, output, style))
+        words, options = ("export-nus", profile), {"--style": style}
+        self._run("parameters", words, options, _write_parameters, profile, output, style)
 
     def _report(self) -> None:
-        if self.session.history is None or not self.session.workspace.has_raw:
-            profile, output = self._with_profile(".html")
-            self._run("report", output, report_export(profile, output))
-            return
-        profile, output, table = self._with_profile(".html", "_samples.npz")
-        samples = self.session.workspace.samples.select(self.session.workspace.fitted_rows)
-        write_samples(table, samples)
-        self._run("report", output, report_export(profile, output, samples, table))
+        """The report, with the samples in the fit where there are any."""
+        workspace = self.session.workspace
+        with_samples = workspace is not None and workspace.has_raw
+        profile, output, *tables = self._with_profile(".html", *(["_samples.npz"] if with_samples else []))
+        samples = None if workspace is None or not tables else workspace.samples.select(workspace.fitted_rows)
+        if samples is not None:
+            write_samples(tables[0], samples)
+        self._run("report", ("report", profile, *tables), {}, _write_report, profile, output, samples)
+
+
+def calibration_command(task: FitTask, table: Path, inliers: list[Path], profile: Path) -> str:
+    """Return what makes a profile of the samples in a table: a command, or lines of Python where no command does.
+
+    inliers: the table that response, matrix and white balances were fitted to, where that was another.
+    """
+    options, usual = task.options, CalibrationOptions()
+    if task.kind == "matrix":  # no command fits the stages alone
+        return ""
+    if inliers or options.physical != usual.physical:
+        given = f", stages=calibrate_stages({str(inliers[0])!r}, options)" if inliers else ""
+        return "\n".join(
+            (
+                "from lutforge.calibration.options import CalibrationOptions, PhysicalOptions",
+                "from lutforge.pipeline.calibration import calibrate, calibrate_stages",
+                f"options = {options!r}",
+                f"calibrate({str(table)!r}, options{given}).save({str(profile)!r})",
+            )
+        )
+    names = ("model", "preset", "size", "interpolation")
+    moved = {f"--{name}": getattr(options, name) for name in names if getattr(options, name) != getattr(usual, name)}
+    return command(("calibrate", table), {**moved, "--uniform": not options.nonuniform}, profile)
+
+
+# --- Use cases in another process: each tells in lines what it wrote -------------------------------------------------
+
+
+def _bake_lut(profile: Path, output: Path, wanted: TransformRequest, progress: Progress) -> tuple[str, ...]:
+    files, notes = bake_files(profile, wanted, [output], progress=progress)
+    return (*(f"{file.summary}; read back, against the model: {file.error}" for file in files), *notes)
+
+
+def write_checked_kit(
+    profile: Path, output: Path, target: str, program: str, shots: tuple[Path, ...], progress: Progress
+) -> tuple[str, ...]:
+    """Write a kit, and check it with RAW files where there are any. Raises LutForgeError."""
+    progress("kit", 0.0)
+    folder = write_kit(as_profile(profile), target, output, program)
+    lines = [f"{', '.join(sorted(path.name for path in folder.iterdir()))}; read README.md first"]
+    if shots and not (folder / SCRIPT).is_file():
+        lines.append(f"not checked: {program} is not run from the command line; compare a shot there by eye")
+    elif shots:
+        try:
+            checks, notes = check_kit(folder, shots, progress)
+        except LutForgeError as error:  # such as a program that is not installed here: the kit is written all the same
+            return (*lines, f"not checked: {one_line(str(error), 300)}")
+        errors = "the program against the camera's JPEG, ΔE00 mean"
+        lines += [f"{each.shot}: {errors} {each.mean:.2f}, 95 % {each.p95:.2f}" for each in checks]
+        lines += notes
+    return tuple(lines)
+
+
+def _write_config(profile: Path, output: Path, progress: Progress) -> tuple[str, ...]:
+    made = write_config([profile], output, progress=progress)
+    checked = "; ".join(map(str, made.findings)) or "sound"
+    return (f"{len(made.spaces)} input colour spaces, {len(made.looks)} looks; checked: {checked}",)
+
+
+def _write_parameters(profile: Path, output: Path, style: str, progress: Progress) -> tuple[str, ...]:
+    progress("parameters", 0.0)
+    return tuple(map(str, export_published(as_profile(profile), style, output)))
+
+
+def _write_report(profile: Path, output: Path, samples: SampleSet | None, progress: Progress) -> tuple[str, ...]:
+    return (f"{len(report(profile, samples, output, progress=progress).pictures)} figures",)

@@ -32,59 +32,45 @@ def _context() -> Any:
 class JobReport:
     """Where a job stands. share: 0 … 1; message: the step, or one line of what went wrong."""
 
-    state: Literal["running", "done", "failed", "cancelled"]
+    state: Literal["running", "done", "failed"]
     message: str = ""
     share: float = 0.0
     result: Any = None
 
 
 class Job:
-    """`function(*arguments, progress)` in a child process; `report` may be asked for at any time.
+    """`function(*arguments, progress)` in a child process; `poll` takes over what it reports.
 
     The function, its arguments and its result are pickled, between processes of this program only.
     """
 
-    def __init__(self, title: str, function: Callable[..., Any], *arguments: Any) -> None:
-        self.title, self.report = title, JobReport("running", "starting")
-        self._lock = threading.Lock()
-        self._process: Any = None
-        self._thread = threading.Thread(target=self._watch, args=(function, arguments), daemon=True)
-        self._thread.start()
+    def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
+        self.report = JobReport("running", "starting")
+        self._news, send = _context().Pipe(duplex=False)
+        self._process = _context().Process(target=_work, args=(send, function, arguments), daemon=True)
+
+        def start() -> None:
+            with send:
+                self._process.start()
+
+        self._starting = threading.Thread(target=start, daemon=True)  # it takes seconds where no process can fork
+        self._starting.start()
+
+    def poll(self, seconds: float = 0.0) -> JobReport:
+        """Where the job stands; waits for an end of it, as long as something is heard every so many seconds."""
+        try:
+            while self.report.state == "running" and self._news.poll(seconds):
+                self.report = self._news.recv()
+        except (EOFError, OSError):
+            self.report = JobReport("failed", "the calculation ended without a result, perhaps out of memory")
+        return self.report
 
     def cancel(self) -> None:
         """End the process; its result, if there is one on the way, is dropped."""
-        self._tell(JobReport("cancelled", "cancelled"))
-        with self._lock:
-            if self._process is not None:
-                self._process.terminate()
-
-    def wait(self, seconds: float | None = None) -> JobReport:
-        """The report once the job has ended, or after so many seconds."""
-        self._thread.join(seconds)
-        return self.report
-
-    def _watch(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-        receive, send = _context().Pipe(duplex=False)
-        process = _context().Process(target=_work, args=(send, function, arguments), daemon=True)
-        with self._lock:
-            if self.report.state != "running":
-                return
-            process.start()
-            self._process = process
-        send.close()
-        try:
-            while self.report.state == "running":
-                self._tell(receive.recv())
-        except (EOFError, OSError):
-            self._tell(JobReport("failed", "the calculation ended without a result, perhaps out of memory"))
-        finally:
-            receive.close()
-            process.join()
-
-    def _tell(self, report: JobReport) -> None:
-        with self._lock:
-            if self.report.state == "running":
-                self.report = report
+        self._starting.join()
+        if self._process.pid is not None:  # it could be started
+            self._process.terminate()
+            self._process.join()
 
 
 def _work(send: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
@@ -115,7 +101,7 @@ def warm_up() -> None:
             ensure_running()
     finally:
         signal.signal(signal.SIGINT, before)
-    Job("warm-up", _nothing)
+    Job(_nothing)
 
 
 def _nothing(progress: Progress) -> None:

@@ -5,7 +5,7 @@ The browser grades the picture: Python sends LUTs, and no pixels while sliders m
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,6 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.coverage import confidence
 from lutforge.model.transform import Transform
 from lutforge.model.white_balance import temperature_range
-from lutforge.progress import silent
 from lutforge.settings import Selector, Shift
 from lutforge.studio import ui
 from lutforge.studio.opening import IMAGE_SUFFIXES, Photograph, jpeg_of, open_photograph, upright
@@ -98,11 +97,6 @@ class SettingControl:
         self.style.value, self.tint.value = selector.style, 0
         self.balance.value = selector.white_balance if preset else AS_SHOT
 
-    @property
-    def is_known(self) -> bool:
-        """Whether both a style and a white balance are chosen."""
-        return bool(self.style.value and self.balance.value)
-
     def text(self, taken: Selector | None) -> str:
         """The selector, STYLE/WB. Raises WorkspaceError where it is not complete, SettingsError."""
         style, tint = self.style.value, 0.0 if self.tint.disabled else self.tint.value
@@ -131,16 +125,18 @@ class LookPage:
         self.opened: dict[Path, Photograph] = {}  # of the film strip, without their pictures
         self.sources: dict[Path, tuple[str, list[Any]]] = {}  # what each was taken as, and by which controls
         self.listed, self.path = ui.select("Photograph in the folders", ui.NOTHING), ui.entry("or its path")
-        opening = session.button("Show", self._open_named, variant="contained", **ui.WIDE)
+        opening = session.button(
+            "Show", lambda: self._open(session.folders.inside(ui.written(self.path) or self.listed.value)),
+            variant="contained", **ui.WIDE,
+        )  # fmt: skip
         self.wanted, self.source = SettingControl("Wanted"), SettingControl("Taken as", asks=True)
         self.ev = ui.slider("Exposure, EV", 0.0, -3.0, 3.0, 0.05)
         session.watch(self._choose_look, self.ev, *self.wanted.widgets)
         session.watch(self._change, *self.source.widgets)
         self.words = ui.text()
-        self.view = LookView(raw_name="RAW, by the model")
-        self.view.param.watch(session.guarded(lambda event: self._choose(event.new)), "chosen")
-        self.main = self.view
-        self._tell_soon = session.rested(self._told)  # the page's words wait while the picture moves
+        self.main = self.view = LookView(raw_name="RAW, by the model")
+        session.watch(self._choose, self.view, of="chosen")
+        self._tell_soon = session.rested(self._tell)  # the page's words wait while the picture moves
         self.controls = [
             self.listed, self.path, opening, self.words, self.wanted.layout, self.ev, self.source.layout,
         ]  # fmt: skip
@@ -149,49 +145,40 @@ class LookPage:
         """The settings of the session's profile, and the look with it."""
         names = self.session.folders.files(IMAGE_SUFFIXES)
         self.listed.options = {**ui.NOTHING, **{name: name for name in names}}
-        if not self.session.has_profile:
+        if self.session.profile is None:
             self.words.object = ui.paragraphs("Compute a model, or open a profile.")
             return
         for control in (self.wanted, self.source):
             control.offer(self.session.profile)
         self._grade()
 
-    def _start(self, title: str, done: Callable[[Any], None], function: Callable[..., Any], *arguments: Any) -> None:
-        """Work in another process, or here where no page waits for it."""
-        if pn.state.curdoc is not None:
-            self.session.start_short(title, done, function, *arguments)
-        else:
-            done(function(*arguments, silent))
-
-    def _open_named(self) -> None:
-        self._open(self.session.folders.inside(ui.written(self.path) or self.listed.value))
-
-    def _choose(self, index: int) -> None:
-        path = list(self.opened)[index]
+    def _choose(self) -> None:
+        path = list(self.opened)[self.view.chosen]
         if self.shown is None or self.shown.path != path:
             self._open(path)
 
     def _open(self, path: Path) -> None:
-        self._start(f"opening {path.name}", self._show, open_photograph, path, self.session.profile)
+        profile = self.session.require_profile()
+        self.session.start(f"opening {path.name}", self._show, open_photograph, path, profile, short=True)
 
     def _show(self, photograph: Photograph) -> None:
         path, given = photograph.path, photograph.selector
         self.shown = self.opened[path] = replace(photograph, picture=b"")
         self.view.show(photograph.picture, path.name)
-        told = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
+        news = f"{path.name} does not tell how it was taken: choose that under “Taken as” below"
         with self.session.setting():
             if given is not None:
                 self.source.style.value, self.source.balance.value = given.style, AS_SHOT
-                told = f"{path.name}: taken as {given}, as its metadata say"
+                news = f"{path.name}: taken as {given}, as its metadata say"
                 if not self.session.look_chosen:
                     self.wanted.set(given)
             elif path in self.sources:
-                told = f"{path.name}: taken as {self.sources[path][0]}, as you said"
+                news = f"{path.name}: taken as {self.sources[path][0]}, as you said"
                 for widget, value in zip(self.source.widgets, self.sources[path][1], strict=True):
                     widget.value = value
             else:
                 self.source.style.value, self.source.balance.value, self.source.tint.value = photograph.style, "", 0
-        self.session.say("; ".join([told, *photograph.notes]))
+        self.session.say("; ".join([news, *photograph.notes]))
         self._change()
 
     def _choose_look(self) -> None:
@@ -203,7 +190,7 @@ class LookPage:
             control.enable()
         self._grade()
 
-    def _told(self) -> None:
+    def _tell(self) -> None:
         """The words of the look, and the other photographs with it."""
         look = self.session.look
         unknown = "" if self.shown is None else "From what it was taken as, which is to be chosen below, to "
@@ -216,7 +203,7 @@ class LookPage:
 
     def _small_of(self, each: Photograph) -> bytes:
         """A photograph of the film strip with the look; as it is where that is not known, or takes long to prepare."""
-        profile, source = self.session.profile, self.sources.get(each.path, (f"{each.selector or ''}", []))[0]
+        profile, source = self.session.require_profile(), self.sources.get(each.path, (f"{each.selector or ''}", []))[0]
         try:
             look = ChosenLook(source, self.wanted.text(each.selector), float(self.ev.value))
             lut = None if not source or slow_steps(profile, look) else look_lut(profile, look)
@@ -226,39 +213,35 @@ class LookPage:
 
     def _grade(self) -> None:
         """The photograph as the controls say."""
-        if not self.session.has_profile:
-            return
         profile, taken = self.session.profile, None if self.shown is None else self.shown.selector
-        known = self.source.is_known
+        if profile is None:
+            return
+        known = bool(self.source.style.value and self.source.balance.value)
         try:
             look = ChosenLook(self.source.text(taken) if known else "", self.wanted.text(taken), float(self.ev.value))
             slow = slow_steps(profile, look) if known else ()
-            if slow and (not self.session.is_busy or pn.state.curdoc is None):
-                self._start(BAKING, lambda luts: self._baked(slow, luts), baked_steps, slow)
+            if slow and not self.session.is_busy:
+                self.session.start(BAKING, partial(self._baked, profile, slow), baked_steps, slow, short=True)
             if slow:
                 return
             lut = look_lut(profile, look) if known else None
         except SettingsError as error:
             raise WorkspaceError(str(error)) from error
         self.view.grade(lut, f"{look.target}{f' {look.ev:+g} EV' if look.ev else ''}" if known else "as it is")
-        self._inspect(profile, profile.selector(look.source) if known else None)
+        given = profile.selector(look.source) if known else None
+        if (inspected := None if given is None else (profile, given)) != self._known:
+            self._known = inspected
+            raw_of = None if given is None or profile.raw_camera else profile.linearize(given)
+            self.view.inspect(None if given is None else coverage_lut(profile, given.style), raw_of)
         if self.shown is not None and known:
             self.sources[self.shown.path] = look.source, [widget.value for widget in self.source.widgets]
         self.session.chosen = look
         self._tell_soon()
 
-    def _baked(self, steps: tuple[Any, ...], luts: tuple[Any, ...]) -> None:
+    def _baked(self, profile: CameraProfile, steps: Sequence[Transform], luts: Sequence[Lut]) -> None:
         for step, lut in zip(steps, luts, strict=True):
-            grades_of(self.session.profile).add(step, lut)
+            grades_of(profile).add(step, lut)
         self._grade()
-
-    def _inspect(self, profile: CameraProfile, given: Selector | None) -> None:
-        """What the marks of coverage and the pipette's RAW are of."""
-        known = None if given is None else (profile, given)
-        if known != self._known:
-            self._known = known
-            self.view.cover(None if given is None else coverage_lut(profile, given.style))
-            self.view.raw_of = None if given is None or profile.raw_camera else profile.linearize(given)
 
 
 # --- The LUTs of looks, as `apply` bakes them -------------------------------------------------------------------------
@@ -336,8 +319,8 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
     graded here, averaged down to 2 million pixels, and sent as JPEG.
 
     Parameters that the page changes, too: mode, wipe, beside_b, clipping, unsure, scopes, chosen. Those that it alone
-    sets: renderer; probe, the pixel under the pipette, while `raw_of` is set; kept, which counts "Keep as B" (`b`
-    and `b_name` are then those of `a`).
+    sets: renderer; probe, the pixel under the pipette, while `inspect` has said what RAW is; kept, which counts
+    "Keep as B" (`b` and `b_name` are then those of `a`).
     """
 
     picture = param.Bytes(doc="The picture as a file that browsers read, JPEG or PNG; it is shown upright.")
@@ -392,48 +375,38 @@ class LookView(JSComponent):  # type: ignore[misc]  # Panel's classes are seen a
         """
         self._set("a", lut, number=self.number + 1, a_name=name)
 
-    def compare(self, lut: Lut | None, name: str = "") -> None:
-        """Set the other look, B; none takes it away."""
-        self._set("b", lut, b_name=name, beside_b=lut is not None)
+    def inspect(self, coverage: Lut | None, raw_of: Callable[[Array], Array] | None = None) -> None:
+        """Set what `unsure` marks, a LUT of the picture's encoded RGB, and what the pipette tells beside codes.
 
-    def cover(self, lut: Lut | None) -> None:
-        """Set what `unsure` marks: a LUT of the picture's encoded RGB, see `coverage`; none takes it away."""
-        self._set("coverage", lut)
+        raw_of: encoded RGB (3,) → RAW (3,), which the page calls `raw_name`. None takes either away.
+        """
+        self._raw_of, self.tells_raw, self.raw = raw_of, raw_of is not None, []
+        self._set("coverage", coverage)
 
     def _set(self, side: str, lut: Lut | None, **more: Any) -> None:
         """Set a LUT, with other parameters; the page gets the tables that it has not."""
         sides = {name: ([], {}) if one is None else packed(one) for name, one in {**self._luts, side: lut}.items()}
         self._luts[side] = lut
         held, self._tables = self._tables, {key: table for _, tables in sides.values() for key, table in tables.items()}
-        self._send([key for key in self._tables if key not in held])
+        self._handle_msg([key for key in self._tables if key not in held])
         self.param.update(**more)
         self.param.update(**{side: sides[side][0]})  # at which the page draws
         self._grade_here()
 
-    def _send(self, keys: list[str]) -> None:
-        tables = [self._tables[key] for key in keys if key in self._tables]
+    def _handle_msg(self, data: Any) -> None:
+        """Send the tables of these keys, which the page misses."""
+        tables = [self._tables[key] for key in data if key in self._tables]
         if tables and self.renderer != "python":
             self._send_msg(tables)
 
-    def _handle_msg(self, data: Any) -> None:
-        self._send(data)  # the keys of tables that the page misses
+    def _keep(self, event: Any) -> None:
+        kept = self._luts["a"]
+        self._set("b", kept, b_name=self.a_name or "kept", beside_b=kept is not None)
 
     def film(self, pictures: Sequence[tuple[str, bytes]], chosen: int = 0) -> None:
         """Set the film strip: a name and a small JPEG each."""
         strip = [{"name": name, "thumbnail": thumbnail} for name, thumbnail in pictures]
         self.param.update(pictures=strip, chosen=chosen)
-
-    @property
-    def raw_of(self) -> Callable[[Array], Array] | None:
-        """Encoded RGB of the picture (3,) → RAW (3,), for the pipette, which calls it `raw_name`; or none."""
-        return self._raw_of
-
-    @raw_of.setter
-    def raw_of(self, function: Callable[[Array], Array] | None) -> None:
-        self._raw_of, self.tells_raw, self.raw = function, function is not None, []
-
-    def _keep(self, event: Any) -> None:
-        self.compare(self._luts["a"], self.a_name or "kept")
 
     def _probe(self, event: Any) -> None:
         if self._raw_of is not None and len(self.probe) == 5:

@@ -62,8 +62,8 @@ class ModelPage:
             *(self._bind_option(name, widget) for name, widget in {**self.options, **self.physical}.items()),
         ]
         all_or_none = pn.Row(
-            session.button("Tick all", lambda: self._tick_all(True)),
-            session.button("None", lambda: self._tick_all(False)), **ui.WIDE,
+            session.button("Tick all", lambda: self.pairs.param.update(value=list(self.pairs.options))),
+            session.button("None", lambda: self.pairs.param.update(value=[])), **ui.WIDE,
         )  # fmt: skip
         folds = {
             "Options": self.options.values(),
@@ -98,8 +98,8 @@ class ModelPage:
 
     def refresh(self) -> None:
         """Everything, from the session's workspace."""
-        if self.session.history is not None:
-            workspace = self.session.workspace
+        workspace = self.session.workspace
+        if workspace is not None:
             names = {MODELS[name] + (" (stale)" if workspace.is_stale(name) else ""): name for name in workspace.models}
             self.used.options, self.pairs.options = names or ui.NOTHING, list(pairs_listed(workspace))
             for show in self.bound:
@@ -115,9 +115,9 @@ class ModelPage:
 
     def _count(self) -> None:
         """What a fit would take, in words."""
-        if self.session.history is None:
-            return
         workspace, kind = self.session.workspace, self.kind.value
+        if workspace is None:
+            return
         rows, count = int(workspace.fitting_rows(kind).sum()), len(workspace.samples)
         left_out = "all outliers" if kind == "matrix" else "outliers, but for saturated colours, which it needs"
         words = f"Fitted to {rows:,} of {count:,} samples: without {left_out}."
@@ -127,12 +127,9 @@ class ModelPage:
             words += " Response and matrix are fitted along with it."
         self.takes.object = ui.paragraphs(words)
 
-    def _tick_all(self, ticked: bool) -> None:
-        self.pairs.value = list(self.pairs.options) if ticked else []
-
     def _compute(self) -> None:
         """Fit the chosen model, and before it the stages that it stands on where they are stale."""
-        workspace, kind = self.session.workspace, self.kind.value
+        workspace, kind = self.session.require_workspace(), self.kind.value
         stands = kind != "matrix" and workspace.task(kind).stages is not None
         self.session.fit(*(["matrix"] if stands and workspace.is_stale("matrix") else []), kind)
 
@@ -193,54 +190,42 @@ class FitView(View):
         """Everything, from the session's workspace and profile."""
         rows: list[tuple[Panel, ...]] = []
         words = ui.paragraphs("The matrix and the white balances stand here after a fit.")
-        if self.session.has_profile:
-            profile = self.session.profile
+        profile, workspace = self.session.profile, self.session.workspace
+        if profile is not None:
             rows.append(figures.response_figure(next(iter(profile.styles.values()))).rows[0][:1])
             notes = (*map(str, profile.diagnoses), *profile.notes)
             title = ui.Html("<h2>Notes</h2>" if notes else "")
-            words = ui.html(
-                "{}{}{}{}",
-                ui.table(matrix_table(profile)),
-                ui.table(balance_table(profile)),
-                title,
-                ui.paragraphs(*notes),
-            )
-        if self.session.history is not None and self.session.workspace.has_raw:
-            workspace = self.session.workspace
-            distances = residuals(workspace, self.before(workspace.samples))
-            shown = {title: values for title, (name, values) in distances.items() if name in ("", workspace.model)}
+            tables = ui.table(matrix_table(profile)), ui.table(balance_table(profile))
+            words = ui.html("{}{}{}{}", *tables, title, ui.paragraphs(*notes))
+        if workspace is not None and workspace.has_raw:
+            shown, table = residuals(workspace, self.before(workspace.samples))
             rows.append(figures.residuals_figure(shown).rows[0])
-            words = ui.Html(ui.table(residual_table(workspace, distances)) + words)
+            words = ui.Html(ui.table(table) + words)
         self.figures.show(Drawing(tuple(rows)) if rows else None, NO_PROFILE)
         self.numbers.object = words
 
 
-def residuals(workspace: Workspace, before: Array) -> dict[str, tuple[str, Array]]:
-    """By title the name of a model, "" for none, and the RGB distances of what it renders, of the samples in the fit.
+def residuals(workspace: Workspace, before: Array) -> tuple[dict[str, Array], Table]:
+    """RGB distances of what models render, on the samples in the fit: to be drawn, by title, and all as a table.
 
-    before: (n, 3), what there is before any fit.
+    before: (n, 3), what there is before any fit, which is drawn beside the model in use.
     """
-    rendered = {"before any fit": ("", before)}
-    rendered |= {MODELS[name]: (name, model.predicted.rendered) for name, model in workspace.models.items()}
-    rows, srgb = workspace.fitted_rows, workspace.samples.srgb
-    return {
-        title: (name, np.linalg.norm(values[rows] - srgb[rows], axis=1)) for title, (name, values) in rendered.items()
-    }
-
-
-def residual_table(workspace: Workspace, distances: dict[str, tuple[str, Array]]) -> Table:
-    """Tabulate residuals, with the errors on shots left out."""
-    cells = []
-    for title, (name, values) in distances.items():
-        known = values[np.isfinite(values)]
+    rows, srgb, cells, shown = workspace.fitted_rows, workspace.samples.srgb, [], dict[str, Array]()
+    rendered = {"": before} | {name: model.predicted.rendered for name, model in workspace.models.items()}
+    for name, values in rendered.items():
+        title = MODELS.get(name, "before any fit")
+        distance = np.linalg.norm(values[rows] - srgb[rows], axis=1)
+        if name in ("", workspace.model):
+            shown[title] = distance
+        known = distance[np.isfinite(distance)]
         if len(known):
-            stale = " (stale)" if name and workspace.is_stale(name) else ""
             error = held_out_error(workspace.models[name].profile) if name else None
-            figures = (known.mean(), *np.percentile(known, [50, 95, 100]))
+            numbers = (known.mean(), *np.percentile(known, [50, 95, 100]))
             left_out = "–" if error is None else f"{error:.4f}"
-            cells.append((title + stale, *(f"{value:.4f}" for value in figures), left_out))
+            stale = " (stale)" if name and workspace.is_stale(name) else ""
+            cells.append((title + stale, *(f"{value:.4f}" for value in numbers), left_out))
     header = ("model", "mean", "median", "95 %", "max", "held out")
-    return Table(f"Residuals, RAW → JPEG, on {int(workspace.fitted_rows.sum()):,} samples", header, cells)
+    return shown, Table(f"Residuals, RAW → JPEG, on {int(rows.sum()):,} samples", header, cells)
 
 
 def held_out_error(profile: CameraProfile) -> float | None:
@@ -264,10 +249,10 @@ class GamutView(View):
 
     def draw(self) -> None:
         """Everything, from the session's profile, or the last one with a gamut map."""
-        session, maps, level = self.session, dict[str, GamutMap](), self.luminance.value
-        profile = session.profile if session.has_profile else None
-        if session.history is not None and "rbf" in session.workspace.models:
-            profile = session.workspace.models["rbf"].profile
+        profile, workspace = self.session.profile, self.session.workspace
+        maps, level = dict[str, GamutMap](), self.luminance.value
+        if workspace is not None and "rbf" in workspace.models:
+            profile = workspace.models["rbf"].profile
         for name, style in {} if profile is None else profile.styles.items():
             for model in style.physical[:1]:
                 one = model.gamut_map if self.direction.value == "render" else model.inverse_gamut_map
@@ -321,12 +306,12 @@ class LatticeView(View):
 
     def draw(self) -> None:
         """Everything, from the session's workspace and profile."""
-        session, direction, channel = self.session, self.direction.value, int(self.channel.value)
-        workspace = session.workspace if session.history is not None else None
+        direction, channel = self.direction.value, int(self.channel.value)
+        profile, workspace = self.session.profile, self.session.workspace
         if workspace is not None:
             self.gaps.object = ui.paragraphs(self.gaps_of(workspace))
-        ui.offer(self.style, session.profile.styles if session.has_profile else ())
-        style = session.profile.styles[self.style.value] if session.has_profile else None
+        ui.offer(self.style, () if profile is None else profile.styles)
+        style = None if profile is None else profile.styles[self.style.value]
         lattice = None if style is None else style.lattices.get(direction)
         if style is None or lattice is None:
             self.figures.show(None, NO_PROFILE if style is None else "This model has no lattice: compute one.")
@@ -366,7 +351,7 @@ class ComparisonView(View):
         self.figures.show(self.drawings.get(self.style.value))
 
     def _compute(self) -> None:
-        workspace, profile = self.session.workspace, self.session.profile
+        workspace, profile = self.session.require_workspace(), self.session.require_profile()
         samples = workspace.samples.select(workspace.fitted_rows)
         self.session.start("comparison", self._done, compare_methods, profile, samples, workspace.options.size)
 
@@ -390,12 +375,12 @@ class ErrorMapView(View):
 
     def draw(self) -> None:
         """The shots whose files are at hand; maps stay until others are drawn."""
-        session = self.session
-        there = [] if session.history is None else np.unique(session.workspace.samples.shot).tolist()
-        ui.offer(self.shot, [name for name in there if name in session.opened.files])
+        workspace, files = self.session.workspace, self.session.opened.files
+        names = [] if workspace is None else np.unique(workspace.samples.shot).tolist()
+        ui.offer(self.shot, [name for name in names if name in files])
 
     def _compute(self) -> None:
-        workspace, profile, shot = self.session.workspace, self.session.profile, self.shot.value
+        workspace, profile, shot = self.session.require_workspace(), self.session.require_profile(), self.shot.value
         if not shot:
             raise WorkspaceError("no shot's files are open: open the folder of the shots, not a table of samples")
         samples = with_setting_names(workspace.samples.select(workspace.fitted_rows))

@@ -14,7 +14,6 @@ from lutforge.apply.candidates import read_small
 from lutforge.apply.source_settings import choose_camera, source_selector
 from lutforge.atomic_write import scratch_folder
 from lutforge.boundary import reading
-from lutforge.calibration.physical.exposure_pairs import ExposurePairs
 from lutforge.errors import CalibrationError, ImageError, LutForgeError, SettingsError, ShotError
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.images.icc import foreign_profile
@@ -28,7 +27,6 @@ from lutforge.pipeline.sampling import gather_samples
 from lutforge.progress import Progress
 from lutforge.samples.chart_kinds import chart_kind, parse_corners
 from lutforge.samples.extract import ShotSamples
-from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import is_table
 from lutforge.settings import Selector
 from lutforge.shots.discover import JPEG_SUFFIXES, RAW_SUFFIXES, discover, raw_beside
@@ -180,17 +178,12 @@ def open_photograph(path: Path, profile: CameraProfile, progress: Progress) -> P
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """Pictures without RAW. exposure_s: relative, NaN where not stated; small: JPEGs of them; camera: "" if unknown.
-
-    samples, pairs: the JPEG colours that two exposures share, None where the exposures are not stated or nothing is.
-    """
+    """Pictures without RAW. exposure_s: relative, NaN where not stated; small: JPEGs of them; camera: "" if unknown."""
 
     files: tuple[Path, ...]
     exposure_s: tuple[float, ...]
     small: tuple[bytes, ...]
     camera: str
-    samples: SampleSet | None = None
-    pairs: ExposurePairs | None = None
 
     def __str__(self) -> str:
         count, known = len(self.files), np.array(self.exposure_s)
@@ -204,7 +197,24 @@ class Bracket:
         return f"{seen}: a bracket of {steps} exposures over {stops:.1f} stops, if they show one scene"
 
 
-def bracket_in(sources: Sequence[Path], progress: Progress) -> Bracket | None:
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """What was opened.
+
+    workspace: None where there are no samples; profile_source: the file of the profile; accounts: of shots; left_out:
+    why other shots have none; files: by shot its RAW file; bracket: pictures without RAW, where that is all.
+    """
+
+    workspace: Workspace | None = None
+    profile: CameraProfile | None = None
+    accounts: tuple[ShotSamples, ...] = ()
+    left_out: tuple[str, ...] = ()
+    files: Mapping[str, Path] = field(default_factory=dict)
+    profile_source: Path | None = None
+    bracket: Bracket | None = None
+
+
+def bracket_in(sources: Sequence[Path], progress: Progress) -> Opened | None:
     """Return the pictures that files and folders hold; None where there is anything else, such as RAW files, or one.
 
     Raises ImageError.
@@ -225,10 +235,10 @@ def bracket_in(sources: Sequence[Path], progress: Progress) -> Bracket | None:
         with reading(file.name, "a picture", ImageError):
             small.append(thumbnail(picture_bytes(file)))
     times, camera = tuple(map(stated_exposure, files)), read_picture_settings(files[0]).camera
-    found: tuple[SampleSet | None, ExposurePairs | None] = (None, None)
+    workspace = None
     with suppress(CalibrationError):  # which Fit response then tells, with what to do
-        found = bracket_samples(files, times, camera, progress)
-    return Bracket(tuple(files), times, tuple(small), camera, *found)
+        workspace = Workspace(*bracket_samples(files, times, camera, progress))
+    return Opened(workspace, bracket=Bracket(tuple(files), times, tuple(small), camera))
 
 
 @dataclass(frozen=True)
@@ -244,13 +254,17 @@ class BracketRequest:
 
     def command(self, profile: Path) -> str:
         """The command that makes the same profile."""
-        words = ["lutforge", "response", *map(str, self.files)]
-        for option, value in (("--times", self.times), ("--chart", self.chart)):
-            words += [option, value] if value else []
-        for option, value in (("--light", self.light), ("--corners", self.corners)):
-            words += [option, value] if value and self.chart else []
-        words += ["--all-colours"] if self.all_colours and not self.chart else []
-        return shlex.join([*words, "-o", str(profile)])
+        options = {
+            "--times": self.times, "--chart": self.chart, "--light": self.chart and self.light,
+            "--corners": self.chart and self.corners, "--all-colours": self.all_colours and not self.chart,
+        }  # fmt: skip
+        return command(("response", *self.files), options, profile)
+
+
+def command(words: Iterable[object], options: Mapping[str, object], output: Path) -> str:
+    """A command as one types it. An option without a value is left out; True is an option that takes none."""
+    given = [(name,) if value is True else (name, value) for name, value in options.items() if value]
+    return shlex.join(map(str, ("lutforge", *words, *(word for pair in given for word in pair), "-o", output)))
 
 
 def fit_request(request: BracketRequest, progress: Progress) -> FittedResponse | FittedChart:
@@ -266,23 +280,6 @@ def fit_request(request: BracketRequest, progress: Progress) -> FittedResponse |
 
 
 # --- Samples and profiles ---------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Opened:
-    """What was opened.
-
-    workspace: None where it was profiles alone; profile_source: the file of the profile; accounts: of shots; left_out:
-    why other shots have none; files: by shot its RAW file; bracket: pictures without RAW, where that is all.
-    """
-
-    workspace: Workspace | None = None
-    profile: CameraProfile | None = None
-    accounts: tuple[ShotSamples, ...] = ()
-    left_out: tuple[str, ...] = ()
-    files: Mapping[str, Path] = field(default_factory=dict)
-    profile_source: Path | None = None
-    bracket: Bracket | None = None
 
 
 def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
@@ -301,8 +298,7 @@ def open_paths(paths: tuple[Path, ...], progress: Progress) -> Opened:
     if not sources:
         return Opened(profile=profile, profile_source=source)
     if (bracket := bracket_in(sources, progress)) is not None:
-        shown = None if bracket.samples is None else Workspace(bracket.samples, bracket.pairs)
-        return Opened(shown, bracket=bracket)
+        return bracket
     sampled = gather_samples(sources, progress)
     progress("looking for exposure pairs", 0.95)
     workspace = Workspace(sampled.samples, find_pairs(sampled.samples))

@@ -95,119 +95,111 @@ class Page:
         states = states_of(self.session)
         self.steps.items = [{"label": f"{step}: {states[step][0]}", "icon": ICONS[states[step][0]]} for step in STEPS]
         self.next.object = ui.html("<b>{}.</b> {}", self.shown, states[self.shown][1])
-        history = self.session.history
-        self.undo.disabled = history is None or not history.past
-        self.redo.disabled = history is None or not history.future
+        self.undo.disabled, self.redo.disabled = len(self.session.past) < 2, not self.session.future
+
+
+NEXT: dict[tuple[str, State], str] = {
+    ("Shots", "to do"): "Drop RAW files with their JPEGs here, or choose a folder; then press Sample.",
+    ("Shots", "done"): "Untick a shot to leave it out; then look at the samples.",
+    ("Samples", "to do"): "Open shots or a sample table first.",
+    ("Samples", "done"): (
+        "Keep saturated and clipped colours from the response by the filters, or mark samples with the lasso."
+    ),
+    ("Model", "to do"): "Press Compute: the lattice is what most want; or fit stage by stage.",
+    ("Model", "done"): "The model is up to date: see its errors here, then choose a look.",
+    ("Model", "stale"): "Samples or options have changed since: press Compute.",
+    ("Look", "to do"): "Choose a photograph and the style and white balance that you want.",
+    ("Look", "done"): "The look is what the exports hold.",
+    ("Look", "stale"): "The model is not up to date: compute it again under Model.",
+    ("Export", "to do"): "Name the files, and write what your program needs: a kit, a LUT, a config.",
+    ("Export", "done"): "Written as below; each line can be run again as a command.",
+    ("Export", "stale"): "Model or look have changed since: write again what you need.",
+}
+"""What to do next in a step of a state."""
 
 
 def states_of(session: Session) -> dict[str, tuple[State, str]]:
     """Each step's state, and in a sentence what to do next there."""
-    open_, bracket = session.history is not None, session.opened.bracket
-    stale = session.is_stale
-    model: State = "stale" if stale else "done" if session.has_profile else "to do"
-    chosen: State = "to do" if not session.look_chosen or model == "to do" else "stale" if stale else "done"
+    workspace, profile, stale = session.workspace, session.profile, session.is_stale
     old = any(map(session.is_old, session.written.values()))
-    export: State = "to do" if not session.written else "stale" if old else "done"
-    shots: State = "done" if open_ or session.has_profile else "to do"
-    sentences = {
-        "Shots": {
-            "to do": "Drop RAW files with their JPEGs here, or choose a folder; then press Sample.",
-            "done": "Untick a shot to leave it out; then look at the samples.",
-        }[shots] if bracket is None
-        else "Name the chart, if the pictures show one, and press Fit response." if session.response is None
-        else "Untick a picture to leave it out, and fit again; or go on to Export.",
-        "Samples": (
-            "Open shots or a sample table first." if not open_
-            else "The colours that two exposures share: how they follow the exposure, and which leave the curve."
-            if bracket is not None
-            else "Keep saturated and clipped colours from the response by the filters, or mark samples with the lasso."
-        ),
-        "Model": {
-            "to do": "Press Compute: the lattice is what most want; or fit stage by stage.",
-            "done": "The model is up to date: see its errors here, then choose a look.",
-            "stale": "Samples or options have changed since: press Compute.",
-        }[model],
-        "Look": {
-            "to do": "Choose a photograph and the style and white balance that you want.",
-            "done": (
-                "The look is what the exports hold." if session.look.source
-                else "A kit is made for this look; a picture needs “Taken as”, too: choose what it was taken as."
-            ),
-            "stale": "The model is not up to date: compute it again under Model.",
-        }[chosen],
-        "Export": {
-            "to do": (
-                "Name the files, and write what your program needs: a kit, a LUT, a config." if session.has_profile
-                else "Compute a model under Model first, or open a profile under Shots."
-            ),
-            "done": "Written as below; each line can be run again as a command.",
-            "stale": "Model or look have changed since: write again what you need.",
-        }[export],
-    }  # fmt: skip
     states: dict[str, State] = {
-        "Shots": shots, "Samples": "done" if open_ else "to do", "Model": model, "Look": chosen, "Export": export,
+        "Shots": "to do" if workspace is None and profile is None else "done",
+        "Samples": "to do" if workspace is None else "done",
+        "Model": "stale" if stale else "to do" if profile is None else "done",
+        "Look": "to do" if not session.look_chosen or profile is None else "stale" if stale else "done",
+        "Export": "to do" if not session.written else "stale" if old else "done",
     }  # fmt: skip
+    sentences = {step: NEXT[step, state] for step, state in states.items()}
+    if session.opened.bracket is not None:
+        sentences["Shots"] = (
+            "Name the chart, if the pictures show one, and press Fit response." if session.response is None
+            else "Untick a picture to leave it out, and fit again; or go on to Export."
+        )  # fmt: skip
+        if workspace is not None:
+            colours = "The colours that two exposures share: how they follow the exposure, and which leave the curve."
+            sentences["Samples"] = colours
+    if states["Look"] == "done" and not session.look.source:
+        kit = "A kit is made for this look; a picture needs “Taken as”, too: choose what it was taken as."
+        sentences["Look"] = kit
+    if states["Export"] == "to do" and profile is None:
+        sentences["Export"] = "Compute a model under Model first, or open a profile under Shots."
     return {step: (states[step], sentences[step]) for step in STEPS}
 
 
 # --- The page's looks: neutral greys, in which colours can be judged --------------------------------------------------
 
-_COMMON: dict[str, Any] = {
-    "typography": {"fontFamily": "system-ui, sans-serif", "fontSize": 13, "h3": {"fontSize": "0.95rem"}},
-    "shape": {"borderRadius": 4},
-    "components": {
-        "MuiButton": {
-            "styleOverrides": {"root": {"textTransform": "none", "transition": "none"}},
-            "defaultProps": {"disableElevation": True},
-        },
-        "MuiToggleButton": {
-            "styleOverrides": {"root": {"textTransform": "none", "color": "inherit", "whiteSpace": "nowrap"}},
-        },
-        "MuiInputLabel": {
-            "styleOverrides": {
-                "root": {"transition": "none", "color": "inherit"},
-                # On the border of its field at any size of letters; the toolkit's own 9 px are for letters of 16.
-                "outlined": {"&.MuiInputLabel-shrink": {"transform": "translate(14px, -0.5625rem) scale(0.75)"}},
+
+def _theme(ink: str, quiet: str, faint: str, back: str, paper: str, error: str) -> dict[str, Any]:
+    return {
+        "typography": {"fontFamily": "system-ui, sans-serif", "fontSize": 13, "h3": {"fontSize": "0.95rem"}},
+        "shape": {"borderRadius": 4},
+        "components": {
+            "MuiButton": {
+                "styleOverrides": {"root": {"textTransform": "none", "transition": "none"}},
+                "defaultProps": {"disableElevation": True},
             },
-        },
-        # Inherited from the page, which changes its theme at once, where each control takes its own time.
-        **{name: {"styleOverrides": {"root": {"color": "inherit"}}} for name in ("MuiTypography", "MuiInputBase")},
-        "MuiSlider": {"styleOverrides": {"thumb": {"transition": "none"}, "track": {"transition": "none"}}},
-        "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
-        "MuiAppBar": {
-            "styleOverrides": {
-                "root": {
-                    "backgroundColor": "#1c1c1c", "backgroundImage": "none", "color": "#e6e6e6", "boxShadow": "none",
-                    "borderBottom": "1px solid #4a4a4a",
+            "MuiToggleButton": {
+                "styleOverrides": {"root": {"textTransform": "none", "color": "inherit", "whiteSpace": "nowrap"}},
+            },
+            "MuiInputLabel": {
+                "styleOverrides": {
+                    "root": {"transition": "none", "color": "inherit"},
+                    # On the border of its field at any size of letters; the toolkit's own 9 px are for letters of 16.
+                    "outlined": {"&.MuiInputLabel-shrink": {"transform": "translate(14px, -0.5625rem) scale(0.75)"}},
+                },
+            },
+            # Inherited from the page, which changes its theme at once, where each control takes its own time.
+            **{name: {"styleOverrides": {"root": {"color": "inherit"}}} for name in ("MuiTypography", "MuiInputBase")},
+            "MuiSlider": {"styleOverrides": {"thumb": {"transition": "none"}, "track": {"transition": "none"}}},
+            "MuiLinearProgress": {"defaultProps": {"aria-label": "Busy"}},
+            "MuiAppBar": {
+                "styleOverrides": {
+                    "root": {
+                        "backgroundColor": "#1c1c1c", "backgroundImage": "none", "color": "#e6e6e6",
+                        "boxShadow": "none", "borderBottom": "1px solid #4a4a4a",
+                    },
+                },
+            },
+            "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
+            "MuiStepLabel": {
+                "styleOverrides": {
+                    "label": {"color": "#e6e6e6 !important"},
+                    "iconContainer": {"& .MuiIcon-root": {"color": "#e6e6e6 !important"}},
                 },
             },
         },
-        "MuiDrawer": {"styleOverrides": {"paper": {"width": "max(280px, 17rem) !important"}}},
-        "MuiStepLabel": {
-            "styleOverrides": {
-                "label": {"color": "#e6e6e6 !important"},
-                "iconContainer": {"& .MuiIcon-root": {"color": "#e6e6e6 !important"}},
-            },
-        },
-    },
-}  # fmt: skip
-
-
-def _palette(ink: str, quiet: str, faint: str, back: str, paper: str, error: str) -> dict[str, Any]:
-    return {
-        **_COMMON,
         "palette": {
             "primary": {"main": ink, "contrastText": back},
             "text": {"primary": ink, "secondary": quiet, "disabled": faint},
             "background": {"default": back, "paper": paper},
             "error": {"main": error},
         },
-    }
+    }  # fmt: skip
 
 
 THEME = {
-    "dark": _palette("#e6e6e6", "#bdbdbd", "#a0a0a0", "#1c1c1c", "#262626", "#ff8a80"),
-    "light": _palette("#1c1c1c", "#454545", "#666666", "#e8e8e8", "#f5f5f5", "#a11a0e"),
+    "dark": _theme("#e6e6e6", "#bdbdbd", "#a0a0a0", "#1c1c1c", "#262626", "#ff8a80"),
+    "light": _theme("#1c1c1c", "#454545", "#666666", "#e8e8e8", "#f5f5f5", "#a11a0e"),
 }
 
 CSS = """
@@ -254,18 +246,6 @@ def origins(address: str, port: int) -> list[str]:
         own = socket.gethostname()
         names = [LOCAL, "localhost", own, socket.getfqdn(), *socket.gethostbyname_ex(own)[2]]
     return [f"{name.lower()}:{port}" for name in dict.fromkeys(names)]
-
-
-def _refuse_other_hosts(application: Any, hosts: list[str]) -> None:
-    """Answer nobody who calls this server by another name: a foreign page may have its own name resolve to here."""
-    find = application.find_handler
-
-    def find_handler(request: Any, **options: Any) -> Any:
-        if request.host.lower() not in hosts:
-            return application.get_handler_delegate(request, ErrorHandler, {"status_code": 403})
-        return find(request, **options)
-
-    application.find_handler = find_handler
 
 
 class ContentSecurityPolicy(OutputTransform):
@@ -330,21 +310,21 @@ def serve(
                 probe.bind((address, 0))
                 port = int(probe.getsockname()[1])
         server = pn.serve(
-            {"/": page},
-            address=address,
-            port=port,
-            websocket_origin=origins(address, port),
-            show=False,
-            start=False,
-            verbose=False,
-            title="LutForge studio",
-            websocket_max_message_size=64 << 20,
-        )
+            {"/": page}, address=address, port=port, websocket_origin=origins(address, port), show=False, start=False,
+            verbose=False, title="LutForge studio", websocket_max_message_size=64 << 20,
+        )  # fmt: skip
     except OSError as error:
         raise LutForgeError(
             f"{address}:{port}: cannot serve here ({error.strerror or error}); choose another --port"
         ) from error
-    _refuse_other_hosts(server._tornado, origins(address, port))
+    hosts, find = origins(address, port), server._tornado.find_handler
+
+    def find_handler(request: Any, **options: Any) -> Any:
+        if request.host.lower() not in hosts:  # a foreign page may have its own name resolve to here
+            return server._tornado.get_handler_delegate(request, ErrorHandler, {"status_code": 403})
+        return find(request, **options)
+
+    server._tornado.find_handler = find_handler
     server._tornado.transforms.append(ContentSecurityPolicy)
     warm_up()
     url = f"http://{address}:{server.port}/"

@@ -1,8 +1,9 @@
 """Samples: linked plots, filters, marks by hand, named groups of outliers (thesis A.3, A.3.1)."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import panel as pn
 from bokeh.events import SelectionGeometry, Tap
 from bokeh.models import ColumnDataSource, LassoSelectTool, Range1d
 from bokeh.palettes import Cividis256
+from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from lutforge.arrays import Array, Mask
@@ -36,6 +38,7 @@ PLOTS = {
     "linearization": "Linearization",
 }
 OF_PAIRS = ("srgb_btf", "raw_btf", "linearization")
+MOST_DRAWN = 4000
 COLOURS = ("exposure pair", "own colour", "shot", "residual")
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#5b5b5b", "#8c6d31")
 """Okabe and Ito's colours, told apart by colour-blind eyes, and three more."""
@@ -62,8 +65,10 @@ class SamplesPage:
         self.words = ui.entry("Select row, shot or patch")
         session.watch(self._find, self.words)
         self.group, self.groups = ui.entry("Outlier group", placeholder="name"), ui.ticks("Groups in effect")
-        self.bound = [self._bind_limits(name, slider) for name, slider in self.limits.items()]
-        self.bound.append(session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups))
+        self.bound = [session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
+        for name, slider in self.limits.items():
+            read, put = partial(Workspace.limits_of, name=name), partial(Workspace.with_limits, name=name)
+            self.bound.append(session.bind(slider, read, put))
         small = {"sizing_mode": "stretch_width", "margin": 2}
         marks = {"Outliers": lambda: self._mark(1), "Keep": lambda: self._mark(-1), "Unmark": lambda: self._mark(0)}
         named = {"Save group": self._save_group, "Delete group": self._delete}
@@ -92,18 +97,13 @@ class SamplesPage:
             pn.Row(self.chromaticity.figure, self.space.layout, chosen, **ui.FILL), **ui.FILL,
         )  # fmt: skip
 
-    def _bind_limits(self, name: str, slider: Any) -> Callable[[Workspace], None]:
-        return self.session.bind(
-            slider, lambda now: now.limits_of(name), lambda now, value: now.with_limits(name, value)
-        )
-
     # --- what is shown -----------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
         """Everything, from the session's workspace."""
-        if self.session.history is None:
-            return
         workspace = self.session.workspace
+        if workspace is None:
+            return
         if self._seen is not workspace.samples:
             self._seen = workspace.samples
             if self.first.value in (OF_PAIRS[0], "saturation"):  # without pairs, what the filters cut
@@ -111,51 +111,46 @@ class SamplesPage:
                 self.first.value, self.by.value = (OF_PAIRS[0], COLOURS[0]) if paired else ("saturation", COLOURS[1])
             if not workspace.has_raw:
                 self.second.value = "saturation"
-        ui.offer(
-            self.picture_of, [account.shot for account in self.session.opened.accounts if account.cells is not None]
-        )
+        accounts = self.session.opened.accounts
+        ui.offer(self.picture_of, [account.shot for account in accounts if account.cells is not None])
         self.groups.options = list(workspace.groups)
         for show in self.bound:
             show(workspace)
-        found = ", ".join(f"{COLUMNS[name].title.lower()} {rows.sum():,}" for name, rows in workspace.filtered.items())
+        outside = ", ".join(
+            f"{COLUMNS[name].title.lower()} {rows.sum():,}" for name, rows in workspace.filtered.items()
+        )
         self.counts.object = ui.paragraphs(
             f"{int((~workspace.outliers).sum()):,} of {len(workspace.samples):,} samples are inliers. Outside the "
-            f"limits of {found}; by hand, groups and shots {int(workspace.removed.sum()):,}."
+            f"limits of {outside}; by hand, groups and shots {int(workspace.removed.sum()):,}."
         )
-        for drawing, choice in ((self.left, self.first.value), (self.right, self.second.value)):
+        for plot, choice in ((self.left, self.first.value), (self.right, self.second.value)):
             shown = points(workspace, choice, self.channel.value)
-            drawing.figure.title.text = shown.missing or PLOTS[choice]
-            drawing.show(workspace, self._chosen(shown), self.by.value)
-            drawing.frame((choice, self.channel.value, workspace.samples))
-        by = "residual" if self.by.value == "residual" else "own colour"
-        shown = in_chromaticity_diagram(workspace, self.space_of.value)
-        self.chromaticity.show(workspace, self._chosen(shown), by, 4.0)
-        self._draw_space(workspace)
-        self.mark()
-
-    def _chosen(self, shown: "Points") -> "Points":
-        """The points, those of inliers alone where that is ticked."""
-        out = self.session.workspace.outliers
-        return shown.select(~(out[shown.row] | out[shown.partner])) if self.inliers.value else shown
-
-    def _draw_space(self, workspace: Workspace) -> None:
-        """Inliers in their own colours and outliers, red, in CIE XYZ, within the cube of sRGB."""
+            plot.figure.title.text = shown.missing or PLOTS[choice]
+            plot.show(workspace, shown, self.by.value, self.inliers.value)
+            plot.frame((choice, self.channel.value, workspace.samples))
         linear, row = colours_in_space(workspace, self.space_of.value)
-        kept = drawn(len(row))
-        xyz, row = tristimulus(linear[kept]), row[kept]
+        x, y = chromaticities(linear).T
+        shown = Points(x, y, row, row, np.full(len(row), -1, dtype=np.intp), "x", "y")
+        by = "residual" if self.by.value == "residual" else "own colour"
+        self.chromaticity.show(workspace, shown, by, self.inliers.value, 4.0)
+
+        # In CIE XYZ, within the cube of sRGB
+        chosen = thinned(len(row), MOST_DRAWN)
+        xyz, row = tristimulus(linear[chosen]), row[chosen]
         out = workspace.outliers[row]
         traces = [ui.lines_in_space(tristimulus(cube_edges()))]
         traces.append(ui.dots_in_space(xyz[~out], ui.hex_colours(workspace.samples.srgb[row[~out]])))
         traces += [] if self.inliers.value else [ui.dots_in_space(xyz[out], "#e0503c", symbol="x")]
         self.space.show("CIE XYZ: outliers red", traces, ("X", "Z", "Y"))
+        self.mark()
 
     def mark(self) -> None:
         """The selection, in all plots, in the picture of its shot, and in words."""
         for drawing in (self.left, self.right, self.chromaticity):
             drawing.mark()
-        if self.session.history is not None:
+        if self.session.workspace is not None:
             self._draw_picture(self.session.workspace)
-            self.selection.object = self._describe(self.session.workspace)
+            self.selection.object = describe(self.session.workspace, np.flatnonzero(self.session.selected))
 
     def _draw_picture(self, workspace: Workspace) -> None:
         """Draw a shot, that of the first selected sample or the chosen one, with frames round its samples."""
@@ -175,26 +170,10 @@ class SamplesPage:
         title = f"{chosen}: outliers orange, selected blue"
         self.picture.show(Drawing(((Panel(title, (Raster(picture), *frames), bare=True, equal=True),),)))
 
-    def _describe(self, workspace: Workspace) -> ui.Html:
-        rows, samples = np.flatnonzero(self.session.selected), workspace.samples
-        if len(rows) == 0:
-            return ui.paragraphs("No sample selected: draw a lasso or a box in a plot, click a point, or name a row.")
-        out = int(workspace.outliers[rows].sum())
-        lines = [ui.html("<h2>{} selected, {} of them outliers</h2>", f"{len(rows):,}", f"{out:,}")]
-        for row in rows[:8]:
-            codes = ", ".join(f"{255 * value:.0f}" for value in samples.srgb[row])
-            raw = "" if not workspace.has_raw else "; RAW " + ", ".join(f"{value:.3f}" for value in samples.raw[row])
-            where = f"row {row}, shot {samples.shot[row]}, patch {samples.patch[row]}"
-            setting = f"{samples.style[row]}/{samples.white_balance[row]}: JPEG {codes}{raw}"
-            (colour,) = ui.hex_colours(samples.srgb[row : row + 1])
-            lines.append(ui.html("<p><i class=colour style='background:{}'></i>{}<br>{}</p>", colour, where, setting))
-        lines += [ui.html("<p>and {} more</p>", f"{len(rows) - 8:,}")] if len(rows) > 8 else []
-        return ui.Html("".join(lines))
-
     # --- what is done ------------------------------------------------------------------------------------------------
 
     def _mark(self, mark: int) -> None:
-        workspace, rows = self.session.workspace, self.session.selected
+        workspace, rows = self.session.require_workspace(), self.session.selected
         if not workspace.has_raw:
             raise WorkspaceError("the colours of a bracket are not chosen by hand: leave pictures out under Shots")
         if not rows.any():
@@ -203,18 +182,36 @@ class SamplesPage:
         self.session.change(workspace.mark(rows, mark), f"{int(rows.sum()):,} samples {done}")
 
     def _save_group(self) -> None:
-        workspace, name = self.session.workspace, ui.written(self.group)
+        workspace, name = self.session.require_workspace(), ui.written(self.group)
         rows = self.session.selected if self.session.selected.any() else workspace.outliers
         news = f"outlier group {name}: {int(rows.sum()):,} samples, in effect"
         self.session.change(workspace.with_group(name, rows), news)
 
     def _delete(self) -> None:
         name = ui.written(self.group)
-        self.session.change(self.session.workspace.without_group(name), f"outlier group {name} deleted")
+        self.session.change(self.session.require_workspace().without_group(name), f"outlier group {name} deleted")
 
     def _find(self) -> None:
         if self.words.value:
-            self.session.select(find_rows(self.session.workspace.samples, self.words.value))
+            self.session.select(find_rows(self.session.require_workspace().samples, self.words.value))
+
+
+def describe(workspace: Workspace, rows: Rows) -> ui.Html:
+    """Selected samples in words."""
+    samples = workspace.samples
+    if len(rows) == 0:
+        return ui.paragraphs("No sample selected: draw a lasso or a box in a plot, click a point, or name a row.")
+    out = int(workspace.outliers[rows].sum())
+    lines = [ui.html("<h2>{} selected, {} of them outliers</h2>", f"{len(rows):,}", f"{out:,}")]
+    for row in rows[:8]:
+        codes = ", ".join(f"{255 * value:.0f}" for value in samples.srgb[row])
+        raw = "" if not workspace.has_raw else "; RAW " + ", ".join(f"{value:.3f}" for value in samples.raw[row])
+        where = f"row {row}, shot {samples.shot[row]}, patch {samples.patch[row]}"
+        setting = f"{samples.style[row]}/{samples.white_balance[row]}: JPEG {codes}{raw}"
+        (colour,) = ui.hex_colours(samples.srgb[row : row + 1])
+        lines.append(ui.html("<p><i class=colour style='background:{}'></i>{}<br>{}</p>", colour, where, setting))
+    lines += [ui.html("<p>and {} more</p>", f"{len(rows) - 8:,}")] if len(rows) > 8 else []
+    return ui.Html("".join(lines))
 
 
 def find_rows(samples: SampleSet, words: str) -> Mask:
@@ -333,24 +330,9 @@ def colours_in_space(workspace: Workspace, shown: str) -> tuple[Array, Rows]:
     return linear[known], np.tile(np.arange(len(workspace.samples)), len(parts))[known]
 
 
-def in_chromaticity_diagram(workspace: Workspace, shown: str) -> Points:
-    """The points of `colours_in_space` in CIE 1931 xy."""
-    linear, row = colours_in_space(workspace, shown)
-    x, y = chromaticities(linear).T
-    return Points(x, y, row, row, np.full(len(row), -1, dtype=np.intp), "x", "y")
-
-
 def tristimulus(linear: Array) -> Array:
     """CIE X, Z, Y (…, 3) of linear sRGB, Y of white 1, in the order of axes of which the last is up."""
     return np.asarray((linear @ SRGB_TO_XYZ.T)[..., [0, 2, 1]])
-
-
-def drawn(count: int, always: Rows | None = None, most: int = 4000) -> Rows:
-    """Which of `count` points are drawn: at most `most`, the same ones each time, and up to as many that must be."""
-    chosen = thinned(count, most)
-    if always is not None and count > most:
-        chosen = np.union1d(chosen, always[thinned(len(always), most)])
-    return chosen
 
 
 def colours(workspace: Workspace, all_points: Points, chosen: Rows, by: str) -> list[str]:
@@ -390,24 +372,28 @@ class BrushedPlot:
         marks.selection_glyph = marks.glyph.clone(line_color=GREY, line_width=1.6, fill_alpha=1.0, size=8)
         marks.nonselection_glyph = marks.glyph.clone(fill_alpha=0.18, line_alpha=0.25)
         self.figure.toolbar.active_drag = self.figure.select_one(LassoSelectTool)
-        self.figure.on_event(SelectionGeometry, session.guarded(self._geometry))
-        self.figure.on_event(Tap, session.guarded(self._tap))
+        for event in (SelectionGeometry, Tap):
+            self.figure.on_event(event, session.guarded(self._select))
 
-    def show(self, workspace: Workspace, all_points: Points, by: str, size: float = 5.0) -> None:
-        """Show other points, decimated."""
-        self.points = all_points
-        self.chosen = drawn(len(all_points), np.flatnonzero(self.session.selected[all_points.row]))
-        out = workspace.outliers[all_points.row] | workspace.outliers[all_points.partner]
+    def show(self, workspace: Workspace, shown: Points, by: str, inliers: bool, size: float = 5.0) -> None:
+        """Show other points, those of inliers alone where that is asked for: at most 4000, and what is selected."""
+        out = workspace.outliers[shown.row] | workspace.outliers[shown.partner]
+        if inliers:
+            shown, out = shown.select(~out), out[~out]
+        self.points, self.chosen = shown, thinned(len(shown), MOST_DRAWN)
+        if len(shown) > MOST_DRAWN:
+            selected = np.flatnonzero(self.session.selected[shown.row])
+            self.chosen = np.union1d(self.chosen, selected[thinned(len(selected), MOST_DRAWN)])
         self.source.selected.indices = []
         self.source.data = {
-            "x": all_points.x[self.chosen],
-            "y": all_points.y[self.chosen],
-            "colour": colours(workspace, all_points, self.chosen, by),
+            "x": shown.x[self.chosen],
+            "y": shown.y[self.chosen],
+            "colour": colours(workspace, shown, self.chosen, by),
             "marker": np.where(out[self.chosen], "x", "circle").tolist(),
             "size": np.full(len(self.chosen), size),
         }
-        self.lines.data = {"xs": [x for x, _ in all_points.curves], "ys": [y for _, y in all_points.curves]}
-        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = all_points.x_label, all_points.y_label
+        self.lines.data = {"xs": [x for x, _ in shown.curves], "ys": [y for _, y in shown.curves]}
+        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = shown.x_label, shown.y_label
 
     def frame(self, key: object) -> None:
         """Let the ranges follow the points. key: what is drawn; as long as it is the same, the ranges stay."""
@@ -425,49 +411,25 @@ class BrushedPlot:
             selected = self.session.selected[self.points.row] | self.session.selected[self.points.partner]
             self.source.selected.indices = np.flatnonzero(selected[self.chosen]).tolist()
 
-    def _geometry(self, event: SelectionGeometry) -> None:
-        shape, data = event.geometry, self.points
-        if not event.final or data is None:
+    def _select(self, event: SelectionGeometry | Tap) -> None:
+        """Select what a lasso or a box holds, by the even-odd rule, or the point nearest to a click, within reach."""
+        shown = self.points
+        if shown is None or len(shown) == 0:
             return
-        if shape["type"] == "poly":
-            where = inside_polygon(data.x, data.y, shape["x"], shape["y"])
-        elif shape["type"] == "rect":
+        where = np.zeros(len(shown), dtype=np.bool_)
+        if isinstance(event, Tap):
+            distance = np.hypot(shown.x - event.x, shown.y - event.y)
+            nearest = int(np.argmin(distance))
+            where[nearest] = distance[nearest] <= 0.03 * max(float(np.ptp(shown.x)), float(np.ptp(shown.y)), 1e-6)
+        elif event.final and event.geometry["type"] == "rect":
+            shape = event.geometry
             (left, right), (low, high) = (sorted((shape[f"{axis}0"], shape[f"{axis}1"])) for axis in "xy")
-            where = (data.x >= left) & (data.x <= right) & (data.y >= low) & (data.y <= high)
+            where = (shown.x >= left) & (shown.x <= right) & (shown.y >= low) & (shown.y <= high)
+        elif event.final and len(event.geometry["x"]) > 2:
+            corners = np.column_stack([event.geometry["x"], event.geometry["y"]])
+            where = np.asarray(Path(corners).contains_points(np.column_stack([shown.x, shown.y])))
         else:
             return
-        self.session.select(rows_at(data, where, len(self.session.selected)))
-
-    def _tap(self, event: Tap) -> None:
-        if self.points is None or event.x is None or event.y is None or len(self.points) == 0:
-            return
-        reach = 0.03 * max(float(np.ptp(self.points.x)), float(np.ptp(self.points.y)), 1e-6)
-        where = nearest(self.points, float(event.x), float(event.y), reach)
-        self.session.select(rows_at(self.points, where, len(self.session.selected)))
-
-
-def inside_polygon(x: Array, y: Array, corners_x: Sequence[float], corners_y: Sequence[float]) -> Mask:
-    """(n,) of points (n,): inside a polygon, even-odd rule."""
-    from matplotlib.path import Path
-
-    corners = np.column_stack([corners_x, corners_y])
-    if len(corners) < 3:
-        return np.zeros(len(x), dtype=np.bool_)
-    return np.asarray(Path(corners).contains_points(np.column_stack([x, y])), dtype=np.bool_)
-
-
-def rows_at(all_points: Points, where: Mask, count: int) -> Mask:
-    """(count,) the samples that the points of a mask stand for."""
-    rows = np.zeros(count, dtype=np.bool_)
-    rows[all_points.row[where]] = rows[all_points.partner[where]] = True
-    return rows
-
-
-def nearest(all_points: Points, x: float, y: float, reach: float) -> Mask:
-    """(n,) the one point nearest to (x, y), where it is within reach."""
-    where = np.zeros(len(all_points), dtype=np.bool_)
-    if len(where):
-        distance = np.hypot(all_points.x - x, all_points.y - y)
-        closest = int(np.argmin(distance))
-        where[closest] = distance[closest] <= reach
-    return where
+        rows = np.zeros(len(self.session.selected), dtype=np.bool_)
+        rows[shown.row[where]] = rows[shown.partner[where]] = True
+        self.session.select(rows)

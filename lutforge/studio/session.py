@@ -2,9 +2,9 @@
 
 import logging
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial, wraps
+from functools import wraps
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -20,10 +20,11 @@ from lutforge.model.white_balance import NAMED_KELVIN
 from lutforge.pipeline.charts import FittedChart
 from lutforge.pipeline.predictions import predict
 from lutforge.pipeline.response import FittedResponse
+from lutforge.progress import silent
 from lutforge.studio import ui
 from lutforge.studio.jobs import Job
 from lutforge.studio.opening import BracketRequest, Folders, Opened, open_paths
-from lutforge.studio.workspace import MODELS, FittedModel, History, Workspace, WorkspaceError, fit_model, with_profile
+from lutforge.studio.workspace import MODELS, FittedModel, Workspace, WorkspaceError, fit_model, with_profile
 
 
 @dataclass(frozen=True)
@@ -48,14 +49,14 @@ class Written:
 
 @dataclass(eq=False)
 class _Work:
-    """A job, under way or waiting: what gets its result, the callback that asks for it, and what it last said."""
+    """Work for a job, None while it waits. short: it runs beside what is long; message: what was told of it last."""
 
     title: str
     done: Callable[[Any], None]
     call: tuple[Any, ...]
+    short: bool
     job: Job | None = None
-    poll: Any = None
-    said: str = ""
+    message: str = "starting"
 
 
 class Session:
@@ -69,7 +70,8 @@ class Session:
 
     def __init__(self, folders: Folders) -> None:
         self.folders = folders
-        self.history: History | None = None
+        self.past: tuple[Workspace, ...] = ()  # up to the present one
+        self.future: tuple[Workspace, ...] = ()
         self.selected: Mask = np.zeros(0, dtype=np.bool_)
         self.opened = Opened()
         self.chosen: ChosenLook | None = None
@@ -82,8 +84,8 @@ class Session:
         self.on_select: Callable[[], None] = lambda: None
         self.refreshing = False
         self._wrong = False
-        self._asked: list[Callable[[], None]] = []  # callbacks of widgets that the visitor has moved
-        self._works: dict[str, list[_Work]] = {"long": [], "short": []}  # the first of each is under way
+        self._works: list[_Work] = []  # the first that is long is under way, and the one that is short
+        self._polling: Any = None
         self.status = ui.text(margin=(2, 12), height=22)
         self.progress = ui.text(visible=False, sizing_mode="fixed", width=200, height=24, margin=(4, 8))
         self.cancel = self.button("Cancel", self._cancel, visible=False)
@@ -91,70 +93,72 @@ class Session:
     # --- state -------------------------------------------------------------------------------------------------------
 
     @property
-    def workspace(self) -> Workspace:
+    def workspace(self) -> Workspace | None:
+        """The present state; None before samples are open."""
+        return self.past[-1] if self.past else None
+
+    @property
+    def profile(self) -> CameraProfile | None:
+        """The profile of the model in use, or the one that was opened."""
+        fitted = None if self.workspace is None else self.workspace.fitted
+        return self.opened.profile if fitted is None else fitted.profile
+
+    def require_workspace(self) -> Workspace:
         """The present state. Raises WorkspaceError before samples are open."""
-        if self.history is None:
+        if self.workspace is None:
             raise WorkspaceError("no samples are open: open a folder of shots or a sample table under Shots")
-        return self.history.present
+        return self.workspace
 
-    @property
-    def profile(self) -> CameraProfile:
-        """The profile of the model in use, or the one that was opened. Raises WorkspaceError: none."""
-        if self.history is not None and self.history.present.fitted is not None:
-            return self.history.present.fitted.profile
-        if self.opened.profile is None:
+    def require_profile(self) -> CameraProfile:
+        """The profile. Raises WorkspaceError where there is none."""
+        if self.profile is None:
             raise WorkspaceError("no profile yet: compute a model under Model, or open a profile (.npz)")
-        return self.opened.profile
-
-    @property
-    def has_profile(self) -> bool:
-        """Whether `profile` is there."""
-        return self.opened.profile is not None or (self.history is not None and bool(self.history.present.model))
-
-    @property
-    def profile_file(self) -> Path | None:
-        """The file that `profile` was opened from; None where it was made in this visit."""
-        return self.opened.profile_source if self.has_profile and self.profile is self.opened.profile else None
+        return self.profile
 
     @property
     def is_stale(self) -> bool:
         """Whether samples or options have changed since the model in use was fitted."""
-        return self.history is not None and bool(self.workspace.model) and self.workspace.is_stale(self.workspace.model)
+        workspace = self.workspace
+        return workspace is not None and bool(workspace.model) and workspace.is_stale(workspace.model)
 
     @property
     def look(self) -> ChosenLook:
         """The look that is shown, else the camera's usual one, where there is a profile."""
-        return self.chosen or ChosenLook(target=usual_setting(self.profile) if self.has_profile else "")
-
-    @property
-    def made(self) -> tuple[CameraProfile | None, ChosenLook]:
-        """What is written is made from: the profile, None where there is none, and the look."""
-        return self.profile if self.has_profile else None, self.look
+        return self.chosen or ChosenLook(target="" if self.profile is None else usual_setting(self.profile))
 
     def is_old(self, written: Written) -> bool:
         """Whether a file is of another profile or look than the present ones, or its model is stale."""
-        return self.is_stale or written.of[0] is not self.made[0] or written.of[1] != self.look
+        return self.is_stale or written.of[0] is not self.profile or written.of[1] != self.look
+
+    def begin(self, workspace: Workspace | None) -> None:
+        """Make this the first state of the workspace."""
+        self.past, self.future = () if workspace is None else (workspace,), ()
+        self.selected = np.zeros(0 if workspace is None else len(workspace.samples), dtype=np.bool_)
 
     def change(self, workspace: Workspace, news: str = "") -> None:
         """Make this the present state of the workspace, and tell the news, if there are any."""
-        assert self.history is not None
-        self._move(self.history.do(workspace), news)
-
-    def undo(self) -> None:
-        """One state back."""
-        if self.history is not None and self.history.past:
-            self._move(self.history.undo(), "undone")
-
-    def redo(self) -> None:
-        """One state on."""
-        if self.history is not None and self.history.future:
-            self._move(self.history.redo(), "done again")
-
-    def _move(self, history: History, news: str) -> None:
-        self.history = history
+        self.put(workspace)
         if news:
             self.say(news)
         self.on_change()
+
+    def put(self, workspace: Workspace) -> None:
+        """Make this the present state of the workspace, which the caller has drawn; what was undone is gone."""
+        self.past, self.future = (*self.past[-200:], workspace), ()
+
+    def undo(self) -> None:
+        """One state back, if there is one."""
+        if len(self.past) > 1:
+            self.past, self.future = self.past[:-1], (self.past[-1], *self.future)
+            self.say("undone")
+            self.on_change()
+
+    def redo(self) -> None:
+        """One state on, if there is one."""
+        if self.future:
+            self.past, self.future = (*self.past, self.future[0]), self.future[1:]
+            self.say("done again")
+            self.on_change()
 
     def select(self, rows: Mask) -> None:
         """Select samples, in all plots."""
@@ -166,38 +170,36 @@ class Session:
     def open(self, paths: tuple[Path, ...]) -> None:
         """Open files or folders, in another process."""
         names = ", ".join(path.name for path in paths)
-        self.start(f"opening {names[:80]}", lambda opened: self._opened(opened, names), open_paths, paths)
+        self.start(f"opening {names[:80]}", lambda opened: self.take_opened(opened, names), open_paths, paths)
 
-    def _opened(self, opened: Opened, names: str) -> None:
-        if opened.bracket is None and opened.workspace is None:  # a profile, beside the samples that are open
-            assert opened.profile is not None
-            if self.history is not None and str(self.workspace.samples.camera[0]) == opened.profile.camera:
-                self.history = self.history.do(with_profile(self.workspace, opened.profile))
-            self.say(f"{names}: profile of {opened.profile.camera}")
-            self.opened = replace(
-                self.opened, profile=opened.profile, profile_source=opened.profile_source, bracket=None
-            )
+    def take_opened(self, opened: Opened, names: str) -> None:
+        """Take over what was opened from files of these names."""
+        workspace, profile = self.workspace, opened.profile
+        if opened.bracket is None and opened.workspace is None and profile is not None:  # beside the samples
+            if workspace is not None and str(workspace.samples.camera[0]) == profile.camera:
+                self.put(with_profile(workspace, profile))
+            self.say(f"{names}: profile of {profile.camera}")
+            self.opened = replace(self.opened, profile=profile, profile_source=opened.profile_source, bracket=None)
         else:
             self.pictures_out, self.response, self.chosen, self.look_chosen, self.opened = (), None, None, False, opened
-            self.history = None if opened.workspace is None else History(opened.workspace)
-            self.selected = np.zeros(0 if opened.workspace is None else len(opened.workspace.samples), dtype=np.bool_)
+            self.begin(opened.workspace)
             if opened.bracket is not None:
                 self.say(f"{names}: {opened.bracket}")
             elif opened.workspace is not None:
-                shots = len(np.unique(opened.workspace.samples.shot))
-                self.say(f"{names}: {len(opened.workspace.samples):,} samples of {shots} shots")
+                samples = opened.workspace.samples
+                self.say(f"{names}: {len(samples):,} samples of {len(np.unique(samples.shot))} shots")
         self.on_change()
 
     def fit(self, *kinds: str) -> None:
         """Fit models one after the other, each on those before it."""
         kind, *others = kinds
-        workspace = self.workspace
+        workspace = self.require_workspace()
         if not workspace.has_raw:
             raise WorkspaceError("without RAW there is a response alone: press Fit response under Shots")
         task = workspace.task(kind)
 
         def done(fitted: FittedModel) -> None:
-            now = self.workspace
+            now = self.require_workspace()
             if now.samples is not workspace.samples:
                 raise WorkspaceError("other samples were opened meanwhile: compute again")
             news = f"{MODELS[kind]}: fitted to {int(task.rows.sum()):,} samples"
@@ -211,13 +213,13 @@ class Session:
         """Take over what was fitted to a bracket."""
         self.response = request, fitted
         self.opened = replace(self.opened, profile=fitted.profile, profile_source=None)
-        if self.history is not None:
+        if self.workspace is not None:
             model = FittedModel(fitted.profile, predict(fitted.profile, self.workspace.samples))
-            self.history = self.history.do(self.workspace.with_model("matrix", model))
+            self.put(self.workspace.with_model("matrix", model))
         self.say(f"response: fitted to {len(fitted.exposure_s)} pictures")
         self.on_change()
 
-    # --- news --------------------------------------------------------------------------------------------------------
+    # --- news and callbacks ------------------------------------------------------------------------------------------
 
     def say(self, message: str, wrong: bool = False) -> None:
         """One line for the visitor, as text whatever it holds."""
@@ -231,37 +233,27 @@ class Session:
         if self._wrong:
             self.say("")
 
+    def attempt(self, callback: Callable[..., None], *arguments: Any) -> None:
+        """Call back, with errors as a line in the page."""
+        try:
+            callback(*arguments)
+        except LutForgeError as error:
+            self.say(str(error), wrong=True)
+        except Exception as error:
+            logging.getLogger("lutforge.studio").exception("in the page")
+            self.say(f"this failed: {type(error).__name__}: {error}", wrong=True)
+
     def guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
         """The callback with its errors as a line in the page, and all that it changes as one message to the page."""
 
-        def run(*arguments: Any) -> None:
-            due: list[Callable[[], None]] = [*self._asked, partial(callback, *arguments)]
-            self._asked = []  # what a visitor has set comes before what draws it anew
-            for one in due:
-                try:
-                    one()
-                except LutForgeError as error:
-                    self.say(str(error), wrong=True)
-                except Exception as error:
-                    logging.getLogger("lutforge.studio").exception("in the page")
-                    self.say(f"this failed: {type(error).__name__}: {error}", wrong=True)
-
         @wraps(callback)
         def guarded(*arguments: Any) -> None:
-            document = served_document()
-            if document is None:
-                run(*arguments)
-                return
-
-            def held() -> None:
-                document.hold("combine")
-                try:
-                    run(*arguments)
-                finally:
-                    document.unhold()
+            def run() -> None:
+                with pn.io.hold():
+                    self.attempt(callback, *arguments)
 
             # Panel may call without the document's lock, under which alone Bokeh's models can be changed.
-            document.add_next_tick_callback(held)
+            pn.state.execute(run, schedule=True)
 
         return guarded
 
@@ -285,18 +277,31 @@ class Session:
         finally:
             self.refreshing = before
 
-    def watch(self, callback: Callable[[], None], *widgets: Any, of: str = "value") -> None:
-        """Call back, guarded, when widgets change, a slider while it moves; once for several changes at a time."""
+    def watch(
+        self, callback: Callable[[], None], *widgets: Any, of: str = "value", take: Callable[[Any], None] | None = None
+    ) -> None:
+        """Call back, guarded, when widgets change, a slider while it moves; once for several changes at a time.
+
+        take: gets a new value at once, before anything that is drawn anew meanwhile sets the widget back.
+        """
+        due = False
 
         def run() -> None:
-            self.forget_error()
+            nonlocal due
+            due = False
             callback()
 
-        soon = self.guarded(lambda: None)
+        soon = self.guarded(run)
 
         def changed(event: Any) -> None:
-            if run not in self._asked and not self.refreshing:
-                self._asked.append(run)
+            nonlocal due
+            if self.refreshing:
+                return
+            self.forget_error()
+            if take is not None:
+                self.attempt(take, event.new)
+            if not due:
+                due = True
                 soon()
 
         for widget in widgets:
@@ -309,128 +314,113 @@ class Session:
 
         read: what the control shows of a workspace; put: a workspace with what it says instead.
         """
-        wishes: list[Any] = []  # as asked: what is drawn anew before the callback is due may set the control back
 
-        def wish(event: Any) -> None:
-            wishes[:] = wishes if self.refreshing else [event.new]
-
-        def changed() -> None:
-            if self.history is not None and wishes and read(self.workspace) != wishes[0]:
-                self.change(put(self.workspace, wishes[0]))
+        def take(value: Any) -> None:
+            if self.workspace is not None and read(self.workspace) != value:
+                self.put(put(self.workspace, value))
 
         def show(workspace: Workspace) -> None:
             with self.setting():
                 widget.value = read(workspace)
 
-        widget.param.watch(wish, "value")
-        self.watch(changed, widget)
+        self.watch(lambda: self.on_change(), widget, take=take)
         return show
 
     def rested(self, callback: Callable[[], None]) -> Callable[[], None]:
         """The callback, guarded, once for many calls, a fifth of a second after the last of them."""
-        run, waiting = self.guarded(callback), list[Any]()
+        run, calls = self.guarded(callback), 0
 
         def later() -> None:
-            document = served_document()
-            if document is None:
+            nonlocal calls
+            calls += 1
+            number, document = calls, pn.state.curdoc
+
+            def run_the_last() -> None:
+                if number == calls:
+                    run()
+
+            if document is None or document.session_context is None:  # no page waits for it
                 run()
-                return
-            for one in waiting:
-                with suppress(ValueError):  # it has been called
-                    document.remove_timeout_callback(one)
-            waiting[:] = [document.add_timeout_callback(run, 200)]
+            else:
+                document.add_timeout_callback(run_the_last, 200)
 
         return later
 
     # --- work --------------------------------------------------------------------------------------------------------
 
-    def start(self, title: str, done: Callable[[Any], None], function: Callable[..., Any], *arguments: Any) -> None:
-        """Work in another process; `done` gets its result. What is started meanwhile waits for its turn."""
-        waiting = self._works["long"]
-        waiting.append(_Work(title, done, (function, *arguments)))
-        if len(waiting) > 1:
-            self.say(f"{title}: comes after {waiting[-2].title}")
-        else:
-            self._begin("long")
-
-    def start_short(
-        self, title: str, done: Callable[[Any], None], function: Callable[..., Any], *arguments: Any
+    def start(
+        self,
+        title: str,
+        done: Callable[[Any], None],
+        function: Callable[..., Any],
+        *arguments: Any,
+        short: bool = False,
     ) -> None:
-        """Work of seconds in another process, beside what takes long; it takes the place of the last such work."""
-        for work in self._works["short"]:
-            self._end("short", work)
-        self._works["short"] = [_Work(title, done, (function, *arguments))]
-        self._begin("short")
+        """Work in another process; `done` gets its result. What is started meanwhile waits for its turn.
+
+        short: work of seconds, beside what takes long; it takes the place of the last such work.
+        """
+        if pn.state.curdoc is None:  # no page waits for it
+            done(function(*arguments, silent))
+            return
+        before = [work for work in self._works if work.short == short]
+        if short:
+            self._end(before)
+        self._works.append(_Work(title, done, (function, *arguments), short))
+        self.say(f"{title}: comes after {before[-1].title}" if before and not short else f"{title} …")
+        self.progress.visible = self.cancel.visible = True
+        if self._polling is None:
+            self._polling = pn.state.add_periodic_callback(self.guarded(self.poll), period=120)
+        self.poll()
 
     @property
     def is_busy(self) -> bool:
         """Whether short work is under way."""
-        return bool(self._works["short"])
+        return any(work.short for work in self._works)
 
-    def _begin(self, kind: str) -> None:
-        work = self._works[kind][0]
-        work.job = Job(work.title, *work.call)
-        self.say(f"{work.title} …")
-        self._share(0.0)
-        self.progress.visible = self.cancel.visible = True
-        if pn.state.curdoc is not None:
-            work.poll = pn.state.add_periodic_callback(self.guarded(lambda: self.poll(kind)), period=120)
-
-    def _end(self, kind: str, work: _Work) -> None:
-        self._works[kind].remove(work)
-        if work.poll is not None:
-            work.poll.stop()
-        if work.job is not None:
-            work.job.cancel()
-        self.progress.visible = self.cancel.visible = any(self._works.values())
-
-    def poll(self, kind: str) -> None:
-        """Take over what the job of a kind has reported."""
-        if not self._works[kind] or (job := self._works[kind][0].job) is None:
-            return
-        work, report = self._works[kind][0], job.report
-        if report.state == "running":
-            self._share(report.share)
-            if report.message != work.said:  # other news stay until there are new ones
-                work.said = report.message
-                self.say(f"{work.title}: {report.message}")
-            return
-        self._end(kind, work)
-        try:
+    def poll(self) -> None:
+        """Begin the work whose turn it is, and take over what the jobs have reported."""
+        for short in (False, True):
+            work = next((work for work in self._works if work.short == short), None)
+            if work is None:
+                continue
+            if work.job is None:
+                work.job = Job(*work.call)
+            report = work.job.poll()
+            if report.state == "running":
+                share = "<progress aria-label='done' value='{}' style='width:100%'></progress>"
+                self.progress.object = ui.html(share, f"{report.share:.2f}")
+                if report.message != work.message:  # other news stay until there are new ones
+                    work.message = report.message
+                    self.say(f"{work.title}: {report.message}")
+                continue
+            self._end([work])
             if report.state == "done":
-                work.done(report.result)
+                self.attempt(work.done, report.result)
             else:
-                self.say(f"{work.title}: {report.message}", wrong=report.state == "failed")
-        finally:
-            if self._works[kind]:
-                self._begin(kind)
+                self.say(f"{work.title}: {report.message}", wrong=True)
 
-    def _share(self, done: float) -> None:
-        self.progress.object = ui.html(
-            "<progress aria-label='done' value='{}' style='width:100%'></progress>", f"{done:.2f}"
-        )
+    def _end(self, works: list[_Work]) -> None:
+        self._works = [work for work in self._works if work not in works]
+        for work in works:
+            if work.job is not None:
+                work.job.cancel()
+        self.progress.visible = self.cancel.visible = bool(self._works)
+        if not self._works and self._polling is not None:
+            self._polling.stop()
+            self._polling = None
 
     def _cancel(self) -> None:
         """End what is under way, and what waits for it."""
-        kind = "long" if self._works["long"] else "short"
-        titles = [work.title for work in self._works[kind]]
-        for work in list(self._works[kind]):
-            self._end(kind, work)
-        if titles:
-            self.say(f"{', '.join(titles)}: cancelled")
+        long = any(not work.short for work in self._works)
+        ended = [work for work in self._works if work.short != long]
+        self._end(ended)
+        if ended:
+            self.say(f"{', '.join(work.title for work in ended)}: cancelled")
 
     def close(self) -> None:
         """The visitor has gone."""
-        for works in self._works.values():
-            for work in works:
-                if work.job is not None:
-                    work.job.cancel()
-
-
-def served_document() -> Any:
-    """The document of the page that is being served; None without one, as in a script."""
-    document = pn.state.curdoc
-    return None if document is None or document.session_context is None else document
+        self._end(self._works)
 
 
 def usual_setting(profile: CameraProfile) -> str:

@@ -25,7 +25,7 @@ from lutforge.samples.chart_kinds import chart_names
 from lutforge.samples.extract import OUTCOMES, ShotSamples
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio import ui
-from lutforge.studio.opening import OPENED_SUFFIXES, BracketRequest, fit_request, jpeg_of
+from lutforge.studio.opening import OPENED_SUFFIXES, Bracket, BracketRequest, fit_request, jpeg_of
 from lutforge.studio.session import Session
 from lutforge.studio.workspace import Workspace, WorkspaceError
 
@@ -45,8 +45,7 @@ class ShotsPage:
         self.session = session
         self._drawn: tuple[object, ...] | None = None
         self._dropped: TemporaryDirectory[str] | None = None
-        self.papers: dict[str, pmui.Paper] = {}
-        self.boxes: dict[str, pmui.Checkbox] = {}
+        self.papers: dict[str, pmui.Paper] = {}  # by shot: its box and its card
         self.drop = pmui.FileInput(label="Drop RAW and JPEG files here", multiple=True, sizing_mode="stretch_width")
         self.drop.param.watch(session.guarded(lambda event: self._take()), "value")
         self.listed = ui.select("Folder or file", ui.NOTHING)
@@ -128,40 +127,33 @@ class ShotsPage:
 
         self.session.start("response", done, fit_request, request)
 
-    def _show_response(self) -> None:
-        """The response that was fitted to a bracket, with its table and what there is to say."""
-        self.bracket.visible = self.session.opened.bracket is not None
-        self.response.visible = self.session.response is not None
-        if self.session.response is not None:
-            fit = self.session.response[1].fit
-            self.curves.show(bracket_figure(fit))
-            notes = ui.paragraphs(*fit.told, fit.verdict.told, *self.session.profile.notes)
-            self.findings.object = ui.html("{}{}", notes, ui.table(response_table(fit)))
-
     # --- what is shown -----------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
         """Everything, from what the session has opened."""
-        self._show_response()
         session, bracket = self.session, self.session.opened.bracket
-        workspace = session.workspace if session.history is not None else None
-        profile = session.profile if session.has_profile else None
+        workspace, profile = session.workspace, session.profile
+        self.bracket.visible, self.response.visible = bracket is not None, session.response is not None
+        if session.response is not None and profile is not None:
+            fit = session.response[1].fit
+            self.curves.show(bracket_figure(fit))
+            notes = ui.paragraphs(*fit.told, fit.verdict.told, *profile.notes)
+            self.findings.object = ui.html("{}{}", notes, ui.table(response_table(fit)))
         out: object = workspace.outliers if workspace is not None and self.shown.value == SHOWN[1] else None
         drawn = (bracket, None if workspace is None else workspace.samples, profile, self.shown.value, out)
         if drawn != self._drawn:
             self._drawn = drawn
             if bracket is not None:
-                cards = self._cards_of_bracket()
+                self._draw(dict(self._cards_of_bracket(bracket)))
             else:
-                cards = iter(()) if workspace is None else self._cards(workspace, profile)
-            self._draw(dict(cards))
+                self._draw({} if workspace is None else dict(self._cards(workspace, profile)))
         left_out = set(session.pictures_out) if bracket is not None else workspace.out if workspace else set()
-        for name, box in self.boxes.items():
+        for name, paper in self.papers.items():
             with session.setting():
-                box.value = name not in left_out
+                paper[0].value = name not in left_out
         unused = (f"not used: {line}" for line in session.opened.left_out[:20])
         failed = ui.paragraphs(*file_notes(session.opened.accounts), *unused)
-        untick = "Untick a shot to leave it out. " if self.boxes else ""
+        untick = "Untick a shot to leave it out. " if self.papers else ""
         known = "" if profile is not None or workspace is None else "The falloff is known once a model is computed."
         self.notes.object = ui.html("{}{}", ui.paragraphs(untick + known if bracket is None else f"{bracket}."), failed)
         legend = zip(("kept: in its own colour", *OUTCOMES[1:]), OUTCOME_COLOURS, strict=True)
@@ -178,24 +170,24 @@ class ShotsPage:
         width = {"styles": {"flex": "1 1 24rem", "max-width": "40rem"}, "margin": 6}
         papers = {}
         for name, card in cards.items():
-            if name not in self.papers:
-                box = ui.checkbox(name, True)
-                self.session.watch(self._leave_out, box)
-                papers[name] = pmui.Paper(box, ui.text(card), variant="outlined", **width)
-            else:
+            if name in self.papers:
+                self.papers[name][1].object = card
                 papers[name] = self.papers[name]
-                papers[name][1].object = card
+            else:
+                box = ui.checkbox(name, True)
+                self.session.watch(lambda: self.session.on_change(), box, take=self._leave_out)
+                papers[name] = pmui.Paper(box, ui.text(card), variant="outlined", **width)
         if not papers or list(papers) != list(self.papers):
             self.grid[:] = list(papers.values()) or [ui.text(ui.paragraphs(EMPTY))]
-        self.papers, self.boxes = papers, {name: paper[0] for name, paper in papers.items()}
+        self.papers = papers
 
-    def _leave_out(self) -> None:
-        out = frozenset(name for name, box in self.boxes.items() if not box.value)
+    def _leave_out(self, ticked: bool) -> None:
+        out = frozenset(name for name, paper in self.papers.items() if not paper[0].value)
         if self.session.opened.bracket is not None:
             self.session.pictures_out = tuple(out)
-        if self.session.history is not None and out != self.session.workspace.out:
-            news = f"{len(out)} shots left out" if out else "all shots take part"
-            self.session.change(replace(self.session.workspace, out=out), news)
+        if self.session.workspace is not None and out != self.session.workspace.out:
+            self.session.put(replace(self.session.workspace, out=out))
+            self.session.say(f"{len(out)} shots left out" if out else "all shots take part")
 
     def _cards(self, workspace: Workspace, profile: CameraProfile | None) -> Iterator[tuple[str, ui.Html]]:
         accounts = {account.shot: account for account in self.session.opened.accounts}
@@ -217,11 +209,10 @@ class ShotsPage:
             urls = {title: jpeg_url(picture) for title, picture in pictures.items()}
             yield name, card_of(name, urls, facts_of(name, samples, account, profile))
 
-    def _cards_of_bracket(self) -> Iterator[tuple[str, ui.Html]]:
+    def _cards_of_bracket(self, bracket: Bracket) -> Iterator[tuple[str, ui.Html]]:
         """A card a picture: its exposure as stated and as it was."""
-        bracket, response = self.session.opened.bracket, self.session.response
-        assert bracket is not None
-        fitted, least = None if response is None else response[1], np.nanmin([*bracket.exposure_s, np.inf])
+        fitted = None if self.session.response is None else self.session.response[1]
+        least = np.nanmin([*bracket.exposure_s, np.inf])
         for file, exposure, small in zip(bracket.files, bracket.exposure_s, bracket.small, strict=True):
             known = f"exposure × {exposure / least:.4g}, as stated"
             facts = [known if np.isfinite(exposure) else "exposure not stated"]

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,14 +67,6 @@ COLUMNS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
-    """A named outlier group. active: its samples take part in no fit."""
-
-    rows: Mask
-    active: bool = True
-
-
-@dataclass(frozen=True, eq=False)
 class FitTask:
     """What a fit takes: samples (n,), options, and the stages, fitted before, that it stands on.
 
@@ -112,17 +103,18 @@ class Workspace:
     """One state. samples: as loaded, RAW is NaN where there is none; pairs: of exposures, None where there are none.
 
     limits: by column what lies outside is an outlier of the response. hand: (n,) 1 for rows marked as outliers by hand,
-    −1 for rows kept by hand whatever the limits say, else 0. model: the name of the fitted model that plots and
-    residuals use, "" before the first fit. out: the shots that take no part; unticked: the exposure pairs that do not
-    tell the response, by the names of their shots; own_stages: whether gamut map and lattice stand on the response and
-    matrix that were fitted before.
+    −1 for rows kept by hand whatever the limits say, else 0. groups: of outliers, which take part in no fit, but for
+    those that are idle. model: the name of the fitted model that plots and residuals use, "" before the first fit.
+    out: the shots that take no part; unticked: the exposure pairs that do not tell the response, by the names of their
+    shots; own_stages: whether gamut map and lattice stand on the response and matrix that were fitted before.
     """
 
     samples: SampleSet
     pairs: ExposurePairs | None = None
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     hand: NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
-    groups: Mapping[str, Group] = field(default_factory=dict)
+    groups: Mapping[str, Mask] = field(default_factory=dict)
+    idle: frozenset[str] = frozenset()
     models: Mapping[str, FittedModel] = field(default_factory=dict)
     model: str = ""
     options: CalibrationOptions = field(default_factory=CalibrationOptions)
@@ -134,7 +126,7 @@ class Workspace:
         count = len(self.samples)
         if len(self.hand) == 0:
             object.__setattr__(self, "hand", np.zeros(count, dtype=np.int8))
-        if self.hand.shape != (count,) or any(group.rows.shape != (count,) for group in self.groups.values()):
+        if self.hand.shape != (count,) or any(rows.shape != (count,) for rows in self.groups.values()):
             raise WorkspaceError(f"workspace: its marks are not of its {count} samples")
         if self.model and self.model not in self.models:
             raise WorkspaceError(f'workspace: it holds no model "{self.model}"')
@@ -192,9 +184,7 @@ class Workspace:
     @cached_property
     def removed(self) -> Mask:
         """(n,): rows that take part in no fit: marked by hand, in an active group, or of a shot that is out."""
-        rows = self.hand > 0
-        for group in self.groups.values():
-            rows = rows | (group.rows & group.active)
+        rows = np.logical_or.reduce([self.hand > 0, *(self.groups[name] for name in self.active_groups)])
         return np.asarray((rows & (self.hand >= 0)) | np.isin(self.samples.shot, list(self.out)))
 
     @cached_property
@@ -259,26 +249,25 @@ class Workspace:
             raise WorkspaceError(f"{name}: no samples to put into the group; select some first")
         if len(self.groups) >= MOST_GROUPS and name not in self.groups:
             raise WorkspaceError(f"{MOST_GROUPS} outlier groups are enough; delete one first")
-        return replace(self, groups={**self.groups, name: Group(rows.copy())})
+        return replace(self, groups={**self.groups, name: rows.copy()}, idle=self.idle - {name})
 
     @property
     def active_groups(self) -> list[str]:
         """The names of the outlier groups in effect."""
-        return [name for name, group in self.groups.items() if group.active]
+        return [name for name in self.groups if name not in self.idle]
 
     def limits_of(self, name: str) -> tuple[float, float]:
         """The limits of a column."""
         return self.limits.get(name, COLUMNS[name].usual)
 
-    def with_limits(self, name: str, limits: tuple[float, float]) -> "Workspace":
+    def with_limits(self, limits: tuple[float, float], name: str) -> "Workspace":
         """Set the limits of a column; its usual ones are not held."""
         others = {key: value for key, value in self.limits.items() if key != name}
         return replace(self, limits=others if limits == COLUMNS[name].usual else {**others, name: limits})
 
     def with_active_groups(self, names: list[str]) -> "Workspace":
         """Make just these groups active."""
-        groups = {name: replace(group, active=name in names) for name, group in self.groups.items()}
-        return replace(self, groups=groups)
+        return replace(self, idle=frozenset(self.groups).difference(names))
 
     def without_group(self, name: str) -> "Workspace":
         """Remove the group of this name. Raises WorkspaceError where there is none."""
@@ -289,27 +278,6 @@ class Workspace:
     def with_model(self, name: str, fitted: FittedModel) -> "Workspace":
         """Add a fitted model, in use from now on."""
         return replace(self, models={**self.models, name: fitted}, model=name)
-
-
-@dataclass(frozen=True, eq=False)
-class History:
-    """Workspaces in the order that they were made; arrays that do not change are shared between them."""
-
-    present: Workspace
-    past: tuple[Workspace, ...] = ()
-    future: tuple[Workspace, ...] = ()
-
-    def do(self, workspace: Workspace) -> "History":
-        """The next state; what was undone is gone."""
-        return History(workspace, (*self.past, self.present)[-200:])
-
-    def undo(self) -> "History":
-        """One state back, if there is one."""
-        return History(self.past[-1], self.past[:-1], (self.present, *self.future)) if self.past else self
-
-    def redo(self) -> "History":
-        """One state on, if there is one."""
-        return History(self.future[0], (*self.past, self.present), self.future[1:]) if self.future else self
 
 
 def fit_model(task: FitTask, samples: SampleSet, progress: Progress) -> FittedModel:
@@ -344,7 +312,7 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
         "format": "lutforge-workspace",
         "version": 4,
         "limits": workspace.limits,
-        "groups": [{"name": name, "active": group.active} for name, group in workspace.groups.items()],
+        "groups": [{"name": name, "active": name not in workspace.idle} for name in workspace.groups],
         "models": list(workspace.models),
         "model": workspace.model,
         "options": workspace.options.as_json(),
@@ -354,7 +322,7 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
     }
     # A column for the marks of the hand, one for each group, and one for the rows that each model was fitted to.
     every = np.ones(len(workspace.samples), dtype=np.bool_)
-    masks = [group.rows for group in workspace.groups.values()]
+    masks = [*workspace.groups.values()]
     masks += [every if model.task is None else model.task.rows for model in workspace.models.values()]
     marks = np.stack([workspace.hand, *(mask.astype(np.int8) for mask in masks)], axis=1)
     with (
@@ -376,41 +344,35 @@ def open_workspace(path: str | Path) -> Workspace:
     path = Path(path)
     with reading(path.name, "a LutForge workspace", WorkspaceError):
         with zipfile.ZipFile(path) as archive, scratch_folder() as folder:
-            document = _document(archive)
+            if DOCUMENT not in archive.namelist() or archive.getinfo(DOCUMENT).file_size > 1 << 20:
+                raise WorkspaceError("not a LutForge workspace")
+            document = json.loads(archive.read(DOCUMENT))
+            if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
+                raise WorkspaceError("not a LutForge workspace")
+            if document.get("version") != 4:
+                raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 4")
+            entries = document["groups"]
+            if len(entries) > MOST_GROUPS or not set(document["models"]) <= set(MODELS):
+                raise WorkspaceError("it names models or groups that no workspace has")
             samples = read_samples(_extract(archive, SAMPLES, folder))
             marks = np.load(_extract(archive, MARKS, folder), allow_pickle=False)
             profiles = {name: load_profile(_extract(archive, f"{name}.npz", folder)) for name in document["models"]}
-        if marks.dtype != np.int8 or marks.shape[1:] != (1 + len(document["groups"]) + len(profiles),):
+        if marks.dtype != np.int8 or marks.shape[1:] != (1 + len(entries) + len(profiles),):
             raise WorkspaceError("damaged, its marks are not of its groups and models")
-        groups = {
-            str(entry["name"])[:60]: Group(marks[:, index] != 0, bool(entry["active"]))
-            for index, entry in enumerate(document["groups"], start=1)
-        }
+        names = [str(entry["name"])[:60] for entry in entries]
         models: dict[str, FittedModel] = {}
-        for index, (name, profile) in enumerate(profiles.items(), start=1 + len(groups)):
+        for index, (name, profile) in enumerate(profiles.items(), start=1 + len(names)):
             stages = models.get("matrix") if document["own_stages"] and name != "matrix" else None
             task = FitTask(name, marks[:, index] != 0, options_from_json(profile.options), stages)
             models[name] = FittedModel(profile, predict(profile, samples), task=task)
         return Workspace(
             samples, limits={str(name): (float(low), float(high)) for name, (low, high) in document["limits"].items()},
-            hand=marks[:, 0], groups=groups, models=models,
-            model=str(document["model"]), options=options_from_json(document["options"]),
+            hand=marks[:, 0], groups={name: marks[:, index] != 0 for index, name in enumerate(names, start=1)},
+            idle=frozenset(name for name, entry in zip(names, entries, strict=True) if not entry["active"]),
+            models=models, model=str(document["model"]), options=options_from_json(document["options"]),
             out=frozenset(map(str, document["out"])), own_stages=bool(document["own_stages"]),
             unticked=frozenset((str(one), str(other)) for one, other in document["unticked"]),
         )  # fmt: skip
-
-
-def _document(archive: zipfile.ZipFile) -> dict[str, Any]:
-    if DOCUMENT not in archive.namelist() or archive.getinfo(DOCUMENT).file_size > 1 << 20:
-        raise WorkspaceError("not a LutForge workspace")
-    document = json.loads(archive.read(DOCUMENT))
-    if not isinstance(document, dict) or document.get("format") != "lutforge-workspace":
-        raise WorkspaceError("not a LutForge workspace")
-    if document.get("version") != 4:
-        raise WorkspaceError(f"workspace version {document.get('version')}; this LutForge reads version 4")
-    if len(document["groups"]) > MOST_GROUPS or not set(document["models"]) <= set(MODELS):
-        raise WorkspaceError("it names models or groups that no workspace has")
-    return document
 
 
 def _extract(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:

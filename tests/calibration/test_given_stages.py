@@ -14,6 +14,7 @@ from lutforge.pipeline.calibration import calibrate, calibrate_stages
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
 from lutforge.studio.export_page import calibration_command
+from lutforge.studio.workspace import FitTask
 from tests.studio.shots_for_the_studio import chart_samples
 
 
@@ -71,9 +72,8 @@ def test_the_studio_s_lines_of_python_make_the_same_profile(
     write_samples(tmp_path / "all.npz", samples)
     write_samples(tmp_path / "inliers.npz", inliers)
     options = CalibrationOptions(size=5, physical=PhysicalOptions(beta=0.25))
-    lines = calibration_command(
-        tmp_path / "all.npz", tmp_path / "inliers.npz", options, tmp_path / "theirs.npz"
-    )  # fmt: skip
+    task = FitTask("lattice", np.ones(len(samples), dtype=np.bool_), options)
+    lines = calibration_command(task, tmp_path / "all.npz", [tmp_path / "inliers.npz"], tmp_path / "theirs.npz")
     subprocess.run([sys.executable, "-c", lines], check=True)
     calibrate(samples, options, stages=calibrate_stages(inliers, options)).save(tmp_path / "mine.npz")
     assert (tmp_path / "mine.npz").read_bytes() == (tmp_path / "theirs.npz").read_bytes()

@@ -2,7 +2,6 @@
 
 import shlex
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,9 +18,7 @@ from tests.cases.brackets import bracket
 from tests.cases.charts import photograph_chart
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
-from lutforge.studio.export_page import Export
-from lutforge.studio.export_page import run as run_export
-from lutforge.studio.opening import BracketRequest, Folders, bracket_in, open_paths
+from lutforge.studio.opening import Folders, bracket_in
 from lutforge.studio.page import STEPS, Page, states_of
 
 
@@ -43,47 +40,44 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def opened(folder: Path) -> Page:
     """The page of a visit that has opened the folder of a bracket."""
     page = Page(Folders.of([folder.parent]), ())
-    page.session._opened(open_paths((folder,), silent), folder.name)
+    page.session.open((folder,))
     return page
 
 
 def test_what_is_a_bracket(folder: Path, tmp_path: Path) -> None:
-    found = bracket_in([folder], silent)
-    assert found is not None and "pictures of Drone 7 without RAW: a bracket of" in str(found)
+    opened = bracket_in([folder], silent)
+    assert opened is not None and "pictures of Drone 7 without RAW: a bracket of" in str(opened.bracket)
     assert bracket_in([folder / "0.jpg"], silent) is None  # a picture alone
     assert bracket_in([tmp_path], silent) is None
     for name in ("a.jpg", "b.jpg"):
         Image.new("RGB", (8, 8)).save(tmp_path / name)
-    assert "do not state their exposures" in str(bracket_in([tmp_path], silent))
+    opened = bracket_in([tmp_path], silent)
+    assert opened is not None and "do not state their exposures" in str(opened.bracket)
     (tmp_path / "a.dng").write_bytes(b"")
     assert bracket_in([tmp_path], silent) is None
     assert "bracket" in Folders.of([folder.parent]).with_shots()
 
 
 @pytest.mark.slow
-def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(folder: Path) -> None:
+def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     page = opened(folder)
     session, shots = page.session, page.pages["Shots"]
     assert "a bracket of" in session.status.object and "press Fit response" in states_of(session)["Shots"][1]
     assert shots.bracket.visible and not shots.response.visible
-    samples = session.workspace.samples
-    assert len(samples) > 100 and not session.workspace.has_raw and session.workspace.pairs is not None
+    workspace = session.require_workspace()
+    assert len(workspace.samples) > 100 and not workspace.has_raw and workspace.pairs is not None
     page.show("Samples")
     assert len(page.pages["Samples"].left.source.data["x"]) > 100
     page.show("Shots")
-    shots.boxes["1.jpg"].value = False
-    asked: list[BracketRequest] = []
-
-    def start(title: str, done: Any, function: Any, request: BracketRequest) -> None:
-        asked.append(request)
-        done(function(request, silent))
-
-    session.start = start  # type: ignore[method-assign]
+    shots.papers["1.jpg"][0].value = False
     shots._fit()
-    assert [file.name for file in asked[0].files][:2] == ["0.jpg", "2.jpg"]
+    assert session.response is not None
+    assert [file.name for file in session.response[0].files][:2] == ["0.jpg", "2.jpg"]
     assert "is a fixed property of this camera" in shots.findings.object and shots.response.visible
     assert any("true / stated" in card[1].object for card in shots.grid)
-    assert session.workspace.response is not None  # whose brightness transfer functions the samples lie on
+    assert session.require_workspace().response is not None  # whose brightness transfer functions the samples lie on
     for step in STEPS:
         page.show(step)
     assert page.pages["Model"].views["Fit"].figures.layout[0]  # a profile shows its response, without RAW
@@ -91,23 +85,20 @@ def test_a_response_is_fitted_shown_and_exported_as_by_the_command_line(folder: 
     assert (view.kind.value, view.space.value) == ("linearize", "raw")
     view.name.value = "drone"
     view._save_profile()
-    root = folder.parent
-    runs: list[Export] = []
-    view._run = lambda what, path, export: runs.append(export)
+    commands = [session.written["profile"].command]
     for suffix in (".cube", ".clf", ".dctl"):
         view.suffix.value = suffix
         view._bake()
+        commands.append(session.written["LUT, linearize"].command)
     view._config()
-    run_export(runs[0], silent)
+    commands.append(session.written["config"].command)
+    root = folder.parent
     assert "LUT_1D_SIZE" in (root / "drone_linearize.cube").read_text()
-    for export in runs[1:]:
-        run_export(export, silent)
-    commands = [session.written["profile"].command.replace("drone", str(root / "drone")), *map(str, runs)]
+    monkeypatch.chdir(root)
     made = [path for path in root.iterdir() if path.name.startswith("drone")]
     assert len(made) >= 5
     for command in commands:
         words = [word.replace("drone", "theirs") for word in shlex.split(command)[1:]]
-        words = [str(root / word) if word.startswith("bracket/") else word for word in words]
         assert CliRunner().invoke(command_line(), words).exit_code == 0, command
     for path in made:
         theirs = root / path.name.replace("drone", "theirs")
@@ -122,14 +113,13 @@ def test_a_chart_gives_an_input_transform(tmp_path: Path, monkeypatch: pytest.Mo
     page = opened(folder)
     view = page.pages["Shots"]
     view.chart.value, view.light.value = "classic", "5200K"
-    monkeypatch.setattr(page.session, "start", lambda title, done, function, *asked: done(function(*asked, silent)))
     view._fit()
     assert any("chart found here" in card[1].object for card in view.grid)
     page.show("Export")
     export = page.pages["Export"]
     assert (export.kind.value, export.space.value) == ("linearize", "aces2065-1")
     export._save_profile()
-    command = shlex.split(page.session.written["profile"].command)[1:]
-    words = [str(tmp_path / word) if word.startswith("chart/") else word for word in command]
-    assert CliRunner().invoke(command_line(), [*words[:-1], str(tmp_path / "theirs.npz")]).exit_code == 0
+    monkeypatch.chdir(tmp_path)
+    words = shlex.split(page.session.written["profile"].command)[1:]
+    assert CliRunner().invoke(command_line(), [*words[:-1], "theirs.npz"]).exit_code == 0
     assert (tmp_path / "theirs.npz").read_bytes() == (tmp_path / "camera.npz").read_bytes()

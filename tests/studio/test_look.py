@@ -269,11 +269,7 @@ def test_wipe_and_sides(look: Served) -> None:
 def test_pipette_zoom_and_pictures(look: Served) -> None:
     lut = bent()
     look.do(lambda view: view.grade(lut, "bent"))
-
-    def raw(view: LookView) -> None:
-        view.raw_of = lambda encoded: 0.25 * encoded
-
-    look.do(raw)
+    look.do(lambda view: view.inspect(None, lambda encoded: 0.25 * encoded))
     look.press("p", "ArrowLeft", "Shift+ArrowUp")
     x, y = WIDTH // 2 - 1, HEIGHT // 2 - 10
     values = look.page.locator(".values")
@@ -303,7 +299,7 @@ def test_pipette_zoom_and_pictures(look: Served) -> None:
 @needs_chromium
 def test_overlays_and_scopes(look: Served) -> None:
     look.do(lambda view: view.grade(Lut((Range(),)), "as it is"))
-    look.do(lambda view: view.cover(Lut((Matrix(np.eye(3)), Range()))))
+    look.do(lambda view: view.inspect(Lut((Matrix(np.eye(3)), Range()))))
     look.press("c")
     seen, codes = look.pixels().astype(int), colours()
     orange = np.abs(seen - (230, 97, 1)).max(axis=2) <= 1
@@ -352,7 +348,7 @@ def test_without_webgl_python_grades(
     look.press("o")
     assert np.array_equal(look.pixels(), colours())
     look.do(lambda view: view.grade(Lut((Range(),)), "as it is"))
-    look.do(lambda view: view.cover(Lut((Matrix(np.eye(3)), Range()))))
+    look.do(lambda view: view.inspect(Lut((Matrix(np.eye(3)), Range()))))
     look.press("g", "c", "u")
     look.page.wait_for_timeout(1000)
     seen, codes = look.pixels().astype(int), colours()

@@ -8,20 +8,13 @@ import pytest
 from tests.studio.shots_for_the_studio import chart_samples
 
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
+from bokeh.events import SelectionGeometry, Tap
+
 from lutforge.colour.srgb import chromaticities, srgb_decode
 from lutforge.samples.sample_set import SampleSet
-from lutforge.studio.samples_page import (
-    COLOURS,
-    PLOTS,
-    colours,
-    drawn,
-    find_rows,
-    inside_polygon,
-    nearest,
-    points,
-    rows_at,
-    tristimulus,
-)
+from lutforge.studio.opening import Folders
+from lutforge.studio.samples_page import COLOURS, PLOTS, BrushedPlot, colours, find_rows, points, tristimulus
+from lutforge.studio.session import Session
 from lutforge.studio.shots_page import card_of, facts_of
 from lutforge.studio.workspace import Workspace, WorkspaceError, find_pairs, fit_model
 
@@ -77,7 +70,7 @@ def test_the_model_puts_neutral_colours_on_its_curve(workspace: Workspace) -> No
 def test_every_plot_has_a_colour_for_each_point(workspace: Workspace, plot: str, by: str) -> None:
     shown = points(workspace, plot, 2)
     assert len(shown) > 0 and np.all(np.isfinite(shown.x)) and np.all(np.isfinite(shown.y))
-    named = colours(workspace, shown, drawn(len(shown)), by)
+    named = colours(workspace, shown, np.arange(len(shown)), by)
     assert len(named) == len(shown) and all(len(name) == 7 and name[0] == "#" for name in named)
 
 
@@ -89,23 +82,19 @@ def test_plots_say_why_they_are_empty() -> None:
     assert len(points(alone, "srgb_raw", 0)) == 9
 
 
-def test_drawing_is_thinned_and_picking_is_not() -> None:
-    chosen = drawn(100_000, always=np.arange(17), most=900)
-    assert len(chosen) <= 917 and set(range(17)) <= set(chosen.tolist())
-    assert np.array_equal(chosen, drawn(100_000, always=np.arange(17), most=900))
-    rng = np.random.default_rng(0)
-    x, y = rng.random((2, 100_000))
-    inside = inside_polygon(x, y, [0.2, 0.8, 0.2], [0.2, 0.2, 0.8])
-    assert np.array_equal(inside, (x > 0.2) & (y > 0.2) & (x + y < 1.0))
-
-
 def test_a_point_of_a_pair_selects_both_samples(workspace: Workspace) -> None:
-    shown = points(workspace, "srgb_btf", 1)
-    where = nearest(shown, shown.x[10] + 1e-6, shown.y[10], reach=0.01)
-    assert where.sum() == 1
-    rows = rows_at(shown, where, len(workspace.samples))
-    assert rows.sum() == 2 and rows[shown.row[where]].all() and rows[shown.partner[where]].all()
-    assert not nearest(shown, 5.0, 5.0, reach=0.01).any()
+    session = Session(Folders(()))
+    session.begin(workspace)
+    plot, shown = BrushedPlot(session), points(workspace, "srgb_btf", 1)
+    plot.show(workspace, shown, "shot", inliers=False)
+    plot._select(Tap(plot.figure, x=shown.x[10] + 1e-6, y=shown.y[10]))
+    assert session.selected.sum() == 2 and session.selected[[shown.row[10], shown.partner[10]]].all()
+    plot._select(Tap(plot.figure, x=5.0, y=5.0))
+    assert not session.selected.any()
+    (left, right), (low, high) = (0.1, 0.4), (0.2, 0.6)
+    plot._select(SelectionGeometry(plot.figure, {"type": "rect", "x0": left, "x1": right, "y0": high, "y1": low}, True))
+    inside = (shown.x >= left) & (shown.x <= right) & (shown.y >= low) & (shown.y <= high)
+    assert set(np.flatnonzero(session.selected)) == {*shown.row[inside], *shown.partner[inside]} != set()
 
 
 def test_colours_lie_where_cie_says() -> None:

@@ -6,8 +6,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,25 +37,15 @@ from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.predictions import predict
-from lutforge.progress import silent
 from lutforge.settings import Selector
 from lutforge.shots.picture_settings import software_tag
-from lutforge.studio.export_page import (
-    Export,
-    ExportPage,
-    config_export,
-    kit_export,
-    lut_export,
-    report_export,
-    run,
-    wanted_lut,
-)
+from lutforge.studio.export_page import ExportPage
 from lutforge.studio.jobs import Job
 from lutforge.studio.look_page import AS_SHOT, BY_MULTIPLIERS, BY_TEMPERATURE, SettingControl, look_lut
-from lutforge.studio.opening import FolderError, Folders, Opened, open_paths
+from lutforge.studio.opening import FolderError, Folders, Opened
 from lutforge.studio.page import STEPS, ContentSecurityPolicy, Page, origins, states_of
 from lutforge.studio.session import ChosenLook, Session
-from lutforge.studio.workspace import FittedModel, History, Workspace, WorkspaceError, find_pairs, with_profile
+from lutforge.studio.workspace import FittedModel, Workspace, WorkspaceError, find_pairs, with_profile
 
 
 def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
@@ -81,8 +73,8 @@ def test_no_path_leads_out_of_the_folders(tmp_path: Path) -> None:
 
 
 def test_a_job_brings_its_result_or_one_line() -> None:
-    jobs = [Job("doubling", doubled, 21), Job("a", wrong), Job("b", broken), Job("c", killed)]
-    done, failed, raised, dead = (job.wait(120) for job in jobs)
+    jobs = [Job(doubled, 21), Job(wrong), Job(broken), Job(killed)]
+    done, failed, raised, dead = (job.poll(120) for job in jobs)
     assert (done.state, done.result) == ("done", 42)
     assert (failed.state, failed.message) == ("failed", "two lines")
     assert raised.state == "failed" and "ZeroDivisionError: never" in raised.message
@@ -91,14 +83,13 @@ def test_a_job_brings_its_result_or_one_line() -> None:
 
 def test_cancelling_ends_the_process(tmp_path: Path) -> None:
     mark = tmp_path / "alive"
-    job = Job("endless", endless, mark)
+    job = Job(endless, mark)
     deadline = time.monotonic() + 120
     while not mark.exists() or not mark.read_text():
         assert time.monotonic() < deadline
         time.sleep(0.05)
     number = int(mark.read_text())
     job.cancel()
-    assert job.wait(60).state == "cancelled"
     with pytest.raises(ProcessLookupError):
         os.kill(number, 0)
 
@@ -108,10 +99,12 @@ def profile() -> CameraProfile:
     return calibrate(chart_samples(patches=45), CalibrationOptions(size=9))
 
 
-def opened(folder: Path, profile: CameraProfile | None = None) -> Page:
-    """The page of a visit with a folder and a profile, without a browser."""
+def opened(folder: Path, profile: CameraProfile | None = None, workspace: Workspace | None = None) -> Page:
+    """The page of a visit with a folder, without a browser: what takes long is done at once."""
     page = Page(Folders.of([folder]), ())
     page.session.opened = Opened(profile=profile)
+    page.session.begin(workspace)
+    page.session.on_change()
     return page
 
 
@@ -147,22 +140,20 @@ def test_metadata_say_what_a_photograph_was_taken_as(profile: CameraProfile, tmp
     page.show("Look")
     look = page.pages["Look"]
     assert page.session.look.target == "standard/daylight"  # not the first of the alphabet, cloudy
-    look.path.value = "tells.jpg"
-    look._open_named()
+    look._open(tmp_path / "tells.jpg")
     assert "taken as vivid/tungsten" in page.session.status.object
     assert page.session.look == ChosenLook("vivid/tungsten", "vivid/tungsten") and not page.session.look_chosen
     look.wanted.style.value, look.wanted.balance.value = "standard", "daylight"
     assert page.session.look == ChosenLook("vivid/tungsten", "standard/daylight")
-    look.path.value = "silent.jpg"
-    look._open_named()
+    look._open(tmp_path / "silent.jpg")
     assert "does not tell how it was taken" in page.session.status.object
     assert (look.source.style.value, look.source.balance.value) == ("", "")  # not what the last was taken as
     assert page.session.look == ChosenLook("", "standard/daylight") and look.view.a == []
     look.source.style.value, look.source.balance.value = "standard", "tungsten"
     assert page.session.look.source == "standard/tungsten" and look.view.a
-    look._choose(0)
+    look.view.chosen = 0
     assert page.session.look.source == "vivid/tungsten"
-    look._choose(1)
+    look.view.chosen = 1
     assert page.session.look.source == "standard/tungsten" and "as you said" in page.session.status.object
     before = [each["thumbnail"] for each in look.view.pictures]
     look.ev.value = 1.5
@@ -187,68 +178,91 @@ def test_a_look_takes_presets_temperatures_and_multipliers(profile: CameraProfil
         control.text(None)
 
 
-def polled(session: Session, kind: str) -> None:
-    """Wait for the job under way, and take over its result."""
-    job = session._works[kind][0].job
-    assert job is not None and job.wait(120).state == "done"
-    session.poll(kind)
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[Page, Document]]:
+    """A page as it is while a browser shows it, whose callbacks are due when the test says so."""
+    page, document, context = opened(tmp_path, workspace=Workspace(chart_samples(patches=9))), Document(), object()
+    document._session_context = lambda: context
+    with set_curdoc(document):
+        yield page, document
+        page.session.close()
 
 
-def test_what_is_started_meanwhile_waits_for_its_turn(tmp_path: Path) -> None:
-    session, found = opened(tmp_path).session, list[int]()
+def polled(session: Session, until: Callable[[], bool]) -> None:
+    """Take over what jobs report until there is what is waited for."""
+    deadline = time.monotonic() + 120
+    while not until():
+        assert time.monotonic() < deadline
+        session.poll()
+        time.sleep(0.02)
+
+
+def test_what_is_started_meanwhile_waits_for_its_turn(served: tuple[Page, Document]) -> None:
+    session, results = served[0].session, list[int]()
     for number in (1, 2):
-        session.start(f"job {number}", found.append, doubled, number)
+        session.start(f"job {number}", results.append, doubled, number)
     assert "job 2: comes after job 1" in session.status.object
-    polled(session, "long")
-    polled(session, "long")
-    assert found == [2, 4] and not session.cancel.visible
+    polled(session, lambda: len(results) == 2)
+    assert results == [2, 4] and not session.cancel.visible
 
 
-def test_a_picture_is_opened_beside_a_fit(tmp_path: Path) -> None:
-    session, found = opened(tmp_path).session, list[int]()
-    session.start("a fit", lambda result: None, endless, tmp_path / "alive")
-    session.start_short("a picture", found.append, endless, tmp_path / "alive too")
-    session.start_short("the next picture", found.append, doubled, 21)  # takes its place
-    polled(session, "short")
-    assert found == [42] and session.cancel.visible
+def test_a_picture_is_opened_beside_a_fit(served: tuple[Page, Document], tmp_path: Path) -> None:
+    session, results = served[0].session, list[int]()
+    session.start("a fit", results.append, endless, tmp_path / "alive")
+    session.start("a picture", results.append, endless, tmp_path / "alive too", short=True)
+    session.start("the next picture", results.append, doubled, 21, short=True)  # takes its place
+    polled(session, lambda: results == [42])
+    assert session.cancel.visible
     session._cancel()
     assert "a fit: cancelled" in session.status.object and not session.cancel.visible
 
 
-def test_what_is_clicked_while_a_job_ends_is_done(tmp_path: Path) -> None:
+def test_what_is_clicked_while_a_job_ends_is_done(served: tuple[Page, Document]) -> None:
     """A click whose callback is due after the news of a job, which draw all controls anew, is not undone by them."""
-    page, samples = opened(tmp_path), chart_samples(patches=9)
-    session = page.session
-    session.history, session.selected = History(Workspace(samples)), np.zeros(len(samples), dtype=np.bool_)
-    page._changed()
-    document, context = Document(), object()
-    document._session_context = lambda: context
-    name, box = next(iter(page.pages["Shots"].boxes.items()))
-    with set_curdoc(document):
-        session.guarded(page._changed)()  # as a job does that has ended
-        (news,) = document.session_callbacks
-        box.value = False
-        (click,) = set(document.session_callbacks) - {news}
-        for due in (news, click):
-            due.callback()
-    assert session.workspace.out == {name} and not box.value
+    page, document = served
+    name, paper = next(iter(page.pages["Shots"].papers.items()))
+    page.session.guarded(page._changed)()  # as a job does that has ended
+    (news,) = document.session_callbacks
+    paper[0].value = False
+    (click,) = set(document.session_callbacks) - {news}
+    for due in (news, click):
+        due.callback()
+    assert page.session.workspace is not None
+    assert page.session.workspace.out == {name} and not paper[0].value
+
+
+def test_undo_and_redo_go_back_and_forth(tmp_path: Path) -> None:
+    first = Workspace(chart_samples(patches=9))
+    page = opened(tmp_path, workspace=first)
+    session, second = page.session, replace(first, limits={"saturation": (0.0, 0.5)})
+    third = second.mark(np.arange(len(first.samples)) < 3, 1)
+    session.change(second)
+    session.change(third)
+    session.undo()
+    assert session.workspace is second
+    session.redo()
+    assert session.workspace is third and page.redo.disabled and not page.undo.disabled
+    for _ in range(3):
+        session.undo()
+    assert session.workspace is first and page.undo.disabled
+    session.change(third)
+    session.redo()
+    assert session.workspace is third and not session.future
 
 
 def test_a_shot_keeps_its_box_while_its_card_is_drawn_anew(tmp_path: Path) -> None:
-    page, samples = opened(tmp_path), chart_samples(patches=9)
+    samples = chart_samples(patches=9)
+    page = opened(tmp_path, workspace=Workspace(samples))
     session, shots = page.session, page.pages["Shots"]
-    session.history, session.selected = History(Workspace(samples)), np.zeros(len(samples), dtype=np.bool_)
-    page._changed()
-    boxes, papers = list(shots.boxes.values()), list(shots.grid)
-    assert len(boxes) == len(papers) == len(np.unique(samples.shot))
+    papers, boxes = list(shots.grid), [paper[0] for paper in shots.grid]
+    assert len(papers) == len(np.unique(samples.shot))
     shots.shown.value = "tiles"
-    few = samples.select(samples.patch == "0")
-    session.change(replace(Workspace(few)))
+    session.change(Workspace(samples.select(samples.patch == "0")))
     assert "1 samples" in papers[0][1].object
-    assert all(one is other for one, other in zip(shots.boxes.values(), boxes, strict=True))
     assert all(one is other for one, other in zip(shots.grid, papers, strict=True))
+    assert all(paper[0] is box for paper, box in zip(shots.grid, boxes, strict=True))
     boxes[0].value = False
-    assert session.workspace.out == {next(iter(shots.boxes))}
+    assert session.workspace is not None and session.workspace.out == {next(iter(shots.papers))}
 
 
 def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path) -> None:
@@ -268,8 +282,9 @@ def test_what_was_written_keeps_its_card(profile: CameraProfile, tmp_path: Path)
 def test_names_of_styles_are_text_in_every_step(profile: CameraProfile, step: str, tmp_path: Path) -> None:
     hostile = "<img src=x onerror=alert(1)>"
     styles = {hostile if name == "standard" else name: style for name, style in profile.styles.items()}
-    page, samples = opened(tmp_path, replace(profile, styles=styles)), chart_samples(patches=9)
-    page.session.history = History(Workspace(replace(samples, style=np.full(len(samples), hostile))))
+    samples = chart_samples(patches=9)
+    workspace = Workspace(replace(samples, style=np.full(len(samples), hostile)))
+    page = opened(tmp_path, replace(profile, styles=styles), workspace)
     page.session.selected = np.ones(len(samples), dtype=np.bool_)
     page.session.chosen = ChosenLook("", f"{hostile}/daylight")
     page.show(step)
@@ -302,8 +317,7 @@ def test_an_error_goes_with_the_next_step(tmp_path: Path) -> None:
 def test_the_first_plots_of_samples_show_something(tmp_path: Path) -> None:
     page, samples = opened(tmp_path), chart_samples(patches=9)
     for pairs, shown in ((None, "saturation"), (find_pairs(samples), "srgb_btf")):
-        page.session.history = History(Workspace(replace(samples), pairs))
-        page.session.selected = np.zeros(len(samples), dtype=np.bool_)
+        page.session.begin(Workspace(replace(samples), pairs))
         page.session.on_change()
         page.show("Samples")
         view = page.pages["Samples"]
@@ -316,9 +330,8 @@ def test_a_profile_without_raw_works_in_every_step(step: str, tmp_path: Path) ->
     samples = chart_samples(patches=45)
     reference = replace(samples, raw_camera=np.full(len(samples), "Reference"), wb=np.full((len(samples), 3), np.nan))
     page = opened(tmp_path, calibrate(reference, CalibrationOptions(physical=PhysicalOptions(centres=60))))
-    workspace = with_profile(Workspace(reference), page.session.profile)
-    for history in (None, History(workspace)):
-        page.session.history = history
+    for workspace in (None, with_profile(Workspace(reference), page.session.require_profile())):
+        page.session.begin(workspace)
         page.show(step)
     if step == "Look":
         look = page.pages["Look"]
@@ -327,8 +340,16 @@ def test_a_profile_without_raw_works_in_every_step(step: str, tmp_path: Path) ->
         assert page.session.look.target.startswith("vivid/")
 
 
+def export_page(folder: Path, profile: CameraProfile, **opened_from: Any) -> tuple[ExportPage, Session]:
+    page = opened(folder, profile)
+    page.session.opened = Opened(profile=profile, **opened_from)
+    page.session.chosen = ChosenLook("standard/tungsten", "vivid/daylight", 0.8)
+    page.show("Export")
+    return page.pages["Export"], page.session
+
+
 def test_a_profile_does_not_replace_a_file_unasked(profile: CameraProfile, tmp_path: Path) -> None:
-    view = ExportPage(opened(tmp_path, profile).session)
+    view, _ = export_page(tmp_path, profile)
     for name in ("camera", "mine"):
         (tmp_path / f"{name}.npz").write_text("another's")
     view._save_profile()  # under the name that the page proposes, which gives way
@@ -344,63 +365,43 @@ def test_a_profile_does_not_replace_a_file_unasked(profile: CameraProfile, tmp_p
 
 
 def test_exports_of_an_opened_profile_leave_it_as_it_is(profile: CameraProfile, tmp_path: Path) -> None:
-    page = opened(tmp_path)
     profile.save(tmp_path / "camera.npz")
-    page.session._opened(open_paths((tmp_path / "camera.npz",), silent), "camera.npz")
+    page = opened(tmp_path)
+    page.session.open((tmp_path / "camera.npz",))
     page.session.chosen = ChosenLook("standard/tungsten", "vivid/daylight")
-    runs: list[Export] = []
     page.show("Export")
-    view = page.pages["Export"]
-    view._run = lambda what, path, export: runs.append(export)
     (tmp_path / "camera_refinish.clf").write_text("another's")
-    view._bake()
-    assert runs[0].arguments[:2] == (tmp_path / "camera.npz", tmp_path / "camera_2_refinish.clf")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.npz", "camera_refinish.clf"]
+    page.pages["Export"]._bake()
+    made = sorted(path.name for path in tmp_path.iterdir())
+    assert made == ["camera.npz", "camera_2_refinish.clf", "camera_refinish.clf"]
 
 
 @pytest.mark.parametrize(
-    ("command", "suffix"),
+    ("action", "suffix"),
     [
-        ("bake", ".clf"),
-        ("kit", "_kit"),
-        pytest.param("config", ".ocioz", marks=pytest.mark.slow),
-        pytest.param("report", ".html", marks=pytest.mark.slow),
+        ("_bake", "_refinish.clf"),
+        ("_kit", "_rawtherapee_kit"),
+        pytest.param("_config", ".ocioz", marks=pytest.mark.slow),
+        pytest.param("_report", ".html", marks=pytest.mark.slow),
     ],
 )
 def test_an_export_is_the_command_that_it_tells(
-    profile: CameraProfile, tmp_path: Path, command: str, suffix: str
+    profile: CameraProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, action: str, suffix: str
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     profile.save(tmp_path / "camera.npz")
-    paths, target = (tmp_path / "camera.npz", tmp_path / f"mine{suffix}"), "vivid/daylight"
-    exports: dict[str, Export] = {
-        "bake": lut_export(*paths, wanted_lut("refinish", "standard/tungsten", target, 0.8)),
-        "kit": kit_export(*paths, target, "rawtherapee"),
-        "config": config_export(*paths),
-        "report": report_export(*paths),
-    }
-    export = exports[command]
-    lines = run(export, lambda what, share: None)
-    assert lines and all("\n" not in line for line in lines)
-    assert command != "bake" or "read back, against the model" in lines[0]
-    words = shlex.split(str(export).replace("mine", "theirs"))
-    result = CliRunner().invoke(command_line(), words[1:])
+    view, session = export_page(tmp_path, profile, profile_source=tmp_path / "camera.npz")
+    view.name.value, view.program.value = "mine", "rawtherapee"
+    getattr(view, action)()
+    (written,) = session.written.values()
+    assert written.lines and all("\n" not in line for line in written.lines)
+    assert action != "_bake" or "read back, against the model" in written.lines[0]
+    result = CliRunner().invoke(command_line(), shlex.split(written.command.replace("mine", "theirs"))[1:])
     assert result.exit_code == 0, result.output
     mine, theirs = (tmp_path / f"{name}{suffix}" for name in ("mine", "theirs"))
     for file in sorted(mine.rglob("*")) if mine.is_dir() else [mine]:
         other = theirs / file.relative_to(mine) if mine.is_dir() else theirs
         assert file.read_bytes() == other.read_bytes(), file
-
-
-def test_a_kit_needs_no_look_and_is_written_again(profile: CameraProfile, tmp_path: Path) -> None:
-    page = opened(tmp_path, profile)
-    page.session.start = lambda title, done, *call: done(call[0](*call[1:], silent))  # type: ignore[method-assign]
-    page.show("Export")
-    view = page.pages["Export"]
-    for _ in range(2):
-        view.program.value = "rawtherapee"
-        view._kit()
-        assert "kit for rawtherapee: written" in page.session.status.object
-    assert "--to standard/daylight" in page.session.written["kit for rawtherapee"].command
 
 
 @pytest.mark.parametrize(
@@ -409,26 +410,30 @@ def test_a_kit_needs_no_look_and_is_written_again(profile: CameraProfile, tmp_pa
 def test_a_kit_is_written_where_its_program_is_not(
     profile: CameraProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, why: str
 ) -> None:
+    """And again, over what was written; without a look it is of the camera's usual one."""
     monkeypatch.setenv("PATH", "/nowhere")
-    profile.save(tmp_path / "camera.npz")
-    (tmp_path / "one.dng").write_bytes(b"")
-    shots = (tmp_path / "one.dng",)
-    export = kit_export(tmp_path / "camera.npz", tmp_path / "kit", "vivid/daylight", program, shots)
-    lines = run(export, lambda what, share: None)
-    assert "read README.md first" in lines[0] and "not checked: " in lines[1] and why in lines[1]
-    both = kit_export(tmp_path / "camera.npz", tmp_path / "kit", "vivid/daylight", program, (*shots, *shots))
-    assert shlex.split(str(both)).count("--check") == 2  # each path is an option's one word
+    files = {name: tmp_path / f"{name}.dng" for name in ("one", "two")}
+    for file in files.values():
+        file.write_bytes(b"")
+    view, session = export_page(tmp_path, profile, files=files)
+    session.chosen = None
+    for check in (False, True):
+        view.program.value, view.check.value = program, check
+        view._kit()
+    written = session.written[f"kit for {program}"]
+    assert "read README.md first" in written.lines[0] and "not checked: " in written.lines[1]
+    assert why in written.lines[1] and "--to standard/daylight" in written.command
+    assert shlex.split(written.command).count("--check") == 2  # each path is an option's one word
 
 
 def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp_path: Path) -> None:
     page = opened(tmp_path)
-    session = page.session
+    session, samples = page.session, chart_samples(patches=9)
     assert [state for state, _ in states_of(session).values()] == ["to do"] * 5
-    samples = chart_samples(patches=9)
-    session.history = History(Workspace(samples))
-    task = session.workspace.task("lattice")
-    model = FittedModel(profile, predict(profile, samples), task=task)
-    session.change(session.workspace.with_model("lattice", model))
+    workspace = Workspace(samples)
+    session.begin(workspace)
+    model = FittedModel(profile, predict(profile, samples), task=workspace.task("lattice"))
+    session.change(workspace.with_model("lattice", model))
     assert [state for state, _ in states_of(session).values()] == ["done", "done", "done", "to do", "to do"]
     page.show("Look")
     assert states_of(session)["Look"][0] == "to do"
@@ -440,7 +445,7 @@ def test_what_changes_upstream_makes_the_steps_stale(profile: CameraProfile, tmp
     page.show("Look")
     page.pages["Look"].ev.value = 1.0
     assert states_of(session)["Export"][0] == "stale"
-    session.change(replace(session.workspace, out=frozenset({str(samples.shot[0])})))
+    session.change(replace(session.require_workspace(), out=frozenset({str(samples.shot[0])})))
     assert [state for state, _ in states_of(session).values()] == ["done", "done", "stale", "stale", "stale"]
     assert all(words.endswith(".") for _, words in states_of(session).values())
     session.undo()
@@ -451,13 +456,18 @@ def test_a_lasso_picks_what_is_thinned_out_of_the_drawing(tmp_path: Path) -> Non
     few = chart_samples(patches=90)
     many = few.select(np.resize(np.arange(len(few)), 100_000))
     many = replace(many, patch=np.arange(len(many)).astype(np.str_))
-    page = opened(tmp_path)
-    page.session.history, page.session.selected = History(Workspace(many)), np.zeros(len(many), dtype=np.bool_)
+    page = opened(tmp_path, workspace=Workspace(many))
     page.show("Samples")
     plot = page.pages["Samples"].right
-    shape = {"type": "poly", "x": [0.0, 0.9, 0.9, 0.0], "y": [0.0, 0.0, 0.95, 0.95]}
-    plot._geometry(SelectionGeometry(plot.figure, shape, final=True))
-    assert page.session.selected.sum() > 50_000  # though no more than a few thousand are drawn
+    shape = {"type": "poly", "x": [0.0, 0.9, 0.0], "y": [0.0, 0.0, 0.9]}
+    plot._select(SelectionGeometry(plot.figure, shape, final=True))
+    raw, srgb = many.raw[:, 1], many.srgb[:, 1]
+    inside = (raw > 0) & (srgb > 0) & (raw + srgb < 0.9)
+    assert inside.sum() > 5_000 and np.array_equal(page.session.selected, inside)
+    assert len(plot.source.data["x"]) <= 4_000
+    page.session.select(inside)
+    page.pages["Samples"].refresh()
+    assert 4_000 < len(plot.source.data["x"]) <= 8_000  # what is selected is drawn, too
 
 
 def test_large_photographs_are_averaged_down(tmp_path: Path) -> None:

@@ -19,7 +19,6 @@ from lutforge.pipeline.predictions import predict, without_a_model
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
 from lutforge.studio.workspace import (
-    History,
     Workspace,
     WorkspaceError,
     find_pairs,
@@ -176,17 +175,6 @@ def test_a_camera_whose_setting_has_a_gain_is_fitted(samples: SampleSet) -> None
             errors.append(float(workspace.with_model(kind, fitted).residual.mean()))
         assert fitted.profile.white_balances["tungsten"].gain == pytest.approx(1.2, abs=0.02)
         assert errors[1] < 1.1 * errors[0]
-
-
-def test_undo_and_redo_go_back_and_forth(samples: SampleSet) -> None:
-    first = Workspace(samples)
-    second = replace(first, limits={"saturation": (0.0, 0.5)})
-    third = second.mark(np.arange(len(samples)) < 3, 1)
-    history = History(first).do(second).do(third)
-    assert history.undo().present is second
-    assert history.undo().undo().undo().present is first
-    assert history.undo().redo().present is third
-    assert history.undo().do(first).future == ()
 
 
 @pytest.mark.parametrize("wrong", [{"saturation": (0.5, 2.0)}, {"darkest": (9, 3)}, {"other": (0.0, 1.0)}])
