@@ -1,8 +1,7 @@
 """Error maps of real shots, in both directions, by fits that never saw the shot (thesis, Figs. 5.5 and 5.6)."""
 
 import textwrap
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +11,10 @@ from lutforge.calibration.options import options_from_json
 from lutforge.colour.srgb import srgb_encode
 from lutforge.errors import CalibrationError
 from lutforge.evaluation.evaluation import Evaluation
-from lutforge.evaluation.held_out import Predictions, with_compared
+from lutforge.evaluation.held_out import with_compared
 from lutforge.evaluation.methods import COLOUR_POLYNOMIAL, LATTICE, RBF, lattice_name
 from lutforge.model.camera_profile import CameraProfile
-from lutforge.model.falloff import Falloff, falloff_of
+from lutforge.model.falloff import falloff_of
 from lutforge.report.drawing import ERROR_SCALE, Drawing, Lines, Panel, Raster
 from lutforge.samples.clipping import clipping, saturation_levels
 from lutforge.samples.extract import places_in_picture
@@ -38,60 +37,6 @@ class ErrorMaps:
     setting: str
     drawing: Drawing
     held_out: bool
-
-
-def error_maps(
-    shot: Shot, predictions: Predictions, methods: Sequence[str], falloffs: Sequence[Falloff] = ()
-) -> ErrorMaps:
-    """Predict a shot, of which the predictions hold samples, both ways by the fits that predict these samples.
-
-    falloffs: of the profile, which brighten the RAW away from the middle as they did that of the samples.
-    """
-    cell = max(2, round(shot.jpeg.shape[0] / 240))  # averages some noise and compression away
-    jpeg, raw = shot.jpeg_cells(cell), shot.raw_cells(cell)
-    clip = clipping(jpeg, raw, saturation_levels(shot.raw.pixels))
-    usable = np.isfinite(raw.mean[..., 0]) & ~clip.any
-    own = np.flatnonzero(predictions.data.shot == shot.name)
-    samples = predictions.data.samples
-    gain = np.median(predictions.data.balanced[own] / samples.raw[own], axis=0)
-    bright = np.nanpercentile(raw.mean * gain, 99)
-    scene = np.nan_to_num(srgb_encode(np.clip(raw.mean * gain / bright, 0.0, 1.0)), nan=0.5)
-    falloff = falloff_of(falloffs, shot.metadata.lens, shot.metadata.focal_mm, shot.metadata.aperture)
-    if falloff is not None:
-        centres = cell * (np.argwhere(usable)[:, ::-1] + 0.5)
-        gain = gain * 2.0 ** falloff.stops(places_in_picture(shot, centres))[:, None]
-    balanced, encoded = raw.mean[usable] * gain, jpeg.mean[usable] / 255.0
-    fold = np.repeat(own[:1], len(balanced))
-    turns = -TURNS.get(shot.raw.flip, 0)
-
-    def error(predicted: Array, measured: Array) -> Array:
-        found = np.full(usable.shape, np.nan)
-        found[usable] = np.linalg.norm(np.clip(predicted, 0, 1) - measured, axis=1)
-        return np.rot90(found, turns)
-
-    errors = (
-        {name: error(predictions.render(name, balanced, fold), encoded) for name in methods},
-        {name: error(predictions.linearize(name, encoded, fold), balanced) for name in methods},
-    )
-    pictures = {"the camera's JPEG": jpeg.mean / 255.0, "the RAW, balanced, stretched": scene}
-    height, width = np.rot90(jpeg.mean, turns).shape[:2]
-    rows: list[tuple[Panel, ...]] = []
-    moved = moved_by_lens(shot, turns)
-    down, across = (np.arange(size) + 0.5 for size in moved.shape[:2])
-    x, y = np.meshgrid(across * width / max(len(across), 1), height - down * height / max(len(down), 1))
-    start = np.stack([x, y], axis=-1).reshape(-1, 2)
-    ends = np.stack([start, start + width * moved.reshape(-1, 2) * (1, -1)], axis=1)
-    for (direction, scale), (title, picture), found in zip(DIRECTIONS, pictures.items(), errors, strict=True):
-        arrows, note = ((Lines(list(ends), "#ffffff"),), shot.lens_note) if not rows and len(ends) else ((), "")
-        shown = (Raster(np.rot90(picture, turns)), *arrows)
-        panels = [Panel(title, shown, textwrap.fill(note, 40), bare=True, equal=True)]
-        for method, each in found.items():
-            name = f"{direction}\n{method}: mean {np.nanmean(each):.4f}"
-            panels.append(Panel(name, (Raster(each),), bare=True, equal=True, scale=(0.0, scale), scale_name=" "))
-        rows.append(tuple(panels))
-    drawing = Drawing(tuple(rows), 11 / len(rows[0]) * height / width + 0.6, 11.0)
-    setting = f"{samples.style[own[0]]}/{samples.white_balance[own[0]]}"
-    return ErrorMaps(shot.name, setting, drawing, bool(predictions.held_out[own].all()))
 
 
 def moved_by_lens(shot: Shot, turns: int) -> Array:
@@ -118,24 +63,66 @@ def own_method(profile: CameraProfile, evaluation: Evaluation) -> str:
     return RBF if physical and RBF in methods else LATTICE
 
 
-def maps_of_shot(profile: CameraProfile, evaluation: Evaluation, shot: str, raw_file: Path) -> ErrorMaps:
+def maps_of_shot(profile: CameraProfile, evaluation: Evaluation, name: str, raw_file: Path) -> ErrorMaps:
     """Predict a shot of an evaluation by the profile's own model, a uniform lattice, RBFs and a polynomial.
 
-    Raises CalibrationError where the evaluation holds no sample of the shot.
+    The RAW is brightened away from the middle by the profile's falloffs, as that of the samples was. Raises
+    CalibrationError where the evaluation holds no sample of the shot.
     """
-    held = [(name, each) for name, each in evaluation.predictions.items() if (each.data.shot == shot).any()]
+    held = [(style, each) for style, each in evaluation.predictions.items() if (each.data.shot == name).any()]
     if not held:
-        raise CalibrationError(f"{shot}: all its samples are clipped; choose another shot")
-    style, found = held[0]
+        raise CalibrationError(f"{name}: all its samples are clipped; choose another shot")
+    style, predictions = held[0]
     options = options_from_json(profile.options)
-    found = with_compared(found, shot, profile.styles[style], profile.shots, options)
-    fits = found.fits[found.fold[found.data.shot == shot][0]]
-    named = (
-        own_method(profile, evaluation),
-        LATTICE,
-        lattice_name(options.size, nonuniform=False),
-        RBF,
-        COLOUR_POLYNOMIAL,
+    predictions = with_compared(predictions, name, profile.styles[style], profile.shots, options)
+    own = np.flatnonzero(predictions.data.shot == name)
+    fits = predictions.fits[predictions.fold[own[0]]]
+    uniform = lattice_name(options.size, nonuniform=False)
+    named = dict.fromkeys((own_method(profile, evaluation), LATTICE, uniform, RBF, COLOUR_POLYNOMIAL))
+    methods = [method for method in named if method in fits]
+
+    # Averages over cells take some noise and compression away
+    shot, samples = read_shot(raw_file), predictions.data.samples
+    cell = max(2, round(shot.jpeg.shape[0] / 240))
+    jpeg, raw = shot.jpeg_cells(cell), shot.raw_cells(cell)
+    clip = clipping(jpeg, raw, saturation_levels(shot.raw.pixels))
+    usable = np.isfinite(raw.mean[..., 0]) & ~clip.any
+    gain = np.median(predictions.data.balanced[own] / samples.raw[own], axis=0)
+    bright = np.nanpercentile(raw.mean * gain, 99)
+    scene = np.nan_to_num(srgb_encode(np.clip(raw.mean * gain / bright, 0.0, 1.0)), nan=0.5)
+    falloff = falloff_of(profile.falloffs, shot.metadata.lens, shot.metadata.focal_mm, shot.metadata.aperture)
+    if falloff is not None:
+        centres = cell * (np.argwhere(usable)[:, ::-1] + 0.5)
+        gain = gain * 2.0 ** falloff.stops(places_in_picture(shot, centres))[:, None]
+    balanced, encoded = raw.mean[usable] * gain, jpeg.mean[usable] / 255.0
+    fold = np.repeat(own[:1], len(balanced))
+    turns = -TURNS.get(shot.raw.flip, 0)
+
+    def error(predicted: Array, measured: Array) -> Array:
+        errors = np.full(usable.shape, np.nan)
+        errors[usable] = np.linalg.norm(np.clip(predicted, 0, 1) - measured, axis=1)
+        return np.rot90(errors, turns)
+
+    both = (
+        {method: error(predictions.render(method, balanced, fold), encoded) for method in methods},
+        {method: error(predictions.linearize(method, encoded, fold), balanced) for method in methods},
     )
-    methods = [method for method in dict.fromkeys(named) if method in fits]
-    return error_maps(replace(read_shot(raw_file), name=shot), found, methods, profile.falloffs)
+    pictures = {"the camera's JPEG": jpeg.mean / 255.0, "the RAW, balanced, stretched": scene}
+    height, width = np.rot90(jpeg.mean, turns).shape[:2]
+    rows: list[tuple[Panel, ...]] = []
+    moved = moved_by_lens(shot, turns)
+    down, across = (np.arange(size) + 0.5 for size in moved.shape[:2])
+    x, y = np.meshgrid(across * width / max(len(across), 1), height - down * height / max(len(down), 1))
+    start = np.stack([x, y], axis=-1).reshape(-1, 2)
+    ends = np.stack([start, start + width * moved.reshape(-1, 2) * (1, -1)], axis=1)
+    for (direction, scale), (title, picture), errors in zip(DIRECTIONS, pictures.items(), both, strict=True):
+        arrows, note = ((Lines(list(ends), "#ffffff"),), shot.lens_note) if not rows and len(ends) else ((), "")
+        shown = (Raster(np.rot90(picture, turns)), *arrows)
+        panels = [Panel(title, shown, textwrap.fill(note, 40), bare=True, equal=True)]
+        for method, each in errors.items():
+            words = f"{direction}\n{method}: mean {np.nanmean(each):.4f}"
+            panels.append(Panel(words, (Raster(each),), bare=True, equal=True, scale=(0.0, scale), scale_name=" "))
+        rows.append(tuple(panels))
+    drawing = Drawing(tuple(rows), 11 / len(rows[0]) * height / width + 0.6, 11.0)
+    setting = f"{samples.style[own[0]]}/{samples.white_balance[own[0]]}"
+    return ErrorMaps(name, setting, drawing, bool(predictions.held_out[own].all()))

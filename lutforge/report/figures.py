@@ -69,21 +69,15 @@ def chromaticity_figure(encoded: Array) -> Drawing:
     )  # fmt: skip
 
 
-def error_over_hue(title: str, encoded: Array, error: Array) -> Panel:
-    """Errors (n,) of JPEG colours (n, 3) over a* and b*, the largest on top."""
-    order = np.argsort(error)
-    chosen = order[thinned(len(order))]
-    dots = Dots(srgb_to_lab(encoded[chosen])[:, 1:], values=error[chosen], size=4)
-    x, y = "a* (green – red)", "b* (blue – yellow)"
-    return Panel(title, (dots,), x, y, equal=True, scale=(0.0, ERROR_SCALE), scale_name="RGB error, 1 = full scale")
-
-
 def error_by_colour_figure(encoded: Array, error: Array) -> Drawing:
     """Held-out error (n,) of JPEG colours (n, 3) over a* b* and over lightness: which colours are predicted badly."""
-    chosen = np.argsort(error)[thinned(len(error))]
-    dots = Dots(np.column_stack([srgb_to_lab(encoded[chosen])[:, 0], error[chosen]]), encoded[chosen], size=4)
-    lightness = Panel("error over lightness", (dots,), "L*", "RGB error, 1 = full scale")
-    return Drawing(((error_over_hue("error over hue and chroma", encoded, error), lightness),), 3.8)
+    chosen = np.argsort(error)[thinned(len(error))]  # the largest on top
+    lab, error, of = srgb_to_lab(encoded[chosen]), error[chosen], "RGB error, 1 = full scale"
+    hues, scale = (Dots(lab[:, 1:], values=error, size=4),), (0.0, ERROR_SCALE)
+    x, y = "a* (green – red)", "b* (blue – yellow)"
+    by_hue = Panel("error over hue and chroma", hues, x, y, equal=True, scale=scale, scale_name=of)
+    dots = Dots(np.column_stack([lab[:, 0], error]), encoded[chosen], size=4)
+    return Drawing(((by_hue, Panel("error over lightness", (dots,), "L*", of)),), 3.8)
 
 
 def error_boxes(directions: Sequence[tuple[str, Sequence[tuple[str, ErrorFigures]]]], own: str) -> Drawing:
@@ -150,19 +144,34 @@ def response_figure(style: PictureStyle) -> Drawing:
     """f per channel over the linear value and over stops below saturation, with EMoR's mean and sRGB's curve."""
     linear = np.concatenate([np.linspace(0, 1, 513)[1:], 2.0 ** np.linspace(-8, 0, 257)])
     linear.sort()
-    curves, mean, srgb = style.tones(linear), mean_response(linear), srgb_encode(linear)
+    curves, mean, what = style.tones(linear), mean_response(linear), "The grey axis of the lattice"
     panels = []
     for x, label, reach in (
         (linear, "linear value, 1 = saturation", (0.0, 1.0)),
         (np.log2(linear), "stops below saturation", (-8.0, 0.0)),
     ):
-        marks: list[Mark] = [
-            Line(x, mean, GREY, "dotted", 1.0, "mean of 201 responses (EMoR)"), Line(x, srgb, label="sRGB", width=1.0)
-        ]  # fmt: skip
-        marks += [Line(x, curves[:, c], colour, dash, 2.0, name) for c, (name, colour, dash) in enumerate(CHANNELS)]
-        what = "The response f" if style.physical else "The grey axis of the lattice"
-        panels.append(Panel(what, tuple(marks), label, "JPEG value", reach, (0.0, 1.02)))
+        usual = (
+            Line(x, mean, GREY, "dotted", 1.0, "mean of 201 responses (EMoR)"),
+            Line(x, srgb_encode(linear), label="sRGB", width=1.0),
+        )
+        marks = (*usual, *_of_channels(x, curves))
+        panels.append(
+            Panel("The response f" if style.physical else what, marks, label, "JPEG value", reach, (0.0, 1.02))
+        )
     return Drawing((tuple(panels),))
+
+
+def bracket_figure(fit: BracketFit) -> Drawing:
+    """The response of a bracket, per channel, over sRGB's own curve."""
+    linear = np.linspace(0.0, 1.0, 257)
+    values = fit.response.encode(np.repeat(linear[:, None], 3, axis=1))
+    marks = (Line(linear, srgb_encode(linear), label="sRGB", width=1.0), *_of_channels(linear, values))
+    labels = "linear value, 1 = saturation", "JPEG value"
+    return Drawing(((Panel("The response f", marks, *labels, (0.0, 1.0), (0.0, 1.02)),),))
+
+
+def _of_channels(x: Array, curves: Array, width: float = 2.0) -> list[Line]:
+    return [Line(x, curves[:, c], colour, dash, width, name) for c, (name, colour, dash) in enumerate(CHANNELS)]
 
 
 # --- The gamut map ---------------------------------------------------------------------------------------------------
@@ -241,11 +250,11 @@ def lattice_figure(style: PictureStyle, directions: Sequence[Direction]) -> Draw
     grey, rows = np.linspace(0, 1, 512), []
     for direction in directions:
         lattice, (source, target) = style.lattices[direction], ENDS[direction]
-        values, levels, curves = lattice(np.repeat(grey[:, None], 3, axis=1)), [], []
-        for channel, (name, colour, dash) in enumerate(CHANNELS):
-            nodes = lattice.levels[channel]
-            levels.append(Line(np.linspace(0, 1, len(nodes)), nodes, colour, dash, label=name))
-            curves.append(Line(grey, values[:, channel], colour, dash, label=name))
+        curves = _of_channels(grey, lattice(np.repeat(grey[:, None], 3, axis=1)), 1.5)
+        levels = [
+            Line(np.linspace(0, 1, len(nodes)), nodes, colour, dash, label=name)
+            for nodes, (name, colour, dash) in zip(lattice.levels, CHANNELS, strict=True)
+        ]
         row = [
             Panel("node levels", tuple(levels), "cube coordinate", source),
             Panel("grey axis", tuple(curves), source, target),
@@ -288,16 +297,3 @@ def plane_figure(lattice: Lattice, target: str, levels: Mapping[int, float]) -> 
         x, y = (f"{target}, {CHANNELS[along][0]}" for along in (first, second))
         panels.append(Panel(title, marks, x, y, equal=True))
     return Drawing((tuple(panels),), 3.2)
-
-
-def bracket_figure(fit: BracketFit) -> Drawing:
-    """The response of a bracket, per channel, over sRGB's own curve."""
-    linear = np.linspace(0.0, 1.0, 257)
-    grey = np.repeat(linear[:, None], 3, axis=1)
-    values = fit.response.encode(grey)
-    lines = [
-        Line(linear, srgb_encode(linear), label="sRGB", width=1.0),
-        *(Line(linear, values[:, c], colour, dash, 2.0, name) for c, (name, colour, dash) in enumerate(CHANNELS)),
-    ]
-    title, labels = "The response f", ("linear value, 1 = saturation", "JPEG value")
-    return Drawing(((Panel(title, tuple(lines), *labels, (0.0, 1.0), (0.0, 1.02)),),))

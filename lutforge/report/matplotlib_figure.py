@@ -44,7 +44,30 @@ def figure_of(drawing: Drawing) -> Figure:
         for axis in row[len(panels) :]:
             axis.set_axis_off()
         for axis, panel in zip(row, panels, strict=False):
-            _draw(axis, panel)
+            for mark in panel.marks:
+                _draw(axis, mark, panel.scale)
+            axis.set_title(panel.title, fontsize=8 if panel.bare else 10)
+            axis.set(xlabel=panel.x, ylabel=panel.y)
+            if panel.log:
+                axis.set_xscale("log")
+                axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+                axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+                axis.xaxis.set_minor_formatter(NullFormatter())
+                axis.grid(axis="x", color="0.9", linewidth=0.6)
+                axis.set_axisbelow(True)
+            if panel.rows:
+                axis.set_yticks(range(len(panel.rows)), panel.rows)
+            if panel.x_range is not None:
+                axis.set_xlim(*panel.x_range)
+            if panel.y_range is not None:
+                axis.set_ylim(*panel.y_range)
+            if panel.equal:
+                axis.set_aspect("equal")
+            if panel.bare:
+                axis.set(xticks=[], yticks=[])
+                axis.spines[:].set_visible(False)
+            if any(getattr(mark, "label", "") for mark in panel.marks):
+                axis.legend(frameon=False, fontsize=8)
         scaled = [(axis, panel) for axis, panel in zip(row, panels, strict=False) if panel.scale_name]
         if scaled:
             values = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(*scaled[-1][1].scale), MAP)
@@ -53,34 +76,7 @@ def figure_of(drawing: Drawing) -> Figure:
     return figure
 
 
-def _draw(axis: Axes, panel: Panel) -> None:
-    for mark in panel.marks:
-        _mark(axis, mark, panel.scale)
-    axis.set_title(panel.title, fontsize=8 if panel.bare else 10)
-    axis.set(xlabel=panel.x, ylabel=panel.y)
-    if panel.log:
-        axis.set_xscale("log")
-        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
-        axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
-        axis.xaxis.set_minor_formatter(NullFormatter())
-        axis.grid(axis="x", color="0.9", linewidth=0.6)
-        axis.set_axisbelow(True)
-    if panel.rows:
-        axis.set_yticks(range(len(panel.rows)), panel.rows)
-    if panel.x_range is not None:
-        axis.set_xlim(*panel.x_range)
-    if panel.y_range is not None:
-        axis.set_ylim(*panel.y_range)
-    if panel.equal:
-        axis.set_aspect("equal")
-    if panel.bare:
-        axis.set(xticks=[], yticks=[])
-        axis.spines[:].set_visible(False)
-    if any(getattr(mark, "label", "") for mark in panel.marks):
-        axis.legend(frameon=False, fontsize=8)
-
-
-def _mark(axis: Axes, mark: Mark, scale: tuple[float, float]) -> None:
+def _draw(axis: Axes, mark: Mark, scale: tuple[float, float]) -> None:
     low, high = scale
     match mark:
         case Line():

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
@@ -24,7 +23,6 @@ class Picture:
     name: str
     drawing: Drawing
     caption: str
-    kind: Literal["picture"] = "picture"
 
     @cached_property
     def figure(self) -> Figure:

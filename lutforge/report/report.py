@@ -7,12 +7,10 @@ import matplotlib
 import numpy as np
 from scipy.optimize import brentq
 
-from lutforge.arrays import Array
 from lutforge.calibration.options import options_from_json
 from lutforge.calibration.physical.brightness_transfer import judge, transfer_functions
-from lutforge.calibration.physical.exposure_pairs import ExposurePairs, pairs_of_samples
+from lutforge.calibration.physical.exposure_pairs import pairs_of_samples
 from lutforge.calibration.physical.matrix_and_response import fit_matrix_and_response
-from lutforge.calibration.shots.departures import Departure
 from lutforge.calibration.style import StyleData, uniform_lattice_errors
 from lutforge.colour.srgb import delta_e_2000, srgb_to_lab
 from lutforge.errors import CalibrationError
@@ -27,7 +25,6 @@ from lutforge.model.camera_profile import CameraProfile, is_response_alone, thro
 from lutforge.model.coverage import linearizing_error
 from lutforge.model.falloff import Falloff
 from lutforge.model.profile_data import PictureStyle
-from lutforge.model.transform import Transform
 from lutforge.progress import Progress, part, silent
 from lutforge.report.drawing import Drawing, Line, Panel, Raster
 from lutforge.report.error_maps import maps_of_shot, own_method
@@ -69,12 +66,11 @@ def build_report(
     evaluation = None
     judged: list[Section] = []
     shown: list[Section] = []
+    lens = list(falloff_blocks(profile.falloffs))
     data: dict[str, StyleData] = {}
-    departures: tuple[Departure, ...] = ()
     if samples is not None:
         evaluation = evaluate(profile, samples, part(progress, 0.0, 0.8))
         own = own_method(profile, evaluation)
-        departures = evaluation.departures
         data = {name: predictions.data for name, predictions in evaluation.predictions.items()}
         notes = tuple(dict.fromkeys((*notes, *evaluation.notes)))
         progress("error maps", 0.8)
@@ -82,30 +78,27 @@ def build_report(
         judged.append(Section("Errors on real shots", tuple(error_map_pictures(profile, own, evaluation, files or {}))))
         shown.append(Section("Samples", tuple(sample_blocks(samples, accounts))))
         shown.append(Section("Exposures", tuple(exposure_blocks(data))))
+        if evaluation.departures:
+            title = "Shots that depart from the fixed rendering, with standard errors"
+            rows = [(each.shot, *each.cells) for each in evaluation.departures]
+            lens.append(Table(title, ("shot", "exposure, EV", "contrast", "saturation"), rows))
     progress("models", 0.9)
     models = [
         Section(f"Style {name}", tuple(style_pictures(profile, name, style, data.get(name))))
         for name, style in profile.styles.items()
     ]
     said = Section("Notes", (notes,) if notes else ())
-    lens = Section("Lens and scene", (*falloff_blocks(profile.falloffs), *departure_blocks(departures)))
     settings = Section("White balances and matrix", (balance_table(profile), matrix_table(profile)))
-    sections = tuple(section for section in (said, *judged, lens, settings, *models, *shown) if section.blocks)
+    sections = (said, *judged, Section("Lens and scene", tuple(lens)), settings, *models, *shown)
     progress("done", 1.0)
-    return Report(
-        f"{profile.camera}: calibration report",
-        _subtitle(profile),
-        sections=sections,
-        answers=answers(profile, own, evaluation, data),
-    )
-
-
-def _subtitle(profile: CameraProfile) -> str:
     options = options_from_json(profile.options)
     model = {"lattice": f"lattices of {options.size}³ nodes", "rbf": "the physical model and lattices"}[options.model]
-    return (
+    return Report(
+        f"{profile.camera}: calibration report",
         f"Picture styles: {', '.join(profile.styles)}. White balances: {', '.join(profile.white_balances)}. "
-        f"Shots: {len(profile.shots)}. Model: {model}, preset {options.preset}."
+        f"Shots: {len(profile.shots)}. Model: {model}, preset {options.preset}.",
+        sections=tuple(section for section in sections if section.blocks),
+        answers=answers(profile, own, evaluation, data),
     )
 
 
@@ -122,6 +115,10 @@ FIT = {
 """By what `visibility` says of an error: whether a profile is fit for a use."""
 
 
+Errors = tuple[float, float | None, float | None, bool]
+"""A style's mean error RAW → JPEG, its mean ΔE00, its mean error JPEG → RAW, and whether shots were held out."""
+
+
 def answers(
     profile: CameraProfile, own: str, evaluation: Evaluation | None, data: Mapping[str, StyleData]
 ) -> tuple[Section, ...]:
@@ -130,43 +127,43 @@ def answers(
     Without an evaluation the errors are those that the profile holds. Each figure is one that `calibrate` or `evaluate`
     prints, too.
     """
-    errors = _errors_of_profile(profile) if evaluation is None else _errors(own, evaluation)
+    errors: dict[str, Errors] = {}
+    if evaluation is None:
+        for name, style in profile.styles.items():
+            if "render_mean" in style.errors:
+                seen, back = style.errors.get("render_de00_mean"), style.errors.get("linearize_mean")
+                errors[name] = style.errors["render_mean"], seen, back, True
+    else:
+        rows = {(row.style, row.direction): row for row in evaluation.rows if row.method == own and row.shot == "all"}
+        for (name, direction), row in rows.items():
+            if direction == "render":
+                backward = rows.get((name, "linearize"))
+                back = None if backward is None else backward.figures.mean
+                errors[name] = row.figures.mean, row.figures.de00_mean, back, row.held_out
     strangers = sorted({str(style.samples.camera[0]) for style in data.values()} - {profile.camera})
     good = (
         *map(str, profile.diagnoses),
         *(f"The samples are of {name}, not of {profile.camera}: so are the errors." for name in strangers),
-        *(_how_good(name, *found) for name, found in errors.items()),
+        *(_how_good(name, *figures) for name, figures in errors.items()),
         *(profile.notes if is_response_alone(profile) else ()),
     )
     uses = Table("", ("job", "fit for it?", "why", "command"), tuple(_uses(own, evaluation, errors)))
+    # The colours to photograph next, style by style
+    gaps: list[Block] = []
+    if not data:
+        gaps.append("Give the shots or their samples to the report, too: it then names the colours that they lack.")
+    for name, of_style in data.items():
+        colours = colour_gaps(of_style.encoded, linearizing_error(profile.styles[name]))
+        if colours:
+            gaps.append(f"{name}: of the colours that real surfaces have, these are known least:")
+            gaps.append(tuple(map(str, colours[:4])))
+        else:
+            gaps.append(f"{name}: the samples come near most colours that real surfaces have.")
     return (
         Section("How good is it?", good or ("Not known: the profile holds no errors. Give its samples, too.",)),
         Section("What for?", (uses,) if errors else ()),
-        Section("What to shoot next?", tuple(_next_shots(profile, data))),
+        Section("What to shoot next?", tuple(gaps)),
     )
-
-
-Errors = tuple[float, float | None, float | None, bool]
-"""A style's mean error RAW → JPEG, its mean ΔE00, its mean error JPEG → RAW, and whether shots were held out."""
-
-
-def _errors(own: str, evaluation: Evaluation) -> dict[str, Errors]:
-    rows = {(row.style, row.direction): row for row in evaluation.rows if row.method == own and row.shot == "all"}
-    found: dict[str, Errors] = {}
-    for (style, direction), row in rows.items():
-        if direction == "render":
-            back = rows.get((style, "linearize"))
-            backward = None if back is None else back.figures.mean
-            found[style] = (row.figures.mean, row.figures.de00_mean, backward, row.held_out)
-    return found
-
-
-def _errors_of_profile(profile: CameraProfile) -> dict[str, Errors]:
-    return {
-        name: (errors["render_mean"], errors.get("render_de00_mean"), errors.get("linearize_mean"), True)
-        for name, errors in ((name, style.errors) for name, style in profile.styles.items())
-        if "render_mean" in errors
-    }
 
 
 def _how_good(style: str, mean: float, de00: float | None, backward: float | None, held_out: bool) -> str:
@@ -214,19 +211,6 @@ def _said(de00: float, name: str, count: int) -> str:
     return f"ΔE00 {de00:.2f} in the mean{f', at worst ({name})' if count > 1 else ''}: {visibility(de00)}"
 
 
-def _next_shots(profile: CameraProfile, data: Mapping[str, StyleData]) -> Iterator[Block]:
-    """The colours to photograph next, style by style."""
-    if not data:
-        yield "Give the shots or their samples to the report, too: it then names the colours that they lack."
-    for name, style in data.items():
-        gaps = colour_gaps(style.encoded, linearizing_error(profile.styles[name]))
-        if gaps:
-            yield f"{name}: of the colours that real surfaces have, these are known least:"
-            yield tuple(map(str, gaps[:4]))
-        else:
-            yield f"{name}: the samples come near most colours that real surfaces have."
-
-
 # --- Errors, maps of real shots, samples, and the models of a style --------------------------------------------------
 
 
@@ -252,20 +236,15 @@ def error_tables(own: str, evaluation: Evaluation) -> Iterator[Table]:
     ]
     if shots:
         yield error_table("RAW → JPEG by shot", shots)
-    yield from _by_distance(own, evaluation)
-    yield from more_tables(evaluation, own)
-
-
-def _by_distance(own: str, evaluation: Evaluation) -> Iterator[Table]:
-    """How the error grows away from the samples, in encoded RGB."""
-    rows = []
+    distances = []  # how the error grows away from the samples, in encoded RGB
     for style, found in evaluation.predictions.items():
-        told = held_out_errors(found, own, fit_matrix_and_response(found.data.balanced, found.data.encoded))
-        for distance, errors in by_distance(told):
-            rows.append((style, f"{distance:.0f}", f"{errors['render']:.4f}", f"{errors['linearize']:.4f}"))
-    if rows:
+        errors = held_out_errors(found, own, fit_matrix_and_response(found.data.balanced, found.data.encoded))
+        for distance, mean in by_distance(errors):
+            distances.append((style, f"{distance:.0f}", f"{mean['render']:.4f}", f"{mean['linearize']:.4f}"))
+    if distances:
         header = ("style", "codes to the nearest sample", "RAW → JPEG", "JPEG → RAW, as rendered")
-        yield Table("Mean error by distance to the nearest sample", header, tuple(rows))
+        yield Table("Mean error by distance to the nearest sample", header, distances)
+    yield from more_tables(evaluation, own)
 
 
 def error_pictures(own: str, evaluation: Evaluation) -> Iterator[Picture]:
@@ -340,25 +319,22 @@ def exposure_blocks(data: Mapping[str, StyleData]) -> Iterator[Block]:
         rows = tuple((what, *(f"{value:.4f}" for value in each)) for what, each in response_deltas(pairs).items())
         caption = f"{name}: linearization error of f over pairs of exposures, unsaturated colours (1 = full scale)"
         yield Table(caption, header, rows)
-        yield from _shutters(name, style.samples, pairs)
+        # How exact the exposure times of the files are, beside RAW, which is linear (thesis 3.1)
+        samples = style.samples
+        stated = np.array([np.nanmedian(samples.exposure_s[samples.shot == shot]) for shot in pairs.shots])
+        if np.all(stated > 0):
+            error = pairs.shot_exposure - np.log(stated)
+            exposures = [
+                (shot, f"{time:.3g} s" if time >= 0.3 else f"1/{1 / time:.3g} s", f"{ratio:.3f}")
+                for shot, time, ratio in zip(pairs.shots, stated, np.exp(error - np.median(error)), strict=True)
+            ]
+            title = f"{name}: exposures of the shots, as RAW tells them"
+            yield Table(title, ("shot", "stated", "true / stated"), exposures)
         caption = (
             f"{name}: JPEG values of one exposure against another's, with f(k f⁻¹(I)); crosses leave it. Dashed: an f "
             "that is fitted to all colours, outliers too."
         )
         yield Picture(f"brightness_transfer_{name}", brightness_transfer_figure(functions), caption)
-
-
-def _shutters(name: str, samples: SampleSet, pairs: ExposurePairs) -> Iterator[Block]:
-    """Tabulate how exact the exposure times of the files are, beside RAW, which is linear (thesis 3.1)."""
-    stated = np.array([np.nanmedian(samples.exposure_s[samples.shot == shot]) for shot in pairs.shots])
-    if not np.all(stated > 0):
-        return
-    error = pairs.shot_exposure - np.log(stated)
-    rows = [
-        (shot, f"{time:.3g} s" if time >= 0.3 else f"1/{1 / time:.3g} s", f"{ratio:.3f}")
-        for shot, time, ratio in zip(pairs.shots, stated, np.exp(error - np.median(error)), strict=True)
-    ]
-    yield Table(f"{name}: exposures of the shots, as RAW tells them", ("shot", "stated", "true / stated"), rows)
 
 
 def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data: StyleData | None) -> Iterator[Block]:
@@ -389,9 +365,6 @@ def style_pictures(profile: CameraProfile, name: str, style: PictureStyle, data:
         )
 
 
-# --- What a camera did beyond its fixed rendering: lens falloffs, single shots that depart ---------------------------
-
-
 def falloff_blocks(falloffs: Sequence[Falloff]) -> Iterator[Block]:
     """A table and a plot of the falloffs; nothing where there are none."""
     if not falloffs:
@@ -402,33 +375,19 @@ def falloff_blocks(falloffs: Sequence[Falloff]) -> Iterator[Block]:
     )
     header = ("lens setting", "corners, EV", "centre right", "centre down")
     yield Table("Lens falloff that the camera corrects in its JPEGs only", header, rows)
-    yield Picture(
-        "falloff",
-        _falloff_figure(falloffs),
-        "How much brighter than the RAW the JPEGs are, against the distance from the middle. The profile renders the "
-        "middle; RAW is brightened by this first. Centres: in per cent of half the diagonal.",
-    )
-
-
-def departure_blocks(departures: Sequence[Departure]) -> Iterator[Block]:
-    """A table of the shots that depart from the fixed rendering; nothing where there are none."""
-    if departures:
-        yield Table(
-            "Shots that depart from the fixed rendering, with standard errors",
-            ("shot", "exposure, EV", "contrast", "saturation"),
-            [(each.shot, *each.cells) for each in departures],
-        )
-
-
-def _falloff_figure(falloffs: Sequence[Falloff]) -> Drawing:
-    """Draw the falloffs over the distance from their centres."""
     radius = np.linspace(0.0, 1.0, 101)
     along = np.column_stack([radius, 0 * radius])
     lines = tuple(
         Line(radius, falloff.stops(along + falloff.centre), f"C{index % 10}", label=falloff.setting)
         for index, falloff in enumerate(falloffs)
     )
-    return Drawing(((Panel("", lines, "distance from the centre, half the diagonal = 1", "EV"),),), 3.4, 6.0)
+    panel = Panel("", lines, "distance from the centre, half the diagonal = 1", "EV")
+    yield Picture(
+        "falloff",
+        Drawing(((panel,),), 3.4, 6.0),
+        "How much brighter than the RAW the JPEGs are, against the distance from the middle. The profile renders the "
+        "middle; RAW is brightened by this first. Centres: in per cent of half the diagonal.",
+    )
 
 
 # --- Two cameras, or two styles of one, side by side: what each makes of the same light ------------------------------
@@ -440,30 +399,52 @@ def build_comparison(first: CameraProfile, one: str, second: CameraProfile, othe
     Light is that of neutral white balance; the second is exposed so that both show 18 % grey equally light. Raises
     SettingsError on an unknown setting.
     """
-    render = through_camera(first, one, "linear-srgb")
-    ev = _level_exposure(render, second, other)
+    import colour  # imported here: it takes a second
+
+    # The exposure at which the second shows 18 % grey as light as the first
+    render, grey = through_camera(first, one, "linear-srgb"), np.full((1, 3), 0.18)
+    wanted = srgb_to_lab(render(grey))[0, 0]
+
+    def apart(ev: float) -> float:
+        return float(srgb_to_lab(through_camera(second, other, "linear-srgb", ev)(grey))[0, 0] - wanted)
+
+    ev = float(brentq(apart, -4.0, 4.0, xtol=1e-3)) if apart(-4.0) < 0 < apart(4.0) else 0.0
     beside = through_camera(second, other, "linear-srgb", ev)
     names = tuple(f"{profile.camera} {setting}" for profile, setting in ((first, one), (second, other)))
-    patches, chart = _chart()
+
+    # The ColorChecker Classic, 2005 measurements, by colour-science: a patch is drawn as two halves, within dark lines
+    checker = colour.CCS_COLOURCHECKERS["ColorChecker 2005"]
+    xyz = colour.xyY_to_XYZ(np.array(list(checker.data.values())))
+    chart = np.asarray(colour.XYZ_to_RGB(xyz, "sRGB", checker.illuminant, apply_cctf_encoding=False)).clip(0.0, None)
     a, b = render(chart), beside(chart)
     difference, (lab_a, lab_b) = delta_e_2000(a, b), (srgb_to_lab(a), srgb_to_lab(b))
     lightness = lab_b[:, 0] - lab_a[:, 0]
     chroma = np.hypot(*lab_b[:, 1:].T) - np.hypot(*lab_a[:, 1:].T)
-    rows = tuple(
-        (patch, _codes(a[n]), _codes(b[n]), f"{difference[n]:.1f}", f"{lightness[n]:+.1f}", f"{chroma[n]:+.1f}")
-        for n, patch in enumerate(patches)
-    )
+    patches, rows = [name.partition(" (")[0] for name in checker.data], []
+    for n, patch in enumerate(patches):
+        codes = (" ".join(f"{255 * value:.0f}" for value in np.clip(each[n], 0, 1)) for each in (a, b))
+        rows.append((patch, *codes, f"{difference[n]:.1f}", f"{lightness[n]:+.1f}", f"{chroma[n]:+.1f}"))
+    halves = np.stack([a.reshape(4, 6, 3), b.reshape(4, 6, 3)], axis=2).reshape(4, 12, 3)
+    lines = [Line(np.full(2, x), np.array([0.0, 4.0]), "#191919", width=6.0) for x in range(1, 6)]
+    lines += [Line(np.array([0.0, 6.0]), np.full(2, y), "#191919", width=6.0) for y in range(1, 4)]
+    two_charts = Drawing(((Panel("", (Raster(halves, (6, 4)), *lines), bare=True, equal=True),),), 6.1)
+
+    # A picture through both, and how far they are apart
     taker = nikon_d5100()
     raw = still_life(300, 450).irradiance(taker, "daylight") * taker.multipliers("daylight")
     scene = np.clip(raw @ taker.matrix.T, 0.0, None)
     pictures = render(scene), beside(scene)
-    apart = delta_e_2000(*pictures)
+    distance = delta_e_2000(*pictures)
+    scale = (0.0, max(float(distance.max()), 1.0))
+    panels = [Panel("", (Raster(picture),), bare=True, equal=True) for picture in pictures]
+    panels.append(Panel("", (Raster(distance),), bare=True, equal=True, scale=scale, scale_name="ΔE00"))
+    two_pictures = Drawing((tuple(panels),), 3.2, 13.0)
     lead = (
         f"The chart's colours differ by ΔE00 {difference.mean():.1f} in the mean, most by {difference.max():.1f} "
-        f"({patches[int(difference.argmax())]}); the picture's by {apart.mean():.1f}.",
+        f"({patches[int(difference.argmax())]}); the picture's by {distance.mean():.1f}.",
     )
     caption = f"Left halves: {names[0]}; right halves: {names[1]}."
-    seen = f"Left: {names[0]}; middle: {names[1]}; right: ΔE00, {apart.max():.0f} at the most."
+    seen = f"Left: {names[0]}; middle: {names[1]}; right: ΔE00, {distance.max():.0f} at the most."
     header = ("patch", names[0], names[1], "ΔE00", "ΔL*", "ΔC*")
     table = Table("JPEG codes, and the differences of the second from the first", header, rows)
     return Report(
@@ -471,49 +452,7 @@ def build_comparison(first: CameraProfile, one: str, second: CameraProfile, othe
         f"the same light through both; the second at {ev:+.2f} EV, so that 18 % grey is equally light",
         lead,
         (
-            Section("A chart", (Picture("chart", _chart_figure(a, b), caption), table)),
-            Section("A picture", (Picture("picture", _picture_figure(*pictures, apart), seen),)),
+            Section("A chart", (Picture("chart", two_charts, caption), table)),
+            Section("A picture", (Picture("picture", two_pictures, seen),)),
         ),
     )
-
-
-def _level_exposure(render: Transform, camera: CameraProfile, setting: str) -> float:
-    """The exposure in stops at which a camera shows 18 % grey as light as a rendering does; 0 where there is none."""
-    grey = np.full((1, 3), 0.18)
-    wanted = srgb_to_lab(render(grey))[0, 0]
-
-    def apart(ev: float) -> float:
-        return float(srgb_to_lab(through_camera(camera, setting, "linear-srgb", ev)(grey))[0, 0] - wanted)
-
-    return float(brentq(apart, -4.0, 4.0, xtol=1e-3)) if apart(-4.0) < 0 < apart(4.0) else 0.0
-
-
-def _chart() -> tuple[list[str], Array]:
-    """Names and linear sRGB (24, 3) of the ColorChecker Classic's patches, 2005 measurements, by colour-science."""
-    import colour  # imported here: it takes a second
-
-    chart = colour.CCS_COLOURCHECKERS["ColorChecker 2005"]
-    xyz = colour.xyY_to_XYZ(np.array(list(chart.data.values())))
-    linear = np.asarray(colour.XYZ_to_RGB(xyz, "sRGB", chart.illuminant, apply_cctf_encoding=False), dtype=np.float64)
-    return [name.partition(" (")[0] for name in chart.data], linear.clip(0.0, None)
-
-
-def _codes(encoded: Array) -> str:
-    return " ".join(f"{255 * value:.0f}" for value in np.clip(encoded, 0, 1))
-
-
-def _chart_figure(a: Array, b: Array) -> Drawing:
-    """Draw a patch of the chart as two halves, within dark lines."""
-    halves = np.stack([a.reshape(4, 6, 3), b.reshape(4, 6, 3)], axis=2).reshape(4, 12, 3)
-    dark = "#191919"
-    lines = [Line(np.full(2, x), np.array([0.0, 4.0]), dark, width=6.0) for x in range(1, 6)]
-    lines += [Line(np.array([0.0, 6.0]), np.full(2, y), dark, width=6.0) for y in range(1, 4)]
-    return Drawing(((Panel("", (Raster(halves, (6, 4)), *lines), bare=True, equal=True),),), 6.1)
-
-
-def _picture_figure(a: Array, b: Array, apart: Array) -> Drawing:
-    """Draw a picture through both, and how far they are apart."""
-    scale = (0.0, max(float(apart.max()), 1.0))
-    panels = [Panel("", (Raster(picture),), bare=True, equal=True) for picture in (a, b)]
-    panels.append(Panel("", (Raster(apart),), bare=True, equal=True, scale=scale, scale_name="ΔE00"))
-    return Drawing((tuple(panels),), 3.2, 13.0)

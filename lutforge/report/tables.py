@@ -5,7 +5,7 @@ from __future__ import annotations  # the records are named only: what prints a 
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lutforge.calibration.physical.bracket import BracketFit
@@ -24,7 +24,6 @@ class Table:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     own: frozenset[int] = frozenset()
-    kind: Literal["table"] = "table"
 
     @property
     def numeric(self) -> tuple[bool, ...]:
@@ -43,7 +42,8 @@ def held_out_table(profile: CameraProfile) -> Table:
         for direction in ("render", "linearize"):
             figures = [style.errors.get(f"{direction}_{kind}") for kind in ("mean", "max", "de00_mean")]
             if figures[0] is not None:
-                rows.append((name, direction, *(_fixed(value, d) for value, d in zip(figures, (4, 4, 2), strict=True))))
+                digits = zip(figures, (4, 4, 2), strict=True)
+                rows.append((name, direction, *("–" if value is None else f"{value:.{d}f}" for value, d in digits)))
     return Table("Error on held-out shots", ("style", "direction", "mean", "max", "mean ΔE00"), rows)
 
 
@@ -132,10 +132,6 @@ def _by_method(
     """Tabulate records; those of the method `own` are set bold."""
     bold = frozenset(index for index, row in enumerate(rows) if row.method == own)
     return Table(caption, header, [cells(row) for row in rows], bold)
-
-
-def _fixed(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
 
 
 def _four(*values: float) -> tuple[str, ...]:

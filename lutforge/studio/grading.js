@@ -1,5 +1,5 @@
 // A picture, graded in the page: WebGL2 where there is any, else pictures that Python has graded. No framework, no network.
-// The parameters of the model are those of the class LookView (look_view.py).
+// The parameters of the model are those of the class LookView (look_page.py).
 
 // --- A LUT as a fragment shader: one line of GLSL an operation ---------------------------------------------------------
 
@@ -20,12 +20,8 @@ out vec4 shown;
 vec3 curve(highp sampler2D table, int count, float low, float high, vec3 x) {
   vec3 place = clamp((x - low) / (high - low), 0.0, 1.0) * float(count - 1);
   ivec3 i = min(ivec3(place), count - 2), j = i + 1;
-  vec3 a = vec3(texelFetch(table, ivec2(i.r & 1023, i.r >> 10), 0).r,
-                texelFetch(table, ivec2(i.g & 1023, i.g >> 10), 0).g,
-                texelFetch(table, ivec2(i.b & 1023, i.b >> 10), 0).b);
-  vec3 b = vec3(texelFetch(table, ivec2(j.r & 1023, j.r >> 10), 0).r,
-                texelFetch(table, ivec2(j.g & 1023, j.g >> 10), 0).g,
-                texelFetch(table, ivec2(j.b & 1023, j.b >> 10), 0).b);
+  #define ENTRY(n, c) texelFetch(table, ivec2(n.c & 1023, n.c >> 10), 0).c
+  vec3 a = vec3(ENTRY(i, r), ENTRY(i, g), ENTRY(i, b)), b = vec3(ENTRY(j, r), ENTRY(j, g), ENTRY(j, b));
   return a + (place - vec3(i)) * (b - a);
 }
 // The texture's axes are blue, green, red.

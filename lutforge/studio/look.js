@@ -3,9 +3,8 @@
 const SCOPE = 256;
 
 function plotted(canvas, counts, height, tint) {
-  const width = canvas.width = counts.length / height / 3;
-  canvas.height = height;
-  const image = new ImageData(width, height);
+  const image = new ImageData(counts.length / height / 3, height), { width } = image;
+  Object.assign(canvas, { width, height });
   let most = 1;
   for (const count of counts) most = Math.max(most, count);
   for (let n = 0; n < width * height; n++) {
@@ -61,8 +60,8 @@ function vectorscope(canvas, pixels) {
 // --- The page's part ---------------------------------------------------------------------------------------------------
 
 function make(tag, properties = {}, ...children) {
-  const { data, style, ...others } = properties, element = document.createElement(tag);
-  for (const [name, value] of Object.entries(others)) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
     if (name in element && !name.startsWith("aria")) element[name] = value; else element.setAttribute(name, value);
   }
   element.append(...children);
@@ -98,26 +97,27 @@ export function render({ model, el }) {
   const root = make("div", { className: "look" }, bar, make("div", { className: "middle" }, stage, scopes), strip,
     make("div", { className: "foot" }, values, news), make("p", { id: "keys", className: "hidden" }, KEYS));
 
-  const buttons = {};
-  const button = (name, words, title, action) => {
-    const made = make("button", { type: "button", title }, words);
+  // Buttons, each with its key
+  const buttons = {}, actions = {};
+  const button = (name, words, title, key, action) => {
+    const made = make("button", { type: "button", title: key ? `${title} (${key})` : title }, words);
     made.addEventListener("click", action);
+    if (key) actions[key.toLowerCase()] = () => made.click();  // which does nothing where it is disabled
     buttons[name] = made;
     return made;
   };
+  const toggle = (name, words, title, key) => button(name, words, title, key, () => { model[name] = !model[name]; });
   const group = (...made) => bar.append(make("div", { className: "group" }, ...made));
   const MODES = { graded: "Graded", original: "Original", wipe: "Wipe", side: "Side by side" };
   group(...Object.entries(MODES).map(([mode, words]) =>
-    button(mode, words, `${words} (${words[0]})`, () => { model.mode = mode; })));
-  group(button("keep", "Keep as B", "Keep this setting as B, to compare others with (B)", () => { model.kept += 1; }),
-    button("beside", "Beside B", "On the left B, not the original", () => { model.beside_b = !model.beside_b; }));
-  group(button("clipping", "Clipping", "Stripes over clipped colours: orange white, violet black (C)",
-    () => { model.clipping = !model.clipping; }),
-  button("unsure", "Unsure", "Green stripes over colours that no calibration shot has shown (U)",
-    () => { model.unsure = !model.unsure; }),
-  button("scopes", "Scopes", "Waveform and vectorscope (H)", () => { model.scopes = !model.scopes; }));
-  group(button("fit", "Fit", "The whole picture (0)", () => fit()),
-    button("one", "100 %", "A pixel of the picture on a pixel of the screen (1)", () => zoomTo(1)));
+    button(mode, words, words, words[0], () => { model.mode = mode; })));
+  group(button("keep", "Keep as B", "Keep this setting as B, to compare others with", "B", () => { model.kept += 1; }),
+    toggle("beside_b", "Beside B", "On the left B, not the original"));
+  group(toggle("clipping", "Clipping", "Stripes over clipped colours: orange white, violet black", "C"),
+    toggle("unsure", "Unsure", "Green stripes over colours that no calibration shot has shown", "U"),
+    toggle("scopes", "Scopes", "Waveform and vectorscope", "H"));
+  group(button("fit", "Fit", "The whole picture", "0", () => fit()),
+    button("one", "100 %", "A pixel of the picture on a pixel of the screen", "1", () => zoomTo(1)));
   const zoomed = make("span", { className: "zoomed" });
   bar.append(zoomed, make("span", { className: "help", title: KEYS, tabIndex: 0, role: "note", "aria-label": KEYS }, "?"));
 
@@ -314,7 +314,7 @@ export function render({ model, el }) {
     } else if (!pinned && !pending) tell();
   });
   stage.addEventListener("pointerup", event => {
-    if (drag && drag.far < 3 && event.button === 0) { pinned = pinned ? null : placeOf(event); draw(false); tell(); }
+    if (drag && drag.far < 3 && event.button === 0) pin(pinned ? null : placeOf(event));
     drag = null;
   });
   stage.addEventListener("pointercancel", () => { drag = null; });
@@ -331,38 +331,33 @@ export function render({ model, el }) {
 
   const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
   const turn = step => { if (model.pictures.length) model.chosen = Math.min(model.pictures.length - 1, Math.max(0, model.chosen + step)); };
-  const ACTIONS = {
+  const pin = place => { pinned = place; draw(false); tell(); };
+  Object.assign(actions, {
     "+": () => zoomTo(view.zoom * 1.25), "=": () => zoomTo(view.zoom * 1.25), "-": () => zoomTo(view.zoom / 1.25),
-    0: fit, 1: () => zoomTo(1), "[": () => wipe(model.wipe - 0.02), "]": () => wipe(model.wipe + 0.02),
-    g: () => buttons.graded.click(), o: () => buttons.original.click(), w: () => buttons.wipe.click(),
-    s: () => buttons.side.click(), b: () => buttons.keep.click(), c: () => buttons.clipping.click(),
-    u: () => buttons.unsure.click(), h: () => buttons.scopes.click(), PageUp: () => turn(-1), PageDown: () => turn(1),
-    p: () => { pinned = view.centre.map(Math.floor); draw(false); tell(); },
-    Escape: () => { pinned = null; draw(false); tell(); },
-  };
+    "[": () => wipe(model.wipe - 0.02), "]": () => wipe(model.wipe + 0.02),
+    pageup: () => turn(-1), pagedown: () => turn(1),
+    p: () => pin(view.centre.map(Math.floor)), escape: () => pin(null),
+  });
   stage.addEventListener("keydown", event => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const step = STEPS[event.key], far = event.shiftKey ? 10 : 1;
-    const act = step || ACTIONS[event.key] || ACTIONS[event.key.toLowerCase()];
+    const act = step || actions[event.key.toLowerCase()];
     if (!act) return;
     event.preventDefault();
     if (!step) act();
     else if (event.target === line) wipe(model.wipe + 0.01 * far * (step[0] - step[1]));
     else if (pinned) {
       const next = [pinned[0] + far * step[0], pinned[1] + far * step[1]];
-      if (inside(next)) { pinned = next; draw(false); tell(); }
+      if (inside(next)) pin(next);
     } else pan(60 * ratio() * step[0], 60 * ratio() * step[1]);
   });
 
   // The film strip
-  const addresses = [];
   function film() {
-    addresses.splice(0).forEach(address => URL.revokeObjectURL(address));
     strip.hidden = model.pictures.length < 2;
     strip.replaceChildren(...model.pictures.map(({ name, thumbnail }, index) => {
-      const address = URL.createObjectURL(new Blob([thumbnail]));
-      addresses.push(address);
-      const made = make("button", { type: "button", title: name }, make("img", { src: address, alt: "" }), make("span", {}, name));
+      const src = URL.createObjectURL(new Blob([thumbnail])), onload = () => URL.revokeObjectURL(src);
+      const made = make("button", { type: "button", title: name }, make("img", { onload, src, alt: "" }), make("span", {}, name));
       made.addEventListener("click", () => { model.chosen = index; });
       return made;
     }));
@@ -431,13 +426,12 @@ export function render({ model, el }) {
     paint();  // not a frame later
   }
   const pressed = () => { stand(); draw(); };
-  const named = () => { if (loaded) furnish(regions(whole()[0])); };
   function stand() {
     for (const mode of Object.keys(MODES)) buttons[mode].setAttribute("aria-pressed", model.mode === mode);
-    for (const [name, on] of [["beside", model.beside_b], ["clipping", model.clipping], ["unsure", model.unsure], ["scopes", model.scopes]]) {
-      buttons[name].setAttribute("aria-pressed", on);
+    for (const name of ["beside_b", "clipping", "unsure", "scopes"]) {
+      buttons[name].setAttribute("aria-pressed", model[name]);
     }
-    buttons.beside.disabled = !model.b.length;
+    buttons.beside_b.disabled = !model.b.length;
     buttons.unsure.disabled = !model.coverage.length;
     root.dataset.theme = model.theme;
     scopes.hidden = !model.scopes;
@@ -451,7 +445,7 @@ export function render({ model, el }) {
   model.on("raw", tell);
   model.on("wipe", () => draw());
   model.on(["mode", "beside_b", "clipping", "unsure", "scopes", "theme"], pressed);
-  model.on(["a_name", "b_name", "title"], named);
+  model.on(["a_name", "b_name", "title"], () => { if (loaded) furnish(regions(whole()[0])); });
   const sizes = new ResizeObserver(([entry]) => {
     const exact = entry.devicePixelContentBoxSize?.[0];  // not in Safari
     if (exact) whole = () => [exact.inlineSize, exact.blockSize];

@@ -70,7 +70,8 @@ class ModelPage:
             "Response and gamut map": self.physical.values(),
             "Exposure pairs": (all_or_none, self.pairs),
         }
-        folded = ui.sections({title: pn.Column(*widgets, **ui.TOGETHER) for title, widgets in folds.items()})
+        columns = [(title, pn.Column(*widgets, **ui.TOGETHER)) for title, widgets in folds.items()]
+        folded = pmui.Accordion(*columns, disable_gutters=True, **{**ui.WIDE, "margin": (4, 4)})
         self.controls = [self.kind, compute, self.own_stages, self.takes, self.used, folded]
         views = (FitView, GamutView, LatticeView, ComparisonView, ErrorMapView)
         self.views: dict[str, View] = {view.title: view(session) for view in views}
@@ -261,17 +262,15 @@ class GamutView(View):
         solid = self.drawn.value != "arrows" and bool(maps)
         self.style.visible = solid
         self.layout[1] = self.space.layout if solid else self.figures.layout
-        if solid:
-            ui.offer(self.style, maps)
-            self._draw_surface(self.style.value, maps[self.style.value], level)
-        else:
+        if not solid:
             drawing = Drawing((figures.gamut_figure(maps, [level]).panels,)) if maps else None
             self.figures.show(drawing, "No gamut map: compute the model “Gamut map”.")
+            return
 
-    def _draw_surface(self, name: str, gamut_map: GamutMap, level: float) -> None:
-        """Draw where h takes the slice, its outline, and the control points near it, in the cube of linear sRGB."""
-        order = [0, 2, 1]  # R to the right, B to the back, G up, so that the slice lies nearly flat
-        before = figures.slice_grid(level)
+        # Where h takes the slice, its outline, and the control points near it, in the cube of linear sRGB
+        ui.offer(self.style, maps)
+        name, order = self.style.value, [0, 2, 1]  # R to the right, B to the back, G up: the slice lies nearly flat
+        before, gamut_map = figures.slice_grid(level), maps[name]
         after = gamut_map(before)
         x, y, z = (after[..., channel].tolist() for channel in order)
         change = np.linalg.norm(after - before, axis=2)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import panel as pn
+import panel_material_ui as pmui
 from bokeh.events import SelectionGeometry, Tap
 from bokeh.models import ColumnDataSource, LassoSelectTool, Range1d
 from bokeh.palettes import Cividis256
@@ -60,15 +61,17 @@ class SamplesPage:
         self.picture_of = ui.select("Picture of the shot", ui.NOTHING)
         views = (self.first, self.second, self.channel, self.by, self.space_of, self.picture_of, self.inliers)
         session.watch(self.refresh, *views)
-        self.limits = {name: ui.limits(column.title, column.reach, column.step) for name, column in COLUMNS.items()}
         self.counts = ui.text()
         self.words = ui.entry("Select row, shot or patch")
         session.watch(self._find, self.words)
         self.group, self.groups = ui.entry("Outlier group", placeholder="name"), ui.ticks("Groups in effect")
         self.bound = [session.bind(self.groups, lambda now: now.active_groups, Workspace.with_active_groups)]
-        for name, slider in self.limits.items():
+        limits = []
+        for name, column in COLUMNS.items():
+            reach = {"start": column.reach[0], "end": column.reach[1], "step": column.step}
+            limits.append(pmui.RangeSlider(label=column.title, value=column.reach, **reach, size="small", **ui.WIDE))
             read, put = partial(Workspace.limits_of, name=name), partial(Workspace.with_limits, name=name)
-            self.bound.append(session.bind(slider, read, put))
+            self.bound.append(session.bind(limits[-1], read, put))
         small = {"sizing_mode": "stretch_width", "margin": 2}
         marks = {"Outliers": lambda: self._mark(1), "Keep": lambda: self._mark(-1), "Unmark": lambda: self._mark(0)}
         named = {"Save group": self._save_group, "Delete group": self._delete}
@@ -78,7 +81,7 @@ class SamplesPage:
         ]
         self.controls = [
             pn.Column(*views, **ui.TOGETHER),
-            pn.Column(*self.limits.values(), self.counts, **ui.TOGETHER),
+            pn.Column(*limits, self.counts, **ui.TOGETHER),
             pn.Column(self.words, rows[0], self.group, rows[1], self.groups, **ui.WIDE),
         ]
         self.left, self.right = BrushedPlot(session), BrushedPlot(session)
@@ -148,23 +151,21 @@ class SamplesPage:
         """The selection, in all plots, in the picture of its shot, and in words."""
         for drawing in (self.left, self.right, self.chromaticity):
             drawing.mark()
-        if self.session.workspace is not None:
-            self._draw_picture(self.session.workspace)
-            self.selection.object = describe(self.session.workspace, np.flatnonzero(self.session.selected))
-
-    def _draw_picture(self, workspace: Workspace) -> None:
-        """Draw a shot, that of the first selected sample or the chosen one, with frames round its samples."""
-        samples, selected, chosen = workspace.samples, self.session.selected, self.picture_of.value
-        if selected.any() and not (selected & (samples.shot == chosen)).any():
-            chosen = str(samples.shot[np.flatnonzero(selected)[0]])
+        workspace, selected, chosen = self.session.workspace, self.session.selected, self.picture_of.value
+        if workspace is None:
+            return
+        self.selection.object = describe(workspace, np.flatnonzero(selected))
+        # The shot of the first selected sample, or the chosen one, with frames round its samples
+        shot = workspace.samples.shot
+        if selected.any() and not (selected & (shot == chosen)).any():
+            chosen = str(shot[np.flatnonzero(selected)[0]])
         account = {account.shot: account for account in self.session.opened.accounts}.get(chosen)
-        rows = samples.shot == chosen
+        rows, out = shot == chosen, workspace.outliers
         if account is None or account.cells is None or len(account.places) != rows.sum():
             self.picture.show(None, "Open the folder of the shots to see where samples are.")
             return
         picture = account.cells.picture / 255
         places = (account.places * [1, -1] + [0, 1]) * picture.shape[1::-1]
-        out = workspace.outliers
         kinds = ((~out & ~selected, "#ffffff", 5.0), (out, "#ff8c00", 7.0), (selected, "#00e5ff", 11.0))
         frames = [Dots(places[which[rows]], colour, marker="square", size=size) for which, colour, size in kinds]
         title = f"{chosen}: outliers orange, selected blue"

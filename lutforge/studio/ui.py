@@ -84,11 +84,6 @@ def slider(label: str, value: float, start: float, end: float, step: float = 0.0
     return made
 
 
-def limits(label: str, reach: tuple[float, float], step: float) -> pmui.RangeSlider:
-    """A slider with two ends."""
-    return pmui.RangeSlider(label=label, value=reach, start=reach[0], end=reach[1], step=step, size="small", **WIDE)
-
-
 def select(label: str, options: Any, **more: Any) -> pmui.Select:
     """A list to choose from."""
     return pmui.Select(label=label, options=options, size="small", **{**WIDE, "margin": (8, 8), **more})
@@ -120,11 +115,6 @@ def offer(choice: pmui.Select, names: Iterable[str]) -> None:
 def ticks(label: str) -> pmui.CheckBoxGroup:
     """A list of which any can be ticked."""
     return pmui.CheckBoxGroup(label=label, options=[], **WIDE)
-
-
-def sections(parts: dict[str, Any]) -> pmui.Accordion:
-    """Controls by the titles of folds, closed at first."""
-    return pmui.Accordion(*parts.items(), disable_gutters=True, **{**WIDE, "margin": (4, 4)})
 
 
 # --- Figures ----------------------------------------------------------------------------------------------------------

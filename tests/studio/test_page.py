@@ -333,17 +333,6 @@ def test_filters_marks_and_stages_reach_what_is_exported(visit: Visit, folder: P
 
 
 @pytest.mark.slow
-def test_dropped_files_are_sampled(visit: Visit, folder: Path) -> None:
-    if not (folder / "shots").is_dir():
-        demo_shots(folder / "shots", lambda name: None)
-    files = sorted((folder / "shots").glob("LF0001*"))
-    visit.page.locator("input[type=file]").set_input_files(files)
-    visit.reads("samples of 1 shots")
-    expect(visit.page.locator(".pictures")).to_have_count(1, timeout=MOST_MS)  # drawn a moment after the words
-    assert visit.page.locator(".pictures").count() == 1
-
-
-@pytest.mark.slow
 def test_a_dropped_bracket_gives_a_linearization(visit: Visit, folder: Path, tmp_path: Path) -> None:
     files = photograph_chart(
         nikon_d5100(), chart_kind("classic"), chart_reflectances(), tmp_path, (-3.0, -2.0, -1.0, 0.0, 1.0)
@@ -451,55 +440,40 @@ def axe() -> str:
     return script.read_text(encoding="utf-8")
 
 
-def everywhere_in_the_window(visit: Visit, name: str, figures: str) -> None:
-    """In each size and theme, figures lie in the window, and axe-core finds no serious fault."""
-    for theme in ("dark", "light"):
-        for width, height in SIZES:
-            visit.page.set_viewport_size({"width": width, "height": height})
-            visit.page.wait_for_timeout(500)
-            for place in visit.page.locator(f"{figures}:visible").all():
-                box = place.bounding_box()
-                assert box is not None and box["width"] >= 150 and box["height"] >= 130, box
-                assert box["x"] + box["width"] <= width + 1 and box["y"] + box["height"] <= height + 1, box
-            visit.picture(f"{name}_{width}_{theme}")
-        assert serious_faults(visit.page) == []
-        visit.press("Toggle theme")
-    visit.page.set_viewport_size({"width": 1280, "height": 720})
-
-
-def serious_faults(page: Page) -> list[tuple[str, list[str]]]:
-    """What axe-core, which the page holds, finds."""
-    return [
-        (fault["id"], [node["html"][:160] for node in fault["nodes"]][:4])
-        for fault in page.evaluate("axe.run()")["violations"]
-        if fault["impact"] in ("serious", "critical")
-    ]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("theme", ["dark", "light"])
-def test_every_step_fills_the_window_and_axe_finds_no_serious_fault(visit: Visit, axe: str, theme: str) -> None:
+def everywhere_in_the_window(visit: Visit, name: str, figures: str = ".bk-Figure") -> None:
+    """In each size and theme, nothing leaves the window, and axe-core finds no serious fault."""
     page = visit.page
-    if theme == "light":
-        visit.press("Toggle theme")
-    visit.open("samples.csv", "samples.csv: ")
-    page.evaluate(axe)
-    for step in STEPS:
-        visit.step(step)
+    for theme in ("dark", "light"):
         for width, height in SIZES:
             page.set_viewport_size({"width": width, "height": height})
             page.wait_for_timeout(500)
             inside = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.scrollHeight]")
-            assert inside[0] <= width and inside[1] <= height, (step, inside)
-            controls, main = (page.locator(name).bounding_box() for name in (".sidebar", "main"))
+            assert inside[0] <= width and inside[1] <= height, (name, inside)
+            controls, main = (page.locator(part).bounding_box() for part in (".sidebar", "main"))
             assert controls is not None and main is not None
-            assert controls["x"] + controls["width"] <= main["x"] + 1, (step, controls, main)
-            for place in page.locator(".bk-Figure").all():
+            assert controls["x"] + controls["width"] <= main["x"] + 1, (name, controls, main)
+            for place in page.locator(f"{figures}:visible").all():
                 box = place.bounding_box()
-                assert box is not None and box["width"] >= 150 and box["height"] >= 130, (step, box)
-                assert box["x"] + box["width"] <= width + 1 and box["y"] + box["height"] <= height + 1, (step, box)
-            visit.picture(f"{step.lower()}_{width}_{theme}")
-        assert serious_faults(page) == [], (step, theme)
+                assert box is not None and box["width"] >= 150 and box["height"] >= 130, (name, box)
+                assert box["x"] + box["width"] <= width + 1 and box["y"] + box["height"] <= height + 1, (name, box)
+            visit.picture(f"{name}_{width}_{theme}")
+        faults = [
+            (fault["id"], [node["html"][:160] for node in fault["nodes"]][:4])
+            for fault in page.evaluate("axe.run()")["violations"]
+            if fault["impact"] in ("serious", "critical")
+        ]
+        assert faults == [], (name, theme)
+        visit.press("Toggle theme")
+    page.set_viewport_size({"width": 1280, "height": 720})
+
+
+@pytest.mark.slow
+def test_every_step_fills_the_window_and_axe_finds_no_serious_fault(visit: Visit, axe: str) -> None:
+    visit.open("samples.csv", "samples.csv: ")
+    visit.page.evaluate(axe)
+    for step in STEPS:
+        visit.step(step)
+        everywhere_in_the_window(visit, step.lower())
 
 
 @pytest.mark.slow
@@ -528,7 +502,7 @@ def test_gamut_map_in_3d_and_error_maps_on_a_shot(visit: Visit, folder: Path, ax
     visit.press("Draw its errors")
     visit.reads("LF0015-vivid-cloudy-still-life, vivid/cloudy: no model has seen it")
     assert page.locator(".bk-Figure:visible").count() > 0
-    everywhere_in_the_window(visit, "error_maps", ".bk-Figure")
+    everywhere_in_the_window(visit, "error_maps")
 
 
 @pytest.mark.slow
