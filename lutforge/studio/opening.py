@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from io import BytesIO
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -74,24 +75,22 @@ class Folders:
             path = (self.roots[0] / text.strip()).resolve()
         except (OSError, RuntimeError) as error:
             raise FolderError(f"{shown}: cannot be followed ({type(error).__name__}); name another path") from error
-        if not any(path.is_relative_to(root) for root in self.roots):
+        if not self.holds(path):
             folders = ", ".join(map(str, self.roots))
             raise FolderError(f"{shown}: outside the folders of this studio ({folders}); start it with --folder")
         return path
 
+    def holds(self, path: Path) -> bool:
+        """Whether a resolved path lies in one of the folders."""
+        return any(path.is_relative_to(root) for root in self.roots)
+
     def files(self, suffixes: Iterable[str]) -> list[str]:
         """Files with these suffixes in the folders and the folders in them, as a visitor may name them."""
         wanted = {suffix.lower() for suffix in suffixes}
-        found = []
-        for root in self.roots:
-            for pattern in ("*", "*/*"):
-                for path in sorted(root.glob(pattern)):
-                    if path.suffix.lower() in wanted and not path.name.startswith(".") and path.is_file():
-                        if any(path.resolve().is_relative_to(folder) for folder in self.roots):
-                            found.append(self.name(path))
-                        if len(found) >= 500:  # more would make a list that nobody reads
-                            return found
-        return list(dict.fromkeys(found))
+        paths = (path for root in self.roots for pattern in ("*", "*/*") for path in sorted(root.glob(pattern)))
+        shown = (path for path in paths if path.suffix.lower() in wanted and not path.name.startswith("."))
+        names = (self.name(path) for path in shown if path.is_file() and self.holds(path.resolve()))
+        return list(dict.fromkeys(islice(names, 500)))  # more would make a list that nobody reads
 
     def with_shots(self) -> list[str]:
         """The folders that hold RAW files, or at least two JPEGs of which none has any, as a visitor may name them."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import panel as pn
 import panel_material_ui as pmui
+from bokeh.document import Document
 
 from lutforge.arrays import Mask
 from lutforge.errors import LutForgeError
@@ -248,9 +249,14 @@ class Session:
 
         @wraps(callback)
         def guarded(*arguments: Any) -> None:
+            document = pn.state.curdoc or Document()
+
             def run() -> None:
-                with pn.io.hold():
+                document.hold("combine")
+                try:
                     self.attempt(callback, *arguments)
+                finally:
+                    document.unhold()
 
             # Panel may call without the document's lock, under which alone Bokeh's models can be changed.
             pn.state.execute(run, schedule=True)
