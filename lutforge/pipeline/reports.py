@@ -14,8 +14,15 @@ from lutforge.pipeline.sampling import SampledShots, gather_samples
 from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.report.drawing import Drawing
 from lutforge.report.error_maps import ErrorMaps, maps_of_shot, own_method
-from lutforge.report.page import Report, write_figures, write_page
-from lutforge.report.report import build_comparison, build_report, error_pictures, error_tables
+from lutforge.report.report import (
+    Report,
+    build_comparison,
+    build_report,
+    error_pictures,
+    error_tables,
+    write_figures,
+    write_page,
+)
 from lutforge.report.tables import Table
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 

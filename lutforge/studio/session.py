@@ -426,7 +426,9 @@ class Session:
 
     def close(self) -> None:
         """The visitor has gone."""
-        self._end(self._works)
+        for work in self._works:
+            if work.job is not None:
+                work.job.cancel()
 
 
 def usual_setting(profile: CameraProfile) -> str:

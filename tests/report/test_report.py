@@ -16,8 +16,7 @@ from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.evaluation import evaluate
-from lutforge.report.page import Picture, Report, write_figures, write_page
-from lutforge.report.report import build_report, exposure_blocks
+from lutforge.report.report import Picture, Report, build_report, exposure_blocks, write_figures, write_page
 from lutforge.report.tables import Table
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples
