@@ -177,11 +177,11 @@ def bake_files(
     profiles = _camera_profiles(paths, camera, transform.purpose, program)
     if colours and not (paths and all(path.suffix.lower() in CAMERA_PROFILES[:2] for path in paths)):
         raise SettingsError("--colours goes with an ICC profile: -o look.icc")
-    if isinstance(profile, str | Path):
-        _require_fed(program, transform.purpose, str(profile))
     luts = [path for path in paths if path not in profiles]
     if profiles and not luts:
         return tuple(_bake_camera_profile(camera, wanted, path, colours) for path in profiles), (BALANCED,)
+    if isinstance(profile, str | Path):
+        _require_fed(program, transform.purpose, str(profile))
     baked = bake(
         transform, luts, program=program, size=size, tolerance=tolerance, interpolation=interpolation, stages=stages,
         progress=progress,
