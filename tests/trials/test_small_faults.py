@@ -33,6 +33,7 @@ def profile(tmp_path: Path) -> Path:
 
 def picture(path: Path) -> Path:
     """A JPEG of noise that does not tell its camera."""
+    path.parent.mkdir(exist_ok=True)
     PIL.Image.fromarray(np.random.default_rng(0).integers(0, 256, (64, 96, 3), dtype=np.uint8)).save(path)
     return path
 
@@ -45,29 +46,86 @@ def failed(run: "subprocess.CompletedProcess[str]", status: int = 2) -> str:
     return lines[0]
 
 
-def test_commands_for_one_bad_picture(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
-    bad, out = picture(tmp_path / "bad.jpg"), tmp_path / "out"
-    bad.write_bytes(bad.read_bytes()[:400])
-    failed(lutforge("apply", profile, bad, "--from", "standard/daylight", "--to", "vivid/daylight", "-o", out,
-                    "--print-commands"))  # fmt: skip
-    assert not out.exists()
+@pytest.fixture
+def folder(profile: Path, tmp_path: Path) -> Path:
+    """A profile, and files and folders that something is wrong with."""
+    whole = picture(tmp_path / "a.jpg").read_bytes()
+    picture(tmp_path / "in" / "a.jpg")
+    (tmp_path / "bad.jpg").write_bytes(whole[:400])
+    (tmp_path / "link.jpg").symlink_to("knil.jpg")
+    (tmp_path / "knil.jpg").symlink_to("link.jpg")
+    for empty in ("IMG_1.CR2", "empty.csv"):
+        (tmp_path / empty).touch()
+    curve = Curve(np.linspace(0, 1, 64)[:, None].repeat(3, 1) ** 0.5)
+    shaped = Lut((curve, Cube(grid(uniform_levels(5)))), "a title").write(tmp_path / "x.resolve.cube")
+    shaped.write_text(shaped.read_text().replace("LUT_3D_SIZE 5", "LUT_3D_SIZE 6"))
+    (tmp_path / "look.cube").write_text("LUT_3D_SIZE 2\n" + "0.5 0.5 0.5\n" * 8)
+    (tmp_path / "mac.cube").write_bytes(b"LUT_3D_SIZE 2\r" + b"0.5 0.5 0.5\r" * 8)
+    (tmp_path / "look.dcp").write_bytes(b"IIRC\x08\0\0\0" + bytes(100))
+    (tmp_path / "cut.webp").write_bytes(b"RIFF\x00\x01\x00\x00WEBPVP8 " + bytes(40))
+    for name in ("Vis/fluorescent", "Nikon D40/fluorescent", "Nikon D40/sunny"):
+        (tmp_path / name).mkdir(parents=True)
+        write_small(tmp_path / name)
+    return tmp_path
 
 
-def test_a_failed_batch_leaves_no_folder(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
-    out = tmp_path / "new" / "out"
-    failed(lutforge("apply", profile, picture(tmp_path / "a.jpg"), "-o", out))
-    assert not out.parent.exists()
+TO_TUNGSTEN = ("--from", "standard/daylight", "--to", "standard/tungsten", "-o", "out")
+GRADED = ("apply", "camera.npz", "a.jpg", *TO_TUNGSTEN)
+REFUSALS: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
+    "commands for a bad picture": (("apply", "camera.npz", "bad.jpg", *TO_TUNGSTEN, "--print-commands"), ("bad.jpg",)),
+    "nothing to tell the settings": (("apply", "camera.npz", "a.jpg", "-o", "new/out"), ("name the settings",)),
+    "a dot": ((*GRADED, "--suffix", "."), ("is no suffix of an image",)),
+    "a path": ((*GRADED, "--suffix", "../../a.png"), ("is no suffix of an image",)),
+    "a folder": ((*GRADED, "--suffix", ".p/ng"), ("is no suffix of an image",)),
+    "256 colours": ((*GRADED, "--suffix", ".gif"), ('cannot write ".gif" images',)),
+    "an empty word": (("apply", "camera.npz", "", *TO_TUNGSTEN), ("empty word",)),
+    "an empty RAW file": (("apply", "camera.npz", "IMG_1.CR2", "-o", "out"), ("the file is empty",)),
+    "a damaged shaper": (("apply", "x.resolve.cube", "a.jpg", "-o", "out"), ("189 of 280 colours",)),
+    "an empty table": (("studio", "empty.csv", "--no-browser"), ("the file is empty",)),
+    "exposure of a render": (
+        ("bake", "camera.npz", "render", "--to", "standard/daylight", "--ev", 1, "-o", "a.clf"), ("--space",)
+    ),
+    "no name of a camera": (("import-nus", "Vis/fluorescent", "-o", "b.npz"), ('--camera "Nikon D40"', "Vis")),
+    "a folder of models": (
+        ("import-nus", "Nikon D40", "-o", "b.npz"),
+        (str(Path("Nikon D40/fluorescent")), str(Path("Nikon D40/sunny"))),
+    ),
+    "a folder into itself": (
+        ("apply", "camera.npz", "in", "--from", "standard/daylight", "-o", "in"), ("choose another output folder",)
+    ),
+    "a link to itself": (("apply", "camera.npz", "link.jpg", *TO_TUNGSTEN), ("link.jpg",)),
+    "a picture first": (
+        ("apply", "a.jpg", "camera.npz", "-o", "out"), ("a picture; name the LUT, profile or config first",)
+    ),
+    "a profile for samples": (("calibrate", "camera.npz", "-o", "b.npz"), ("a camera profile; name sample tables",)),
+    "an unknown white balance": (
+        ("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "standard/candle", "-o", "out.cube"),
+        ("multipliers of red, green and blue, such as 2.1,1,1.4",),
+    ),
+    "a config as a file": (("config", "camera.npz", "-o", "ocio/config.ocio"), ("a config is a folder",)),
+    "line ends of old": (("apply", "mac.cube", "a.jpg", "-o", "out"), ("save it with line feeds",)),
+    "a damaged profile": (
+        ("apply", "look.dcp", "a.jpg", "-o", "out"), ("`lutforge check` shows which programs do",)
+    ),
+    "a damaged picture": (
+        ("apply", "look.cube", "cut.webp", "-o", "out"), ("cannot be read as an image", "convert it to TIFF")
+    ),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("suffix", [".", "../../a.png", ".p/ng"])
-def test_a_suffix_that_is_none(lutforge: CommandLine, profile: Path, tmp_path: Path, suffix: str) -> None:
-    words = ("--from", "standard/daylight", "--to", "standard/tungsten", "-o", tmp_path / "out", "--suffix", suffix)
-    assert "is no suffix of an image" in failed(lutforge("apply", profile, picture(tmp_path / "a.jpg"), *words))
+@pytest.mark.parametrize("case", REFUSALS)
+def test_what_is_wrong_is_one_line_and_leaves_nothing(lutforge: CommandLine, folder: Path, case: str) -> None:
+    words, says = REFUSALS[case]
+    before = sorted(folder.rglob("*"))
+    line = failed(lutforge(*words, cwd=folder))
+    assert all(part in line for part in says), line
+    assert sorted(folder.rglob("*")) == before
 
 
-def test_a_format_of_256_colours_is_refused(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
-    words = ("--from", "standard/daylight", "--to", "standard/tungsten", "-o", tmp_path / "out", "--suffix", ".gif")
-    assert 'cannot write ".gif" images' in failed(lutforge("apply", profile, picture(tmp_path / "a.jpg"), *words))
+@pytest.mark.skipif(not Path("/sys/kernel").is_dir(), reason="no folder in which nobody can make a file")
+@pytest.mark.parametrize("words", [("demo", "-o", "/sys/kernel/out"), ("sample", ".", "-o", "/sys/kernel/a.csv")])
+def test_outputs_are_tried_before_the_work(lutforge: CommandLine, words: tuple[str, ...], tmp_path: Path) -> None:
+    assert "cannot be written to" in failed(lutforge(*words, cwd=tmp_path))
 
 
 def test_a_reason_that_pictures_share_is_printed_once(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
@@ -76,17 +134,6 @@ def test_a_reason_that_pictures_share_is_printed_once(lutforge: CommandLine, pro
     result = lutforge("apply", profile, first, second, "--to", "standard/tungsten", "-o", tmp_path / "out")
     lines = [line for line in result.stderr.splitlines() if str(second) in line]
     assert result.returncode == 1 and lines == [f"lutforge: {second}: as {first}"]
-
-
-def test_an_empty_word_is_no_folder(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
-    picture(tmp_path / "here.jpg")
-    told = failed(lutforge("apply", profile, "", "--from", "standard/daylight", "-o", tmp_path / "out", cwd=tmp_path))
-    assert "empty word" in told
-
-
-def test_an_empty_raw_file_is_called_empty(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
-    (tmp_path / "IMG_1.CR2").write_bytes(b"")
-    assert "the file is empty" in failed(lutforge("apply", profile, tmp_path / "IMG_1.CR2", "-o", tmp_path / "out"))
 
 
 def test_a_picture_that_is_cut_short_is_not_usable(lutforge: CommandLine, tmp_path: Path) -> None:
@@ -98,30 +145,11 @@ def test_a_picture_that_is_cut_short_is_not_usable(lutforge: CommandLine, tmp_pa
     assert both.returncode == 2 and "96 × 64" in both.stdout and len(both.stderr.strip().splitlines()) == 2
 
 
-def test_a_damaged_shaper_cube_is_not_blamed_for_a_title(lutforge: CommandLine, tmp_path: Path) -> None:
-    curve = Curve(np.linspace(0, 1, 64)[:, None].repeat(3, 1) ** 0.5)
-    path = Lut((curve, Cube(grid(uniform_levels(5)))), "a title").write(tmp_path / "x.resolve.cube")
-    path.write_text(path.read_text().replace("LUT_3D_SIZE 5", "LUT_3D_SIZE 6"))
-    told = failed(lutforge("apply", path, picture(tmp_path / "a.jpg"), "-o", tmp_path / "out"))
-    assert "TITLE" not in told and "189 of 280 colours" in told
-
-
 def test_plots_print_nothing_where_there_is_no_home(tmp_path: Path) -> None:
     environment = {**os.environ, "HOME": "/proc/nowhere", "MPLCONFIGDIR": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/x"}
     code = "import lutforge.report.figures, matplotlib.pyplot"
     run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert run.stderr == ""
-
-
-def test_the_studio_does_not_start_on_an_empty_table(lutforge: CommandLine, tmp_path: Path) -> None:
-    (tmp_path / "empty.csv").write_bytes(b"")
-    assert "the file is empty" in failed(lutforge("studio", tmp_path / "empty.csv", "--no-browser"))
-
-
-def test_exposure_of_a_render_names_the_way_to_it(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
-    out = tmp_path / "a.clf"
-    told = failed(lutforge("bake", profile, "render", "--to", "standard/daylight", "--ev", 1, "-o", out))
-    assert "--space" in told and "refinish" not in told
 
 
 def test_a_picture_in_another_space_is_converted_for_what_is_for_srgb(
@@ -154,47 +182,11 @@ def test_a_picture_in_another_space_is_converted_for_what_is_for_srgb(
     assert np.abs(both[0] - both[1]).max() <= 3
 
 
-@pytest.mark.skipif(not Path("/sys/kernel").is_dir(), reason="no folder in which nobody can make a file")
-@pytest.mark.parametrize("words", [("demo", "-o", "/sys/kernel/out"), ("sample", ".", "-o", "/sys/kernel/a.csv")])
-def test_outputs_are_tried_before_the_work(lutforge: CommandLine, words: tuple[str, ...], tmp_path: Path) -> None:
-    assert "cannot be written to" in failed(lutforge(*words, cwd=tmp_path))
-
-
-def test_a_published_model_in_a_folder_that_names_no_camera(lutforge: CommandLine, tmp_path: Path) -> None:
-    folder = tmp_path / "Vis" / "fluorescent"
-    folder.mkdir(parents=True)
-    write_small(folder)
-    told = failed(lutforge("import-nus", folder, "-o", tmp_path / "camera.npz"))
-    assert '--camera "Nikon D40"' in told and "Vis" in told
-
-
-def test_a_folder_graded_into_itself(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
-    (tmp_path / "in").mkdir()
-    picture(tmp_path / "in" / "a.jpg")
-    told = failed(lutforge("apply", profile, "in", "--from", "standard/daylight", "-o", "in", cwd=tmp_path))
-    assert "choose another output folder" in told and "no image" not in told
-
-
-def test_a_link_that_leads_to_itself(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
-    (tmp_path / "a.jpg").symlink_to("b.jpg")
-    (tmp_path / "b.jpg").symlink_to("a.jpg")
-    assert "a.jpg" in failed(lutforge("apply", profile, tmp_path / "a.jpg", "--from", "standard/daylight", "-o", "out"))
-
-
 def test_closed_streams_are_no_fault(profile: Path) -> None:
     words = f'"{sys.executable}" -m lutforge inspect "{profile}"'
     quiet = subprocess.run(f"{words} >&-", shell=True, capture_output=True, text=True, check=False)
     assert (quiet.returncode, quiet.stderr) == (0, "")
     assert subprocess.run(f"{words} >&- 2>&-", shell=True, check=False).returncode == 0
-
-
-def test_files_in_the_wrong_place_are_called_what_they_are(
-    lutforge: CommandLine, profile: Path, tmp_path: Path
-) -> None:
-    photo = picture(tmp_path / "a.jpg")
-    said = failed(lutforge("apply", photo, profile, "--to", "vivid/daylight", "-o", tmp_path / "out"))
-    assert "a picture; name the LUT, profile or config first" in said
-    assert "a camera profile; name sample tables" in failed(lutforge("calibrate", profile, "-o", tmp_path / "b.npz"))
 
 
 def test_a_picture_of_scene_linear_light_is_told_where_encoded_ones_are_graded(
@@ -205,19 +197,6 @@ def test_a_picture_of_scene_linear_light_is_told_where_encoded_ones_are_graded(
     done = lutforge("apply", profile, tmp_path / "a.exr", picture(tmp_path / "a.jpg"), *words)
     assert done.returncode == 0
     assert done.stderr.count("holds scene-linear light, as a rule") == 1
-
-
-def test_a_white_balance_that_no_shot_has_can_be_named_by_its_multipliers(
-    lutforge: CommandLine, profile: Path, tmp_path: Path
-) -> None:
-    words = ("--from", "standard/daylight", "--to", "standard/candle", "-o", tmp_path / "out.cube")
-    told = failed(lutforge("bake", profile, "refinish", *words))
-    assert "multipliers of red, green and blue, such as 2.1,1,1.4" in told
-
-
-def test_a_config_is_a_folder(lutforge: CommandLine, profile: Path, tmp_path: Path) -> None:
-    told = failed(lutforge("config", profile, "-o", tmp_path / "ocio" / "config.ocio"))
-    assert "a config is a folder" in told and not (tmp_path / "ocio").exists()
 
 
 def test_tables_and_luts_on_a_full_disk(tmp_path: Path) -> None:
@@ -254,21 +233,6 @@ def test_a_folder_that_cannot_be_read_stops_a_batch(tmp_path: Path, monkeypatch:
         find_inputs([tmp_path], recursive=True)
 
 
-def test_what_opencolorio_makes_of_a_damaged_lut_is_told(lutforge: CommandLine, tmp_path: Path) -> None:
-    (tmp_path / "mac.cube").write_bytes(b"LUT_3D_SIZE 2\r" + b"0.5 0.5 0.5\r" * 8)
-    (tmp_path / "look.dcp").write_bytes(b"IIRC\x08\0\0\0" + bytes(100))
-    words = (picture(tmp_path / "a.jpg"), "-o", tmp_path / "out")
-    assert "save it with line feeds" in failed(lutforge("apply", tmp_path / "mac.cube", *words))
-    assert "`lutforge check` shows which programs do" in failed(lutforge("apply", tmp_path / "look.dcp", *words))
-
-
-def test_a_picture_that_cannot_be_opened_is_told_in_a_short_line(lutforge: CommandLine, tmp_path: Path) -> None:
-    (tmp_path / "look.cube").write_text("LUT_3D_SIZE 2\n" + "0.5 0.5 0.5\n" * 8)
-    (tmp_path / "cut.webp").write_bytes(b"RIFF\x00\x01\x00\x00WEBPVP8 " + bytes(40))
-    told = failed(lutforge("apply", tmp_path / "look.cube", tmp_path / "cut.webp", "-o", tmp_path / "out"))
-    assert "cannot be read as an image" in told and "convert it to TIFF" in told
-
-
 @pytest.mark.parametrize(
     ("raw", "srgb", "says"),
     [
@@ -282,11 +246,3 @@ def test_arrays_of_other_units_are_refused_as_tables_are(raw: float, srgb: float
     linear, encoded = np.vstack([first, np.full((1, 3), raw)]), np.vstack([first, np.full((1, 3), srgb)])
     with pytest.raises(SampleError, match=f"row 2: .*{says}"):
         SampleSet.from_arrays(linear, encoded, camera="A", shot="a")
-
-
-def test_a_folder_of_published_models_is_answered_by_those_in_it(lutforge: CommandLine, tmp_path: Path) -> None:
-    for name in ("Nikon D40/fluorescent", "Nikon D40/sunny"):
-        (tmp_path / name).mkdir(parents=True)
-        write_small(tmp_path / name)
-    told = failed(lutforge("import-nus", "Nikon D40", "-o", "camera.npz", cwd=tmp_path))
-    assert str(Path("Nikon D40/fluorescent")) in told and str(Path("Nikon D40/sunny")) in told

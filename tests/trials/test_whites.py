@@ -1,17 +1,9 @@
-"""Grey ramps and near-clipped tints to white: they rise, end neutral, and are alike by every way to the same picture.
+"""Grey ramps and near-clipped tints rise to white, end neutral, and are alike by every way to the same picture."""
 
-As a script it prints, for each combination of white balances, styles and exposure, the largest fall of a channel, the
-tint at the top, and the largest difference of each way from `apply`, in codes:
-
-    python -m tests.trials.test_whites camera.npz [combinations]
-"""
-
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
@@ -61,10 +53,6 @@ class Ways:
     apart: dict[str, float]
     bare: float
 
-    def __str__(self) -> str:
-        apart = ", ".join(f"{way} {value:.1f}" for way, value in self.apart.items())
-        return f"{self.name:<52} fall {self.fall:.1f}, tint {self.tint:.1f}; from apply: {apart}"
-
 
 def measured(profile: CameraProfile, folder: Path, count: int, inverse: InverseOptions | None = None) -> Iterator[Ways]:
     """The first `count` combinations of a profile's settings, in a fixed order; a config of it is made in `folder`."""
@@ -78,9 +66,8 @@ def measured(profile: CameraProfile, folder: Path, count: int, inverse: InverseO
         ev = STOPS[number % len(STOPS)]
         given, wanted = profile.selector("/".join(source)), profile.selector("/".join(target))
         transform = profile.refinish(given, wanted, ev)
-        made = {
-            "apply": _codes(grades.refinish(SettingChange(profile, given, profile, wanted, ev)).processor(), colours)
-        }
+        graded = grades.refinish(SettingChange(profile, given, profile, wanted, ev))
+        made = {"apply": _codes(graded.processor(), colours)}
         made["clf"] = _codes(bake_steps(transform).processor(), colours)
         made["cube"] = _codes(_shaped(transform).processor(), colours)
         bare = profile.refinish(given, wanted, ev, neutral_highlights=False)
@@ -172,9 +159,3 @@ def test_white_of_real_photographs_is_grey_when_exposed_down(s40_samples: Sample
         for ev in (-0.5, -1.0, -2.0):
             white = 255 * profile.refinish("standard/2.0,1,1.5", target, ev)(np.ones(3))
             assert np.ptp(white) <= 2.0, (target, ev, white)
-
-
-if __name__ == "__main__":
-    with TemporaryDirectory() as scratch:
-        for ways in measured(lf.load_profile(sys.argv[1]), Path(scratch), int((*sys.argv[2:], "30")[0])):
-            print(ways, flush=True)
