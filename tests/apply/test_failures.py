@@ -53,13 +53,6 @@ def test_each_failure_is_named_and_nothing_is_lost(folder: Path, run: Run) -> No
     assert [path.name for path in (folder / "out").glob(".*")] == [".lutforge-apply.jsonl"]
 
 
-def test_a_file_that_is_given_twice_is_graded_once_and_is_no_failure(folder: Path, run: Run) -> None:
-    done = run("look.cube", "good.png", "./good.png", "good.png", "-o", "out")
-    assert done.returncode == 0
-    assert done.stderr.count("given twice; graded once") == 1
-    assert done.stdout == "out/good.png\n"
-
-
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
 def test_a_lut_with_what_is_no_number_grades_nothing(folder: Path, run: Run, number: str) -> None:
     rows = ["0 0 0"] * 7

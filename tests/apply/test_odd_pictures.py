@@ -5,7 +5,6 @@ from pathlib import Path
 
 import colour
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 import pytest
 from PIL import Image as Picture
 from PIL import ImageCms
@@ -15,35 +14,19 @@ from lutforge.apply.blocks import apply_to_pixels
 from lutforge.apply.grade import ConfigRecipe, LutRecipe
 from lutforge.apply.inputs import find_inputs
 from lutforge.colour.rgb_spaces import NAME, adobe_rgb_profile
-from lutforge.images.read import Image, is_premultiplied, read_image
-from lutforge.images.write import write_image
+from lutforge.images.read import is_premultiplied, read_image
 from lutforge.luts.input_and_output import input_and_output_of, read_input_and_output
 from lutforge.luts.ops import Cube
 from lutforge.luts.reading import read_lut
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
 from lutforge.shots.tags import tags
-from tests.cases.pictures import Pixels, write_cube, write_picture
+from tests.cases.pictures import write_cube, write_picture
 
 
 @pytest.fixture
 def cube(tmp_path: Path) -> LutRecipe:
     return LutRecipe(write_cube(tmp_path / "look.cube"))
-
-
-def write_channels(path: Path, pixels: Pixels, names: tuple[str, ...], kind: str = "float") -> Path:
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
-    spec.channelnames = names
-    target = oiio.ImageOutput.create(str(path))
-    assert target is not None
-    assert target.open(str(path), spec), target.geterror()
-    assert target.write_image(pixels), target.geterror()
-    assert target.close(), target.geterror()
-    return path
-
-
-def noise(*shape: int) -> Pixels:
-    return np.random.default_rng(0).random(shape, dtype=np.float32)
 
 
 def test_colours_that_are_not_rgb_are_refused(tmp_path: Path, cube: LutRecipe) -> None:
@@ -52,7 +35,7 @@ def test_colours_that_are_not_rgb_are_refused(tmp_path: Path, cube: LutRecipe) -
     Picture.fromarray(codes, "CMYK").save(tmp_path / "cmyk.tif")
     Picture.fromarray(codes[..., :3].copy(), "LAB").save(tmp_path / "lab.tif")
     Picture.fromarray(codes[..., 0].copy(), "L").save(tmp_path / "grey.jpg")
-    write_channels(tmp_path / "chroma.exr", noise(20, 30, 3), ("Y", "RY", "BY"))
+    write_picture(tmp_path / "chroma.exr", kind="float", names=("Y", "RY", "BY"))
     (tmp_path / "raw.NEF").touch()
     says = {"cmyk.jpg": "CMYK", "cmyk.tif": "CMYK", "lab.tif": "CIELAB", "grey.jpg": "greyscale"}
     says |= {"chroma.exr": "luminance and chroma", "raw.NEF": "a camera's profile"}
@@ -64,24 +47,29 @@ def test_colours_that_are_not_rgb_are_refused(tmp_path: Path, cube: LutRecipe) -
 
 
 def test_layers_and_other_names_are_told(tmp_path: Path, cube: LutRecipe) -> None:
-    names = ("R", "G", "B", "A", "diffuse.R", "diffuse.G", "diffuse.B")
-    whole = write_channels(tmp_path / "layers.exr", noise(20, 30, 7), names)
-    only = write_channels(tmp_path / "only.exr", noise(20, 30, 6), tuple(f"{a}.{b}" for a in "de" for b in "RGB"))
-    xyz = write_channels(tmp_path / "xyz.exr", noise(20, 30, 3), ("X", "Y", "Z"))
-    told = {done.source: done.notes for done in apply_batch(cube, [whole, only, xyz], tmp_path / "out").done}
-    assert told[whole] == ("R, G, B were graded; the layers diffuse are as they were",)
-    assert told[only] == ("d.R, d.G, d.B were graded; the layers e are as they were",)
-    assert told[xyz] == ("the channels X, Y, Z were graded as red, green and blue",)
-    before, after = read_image(whole), read_image(tmp_path / "out" / "layers.exr")
+    names = {
+        "layers.exr": ("R", "G", "B", "A", "diffuse.R", "diffuse.G", "diffuse.B"),
+        "only.exr": ("d.R", "d.G", "d.B", "e.R", "e.G", "e.B"),
+        "xyz.exr": ("X", "Y", "Z"),
+    }
+    for name, channels in names.items():
+        write_picture(tmp_path / name, kind="float", names=channels)
+    result = apply_batch(cube, [tmp_path / name for name in names], tmp_path / "out")
+    assert [done.notes for done in result.done] == [
+        ("R, G, B were graded; the layers diffuse are as they were",),
+        ("d.R, d.G, d.B were graded; the layers e are as they were",),
+        ("the channels X, Y, Z were graded as red, green and blue",),
+    ]
+    before, after = read_image(tmp_path / "layers.exr"), read_image(tmp_path / "out" / "layers.exr")
     assert after.spec.channelnames == before.spec.channelnames
     np.testing.assert_array_equal(after.pixels[..., 3:], before.pixels[..., 3:])
 
 
 def test_pixels_that_are_no_numbers_are_counted(tmp_path: Path, cube: LutRecipe) -> None:
-    pixels = noise(20, 30, 3)
+    pixels = np.full((20, 30, 3), 0.5, np.float32)
     pixels[3, :5, 1], pixels[4, 0], pixels[4, 1] = np.nan, np.inf, -np.inf
-    source = write_channels(tmp_path / "a.exr", pixels, ("R", "G", "B"))
-    (done,) = apply_batch(cube, [source], tmp_path / "out").done
+    write_picture(tmp_path / "a.exr", kind="float", pixels=pixels)
+    (done,) = apply_batch(cube, [tmp_path / "a.exr"], tmp_path / "out").done
     assert done.notes == ("7 pixels are not finite numbers; what became of them means nothing",)
     assert np.isfinite(read_image(done.target).pixels).all()
 
@@ -214,42 +202,22 @@ def test_pictures_in_adobe_rgb_stay_so(tmp_path: Path, cube: LutRecipe) -> None:
     assert told_space(plain.target) == (1, "")
 
 
-def test_a_picture_in_another_space_is_told(tmp_path: Path, cube: LutRecipe) -> None:
-    profiles = {
-        "adobe": adobe_rgb_profile(),
-        "srgb": ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes(),
-    }
-    for name, profile in profiles.items():
-        spec = oiio.ImageSpec(8, 8, 3, "uint8")
-        spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), profile)
-        pixels = np.full((8, 8, 3), 0.5, dtype=np.float32)
-        write_image(tmp_path / f"{name}.tif", pixels, Image(pixels, spec))
-    notes = {name: apply_batch(cube, [tmp_path / f"{name}.tif"], tmp_path / "out").done[0].notes for name in profiles}
-    assert any("the picture is in Compatible with Adobe RGB" in note for note in notes["adobe"])
-    assert notes["srgb"] == ()
-    exif_only = apply_batch(cube, [in_adobe_rgb(tmp_path / "c.jpg")], tmp_path / "out").done[0].notes
-    assert any("the picture is in Adobe RGB" in note for note in exif_only)
-
-
-def test_a_broken_colour_profile_is_told(tmp_path: Path, cube: LutRecipe) -> None:
-    Picture.fromarray(np.full((8, 8, 3), 99, np.uint8)).save(tmp_path / "a.jpg", icc_profile=b"not a profile" * 20)
-    (note,) = apply_batch(cube, [tmp_path / "a.jpg"], tmp_path / "out").done[0].notes
-    assert "ICC profile is broken" in note
-
-
-@pytest.mark.parametrize("name", ["", "sRGB, nearly", "Camera"])
-def test_the_name_of_a_colour_profile_tells_nothing(tmp_path: Path, cube: LutRecipe, name: str) -> None:
+@pytest.mark.parametrize("name", [None, "", "sRGB, nearly", "Camera"])
+def test_a_picture_in_another_space_is_told(tmp_path: Path, cube: LutRecipe, name: str | None) -> None:
     """What a profile does to colours tells whether it is sRGB; programs name it as they like, or not at all."""
     adobe, srgb = adobe_rgb_profile(), ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
     assert NAME.encode() in adobe and "sRGB built-in".encode("utf-16-be") in srgb
-    told = {
-        "adobe": adobe.replace(NAME.encode(), name.encode().ljust(len(NAME), b"\0")),
-        "srgb": srgb.replace("sRGB built-in".encode("utf-16-be"), name.ljust(13).encode("utf-16-be")),
-    }
-    for space, profile in told.items():
+    if name is not None:
+        adobe = adobe.replace(NAME.encode(), name.encode().ljust(len(NAME), b"\0"))
+        srgb = srgb.replace("sRGB built-in".encode("utf-16-be"), name.ljust(13).encode("utf-16-be"))
+    profiles = {"adobe": adobe, "srgb": srgb, "broken": b"not a profile" * 20}
+    for space, profile in profiles.items():
         Picture.fromarray(np.full((8, 8, 3), 99, np.uint8)).save(tmp_path / f"{space}.jpg", icc_profile=profile)
-    notes = {space: apply_batch(cube, [tmp_path / f"{space}.jpg"], tmp_path / "out").done[0].notes for space in told}
-    assert any("the picture is in" in note for note in notes["adobe"]) and notes["srgb"] == ()
+    pictures = [*(tmp_path / f"{space}.jpg" for space in profiles), in_adobe_rgb(tmp_path / "exif.jpg")]
+    notes = ["; ".join(done.notes) for done in apply_batch(cube, pictures, tmp_path / "out").done]
+    named = "Compatible with Adobe RGB" if name is None else ""
+    assert f"the picture is in {named}" in notes[0] and notes[1] == ""
+    assert "ICC profile is broken" in notes[2] and "the picture is in Adobe RGB" in notes[3]
 
 
 def test_the_profile_of_adobe_rgb_is_adobe_rgb() -> None:

@@ -26,12 +26,16 @@ def write_picture(
     tile: int = 0,
     channels: int = 3,
     seed: int = 0,
+    pixels: Pixels | None = None,
+    names: tuple[str, ...] = (),
     **attributes: object,
 ) -> Pixels:
-    """A noisy picture; attributes: metadata, with _ for : in the names."""
-    height, width = size
-    pixels = np.random.default_rng(seed).random((height, width, channels), dtype=np.float32)
-    spec = oiio.ImageSpec(width, height, channels, kind)
+    """A noisy picture, or one of these pixels. names: of the channels; attributes: metadata, with _ for : in names."""
+    if pixels is None:
+        pixels = np.random.default_rng(seed).random((*size, len(names) or channels), dtype=np.float32)
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
+    if names:
+        spec.channelnames = names
     spec.tile_width = spec.tile_height = tile
     for name, value in attributes.items():
         spec[name.replace("_", ":")] = value

@@ -102,24 +102,37 @@ def small_table(path: Path) -> None:
     write_samples(path, table)
 
 
-def test_settings_outputs_and_profiles(lutforge: CommandLine, refused: Refused, tmp_path: Path) -> None:
+@pytest.fixture
+def profile(lutforge: CommandLine, tmp_path: Path) -> Path:
+    """A folder with samples and the profile made of them."""
     small_table(tmp_path / "samples.csv")
-    made = lutforge("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", cwd=tmp_path)
+    made = lutforge("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", "--preset", "thesis", cwd=tmp_path)
     assert made.returncode == 0, made.stderr
+    return tmp_path
+
+
+RENDER = ("bake", "camera.npz", "render", "--to", "standard/daylight")
+REFINISH = ("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "standard/daylight")
+MATCH = ("bake", "camera.npz", "match", "link.npz", *REFINISH[3:])
+
+
+def test_settings_outputs_and_profiles(profile: Path, refused: Refused) -> None:
+    before = (profile / "camera.npz").read_bytes()
+    (profile / "link.npz").symlink_to("camera.npz")
+    (profile / "file").touch()
     for words, says in (
         (("bake", "camera.npz", "render", "--to", "sepia/daylight", "-o", "x.cube"), "standard"),
         (("bake", "camera.npz", "render", "--to", "standard/moon", "-o", "x.cube"), "daylight"),
+        (("bake", "camera.npz", "render", "--to", "standard/5200", "-o", "x.cube"), "5200K"),
         (("bake", "camera.npz", "render", "-o", "x.cube"), "--to"),
-        (("bake", "camera.npz", "render", "--to", "standard/daylight"), "-o"),
-        (("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "x.png2"), "suffix"),
-        (("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "x.cube", "--size", "1"), "nodes"),
-        (("bake", "camera.npz", "refinish", "--from", "standard/daylight", "--to", "standard/daylight",
-          "--ev", "99", "-o", "x.cube"), "20 stops"),
-        (("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "x.clf", "-o", "x.png", "--size", "33"),
-         "x.png: 33 nodes"),
-        (("bake", "camera.npz", "render", "--space", "acescg", "--to", "standard/daylight", "-o", "x.clf",
-          "-o", "x.3dl"), "x.3dl"),
-        (("bake", "samples.csv", "render", "--to", "standard/daylight", "-o", "x.cube"), "not a LutForge profile"),
+        (RENDER, "-o"),
+        ((*RENDER, "-o", "x.png2"), "suffix"),
+        ((*RENDER, "-o", "x.cube", "--size", "1"), "nodes"),
+        ((*RENDER, "-o", "x.clf", "-o", "x.png", "--size", "33"), "x.png: 33 nodes"),
+        ((*RENDER, "--space", "acescg", "-o", "x.clf", "-o", "x.3dl"), "x.3dl"),
+        ((*RENDER, "--ev", "1", "-o", "x.cube"), "--ev"),
+        ((*REFINISH, "--ev", "99", "-o", "x.cube"), "20 stops"),
+        (("bake", "samples.csv", *RENDER[2:], "-o", "x.cube"), "not a LutForge profile"),
         (("calibrate", "samples.csv", "--size", "2", "-o", "y.npz"), "size"),
         (("calibrate", "samples.csv", "--preset", "magic", "-o", "y.npz"), "preset"),
         (("apply", "camera.npz", "none.jpg", "--from", "standard/daylight", "-o", "out"), "no such file"),
@@ -127,28 +140,41 @@ def test_settings_outputs_and_profiles(lutforge: CommandLine, refused: Refused, 
         (("config", "samples.csv", "-o", "ocio"), "not a LutForge profile"),
         (("frobnicate",), "frobnicate"),
         (("bake",), "Missing"),
-    ):  # fmt: skip
-        assert says in refused(tmp_path, *words), words
+        # An output has the suffix of its kind.
+        (("calibrate", "samples.csv", "-o", "samples.csv"), ".npz"),
+        (("calibrate", "samples.csv", "-o", "camera"), ".npz"),
+        (("sample", "samples.csv", "-o", "samples.xlsx"), ".csv or .npz"),
+        (("report", "none.npz", "-o", "report.pdf"), ".html"),
+        (("import-nus", "folder", "-o", "camera.json"), ".npz"),
+        (("config", "camera.npz", "-o", "x.zip"), "a config is a folder that holds config.ocio, or an archive"),
+        (("config", "camera.npz", "-o", "x.ocio"), "a config is a folder that holds config.ocio, or an archive"),
+        # One that is not named replaces no file.
+        (("calibrate", "samples.csv"), "-o camera.npz to replace it"),
+        (("response", "a.jpg"), "-o camera.npz to replace it"),
+        (("import-nus", "folder"), "-o camera.npz to replace it"),
+        (("sample", "a.dng"), "-o samples.csv to replace it"),
+        # It is no input.
+        ((*MATCH, "-o", "link.npz"), "suffix"),
+        (("config", "camera.npz", "-o", "camera.npz"), "is a file"),
+        (("transfer", "samples.csv", "samples.csv", "-o", "samples.csv"), "suffix"),
+        (("sample", "samples.csv", "-o", "samples.csv"), "replace an input"),
+        # It is tried before the work.
+        (("calibrate", "samples.csv", "-o", "file/camera.npz"), "file is a file"),
+        (("sample", "missing.NEF", "-o", "file/s.csv"), "file is a file"),
+        (("config", "missing.npz", "-o", "file/ocio"), "file is a file"),
+        (("report", "missing.npz", "-o", "file/report.html"), "file is a file"),
+        (("apply", "camera.npz", "missing.jpg", "-o", "file/out"), "file is a file"),
+    ):
+        assert says in refused(profile, *words), words
+    assert (profile / "camera.npz").read_bytes() == before
 
 
-def test_an_output_that_cannot_be_written_leaves_the_old_file(refused: Refused, tmp_path: Path) -> None:
-    small_table(tmp_path / "samples.csv")
-    (tmp_path / "file").write_text("in the way")
-    line = refused(tmp_path, "calibrate", "samples.csv", "-o", "file/camera.npz", "--size", "5")
-    assert "file/camera.npz" in line
-
-
-def test_what_would_be_applied_by_half_is_refused(lutforge: CommandLine, refused: Refused, tmp_path: Path) -> None:
-    small_table(tmp_path / "samples.csv")
-    thesis = ("--size", "5", "--preset", "thesis")  # without a response, which this format cannot hold
-    assert lutforge("calibrate", "samples.csv", "-o", "camera.npz", *thesis, cwd=tmp_path).returncode == 0
-    render = ("bake", "camera.npz", "render", "--to", "standard/daylight")
-    made = lutforge(*render, "-o", "look.spi3d", cwd=tmp_path)
+def test_half_of_a_lut_is_refused(lutforge: CommandLine, refused: Refused, profile: Path) -> None:
+    made = lutforge(*RENDER, "-o", "look.spi3d", cwd=profile)
     assert made.returncode == 0, made.stderr
     error = float(re.findall(r"read back, against the model: mean ([0-9.e-]+)", made.stdout)[0])
     assert error < 1e-3  # of the shaper and the cube together
-    assert "look.spi1d" in refused(tmp_path, "apply", "look.spi3d", "a.jpg", "-o", "out")
-    assert "--ev" in refused(tmp_path, *render, "--ev", "1", "-o", "x.cube")
+    assert "look.spi1d" in refused(profile, "apply", "look.spi3d", "a.jpg", "-o", "out")
 
 
 def test_a_terminal_without_unicode_shows_question_marks() -> None:

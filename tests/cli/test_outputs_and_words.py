@@ -20,39 +20,12 @@ from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.kits import KITS
 from lutforge.samples.table import write_samples
 from lutforge.simulate.camera import nikon_d5100
+from tests.cases.pictures import write_picture
 from tests.cases.samples import chart_140, photograph_patches, spread_over_picture, with_gamma
-from tests.cli.test_bad_input import Refused, refused, small_table
+from tests.cli.test_bad_input import Refused, profile, refused, small_table
 from tests.conftest import CommandLine
 
-__all__ = ["refused"]
-
-
-@pytest.fixture
-def profile(lutforge: CommandLine, tmp_path: Path) -> Path:
-    small_table(tmp_path / "samples.csv")
-    made = lutforge("calibrate", "samples.csv", "-o", "camera.npz", "--size", "5", "--preset", "thesis", cwd=tmp_path)
-    assert made.returncode == 0, made.stderr
-    return tmp_path
-
-
-def test_an_output_has_the_suffix_of_its_kind(refused: Refused, tmp_path: Path) -> None:
-    small_table(tmp_path / "keep.csv")
-    for words, says in (
-        (("calibrate", "keep.csv", "-o", "keep.csv"), ".npz"),
-        (("calibrate", "keep.csv", "-o", "camera"), ".npz"),
-        (("sample", "keep.csv", "-o", "samples.xlsx"), ".csv or .npz"),
-        (("report", "none.npz", "-o", "report.pdf"), ".html"),
-        (("import-nus", "folder", "-o", "camera.json"), ".npz"),
-    ):
-        assert says in refused(tmp_path, *words), words
-
-
-def test_an_output_that_is_not_named_replaces_no_file(profile: Path, refused: Refused) -> None:
-    before = (profile / "camera.npz").read_bytes()
-    for words in (("calibrate", "samples.csv"), ("response", "a.jpg"), ("import-nus", "folder")):
-        assert "-o camera.npz to replace it" in refused(profile, *words), words
-    assert "-o samples.csv to replace it" in refused(profile, "sample", "a.dng")
-    assert (profile / "camera.npz").read_bytes() == before
+__all__ = ["profile", "refused"]
 
 
 def test_a_cube_of_footage_tells_how_bright_its_worst_light_is(lutforge: CommandLine, profile: Path) -> None:
@@ -61,41 +34,6 @@ def test_a_cube_of_footage_tells_how_bright_its_worst_light_is(lutforge: Command
     (light,) = re.findall(r"a\.cube: the largest difference is at light (\d+) times as bright as white", said)
     assert 1 < int(light) <= 46  # where V-Log ends
     assert "a.clf: the largest" not in said
-
-
-def test_an_output_that_is_an_input_is_refused(profile: Path, refused: Refused) -> None:
-    (profile / "link.npz").symlink_to("camera.npz")
-    for words in (
-        (
-            "bake",
-            "camera.npz",
-            "match",
-            "link.npz",
-            "--from",
-            "standard/daylight",
-            "--to",
-            "standard/daylight",
-            "-o",
-            "link.npz",
-        ),
-        ("config", "camera.npz", "-o", "camera.npz"),
-        ("transfer", "samples.csv", "samples.csv", "-o", "samples.csv"),
-        ("sample", "samples.csv", "-o", "samples.csv"),
-    ):
-        line = refused(profile, *words)
-        assert "replace an input" in line or "suffix" in line or "is a file" in line, line
-
-
-def test_an_output_is_tried_before_the_work(profile: Path, refused: Refused) -> None:
-    (profile / "closed").mkdir()
-    (profile / "file").touch()
-    for words in (
-        ("sample", "missing.NEF", "-o", "file/s.csv"),
-        ("config", "missing.npz", "-o", "file/ocio"),
-        ("report", "missing.npz", "-o", "file/report.html"),
-        ("apply", "camera.npz", "missing.jpg", "-o", "file/out"),
-    ):
-        assert "file is a file" in refused(profile, *words), words
 
 
 def test_the_command_alone_prints_its_help(lutforge: CommandLine) -> None:
@@ -115,17 +53,8 @@ def test_the_shell_completes_commands(monkeypatch: pytest.MonkeyPatch, capsys: p
     assert "calibrate" in capsys.readouterr().out
 
 
-def test_a_temperature_without_its_k_is_told(profile: Path, refused: Refused) -> None:
-    line = refused(profile, "bake", "camera.npz", "render", "--to", "standard/5200", "-o", "x.cube")
-    assert "5200K" in line
-
-
 def test_inspect_takes_folders_tables_profiles_luts_and_pictures(lutforge: CommandLine, profile: Path) -> None:
-    import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
-
-    picture = oiio.ImageBuf(oiio.ImageSpec(8, 8, 3, "uint8"))
-    picture.set_pixels(oiio.ROI(0, 8, 0, 8, 0, 1, 0, 3), np.full((8, 8, 3), 0.5, np.float32))
-    assert picture.write(str(profile / "picture.jpg"))
+    write_picture(profile / "picture.jpg", (8, 8))
     baked = lutforge("bake", "camera.npz", "render", "--to", "standard/daylight", "-o", "look.cube", cwd=profile)
     assert baked.returncode == 0, baked.stderr
     whole = lutforge("inspect", ".", cwd=profile)
@@ -203,10 +132,3 @@ def test_files_that_hold_neither_samples_nor_raw_are_told_what_does(
     for command in ("calibrate", "sample"):
         said = refused(tmp_path, command, name)
         assert "not a RAW file" in said and ".csv or .npz" in said and "damaged" not in said
-
-
-@pytest.mark.parametrize("name", ["x.zip", "x.ocio"])
-def test_a_config_is_no_file_of_another_kind(profile: Path, refused: Refused, name: str) -> None:
-    assert "a config is a folder that holds config.ocio, or an archive" in refused(
-        profile, "config", "camera.npz", "-o", name
-    )

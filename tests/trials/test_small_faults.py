@@ -14,6 +14,8 @@ from lutforge.apply.inputs import find_inputs
 from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError, LutForgeError, SampleError
 from lutforge.images.icc import to_srgb
+from lutforge.images.read import Image
+from lutforge.images.write import write_image
 from lutforge.luts.ops import Cube, Curve
 from lutforge.luts.sequence import Lut
 from lutforge.model.lattice import grid, uniform_levels
@@ -158,12 +160,10 @@ def test_a_picture_in_another_space_is_converted_for_what_is_for_srgb(
     wide, deep = tmp_path / "wide.jpg", tmp_path / "deep.png"
     codes = np.full((8, 8, 3), (60, 140, 90), np.uint8)
     PIL.Image.fromarray(codes).save(wide, icc_profile=adobe_rgb_profile(), quality=95)
-    spec = oiio.ImageSpec(8, 8, 3, oiio.UINT16)
+    spec = oiio.ImageSpec(8, 8, 3, "uint16")
     spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(adobe_rgb_profile())}]"), adobe_rgb_profile())
-    writer = oiio.ImageOutput.create(str(deep))
-    assert writer is not None and writer.open(str(deep), spec)
-    writer.write_image(codes / np.float32(255))
-    writer.close()
+    pixels = np.divide(codes, 255, dtype=np.float32)
+    write_image(deep, pixels, Image(pixels, spec))
     settings = ("--from", "standard/daylight", "--to", "vivid/tungsten")
     baked = lutforge("bake", profile, "refinish", *settings, "-o", tmp_path / "a.cube", "-o", tmp_path / "a.clf")
     assert baked.returncode == 0, baked.stderr
