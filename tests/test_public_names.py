@@ -54,12 +54,6 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
     assert not hasattr(lf, "frobnicate")
 
 
-def test_importing_loads_nothing_heavy() -> None:
-    code = "import sys, lutforge; print([m for m in ('numpy', 'scipy', 'numba', 'colour') if m in sys.modules])"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
-
-
 def test_signatures_are_read_in_a_line() -> None:
     for name in NAMES:
         public = getattr(lf, name)
@@ -70,11 +64,6 @@ def test_signatures_are_read_in_a_line() -> None:
                 assert "_SupportsArray" not in signature, (name, member)
             if callable(member):
                 assert inspect.getdoc(member), (name, member)
-
-
-def test_a_table_that_is_not_there_is_one_line() -> None:
-    with pytest.raises(lf.LutForgeError, match=r"^missing.csv: no such file$"):
-        lf.calibrate("missing.csv")
 
 
 def test_what_is_no_profile_setting_or_number_is_one_plain_line(tmp_path: Path) -> None:
@@ -89,6 +78,7 @@ def test_what_is_no_profile_setting_or_number_is_one_plain_line(tmp_path: Path) 
         (lambda: lf.bake(profile.render("standard/daylight"), wrong), "None is no path"),
         (lambda: lf.evaluate(wrong, "samples.csv"), "None is not a profile"),
         (lambda: lf.evaluate(profile, wrong), "not samples: give a SampleSet"),
+        (lambda: lf.calibrate("missing.csv"), "missing.csv: no such file"),
         (lambda: lf.calibrate(wrong), "not samples: give a SampleSet"),
         (lambda: lf.calibrate(cast(Any, profile)), "not samples: give a SampleSet"),
         (lambda: lf.calibrate("samples.csv", cast(Any, 17)), "17 are no options"),

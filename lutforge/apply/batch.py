@@ -14,20 +14,12 @@ import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 from lutforge.apply.grade import Recipe
 from lutforge.apply.image import REGION_SAMPLES, GradedImage
 from lutforge.apply.inputs import Input, resolver
-from lutforge.apply.job import Job, Outcome, add_to_journal, read_journal, run_job
+from lutforge.apply.job import Failure, Job, Outcome, add_to_journal, read_journal, run_job
 from lutforge.atomic_write import remove_temporaries
 from lutforge.errors import ImageError
 from lutforge.images.heif import is_heif
 from lutforge.progress import Progress, silent
 from lutforge.shots.discover import RAW_SUFFIXES
-
-
-@dataclass(frozen=True)
-class Failure:
-    """An image that was not graded, and why, in one line."""
-
-    source: Path
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -69,8 +61,8 @@ def apply_batch(
     if resume:
         records = read_journal(folder)
         for job in jobs:
-            record = records.get(str(job.target.absolute()))
-            if record is not None and record.still_true(job.key(recipe), job.source):
+            known = records.get(str(job.target.absolute()))
+            if known is not None and known.still_true(job.key(recipe), job.source):
                 already.add(job)
     waiting = [job for job in jobs if job not in already]
     outcomes: dict[Job, Outcome] = {}
@@ -89,23 +81,24 @@ def apply_batch(
         from lutforge.apply.cluster import run_on_cluster  # loads Dask
 
         running = run_on_cluster(scheduler, recipe, waiting)
-    for outcome in running:
-        if outcome is not None:
-            outcomes[outcome.job] = outcome
-            if outcome.record is not None:
+    for finished in running:
+        if finished is not None:
+            job, outcome = finished
+            outcomes[job] = outcome
+            if not isinstance(outcome, Failure):
+                applied, record = outcome
                 try:
-                    add_to_journal(folder, outcome.record)
+                    add_to_journal(folder, record)
                 except OSError as error:
-                    target = outcome.job.target
-                    notes.append(f"{target}: graded, but --resume will not know of it ({error.strerror})")
-            if scheduler is not None and outcome.applied is not None:
-                add(outcome.applied.width * outcome.applied.height, 1.0)
+                    notes.append(f"{job.target}: graded, but --resume will not know of it ({error.strerror})")
+                if scheduler is not None:
+                    add(applied.width * applied.height, 1.0)
         images_done = len(already) + len(outcomes)
         progress(rate(images_done, pixels, time.monotonic() - began), min(1.0, max(share, images_done) / len(jobs)))
-    failed = [Failure(job.source, outcomes[job].reason) for job in waiting if outcomes[job].applied is None]
+    ordered = [outcomes[job] for job in waiting]
     return BatchResult(
-        tuple(applied for job in waiting if (applied := outcomes[job].applied) is not None),
-        tuple(failed),
+        tuple(outcome[0] for outcome in ordered if not isinstance(outcome, Failure)),
+        tuple(outcome for outcome in ordered if isinstance(outcome, Failure)),
         tuple(job.target for job in jobs if job in already),
         tuple(notes),
     )
@@ -152,8 +145,8 @@ def plan_jobs(
 
 def _run_here(
     recipe: Recipe, jobs: Sequence[Job], workers: int, progress: Callable[[int, float], None]
-) -> Iterator[Outcome | None]:
-    """The outcomes as they come, and None a few times a second meanwhile.
+) -> Iterator[tuple[Job, Outcome] | None]:
+    """The jobs and their outcomes as they come, and None a few times a second meanwhile.
 
     As many images are in work as there are threads, one more waits in the pool for the first that is free, and the
     system is asked to fetch those behind, so that no core waits for a disk. Where there are fewer images than threads,
@@ -164,7 +157,7 @@ def _run_here(
     # With less than a million values (4 MB), the work between two calls of a codec gets too small.
     samples = max(1_000_000, REGION_SAMPLES // at_once)
     begun = 0
-    running: set[Future[Outcome]] = set()
+    running: dict[Future[Outcome], Job] = {}
     codecs = {name: oiio.get_int_attribute(name) for name in ("threads", "exr_threads")}
     oiio.attribute("threads", threads)  # OpenImageIO's own, per image
     oiio.attribute("exr_threads", threads if threads > 1 else -1)
@@ -172,7 +165,7 @@ def _run_here(
     try:
         while begun < len(jobs) or running:
             while begun < len(jobs) and len(running) <= at_once:
-                running.add(pool.submit(run_job, recipe, jobs[begun], threads, samples, progress))
+                running[pool.submit(run_job, recipe, jobs[begun], threads, samples, progress)] = jobs[begun]
                 begun += 1
                 if begun + at_once <= len(jobs) and hasattr(os, "posix_fadvise"):
                     ahead = jobs[begun + at_once - 1].source
@@ -180,8 +173,8 @@ def _run_here(
                         if ahead.is_file():  # to open a pipe would take what another program writes to it
                             with ahead.open("rb") as file:
                                 os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_WILLNEED)
-            finished, running = wait(running, timeout=0.2, return_when=FIRST_COMPLETED)
-            yield from (future.result() for future in finished)
+            finished = wait(running, timeout=0.2, return_when=FIRST_COMPLETED).done
+            yield from ((running.pop(future), future.result()) for future in finished)
             if not finished:
                 yield None
     finally:

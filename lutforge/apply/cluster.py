@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
 from lutforge.apply.grade import Recipe
-from lutforge.apply.job import Job, Outcome, run_job
+from lutforge.apply.job import Failure, Job, Outcome, run_job
 from lutforge.errors import LutForgeError
 
 Sent = TypeVar("Sent", Recipe, Job)
@@ -27,8 +27,8 @@ _RECIPES: dict[str, Recipe] = {}
 _PREPARING = Lock()
 
 
-def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterator[Outcome]:
-    """The outcomes as they come.
+def run_on_cluster(address: str, recipe: Recipe, jobs: Sequence[Job]) -> Iterator[tuple[Job, Outcome]]:
+    """The jobs and their outcomes as they come.
 
     Images are sent in batches. One whose worker dies is graded again by another, up to the scheduler's
     `allowed-failures`; then its images are sent one by one, so that only the one that ends workers fails. Each result
@@ -103,26 +103,28 @@ def _connected(address: str) -> Iterator[tuple[Any, Any]]:
         yield distributed, client
 
 
-def _outcomes(batch: Sequence[Job], future: Any) -> Iterator[Outcome]:
+def _outcomes(batch: Sequence[Job], future: Any) -> Iterator[tuple[Job, Outcome]]:
     """A worker's answers, checked against the files that are here."""
     try:
         answers: list[Outcome] = future.result()
     except Exception as error:  # whatever went wrong there: the other images are graded
         line = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
-        answers = [Outcome(job, reason=f"{job.source}: the cluster did not grade it ({line})") for job in batch]
+        answers = [Failure(job.source, f"{job.source}: the cluster did not grade it ({line})") for job in batch]
     for job, answer in zip(batch, answers, strict=True):
-        if answer.applied is None or answer.record is None:
-            yield replace(answer, job=job)
+        if isinstance(answer, Failure):
+            yield job, replace(answer, source=job.source)
             continue
+        applied, record = answer
         # How long a file that another machine wrote may take to appear on this one, as on network file systems it does
         until = time.monotonic() + 10
-        output = answer.record.output
+        output = record.output
         while not output.still_true() and time.monotonic() < until:
             time.sleep(0.2)
         if output.still_true():
-            yield Outcome(job, replace(answer.applied, source=job.source, target=job.target), answer.record)
+            yield job, (replace(applied, source=job.source, target=job.target), record)
         else:
-            yield Outcome(job, reason=f"{output.path}: a worker wrote it, but it is not here, or is another file")
+            reason = f"{output.path}: a worker wrote it, but it is not here, or is another file"
+            yield job, Failure(job.source, reason)
 
 
 def _with_absolute_paths(record: Sent) -> Sent:
@@ -155,5 +157,5 @@ def _run_there(recipe: Recipe, key: str, jobs: Sequence[Job]) -> list[Outcome]:
                 _RECIPES[key] = recipe
             prepared = _RECIPES[key]
     except LutForgeError as error:
-        return [Outcome(job, reason=f"{job.source}: {error}") for job in jobs]
+        return [Failure(job.source, f"{job.source}: {error}") for job in jobs]
     return [run_job(prepared, job) for job in jobs]

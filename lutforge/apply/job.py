@@ -66,13 +66,15 @@ class Record:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What became of a job: `applied` and `record`, or `reason`, one line, why it failed."""
+class Failure:
+    """An image that was not graded, and why, in one line."""
 
-    job: Job
-    applied: GradedImage | None = None
-    record: Record | None = None
-    reason: str = ""
+    source: Path
+    reason: str
+
+
+Outcome = tuple[GradedImage, Record] | Failure
+"""What became of a job."""
 
 
 def run_job(
@@ -90,14 +92,13 @@ def run_job(
         applied = apply_image(grade, source, job.target, threads, region_samples, progress, job.quality)
         if _identify(source) != before:
             raise ImageError(f"{source}: it was changed while it was graded; grade it again")
-        record = Record(job.key(recipe), before, _identify(job.target, written=True))
+        return applied, Record(job.key(recipe), before, _identify(job.target, written=True))
     except LutForgeError as error:
-        return Outcome(job, reason=str(error))
+        return Failure(source, str(error))
     except MemoryError:
-        return Outcome(job, reason=f"{source}: not enough memory for this image")
+        return Failure(source, f"{source}: not enough memory for this image")
     except Exception as error:  # whatever a codec does with one file, the others are graded
-        return Outcome(job, reason=f"{source}: {type(error).__name__}: {' '.join(str(error).split())[:300]}")
-    return Outcome(job, applied, record)
+        return Failure(source, f"{source}: {type(error).__name__}: {' '.join(str(error).split())[:300]}")
 
 
 def read_journal(folder: Path) -> Mapping[str, Record]:

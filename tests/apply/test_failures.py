@@ -53,16 +53,6 @@ def test_each_failure_is_named_and_nothing_is_lost(folder: Path, run: Run) -> No
     assert [path.name for path in (folder / "out").glob(".*")] == [".lutforge-apply.jsonl"]
 
 
-@pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
-def test_a_lut_with_what_is_no_number_grades_nothing(folder: Path, run: Run, number: str) -> None:
-    rows = ["0 0 0"] * 7
-    (folder / "bad.cube").write_text("\n".join(["LUT_3D_SIZE 2", *rows, f"1 {number} 1", ""]))
-    done = run("bad.cube", "good.png", "-o", "out")
-    assert done.returncode == 2
-    assert "not finite" in done.stderr and len(done.stderr.splitlines()) == 1
-    assert not (folder / "out").exists()
-
-
 def test_a_full_disk(folder: Path) -> None:
     """A limit of the size of a file stands for it. One process for all formats: libjpeg would end it."""
     write_picture(folder / "large.png", (300, 400), seed=3)
@@ -87,28 +77,6 @@ def test_a_full_disk(folder: Path) -> None:
         assert count == "0"
         assert reasons[0].startswith(f"out/large.{suffix}: "), reasons
         assert reasons[1:] == ["none.png: no such file"]
-    assert not (folder / "out").exists()
-
-
-@pytest.mark.parametrize("place", ["/dev/full", "good.png", "/proc/none"])
-def test_places_that_are_no_folder(run: Run, place: str) -> None:
-    done = run("look.cube", "good.png", "-o", place)
-    assert done.returncode == 2
-    assert done.stderr.startswith("lutforge: ")
-    assert place in done.stderr
-    assert "folder" in done.stderr
-    assert done.stderr.count("\n") == 1
-
-
-def test_workers_frames_and_clusters_that_make_no_sense(folder: Path, run: Run) -> None:
-    for words, says in (
-        (("--workers", "-3"), "at least one thread"),
-        (("--frames", "9-1"), "frames are written as"),
-        (("--scheduler", "nonsense"), "not the address of a Dask scheduler"),
-    ):
-        done = run("look.cube", "good.####.png" if "--frames" in words else "good.png", "-o", "out", *words)
-        assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
-        assert says in done.stderr
     assert not (folder / "out").exists()
 
 

@@ -11,9 +11,10 @@ import numpy as np
 import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 import pytest
 
-from lutforge.apply.batch import Failure, apply_batch, plan_jobs
+from lutforge.apply.batch import apply_batch, plan_jobs
 from lutforge.apply.grade import ConfigRecipe, Grade, LutRecipe, Recipe
 from lutforge.apply.inputs import Input
+from lutforge.apply.job import Failure
 from lutforge.apply.oiiotool_commands import oiiotool_commands
 from lutforge.images.read import read_image
 from lutforge.luts.ops import Cube

@@ -24,7 +24,7 @@ from lutforge.luts.processor import evaluate
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.pipeline.calibration import calibrate
-from lutforge.samples.sample_set import SampleSet
+from lutforge.samples.sample_set import SampleSet, concatenate
 from lutforge.shots.picture_settings import read_picture_settings
 from lutforge.simulate.camera import SimulatedCamera, nikon_d5100, sigma_sd_merrill
 from lutforge.simulate.photograph import CameraSettings, Photograph, develop_again, photograph
@@ -40,35 +40,21 @@ def samples_of(
     """Colours of 60 surfaces at three levels under three lights, on every setting; every other surface is of another
     "shot", so that leaving them out in turn, which costs most of a calibration, takes two fits.
     """
-    parts: list[tuple[str, str, str, NDArray[np.float64], NDArray[np.float64]]] = []
+    parts: list[SampleSet] = []
     rng = np.random.default_rng(seed)
     for style in styles:
         for balance in balances:
             for light in (balance, "tungsten", "shade"):
-                surfaces = palette(36, rng)
-                raw = np.vstack([camera.expose(level * surfaces, light) for level in LEVELS])
-                raw = np.clip(raw, 0.0, 1.0)
+                colours = palette(36, rng)
+                raw = np.clip(np.vstack([camera.expose(level * colours, light) for level in LEVELS]), 0.0, 1.0)
                 jpeg = camera.render(raw[:, None] + rng.normal(0, 0.002, (len(raw), 16, 3)), style, balance)
-                parts.append((style, balance, light, raw, np.rint(255 * jpeg).mean(axis=1) / 255))
-    counts = [len(raw) for *_, raw, _ in parts]
-
-    def column(values: list[str]) -> NDArray[np.str_]:
-        return np.repeat(values, counts)
-
-    settings = column([part[1] for part in parts])
-    name = np.full(sum(counts), camera.name)
-    return SampleSet(
-        name,
-        column([part[0] for part in parts]),
-        settings,
-        np.array([f"{style} {row % 2}" for row, style in enumerate(column([part[0] for part in parts]).tolist())]),
-        np.array([str(row) for row in range(sum(counts))]),
-        np.full(sum(counts), 1 / 60),
-        np.vstack([part[3] for part in parts]),
-        np.vstack([part[4] for part in parts]),
-        np.array([camera.white_balances[str(balance)].multipliers for balance in settings]),
-        name,
-    )
+                rows = len(parts) * len(raw) + np.arange(len(raw))
+                shot = np.char.add(f"{style} ", (rows % 2).astype(str))
+                parts.append(SampleSet.from_arrays(
+                    raw, np.rint(255 * jpeg).mean(axis=1) / 255, camera=camera.name, style=style, white_balance=balance,
+                    shot=shot, patch=rows.astype(str), exposure_s=1 / 60, wb=camera.white_balances[balance].multipliers,
+                ))  # fmt: skip
+    return concatenate(parts)
 
 
 @pytest.fixture(scope="module")

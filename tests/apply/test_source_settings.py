@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-import lutforge as lf
 from lutforge.apply.source_settings import source_selector
-from lutforge.errors import ConfigError, LutError, SettingsError, in_common
+from lutforge.errors import SettingsError, in_common
 from lutforge.pipeline.grading import Grading
 from lutforge.settings import parse_selector
 from lutforge.shots.picture_settings import PictureSettings
@@ -78,11 +77,3 @@ def test_automatic_white_balance_without_multipliers_is_refused_with_what_to_do(
 def test_options_that_would_do_nothing_are_refused(grade: str, options: dict[str, Any], why: str) -> None:
     with pytest.raises(SettingsError, match=why):
         _ = Grading((Path(grade), Path("a.jpg")), Path("out"), **options).recipe
-
-
-def test_a_profile_in_the_place_of_a_transform_or_a_list_is_one_line() -> None:
-    profile: Any = small_profile()
-    with pytest.raises(LutError, match=r"a CameraProfile is no transform of colours; .*profile\.render"):
-        lf.bake(profile)
-    with pytest.raises(ConfigError, match="a list of profiles"):
-        lf.build_config(profile)

@@ -2,7 +2,6 @@
 
 import inspect
 import re
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -76,16 +75,6 @@ def test_programs_are_listed_and_named_in_any_case(lutforge: CommandLine, profil
     linear = lutforge("bake", "camera.npz", "linearize", "--from", "standard/daylight", "--space", "ACEScg",
                       "-o", "linear.clf", cwd=profile)  # fmt: skip
     assert linear.returncode == 0, linear.stderr
-
-
-def test_help_loads_no_numbers() -> None:
-    code = (
-        "import sys; sys.argv = ['lutforge', '--help']\n"
-        "from lutforge.cli.main import command_line\ncommand_line()\n"
-        "print([m for m in ('numpy', 'numba', 'scipy', 'colour', 'OpenImageIO') if m in sys.modules])"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
 
 
 def test_inspect_shows_what_a_camera_did_to_shots(lutforge: CommandLine, tmp_path: Path) -> None:

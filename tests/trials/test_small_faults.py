@@ -62,6 +62,8 @@ def folder(profile: Path, tmp_path: Path) -> Path:
     shaped = Lut((curve, Cube(grid(uniform_levels(5)))), "a title").write(tmp_path / "x.resolve.cube")
     shaped.write_text(shaped.read_text().replace("LUT_3D_SIZE 5", "LUT_3D_SIZE 6"))
     (tmp_path / "look.cube").write_text("LUT_3D_SIZE 2\n" + "0.5 0.5 0.5\n" * 8)
+    for number in ("nan", "inf"):
+        (tmp_path / f"{number}.cube").write_text("LUT_3D_SIZE 2\n" + "0 0 0\n" * 7 + f"1 {number} 1\n")
     (tmp_path / "mac.cube").write_bytes(b"LUT_3D_SIZE 2\r" + b"0.5 0.5 0.5\r" * 8)
     (tmp_path / "look.dcp").write_bytes(b"IIRC\x08\0\0\0" + bytes(100))
     (tmp_path / "cut.webp").write_bytes(b"RIFF\x00\x01\x00\x00WEBPVP8 " + bytes(40))
@@ -108,6 +110,16 @@ REFUSALS: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "line ends of old": (("apply", "mac.cube", "a.jpg", "-o", "out"), ("save it with line feeds",)),
     "a damaged profile": (
         ("apply", "look.dcp", "a.jpg", "-o", "out"), ("`lutforge check` shows which programs do",)
+    ),
+    "no number in a LUT": (("apply", "nan.cube", "a.jpg", "-o", "out"), ("not finite",)),
+    "infinity in a LUT": (("apply", "inf.cube", "a.jpg", "-o", "out"), ("not finite",)),
+    "a device": (("apply", "look.cube", "a.jpg", "-o", "/dev/full"), ("/dev/full", "folder")),
+    "a file for a folder": (("apply", "look.cube", "a.jpg", "-o", "bad.jpg"), ("bad.jpg", "folder")),
+    "no place": (("apply", "look.cube", "a.jpg", "-o", "/proc/none"), ("/proc/none", "folder")),
+    "no threads": (("apply", "look.cube", "a.jpg", "-o", "out", "--workers", "-3"), ("at least one thread",)),
+    "no frames": (("apply", "look.cube", "a.#.jpg", "-o", "out", "--frames", "9-1"), ("frames are written as",)),
+    "no cluster": (
+        ("apply", "look.cube", "a.jpg", "-o", "out", "--scheduler", "x"), ("not the address of a Dask scheduler",)
     ),
     "a damaged picture": (
         ("apply", "look.cube", "cut.webp", "-o", "out"), ("cannot be read as an image", "convert it to TIFF")
