@@ -154,7 +154,7 @@ def test_settings_outputs_and_profiles(profile: Path, refused: Refused) -> None:
         (("import-nus", "folder"), "-o camera.npz to replace it"),
         (("sample", "a.dng"), "-o samples.csv to replace it"),
         # It is no input.
-        ((*MATCH, "-o", "link.npz"), "suffix"),
+        ((*MATCH, "-o", "link.npz"), "replace an input"),
         (("config", "camera.npz", "-o", "camera.npz"), "is a file"),
         (("transfer", "samples.csv", "samples.csv", "-o", "samples.csv"), "suffix"),
         (("sample", "samples.csv", "-o", "samples.csv"), "replace an input"),
