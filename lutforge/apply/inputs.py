@@ -10,7 +10,7 @@ from pathlib import Path
 
 import OpenImageIO as oiio  # noqa: N813 - the name that its documentation uses
 
-from lutforge.apply.job import JOURNAL
+from lutforge.apply.job import JOURNAL, Failure
 from lutforge.errors import ImageError, SettingsError
 from lutforge.images.heif import HEIF_SUFFIXES
 from lutforge.shots.discover import RAW_SUFFIXES
@@ -37,7 +37,7 @@ class Inputs:
     """
 
     images: tuple[Input, ...]
-    missing: tuple[Path, ...] = ()
+    missing: tuple[Failure, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -57,7 +57,7 @@ def find_inputs(
     or in `frames`; else those on the disk. A file of exactly that name comes first. Raises ImageError, SettingsError.
     """
     images: list[Input] = []
-    missing: list[Path] = []
+    missing: list[Failure] = []
     notes: list[str] = []
     for word in map(Path, words):
         pattern = _PATTERN.fullmatch(word.name)
@@ -77,7 +77,7 @@ def find_inputs(
                 if path.exists():
                     images.append(Input(path, Path(path.name)))
                 else:
-                    missing.append(path)
+                    missing.append(Failure(path, f"{path}: this frame is missing"))
         else:
             numbered = _on_disk(word, pattern)
             images += [Input(path, Path(path.name)) for path in numbered.values()]

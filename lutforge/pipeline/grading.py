@@ -128,11 +128,6 @@ class Grading:
         """The images to grade. Raises ImageError or SettingsError."""
         return find_inputs(self.images, self.frames, self.recursive, [self.folder], raw=_is_profile(self.words[0]))
 
-    @property
-    def missing(self) -> tuple[Failure, ...]:
-        """The frames that were asked for by number and are not there."""
-        return tuple(Failure(path, f"{path}: this frame is missing") for path in self.inputs.missing)
-
     def candidates(self, sheet: Path) -> tuple[str, ...]:
         """Write a sheet of the one image under presumed white balances, and return these. Raises SettingsError."""
         from lutforge.apply.candidates import candidate_sheet
@@ -152,7 +147,7 @@ class Grading:
         yield from oiiotool_commands(
             self.recipe, plan_jobs(self.inputs.images, self.folder, self.suffix), self.folder / "luts"
         )
-        yield from self.missing
+        yield from self.inputs.missing
 
     def run(self, progress: Progress = silent) -> BatchResult:
         """Grade the images; one that fails is told of in the result, and the others go on. progress: tells the rate.
@@ -164,7 +159,7 @@ class Grading:
             self.recipe, self.inputs.images, self.folder, suffix, self.workers, progress,
             resume=self.resume, scheduler=self.scheduler, quality=self.quality,
         )  # fmt: skip
-        return replace(result, failed=(*result.failed, *self.missing), notes=(*self.inputs.notes, *result.notes))
+        return replace(result, failed=(*result.failed, *self.inputs.missing), notes=(*self.inputs.notes, *result.notes))
 
 
 def _is_profile(path: Path) -> bool:

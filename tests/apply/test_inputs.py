@@ -32,7 +32,7 @@ def test_frames_that_are_asked_for_are_there_or_named(frames: Path, pattern: str
     found = find_inputs([frames / pattern], frames=option)
     assert [image.path.name for image in found.images] == ["f.0001.exr", "f.0005.exr", "f.0009.exr", "f.0002.exr"]
     more = find_inputs([frames / "f.1-3#.exr"])
-    assert [path.name for path in more.missing] == ["f.0003.exr"]
+    assert [failure.source.name for failure in more.missing] == ["f.0003.exr"]
 
 
 def test_a_file_of_that_name_comes_first(tmp_path: Path) -> None:
