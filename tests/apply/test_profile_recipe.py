@@ -1,7 +1,10 @@
 """Refinishing pictures by their own settings: the simulated camera says what each should become."""
 
 import pickle
+import shutil
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +35,9 @@ from lutforge.simulate.scene import SCENES, palette
 
 STYLES, BALANCES = ("standard", "vivid"), ("tungsten", "fluorescent", "daylight", "flash", "cloudy", "shade")
 LEVELS = (0.12, 0.45, 1.0)
+
+Recipes = Callable[..., ProfileRecipe]
+"""Makes a recipe of the simulated camera's profile, with options."""
 
 
 def samples_of(
@@ -77,12 +83,16 @@ def shot(folder: Path) -> Photograph:
     return photograph(nikon_d5100(), scene, settings, folder / "shot", "IMG_1", light="daylight")
 
 
-def alone(shot: Photograph, folder: Path, name: str = "picture.jpg") -> Path:
+@pytest.fixture(scope="module")
+def recipe_of(profile: CameraProfile, folder: Path) -> Recipes:
+    return partial(ProfileRecipe, (folder / "camera.npz",))
+
+
+@pytest.fixture
+def picture(shot: Photograph, tmp_path: Path) -> Path:
     """The shot's JPEG without its RAW file beside it."""
     assert shot.jpeg is not None
-    path = folder / name
-    path.write_bytes(shot.jpeg.read_bytes())
-    return path
+    return shutil.copyfile(shot.jpeg, tmp_path / "picture.jpg")
 
 
 def truth(shot: Photograph, folder: Path, style: str, balance: str) -> NDArray[np.float32]:
@@ -106,7 +116,7 @@ def error(before: NDArray[np.float32], after: NDArray[np.float32], wanted: NDArr
 
 @pytest.mark.slow
 def test_every_pair_of_settings_on_a_scene_that_was_held_out(
-    profile: CameraProfile, shot: Photograph, folder: Path
+    recipe_of: Recipes, profile: CameraProfile, shot: Photograph, folder: Path
 ) -> None:
     settings = [(style, balance) for style in STYLES for balance in BALANCES]
     pictures = {setting: truth(shot, folder, *setting) for setting in settings}
@@ -114,7 +124,7 @@ def test_every_pair_of_settings_on_a_scene_that_was_held_out(
     for source in settings:
         for target in settings:
             if source != target:
-                recipe = ProfileRecipe((folder / "camera.npz",), "/".join(source), "/".join(target))
+                recipe = recipe_of("/".join(source), "/".join(target))
                 given, wanted = (profile.selector("/".join(setting)) for setting in (source, target))
                 chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, wanted))
                 assert (
@@ -128,11 +138,8 @@ def test_every_pair_of_settings_on_a_scene_that_was_held_out(
     assert max(errors.values()) <= 0.014, max(errors, key=lambda pair: errors[pair])
 
 
-def test_a_picture_tells_its_own_settings(
-    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
-) -> None:
-    picture = alone(shot, tmp_path)
-    recipe = ProfileRecipe((folder / "camera.npz",), target="vivid/daylight")
+def test_a_picture_tells_its_own_settings(recipe_of: Recipes, shot: Photograph, picture: Path, tmp_path: Path) -> None:
+    recipe = recipe_of(target="vivid/daylight")
     recipe.check()
     result = apply_batch(recipe, [picture], tmp_path / "out")
     assert not result.failed
@@ -148,26 +155,23 @@ def test_a_picture_tells_its_own_settings(
     # The result tells what it is now, whatever its description still says.
     now = read_picture_settings(tmp_path / "out" / "picture.jpg")
     assert (now.camera, now.style, now.white_balance) == (nikon_d5100().name, "vivid", "daylight")
-    back = apply_batch(
-        ProfileRecipe((folder / "camera.npz",), target="standard/tungsten"), [result.done[0].target], tmp_path / "back"
-    )
+    back = apply_batch(recipe_of(target="standard/tungsten"), [result.done[0].target], tmp_path / "back")
     assert error(after.pixels, read_image(back.done[0].target).pixels, read_image(picture).pixels) < 0.012
 
 
-def test_as_shot_keeps_either(profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path) -> None:
-    picture = alone(shot, tmp_path)
+def test_as_shot_keeps_either(recipe_of: Recipes, picture: Path) -> None:
     for target, told in (
         ("vivid/as-shot", "vivid/tungsten"),
         ("as-shot/shade", "standard/shade"),
         (None, "standard/tungsten"),
         ("standard/5200K+10", "standard/5200K+10"),
     ):
-        grade = ProfileRecipe((folder / "camera.npz",), target=target).grade(picture)
+        grade = recipe_of(target=target).grade(picture)
         assert grade.history.endswith(f"-> {nikon_d5100().name}: {told}")
 
 
 def test_what_a_picture_does_not_tell_is_refused_with_what_is_known(
-    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
+    recipe_of: Recipes, folder: Path, tmp_path: Path
 ) -> None:
     pixels = np.full((8, 8, 3), 0.4, dtype=np.float32)
     spec = oiio.ImageSpec(8, 8, 3, "uint8")
@@ -178,7 +182,7 @@ def test_what_a_picture_does_not_tell_is_refused_with_what_is_known(
     spec.attribute("Model", "Other")
     spec.attribute("ImageDescription", "PictureStyle=vivid; WhiteBalance=shade")
     write_image(tmp_path / "other.jpg", pixels, Image(pixels, spec))
-    recipe = ProfileRecipe((folder / "camera.npz",), target="vivid/daylight")
+    recipe = recipe_of(target="vivid/daylight")
     with pytest.raises(SettingsError, match=r"does not name its camera.*--from"):
         recipe.grade(tmp_path / "bare.png")
     with pytest.raises(SettingsError, match=r"does not tell its picture style.*standard, vivid.*--from"):
@@ -186,23 +190,23 @@ def test_what_a_picture_does_not_tell_is_refused_with_what_is_known(
     with pytest.raises(SettingsError, match=r"is of LutForge Other.*--from"):
         recipe.grade(tmp_path / "other.jpg")
     with pytest.raises(SettingsError, match=r"white balance.*tungsten.*--candidates"):
-        ProfileRecipe((folder / "camera.npz",), "standard/as-shot", "vivid/daylight").grade(tmp_path / "named.jpg")
-    asked = ProfileRecipe((folder / "camera.npz",), "standard/shade", "vivid/daylight")
+        recipe_of("standard/as-shot", "vivid/daylight").grade(tmp_path / "named.jpg")
+    asked = recipe_of("standard/shade", "vivid/daylight")
     assert "is of LutForge Other" in asked.grade(tmp_path / "other.jpg").notes[0]
     with pytest.raises(SettingsError, match="sepia"):
-        ProfileRecipe((folder / "camera.npz",), target="sepia/daylight").check()
+        recipe_of(target="sepia/daylight").check()
     with pytest.raises(ProfileError, match="second profile"):
         ProfileRecipe((folder / "camera.npz", folder / "camera.npz")).check()
 
 
 def test_clipped_whites_and_blacks_stay_neutral_and_are_counted(
-    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
+    recipe_of: Recipes, profile: CameraProfile, picture: Path, tmp_path: Path
 ) -> None:
     render = profile.styles["vivid"].render
     assert render is not None
     greys = render(np.linspace(0.0, 1.0, 4097)[:, None].repeat(3, axis=1))
     for ev in (-1.0, 0.0, 1.0):
-        recipe = ProfileRecipe((folder / "camera.npz",), "standard/tungsten", "vivid/shade", ev)
+        recipe = recipe_of("standard/tungsten", "vivid/shade", ev)
         given, wanted = profile.selector("standard/tungsten"), profile.selector("vivid/shade")
         chain = recipe.baked_grades.refinish(SettingChange(profile, given, profile, wanted, ev))
         white, black = evaluate(chain.processor(), np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]))
@@ -214,10 +218,10 @@ def test_clipped_whites_and_blacks_stay_neutral_and_are_counted(
         np.testing.assert_allclose(chain(below), model(below), atol=1e-9)
         near = np.random.default_rng(1).integers(200, 256, (500, 3)) / 255
         assert np.abs(chain(near) - model(near)).mean() < 0.005  # within a cell of where they begin to rise
-    pixels = read_image(alone(shot, tmp_path)).pixels.copy()
+    pixels = read_image(picture).pixels.copy()
     pixels[:20], pixels[20:30, :, 0] = 1.0, 0.0
-    write_image(tmp_path / "clipped.tif", pixels, Image(pixels, read_image(alone(shot, tmp_path)).spec))
-    recipe = ProfileRecipe((folder / "camera.npz",), "standard/tungsten", "vivid/shade")
+    write_image(tmp_path / "clipped.tif", pixels, Image(pixels, read_image(picture).spec))
+    recipe = recipe_of("standard/tungsten", "vivid/shade")
     result = apply_batch(recipe, [tmp_path / "clipped.tif"], tmp_path / "out")
     assert any("clipped" in note for note in result.done[0].notes)
 
@@ -233,10 +237,8 @@ def test_the_confidence_of_a_camera_without_raw_is_that_of_the_same_lattices(pro
     np.testing.assert_allclose(other, one, atol=1e-6)
 
 
-def test_a_raw_file_is_rendered_as_the_camera_renders_it(
-    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
-) -> None:
-    recipe = ProfileRecipe((folder / "camera.npz",), target="vivid/daylight")
+def test_a_raw_file_is_rendered_as_the_camera_renders_it(recipe_of: Recipes, shot: Photograph, tmp_path: Path) -> None:
+    recipe = recipe_of(target="vivid/daylight")
     result = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif")
     assert not result.failed
     again = apply_batch(recipe, [shot.dng], tmp_path / "out", ".tif", resume=True)
@@ -253,35 +255,32 @@ def test_a_raw_file_is_rendered_as_the_camera_renders_it(
     top, left = ((a - b) // 2 for a, b in zip(rendered.shape[:2], wanted.shape[:2], strict=True))
     cut = rendered[top : top + wanted.shape[0], left : left + wanted.shape[1]]
     assert error(wanted, cut, wanted) < 0.012
-    as_shot = ProfileRecipe((folder / "camera.npz",)).grade(shot.dng)
+    as_shot = recipe_of().grade(shot.dng)
     assert as_shot.history.endswith("standard/tungsten")
-    darker = ProfileRecipe((folder / "camera.npz",), ev=-2.0).grade(shot.dng)
+    darker = recipe_of(ev=-2.0).grade(shot.dng)
     white = evaluate(darker.processor, np.ones((1, 3)))
     assert np.ptp(white) < 0.02
     assert white.max() < 0.8
 
 
-def test_a_sheet_shows_the_presumed_temperatures(
-    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
-) -> None:
-    picture = alone(shot, tmp_path)
-    recipe = ProfileRecipe((folder / "camera.npz",), target="standard/daylight")
+def test_a_sheet_shows_the_presumed_temperatures(recipe_of: Recipes, picture: Path, tmp_path: Path) -> None:
+    recipe = recipe_of(target="standard/daylight")
     names = candidate_sheet(recipe, picture, tmp_path / "sheet.png")
     assert len(names) == 13
     assert all(name.startswith("standard/") for name in names)
     sheet = read_image(tmp_path / "sheet.png").pixels
     assert sheet.shape[0] > sheet.shape[1] * 0.5
     assert sheet.max() > 0.9  # labels
-    kept = candidate_sheet(ProfileRecipe((folder / "camera.npz",)), picture, tmp_path / "kept.png")
+    kept = candidate_sheet(recipe_of(), picture, tmp_path / "kept.png")
     assert kept == names  # a picture that keeps its white balance is shown under one that the profile names
 
 
 def test_a_sheet_of_a_camera_that_sets_each_shot_anew_spans_its_shots(
-    profile: CameraProfile, shot: Photograph, tmp_path: Path
+    profile: CameraProfile, picture: Path, tmp_path: Path
 ) -> None:
     auto = replace(profile, white_balances={"auto": WhiteBalance((2.0, 1.0, 1.5), spread=0.2)})
     auto.save(tmp_path / "auto.npz")
-    picture = strip_settings(alone(shot, tmp_path))
+    strip_settings(picture)
     recipe = ProfileRecipe((tmp_path / "auto.npz",), source="standard/auto")
     names = candidate_sheet(recipe, picture, tmp_path / "sheet.png")
     assert len(names) == 11
@@ -292,38 +291,34 @@ def test_a_sheet_of_a_camera_that_sets_each_shot_anew_spans_its_shots(
         ProfileRecipe((tmp_path / "auto.npz",), source=name, target="standard/auto").check()
 
 
-def strip_settings(picture: Path) -> Path:
-    """The picture without metadata."""
+def strip_settings(picture: Path) -> None:
+    """Write the picture without metadata."""
     pixels = read_image(picture).pixels
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint8")
     write_image(picture, pixels, Image(pixels, spec))
-    return picture
 
 
 @pytest.mark.parametrize("target", [None, "standard/tungsten"])
 def test_a_picture_with_the_settings_wanted_is_copied(
-    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path, target: str | None
+    recipe_of: Recipes, picture: Path, tmp_path: Path, target: str | None
 ) -> None:
-    picture = alone(shot, tmp_path)
-    result = apply_batch(ProfileRecipe((folder / "camera.npz",), target=target), [picture], tmp_path / "out")
+    result = apply_batch(recipe_of(target=target), [picture], tmp_path / "out")
     assert result.done[0].target.read_bytes() == picture.read_bytes()
     assert any("nothing to change" in note for note in result.done[0].notes)
-    other = apply_batch(ProfileRecipe((folder / "camera.npz",), target=target), [picture], tmp_path / "out", ".png")
+    other = apply_batch(recipe_of(target=target), [picture], tmp_path / "out", ".png")
     np.testing.assert_array_equal(read_image(other.done[0].target).pixels, read_image(picture).pixels)
 
 
-def test_exposure_alone_needs_no_white_balance(
-    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
-) -> None:
-    picture = strip_settings(alone(shot, tmp_path))
+def test_exposure_alone_needs_no_white_balance(recipe_of: Recipes, picture: Path) -> None:
+    strip_settings(picture)
     with pytest.raises(SettingsError, match="does not name its camera"):
-        ProfileRecipe((folder / "camera.npz",), ev=0.5).grade(picture)
-    grade = ProfileRecipe((folder / "camera.npz",), "standard/as-shot", ev=0.5).grade(picture)
+        recipe_of(ev=0.5).grade(picture)
+    grade = recipe_of("standard/as-shot", ev=0.5).grade(picture)
     assert grade.lut is not None
 
 
 def test_photographs_of_two_cameras_come_to_one_look(
-    profile: CameraProfile, shot: Photograph, folder: Path, tmp_path: Path
+    recipe_of: Recipes, shot: Photograph, picture: Path, folder: Path, tmp_path: Path
 ) -> None:
     other = sigma_sd_merrill()
     theirs_only = samples_of(other, 2, ("vivid",), ("tungsten", "daylight", "shade"))
@@ -355,8 +350,8 @@ def test_photographs_of_two_cameras_come_to_one_look(
         )
         assert mine.jpeg is not None
         errors.append(error(before, evaluate(grade.processor, before), read_image(mine.jpeg).pixels))
-        own = recipe.grade(alone(shot, tmp_path))
+        own = recipe.grade(picture)
         assert own.history.endswith(f"-> {nikon_d5100().name}: standard/tungsten")
     assert max(errors) <= 0.02
     with pytest.raises(SettingsError, match="--as"):
-        ProfileRecipe((folder / "camera.npz",), transfers=(tmp_path / "t.json",)).check()
+        recipe_of(transfers=(tmp_path / "t.json",)).check()
