@@ -95,22 +95,19 @@ def _remove_if_empty(folder: Path) -> None:
             _made.discard(place)
 
 
-def remove_temporaries(paths: Iterable[Path]) -> int:
-    """Delete the temporary files that killed runs left beside these paths, and return their number.
+def remove_temporaries(paths: Iterable[Path]) -> None:
+    """Delete the temporary files that killed runs left beside these paths.
 
     No other process may be writing these paths at the same time.
     """
     names: dict[Path, set[tuple[str, str]]] = {}
     for path in paths:
         names.setdefault(path.parent, set()).add((_prefix(path), path.suffix))
-    removed = 0
     for folder, wanted in names.items():
         for file in folder.iterdir() if folder.is_dir() else ():
             match = re.fullmatch(r"(\..+\.lutforge-)[a-z0-9_]{8}", file.stem)
             if match is not None and (match[1], file.suffix) in wanted:
                 file.unlink(missing_ok=True)
-                removed += 1
-    return removed
 
 
 @contextmanager

@@ -20,16 +20,12 @@ from lutforge.progress import Progress, silent
 
 @dataclass(frozen=True)
 class Grading:
-    """What to grade, and how.
+    """What to grade, and how: the arguments of `apply`, and what the command alone has.
 
     words: paths: one LUT file, one config, or profiles of different cameras; then files, folders, frame sequences.
-    output: a folder. source: STYLE/WB of the images where they do not tell, with a config their colour space; target:
-    the STYLE/WB or colour space wanted, as-shot to keep either; ev: exposure change in stops. look: the profile of the
-    camera whose look is wanted; transfers: RAW → RAW from other cameras to that one. interpolation: for LUTs that name
-    none. suffix: of another format. workers: threads, by default one per core. frames: of sequences; recursive: folders
-    with their subfolders. resume: skip what an earlier run did. scheduler: the address of a Dask cluster. quality: of
-    JPEG files, 1 … 100, by default that of a JPEG's source. space: pictures become linear light in this colour space,
-    in .exr; exposure: "exif" divides that by the stated exposures.
+    transfers: RAW → RAW from other cameras to that of `look`. interpolation: for LUTs that name none. frames: of
+    sequences; recursive: folders with their subfolders. resume: skip what an earlier run did. scheduler: the address of
+    a Dask cluster. quality: of JPEG files, 1 … 100, by default that of a JPEG's source.
     """
 
     words: tuple[Path, ...]
