@@ -50,10 +50,10 @@ def calibrate(
         raise SettingsError("give --pairs or shots, not both")
     with progress_bar("sampling") as progress:
         if pairs is not None:
-            tell(sampled := sample_pairs(*pairs, from_space, progress))
+            sampled = sample_pairs(*pairs, from_space, progress)
         else:
-            substitute = raw_substitute(developed, developed_space)
-            sampled = gather_samples(sources or [], progress, tell, substitute)
+            sampled = gather_samples(sources or [], progress, raw_substitute(developed, developed_space))
+    tell(sampled)
     with progress_bar("calibrating") as progress:
         profile = fit(sampled.samples, options, progress)
     note(*map(str, profile.diagnoses), *profile.notes)

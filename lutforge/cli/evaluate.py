@@ -34,10 +34,11 @@ def evaluate(
 
     camera = as_profile(profile)
     with progress_bar("sampling") as progress:
-        told = (lambda sampled: None) if as_json else tell
-        samples = gather_samples(sources, progress, told).samples
+        sampled = gather_samples(sources, progress)
+    if not as_json:
+        tell(sampled)
     with progress_bar("evaluating") as progress:
-        evaluation = measure(camera, samples, progress, tables=tables)
+        evaluation = measure(camera, sampled.samples, progress, tables=tables)
     note(*evaluation.notes)
     if as_json:
         json.dump(evaluation.as_json(), sys.stdout, indent=1, ensure_ascii=False, allow_nan=False)

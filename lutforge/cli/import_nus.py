@@ -14,13 +14,12 @@ def import_nus(
     style: Annotated[str, option("The picture style that the folders are of.")] = "standard",
 ) -> None:
     """Read the thesis authors' model folders (response, matrix, white balances, gamut map) into a profile."""
-    from lutforge.model.profile_file import save_profile
     from lutforge.model.published_model import import_published
     from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output, named_or_new
 
     output = check_output(named_or_new(output, "camera.npz"), PROFILE_SUFFIXES)
     profile = import_published(folders, camera, style.lower())
-    save_profile(profile, output)
+    profile.save(output)
     centres = sum(len(model.gamut_map.centres) for model in profile.styles[style.lower()].physical)
     say(f"{output}: {profile.camera}, style {style.lower()}, {centres} control points")
     say(f"white balances: {', '.join(profile.white_balances)}")

@@ -28,7 +28,8 @@ def report(
     camera, sampled = as_profile(profile), None
     if sources:
         with progress_bar("sampling") as progress:
-            sampled = gather_samples(sources, progress, tell)
+            sampled = gather_samples(sources, progress)
+        tell(sampled)
     with progress_bar("reporting") as progress:
         page = write_report(camera, sampled, output, figures, progress)
     say(f"{output}: {len(page.pictures)} figures, {output.stat().st_size / 1e6:.1f} MB")

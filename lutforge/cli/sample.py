@@ -39,8 +39,10 @@ def sample(
 
 def tell(sampled: "SampledShots") -> None:
     """Print the account of each shot, the notes that shots share, and what was left out."""
+    from lutforge.pipeline.sampling import file_notes
+
     for shot in sampled.shots:
         say(shot.summary)
-    note(*sampled.notes)
+    note(*file_notes(sampled.shots))
     for reason in sampled.left_out:
         note(f"left out: {reason}")

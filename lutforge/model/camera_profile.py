@@ -14,8 +14,8 @@ from lutforge.colour.rgb_spaces import from_linear_srgb, rgb_space
 from lutforge.errors import ProfileError, SettingsError, alternatives
 from lutforge.model.gamut_map import identity_gamut_map
 from lutforge.model.highlights import neutral_highlights as highlights_between
+from lutforge.model.lattice import grid, uniform_levels
 from lutforge.model.profile_data import PhysicalModel, PictureStyle, ProfileData
-from lutforge.model.profile_file import read_profile, save_profile
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.model.response import Response
 from lutforge.model.transform import (
@@ -52,15 +52,12 @@ class CameraProfile(ProfileData):
         if selector.style not in self.styles:
             known = alternatives(selector.style, sorted(self.styles))
             raise SettingsError(f'{self.camera}: unknown style "{selector.style}"; {known}')
-        return replace(selector, white_balance=self._known_balance(selector.white_balance))
-
-    def _known_balance(self, balance: str | Kelvin | Multipliers) -> str | Kelvin | Multipliers:
-        """The white balance as it is, or the multipliers of a known one with a step: "daylight+10", "auto+500K"."""
-        step = split_shift(balance) if isinstance(balance, str) and balance not in self.white_balances else None
-        if step is None or step[0] not in self.white_balances:
-            resolve(balance, self.white_balances, self.matrix)
-            return balance
-        return self.shifted(self.white_balances[step[0]].factors, step[1])
+        balance, known_balances = selector.white_balance, self.white_balances
+        step = split_shift(balance) if isinstance(balance, str) and balance not in known_balances else None
+        if step is not None and step[0] in known_balances:  # a known one with a step: "daylight+10", "auto+500K"
+            return replace(selector, white_balance=self.shifted(known_balances[step[0]].factors, step[1]))
+        resolve(balance, known_balances, self.matrix)
+        return selector
 
     def notes_on(self, selector: Selector) -> list[str]:
         """What is to be known of a setting: that the camera sets it anew for each shot, or that it comes on top."""
@@ -105,17 +102,17 @@ class CameraProfile(ProfileData):
 
     def _render(self, to: str | Selector, model: ModelName | None) -> Transform:
         selector = self.selector(to)
-        gain = self.multipliers(selector)
-        style = self.styles[selector.style]
-        if self._model(selector, model) == "lattice":
+        gain, style, physical = self.multipliers(selector), self.styles[selector.style], self._physical(selector, model)
+        if physical is None:
             if style.render is None:
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for rendering")
             return Transform((Gain(gain), Clip(), style.render))
-        physical = self._physical(selector)
         forward, response = physical.gamut_map, Encode(physical.response)
         if not self.raw_camera:
             return Transform((Gain(gain), Clip(), MatrixStage(physical.matrix), forward, response))
-        reach = _reach(physical)
+        # Another camera's RAW stands in. Its sensor saturates at 1, but this camera may expose brighter.
+        brightest = physical.linearize(grid(uniform_levels(5))).max(axis=(0, 1, 2))
+        reach = np.maximum(brightest, 1.0)
         within = MatrixStage(np.diag(1 / reach))
         return Transform((Gain(gain), within, Clip(), MatrixStage(physical.matrix * reach), forward, response))
 
@@ -143,16 +140,13 @@ class CameraProfile(ProfileData):
 
     def _linearize(self, source: str | Selector, space: str, model: ModelName | None) -> Transform:
         selector = self.selector(source)
-        gain = self.multipliers(selector)
-        style = self.styles[selector.style]
-        if self._model(selector, model) == "lattice":
+        gain, style, physical = self.multipliers(selector), self.styles[selector.style], self._physical(selector, model)
+        scene = np.diag(1 / gain) if space == "raw" else from_linear_srgb(space) @ self.matrix
+        if physical is None:
             if style.linearize is None:
                 raise ProfileError(f"{self.camera}: style {selector.style} holds no lattice for linearizing")
-            scene = np.diag(1 / gain) if space == "raw" else from_linear_srgb(space) @ self.matrix
             return Transform((Clip(), style.linearize, MatrixStage(scene)))
-        physical = self._physical(selector)
-        to_balanced = np.linalg.inv(physical.matrix)
-        scene = (np.diag(1 / gain) if space == "raw" else from_linear_srgb(space) @ self.matrix) @ to_balanced
+        scene = scene @ np.linalg.inv(physical.matrix)
         return Transform((Clip(), Decode(physical.response), physical.inverse_gamut_map, MatrixStage(scene)))
 
     def refinish(
@@ -169,29 +163,22 @@ class CameraProfile(ProfileData):
         """
         return match(self, source, self, target, ev, model=model, neutral_highlights=neutral_highlights)
 
-    def save(self, path: str | Path) -> None:
-        """Write the profile to a file (.npz), atomically; `lutforge.load_profile` reads it."""
-        save_profile(self, path)
-
     def raw_to_linear_srgb(self, selector: Selector) -> Array:
         """(3, 3): Ts Tw for a setting; of a reference camera's RAW Ts Tw Tc."""
         return (self.matrix * self.multipliers(selector)) @ _from_reference(self)
 
-    def _model(self, selector: Selector, model: ModelName | None) -> ModelName:
+    def _physical(self, selector: Selector, model: ModelName | None) -> PhysicalModel | None:
+        """The physical model fitted for this white balance, else the style's first; None where a lattice takes part."""
         style = self.styles[selector.style]
-        if model is not None:
-            return model
-        if style.render is None:
-            return "rbf"
-        return "rbf" if style.physical and self.options.get("model") == "rbf" else "lattice"
-
-    def _physical(self, selector: Selector) -> PhysicalModel:
-        """The physical model fitted for this white balance, else the style's first."""
-        models = self.styles[selector.style].physical
-        if not models:
+        if model is None and style.render is not None:
+            model = "rbf" if style.physical and self.options.get("model") == "rbf" else "lattice"
+        if model == "lattice":
+            return None
+        if not style.physical:
             raise ProfileError(f"{self.camera}: style {selector.style} holds no physical model; use --model lattice")
-        named = [model for model in models if selector.white_balance in model.white_balances]
-        return (named or list(models))[0]
+        return next(
+            (each for each in style.physical if selector.white_balance in each.white_balances), style.physical[0]
+        )
 
 
 def load_profile(path: str | Path) -> CameraProfile:
@@ -206,7 +193,7 @@ def load_profile(path: str | Path) -> CameraProfile:
     Raises:
         ProfileError: it is none, in one line.
     """
-    return CameraProfile(**vars(read_profile(path_of(path, "a profile"))))
+    return CameraProfile.read(path_of(path, "a profile"))
 
 
 def as_profile(profile: CameraProfile | str | Path) -> CameraProfile:
@@ -214,16 +201,6 @@ def as_profile(profile: CameraProfile | str | Path) -> CameraProfile:
     if not isinstance(profile, CameraProfile | str | Path):
         raise ProfileError(f"{profile!r:.80} is not a profile: give a CameraProfile, or the path of its file")
     return profile if isinstance(profile, CameraProfile) else load_profile(profile)
-
-
-def _reach(physical: PhysicalModel) -> Array:
-    """Return how far another camera's RAW, which stands in for a camera's own, goes for the brightest codes.
-
-    It is 1 at least: that camera's sensor saturates at 1, but this camera may expose brighter.
-    """
-    codes = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, 5)] * 3), axis=-1).reshape(-1, 3)
-    brightest = physical.inverse_gamut_map(physical.response.linearize(codes)) @ np.linalg.inv(physical.matrix).T
-    return np.asarray(np.maximum(brightest.max(axis=0), 1.0))
 
 
 def match(
@@ -252,8 +229,11 @@ def match(
     title = f"{source_camera.camera} {words[0]} to {other}{words[1]}{_exposure(ev)}"
     kind = "match" if other else "refinish"
     purpose = _purpose(kind, title, (source_camera, words[0]), (target_camera, words[1]))
-    if ev == 0 and source_camera is target_camera and _same_setting(source_camera, source, target):
-        return Transform((), purpose)
+    if ev == 0 and source_camera is target_camera and source.style == target.style:
+        own_models = len(source_camera.styles[source.style].physical) > 1  # one for each white balance
+        multipliers = source_camera.multipliers(source), source_camera.multipliers(target)
+        if source == target or (not own_models and np.array_equal(*multipliers)):
+            return Transform((), purpose)
     balanced = (*source_camera._linearize(source, "raw", model).stages, *exposed)
     render = target_camera.render_balanced(target, model)
     if not neutral_highlights:
@@ -288,14 +268,6 @@ def _purpose(
     one, other = ("" if end is None else str(end[1]) for end in (source, target))
     raw = light.raw_space if light is not None and space == "raw" else space
     return Purpose(kind, title, space, raw, one, other, tuple(dict.fromkeys(notes)), tuple(comments))
-
-
-def _same_setting(camera: CameraProfile, one: Selector, other: Selector) -> bool:
-    """True where two selectors of a camera ask for the same picture, whatever their words."""
-    own_models = len(camera.styles[one.style].physical) > 1  # a model for each white balance
-    if one.style != other.style or own_models:
-        return one == other
-    return one == other or np.array_equal(camera.multipliers(one), camera.multipliers(other))
 
 
 def raw_to_balanced(

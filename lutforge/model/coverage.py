@@ -8,7 +8,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array, Mask
-from lutforge.interpolation import Levels, interpolate
+from lutforge.interpolation import interpolate
 from lutforge.model.highlights import CLIPPED, clipped
 from lutforge.model.lattice import Lattice, grid
 from lutforge.model.profile_data import PictureStyle
@@ -25,13 +25,20 @@ def uncovered(style: PictureStyle, encoded: ArrayLike, farthest: float = FARTHES
     The samples are taken to be at the centres of h⁻¹, or at the nodes of a lattice that samples touched. Of a style
     that has neither, no colour is covered.
     """
-    values = np.asarray(encoded, dtype=np.float64)
-    points = _sampled(style)
-    if len(points) == 0:
-        return np.ones(values.shape[:-1], dtype=np.bool_)
-    distance, _ = scipy.spatial.cKDTree(points).query(values.reshape(-1, 3), distance_upper_bound=farthest, workers=-1)
-    mask: Mask = ~np.isfinite(distance).reshape(values.shape[:-1])
-    return mask
+    return ~np.isfinite(_distance(style, np.asarray(encoded, dtype=np.float64), farthest))
+
+
+def _distance(style: PictureStyle, encoded: Array, most: float) -> Array:
+    """The distance (…,) of encoded colours (…, 3) to the style's nearest sample, infinite beyond `most`."""
+    parts = [model.response.encode(model.inverse_gamut_map.centres) for model in style.physical]
+    if not parts and style.linearize is not None and "linearize" in style.coverage:
+        touched = np.nonzero(style.coverage["linearize"] > 0)
+        parts.append(np.stack([axis[at] for axis, at in zip(style.linearize.levels, touched, strict=True)], axis=1))
+    if not sum(map(len, parts)):
+        return np.full(encoded.shape[:-1], np.inf)
+    tree = scipy.spatial.cKDTree(np.concatenate(parts))
+    distance = tree.query(encoded.reshape(-1, 3), distance_upper_bound=most, workers=-1)[0]
+    return np.asarray(distance.reshape(encoded.shape[:-1]))
 
 
 @dataclass(frozen=True)
@@ -59,35 +66,19 @@ def confidence(style: PictureStyle, refinish: Refinish | None = None, size: int 
     levels = (axis, axis.copy(), axis.copy())
     nodes = grid(levels)
     if refinish is not None and "linearize" in style.expected and "render" in refinish.style.expected:
-        trust = np.clip(1.0 - _expected_error(style, refinish, levels) / WORST, 0.0, 1.0)
+        # Three independent errors, norms of encoded RGB, add up in the square: one code of noise in each channel and
+        # the error of linearizing, both multiplied by the gain of the refinish there, and the error of rendering.
+        graded = refinish.graded(nodes)
+        slopes = np.stack([np.gradient(graded, level, axis=axis) for axis, level in enumerate(levels)], axis=-1)
+        gain = np.sqrt(np.sum(slopes**2, axis=(-2, -1)))
+        linearized = _interpolated(style.linearize, style.expected["linearize"], nodes)
+        rendered = _interpolated(refinish.style.render, refinish.style.expected["render"], refinish.balanced(nodes))
+        error = np.sqrt((gain * 2 * CLIPPED) ** 2 + (gain * linearized) ** 2 / 3.0 + rendered**2)
+        trust = np.clip(1.0 - error / WORST, 0.0, 1.0)
     else:
-        trust = _nearness(style, nodes)
+        trust = np.clip(1.5 - _distance(style, nodes, 1.5 * FARTHEST) / FARTHEST, 0.0, 1.0)
     unclipped = np.where(clipped(nodes), 0.0, 1.0)
     return Lattice(levels, np.stack([np.minimum(trust, unclipped), unclipped, trust], axis=-1))
-
-
-def _nearness(style: PictureStyle, nodes: Array) -> Array:
-    points = _sampled(style)
-    if len(points) == 0:
-        return np.zeros(nodes.shape[:3])
-    tree = scipy.spatial.cKDTree(points)
-    reach = tree.query(nodes.reshape(-1, 3), distance_upper_bound=1.5 * FARTHEST, workers=-1)[0]
-    return np.asarray(np.clip(1.5 - reach / FARTHEST, 0.0, 1.0).reshape(nodes.shape[:3]))
-
-
-def _expected_error(style: PictureStyle, refinish: Refinish, levels: Levels) -> Array:
-    """The norm (N_r, N_g, N_b) of the expected error of refinished colours, at encoded colours of the nodes.
-
-    Three independent errors add up in the square: one code of noise in each channel and the error of linearizing, both
-    multiplied by the gain of the refinish there, and the error of rendering.
-    """
-    nodes = grid(levels)
-    graded = refinish.graded(nodes)
-    slopes = np.stack([np.gradient(graded, level, axis=axis) for axis, level in enumerate(levels)], axis=-1)
-    gain = np.sqrt(np.sum(slopes**2, axis=(-2, -1)))
-    linearized = _interpolated(style.linearize, style.expected["linearize"], nodes)
-    rendered = _interpolated(refinish.style.render, refinish.style.expected["render"], refinish.balanced(nodes))
-    return np.asarray(np.sqrt((gain * 2 * CLIPPED) ** 2 + (gain * linearized) ** 2 / 3.0 + rendered**2))
 
 
 def linearizing_error(style: PictureStyle) -> Callable[[Array], Array] | None:
@@ -101,12 +92,3 @@ def _interpolated(lattice: Lattice | None, expected: Array, at: Array) -> Array:
     """Interpolate the expected errors of a lattice's nodes at colours (…, 3), (…,)."""
     assert lattice is not None  # or the style would hold no expected errors
     return interpolate(at, lattice.levels, np.repeat(expected[..., None], 3, axis=-1), "trilinear")[..., 0]
-
-
-def _sampled(style: PictureStyle) -> Array:
-    """Encoded colours (n, 3) that the style has samples at."""
-    parts = [model.response.encode(model.inverse_gamut_map.centres) for model in style.physical]
-    if not parts and style.linearize is not None and "linearize" in style.coverage:
-        touched = np.nonzero(style.coverage["linearize"] > 0)
-        parts.append(np.stack([axis[at] for axis, at in zip(style.linearize.levels, touched, strict=True)], axis=1))
-    return np.concatenate(parts) if parts else np.zeros((0, 3))

@@ -83,18 +83,18 @@ class Falloff:
         y, x = ((np.arange(size) + 0.5 - 0.5 * size) / half for size in (height, width))
         return np.asarray(2.0 ** self.stops(np.stack(np.meshgrid(x, y), axis=-1)))
 
-    def distance(self, lens: str, focal_mm: float, aperture: float) -> float:
-        """The distance of another lens setting: stops of focal length and of aperture, infinite for another lens.
-
-        Values that are unknown of both settings count as equal.
-        """
-        steps = np.abs(np.log2([focal_mm / self.focal_mm, aperture / self.aperture]))
-        alike = np.isnan([self.focal_mm, self.aperture]) & np.isnan([focal_mm, aperture])
-        far = float(np.where(alike, 0.0, np.nan_to_num(steps, nan=np.inf)).sum())
-        return far if lens == self.lens else np.inf
-
 
 def falloff_of(falloffs: Iterable[Falloff], lens: str, focal_mm: float, aperture: float) -> Falloff | None:
-    """The falloff of the nearest lens setting, of the same lens and within half a stop; None where there is none."""
-    near = min(falloffs, key=lambda each: each.distance(lens, focal_mm, aperture), default=None)
-    return near if near is not None and near.distance(lens, focal_mm, aperture) <= 0.5 else None
+    """The falloff of the nearest lens setting, of the same lens and within half a stop; None where there is none.
+
+    The distance is in stops of focal length and of aperture. Values that are unknown of both count as equal.
+    """
+    asked = np.array([focal_mm, aperture])
+
+    def distance(falloff: Falloff) -> float:
+        known = np.array([falloff.focal_mm, falloff.aperture])
+        stops = np.nan_to_num(np.abs(np.log2(asked / known)), nan=np.inf)
+        return float(np.where(np.isnan(asked) & np.isnan(known), 0.0, stops).sum())
+
+    near = min((falloff for falloff in falloffs if falloff.lens == lens), key=distance, default=None)
+    return near if near is not None and distance(near) <= 0.5 else None

@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lutforge.arrays import Array, Single
 from lutforge.compiled import compiled
@@ -171,17 +171,6 @@ def flattened(even: Array) -> Array:
     return np.asarray(even - (1.0 - ALONG_GREY) * even.mean(axis=-1, keepdims=True))
 
 
-def _spatial_order(points: Array) -> NDArray[np.intp]:
-    """An order in which neighbours are near each other: Morton's (bits of the three coordinates interleaved)."""
-    span = np.maximum(np.ptp(points, axis=0), 1e-30)
-    cells = ((points - points.min(axis=0)) / span * 1023).astype(np.int64)
-    code = np.zeros(len(points), dtype=np.int64)
-    for bit in range(10):
-        for axis in range(3):
-            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return np.argsort(code, kind="stable")
-
-
 @dataclass(frozen=True, eq=False)
 class GamutMap:
     """h_c(X) = Σ_i λ_ci φ(‖X − X_i‖) + a_cᵀ [1, X], or on the even scale: h(X) = e⁻¹(Σ_i λ_i φ(‖e(X) − e(X_i)‖) + …).
@@ -239,7 +228,15 @@ class GamutMap:
     def _blocks(self) -> tuple[Array, Array, Single, Single]:
         """What `_evaluate` takes: per block its middle, Σ λ, centres from the middle and λ (3, BLOCK)."""
         points = to_even(self.centres, self.offset)
-        order = _spatial_order(points) if len(points) else np.zeros(0, dtype=np.intp)
+        order = np.zeros(0, dtype=np.intp)
+        if len(points):  # neighbours near each other: Morton's order, of the interleaved bits of the coordinates
+            span = np.maximum(np.ptp(points, axis=0), 1e-30)
+            cells = ((points - points.min(axis=0)) / span * 1023).astype(np.int64)
+            code = np.zeros(len(points), dtype=np.int64)
+            for bit in range(10):
+                for axis in range(3):
+                    code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
+            order = np.argsort(code, kind="stable")
         missing = -len(order) % BLOCK
         centres = np.pad(points[order], ((0, missing), (0, 0)), mode="edge" if len(order) else "constant")
         coefficients = np.pad(self.coefficients[order], ((0, missing), (0, 0))).reshape(-1, BLOCK, 3)

@@ -1,22 +1,42 @@
-"""What is stored of a calibrated camera: its white balances, its matrix, and per picture style its models.
+"""What is stored of a calibrated camera, and its file: white balances, a matrix, and per picture style its models.
 
-What goes both ways, RAW → JPEG and back, is one `Both`. A `Diagnosis` is of implausible samples.
+What goes both ways, RAW → JPEG and back, is one `Both`. A `Diagnosis` is of implausible samples. The file is a NumPy
+zip of `profile.json` and the arrays that it names, and is read without unpickling.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Generic, Literal, TypeVar, get_args
+import json
+import math
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Generic, Literal, Self, TypeVar, get_args
 
 import numpy as np
+from numpy.lib import format as npy
 
+from lutforge import __version__
 from lutforge.arrays import Array
+from lutforge.atomic_write import atomic_path
+from lutforge.boundary import reading
 from lutforge.colour.rgb_spaces import rgb_space
 from lutforge.errors import ProfileError
+from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.falloff import Falloff
 from lutforge.model.gamut_map import GamutMap
 from lutforge.model.lattice import Lattice
 from lutforge.model.response import Response
 from lutforge.model.white_balance import WhiteBalance
+
+FORMAT_VERSION = 7
+"""The one version that is read: profiles are quickly calibrated again."""
+
+MOST_VALUES = {1: 1 << 16, 2: 3 << 16, 3: 129**3, 4: 3 * 129**3}
+"""Numbers of an array by its dimensions: a level axis; a table or centres, 65,536 rows; coverage and values of 129³."""
+MOST_CENTRES = 20_000
+"""Centres of a gamut map: a fit takes 4,000, and each costs time at every node that is baked."""
+MAP_ARRAYS = ("centres", "coefficients", "polynomial")
+"""The arrays of a gamut map."""
 
 Direction = Literal["render", "linearize"]
 DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
@@ -192,3 +212,201 @@ class ProfileData:
             raise ProfileError(f"{self.camera}: a reference camera and the matrix from its RAW belong together")
         if transfer is not None and not _is_invertible(transfer):
             raise ProfileError(f"{self.camera}: the matrix from the reference camera's RAW cannot be inverted")
+
+    def save(self, path: str | Path) -> None:
+        """Write the profile to a file (.npz), atomically; `lutforge.load_profile` reads it."""
+        arrays: dict[str, Array] = {}
+        document = {
+            "format": "lutforge-profile",
+            "version": FORMAT_VERSION,
+            "software": f"LutForge {__version__}",
+            "camera": self.camera,
+            "raw_camera": self.raw_camera,
+            "raw_transfer": None if self.raw_transfer is None else self.raw_transfer.tolist(),
+            "matrix": self.matrix.tolist(),
+            "white_balances": {name: asdict(balance) for name, balance in self.white_balances.items()},
+            "styles": {
+                name: _style_to_json(style, f"style{index}", arrays)
+                for index, (name, style) in enumerate(self.styles.items())
+            },
+            "shots": list(self.shots),
+            "options": dict(self.options),
+            "notes": list(self.notes),
+            "falloffs": [  # JSON has no NaN: what is not known is null
+                {name: value if value == value else None for name, value in asdict(falloff).items()}
+                for falloff in self.falloffs
+            ],
+            "diagnoses": [asdict(diagnosis) for diagnosis in self.diagnoses],
+        }
+        with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+            text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
+            archive.writestr(zipfile.ZipInfo("profile.json"), text, zipfile.ZIP_DEFLATED)
+            for name, array in arrays.items():
+                # A ZipInfo made by hand carries no clock time: equal profiles are equal files.
+                with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as stream:
+                    npy.write_array(stream, np.ascontiguousarray(array), allow_pickle=False)
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read what a profile file holds. Raises ProfileError, in one line, on anything that is not one."""
+        if path.suffix.lower() == ".csv":
+            raise ProfileError(
+                f"{path}: not a LutForge profile but a table of samples; run `lutforge calibrate {path} -o camera.npz`"
+            )
+        if not path.is_file():
+            raise ProfileError(f"{path}: no such profile; make one with `lutforge calibrate … -o {path}`")
+        if not zipfile.is_zipfile(path):
+            raise ProfileError(f"{path}: not a LutForge profile, which is a zip file")
+        with reading(path, "a LutForge profile", ProfileError), zipfile.ZipFile(path) as archive:
+            document = _read_document(archive)
+            balances = {}
+            for name, entry in document["white_balances"].items():
+                r, g, b = map(float, entry["multipliers"])
+                spread, gain = float(entry["spread"]), float(entry["gain"])
+                balances[str(name)] = WhiteBalance((r, g, b), entry["kelvin"], spread, gain)
+            falloffs = []
+            for entry in document["falloffs"]:
+                one, two, three = map(float, entry["coefficients"])
+                x, y = map(float, entry["centre"])
+                focal_mm, aperture = (
+                    math.nan if entry[name] is None else float(entry[name]) for name in ("focal_mm", "aperture")
+                )
+                falloffs.append(Falloff((one, two, three), (x, y), str(entry["lens"]), focal_mm, aperture))
+            transfer = document["raw_transfer"]
+            return cls(
+                camera=str(document["camera"]),
+                matrix=np.array(document["matrix"], dtype=np.float64),
+                white_balances=balances,
+                styles={
+                    str(name): _style_from_json(entry, lambda name: _read_array(archive, name))
+                    for name, entry in document["styles"].items()
+                },
+                shots=tuple(map(str, document["shots"])),
+                options=document["options"],
+                notes=tuple(map(str, document["notes"])),
+                raw_camera=str(document["raw_camera"]),
+                raw_transfer=None if transfer is None else np.array(transfer, dtype=np.float64),
+                falloffs=tuple(falloffs),
+                diagnoses=tuple(
+                    Diagnosis(str(entry["cause"]), str(entry["evidence"]), str(entry["advice"]))
+                    for entry in document["diagnoses"]
+                ),
+            )
+
+
+def _style_to_json(style: PictureStyle, prefix: str, arrays: dict[str, Array]) -> dict[str, Any]:
+    """Describe a style; its arrays join the others under the names that the description gives them."""
+
+    def stored(name: str, array: Array) -> str:
+        arrays[f"{prefix}_{name}"] = array
+        return f"{prefix}_{name}"
+
+    result: dict[str, Any] = {"errors": {name: float(value) for name, value in style.errors.items()}, "physical": []}
+    for direction, lattice in style.lattices.items():
+        result[direction] = {
+            "values": stored(f"{direction}_values", lattice.values),
+            "levels": [stored(f"{direction}_levels_{c}", axis) for c, axis in zip("rgb", lattice.levels, strict=True)],
+            "interpolation": lattice.interpolation,
+            "domain": [0.0, 1.0],
+        }
+        expected = style.expected.get(direction)
+        for part, array in (
+            ("response", lattice.output_curve),
+            ("coverage", style.coverage.get(direction)),
+            ("expected", None if expected is None else expected.round(5)),
+        ):
+            if array is not None:
+                result[direction][part] = stored(f"{direction}_{part}", array)
+    for index, model in enumerate(style.physical):
+        base = f"physical{index}"
+        maps = {"gamut_map": model.gamut_map, "inverse_gamut_map": model.inverse_gamut_map}
+        stored(f"{base}_response", model.response.inverse)
+        for side, gamut_map in maps.items():
+            for part in MAP_ARRAYS:
+                stored(f"{base}_{side}_{part}", getattr(gamut_map, part))
+        result["physical"].append(
+            {
+                "white_balances": list(model.white_balances),
+                "matrix": model.matrix.tolist(),
+                "arrays": f"{prefix}_{base}",
+                "offsets": [gamut_map.offset for gamut_map in maps.values()],
+                "kernels": [gamut_map.kernel for gamut_map in maps.values()],
+            }
+        )
+    return result
+
+
+def _style_from_json(entry: Mapping[str, Any], array: Callable[[str], Array]) -> PictureStyle:
+    lattices: dict[Direction, Lattice] = {}
+    beside: dict[str, dict[Direction, Array]] = {"response": {}, "coverage": {}, "expected": {}}
+    for direction in DIRECTIONS:
+        if direction not in entry:
+            continue
+        stored = entry[direction]
+        if stored["interpolation"] not in INTERPOLATIONS:
+            raise ProfileError(f"unknown interpolation {stored['interpolation']!r}")
+        r, g, b = (array(name) for name in stored["levels"])
+        if stored["domain"] != [0.0, 1.0] or any(axis[0] != 0 or axis[-1] != 1 for axis in (r, g, b)):
+            raise ProfileError("damaged profile, the node levels of a lattice do not run from 0 to 1")
+        for part, arrays in beside.items():
+            if part in stored:
+                arrays[direction] = array(stored[part])
+        curve = beside["response"].get(direction)
+        lattices[direction] = Lattice((r, g, b), array(stored["values"]), stored["interpolation"], curve)
+    physical = []
+    for model in entry["physical"]:
+        base, maps = model["arrays"], []
+        sides = ("gamut_map", "inverse_gamut_map")
+        for side, offset, kernel in zip(sides, model["offsets"], model["kernels"], strict=True):
+            centres, weights, trend = (array(f"{base}_{side}_{part}") for part in MAP_ARRAYS)
+            maps.append(GamutMap(centres, weights, trend, float(offset), kernel))
+        matrix = np.array(model["matrix"], dtype=np.float64)
+        response = Response(array(f"{base}_response"))
+        physical.append(PhysicalModel(tuple(map(str, model["white_balances"])), matrix, response, *maps))
+    errors = {str(name): float(value) for name, value in entry["errors"].items()}
+    both = lattices.get("render"), lattices.get("linearize")
+    return PictureStyle(*both, tuple(physical), errors, beside["coverage"], beside["expected"])
+
+
+def _read_document(archive: zipfile.ZipFile) -> dict[str, Any]:
+    names = archive.namelist()
+    if "profile.json" not in names:
+        raise ProfileError(
+            "not a LutForge profile (it holds no profile.json)"
+            + ("; it is a table of samples: run lutforge calibrate with it first" if "raw_r.npy" in names else "")
+        )
+    if len(names) > 4096 or archive.getinfo("profile.json").file_size > 16 << 20:
+        raise ProfileError("refused, it is far larger than any profile")
+    document = json.loads(archive.read("profile.json"))
+    if not isinstance(document, dict) or document.get("format") != "lutforge-profile":
+        raise ProfileError("profile.json is not a LutForge profile")
+    version = document.get("version")
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise ProfileError(f"damaged profile, its version is {version!r:.60}; calibrate again, or find a good copy")
+    if version != FORMAT_VERSION:
+        advice = "update it" if version > FORMAT_VERSION else "calibrate again"
+        raise ProfileError(f"profile version {version}; this LutForge reads version {FORMAT_VERSION}: {advice}")
+    if not isinstance(document["options"], dict):
+        raise ProfileError("damaged profile, its options are no table")
+    return document
+
+
+def _read_array(archive: zipfile.ZipFile, name: str) -> Array:
+    """An array of the profile, whose header is judged before any memory is taken."""
+    entry = f"{name}.npy"
+    if entry not in archive.namelist():
+        raise ProfileError(f"damaged profile, the array {name} is missing")
+    size = archive.getinfo(entry).file_size
+    if size > 8 * MOST_VALUES[4] + 4096:
+        raise ProfileError(f"refused, the array {name} unpacks to {size} bytes")
+    with archive.open(entry) as stream:
+        if npy.read_magic(stream) != (1, 0):
+            raise ProfileError(f"damaged profile, the array {name} has an unknown header")
+        shape, _, dtype = npy.read_array_header_1_0(stream)
+        if dtype != np.float64 or math.prod(shape) * 8 > size:
+            raise ProfileError(f"damaged profile, the array {name} is not float64 of its stated shape")
+        rows = MOST_CENTRES if name.endswith("_centres") else MOST_VALUES[1]
+        if math.prod(shape) > MOST_VALUES.get(len(shape), 0) or (len(shape) == 2 and shape[0] > rows):
+            raise ProfileError(f"refused, the array {name} of shape {shape} is larger than any profile's")
+    with archive.open(entry) as stream:
+        return np.asarray(npy.read_array(stream, allow_pickle=False))

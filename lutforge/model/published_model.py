@@ -6,7 +6,7 @@ of the EXIF LightSource tag.
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from lutforge.model.white_balance import LIGHT_SOURCES, NAMED_KELVIN, WhiteBalan
 
 WHITE_BALANCES = {code: name for name, code in LIGHT_SOURCES.items()} | {9: "daylight", 14: "fluorescent"}
 """White balances by code: fine weather and cool white fluorescent, too, which are what is written."""
+LIGHTS = {name: code for code, name in WHITE_BALANCES.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +60,18 @@ def read_published_model(folder: str | Path) -> PublishedModel:
         which = " ".join(within) if within else "a model's folder, which does"
         raise ProfileError(f"{folder}: holds no raw2jpg_transform.txt; give {which}")
     matrix, balances = _read_transform(folder / "raw2jpg_transform.txt")
-    linear = _read_points(folder / "raw2jpg_ctrlPoints.txt")
-    forward = _read_gamut_map(folder, "raw2jpg", linear)
-    back = _read_gamut_map(folder, "jpg2raw", _read_points(folder / "jpg2raw_ctrlPoints.txt"))
-    mapped = _read_points(folder / "raw2jpg_destPoints.txt")
+    maps = []
+    for direction in ("raw2jpg", "jpg2raw"):
+        centres, path = _read_points(folder / f"{direction}_ctrlPoints.txt"), folder / f"{direction}_coefs.txt"
+        rows, count = _read_points(path), len(centres)
+        if len(rows) != count + 4:
+            raise ProfileError(f"{path}: expected {count} + 4 rows for {count} centres, found {len(rows)}")
+        maps.append(GamutMap(centres, rows[:-4], rows[-4:]))
+    linear, mapped = maps[0].centres, _read_points(folder / "raw2jpg_destPoints.txt")
     if len(mapped) != len(linear):
         raise ProfileError(f"{folder}: {len(linear)} control points but {len(mapped)} destination points")
-    response = Response(np.maximum.accumulate(_numbers(folder / "raw2jpg_respFcns.txt", 1)[:256], axis=0))
-    model = PhysicalModel(tuple(balances), matrix, response, forward, back)
+    codes = _read_points(folder / "raw2jpg_respFcns.txt", counted=False)[:256]
+    model = PhysicalModel(tuple(balances), matrix, Response(np.maximum.accumulate(codes, axis=0)), *maps)
     return PublishedModel(model, balances, linear, mapped)
 
 
@@ -84,29 +89,26 @@ def import_published(folders: Sequence[str | Path], camera: str = "", style: str
     Raises:
         ProfileError: a folder is none of a model.
     """
-    folders = [path_of(each) for each in (folders if isinstance(folders, Sequence) else [folders])]
-    if not folders:
+    paths = [path_of(each) for each in (folders if isinstance(folders, Sequence) else [folders])]
+    if not paths:
         raise ProfileError("no model folder given")
-    models = [read_published_model(folder) for folder in folders]
+    models = [read_published_model(path) for path in paths]
+    if not camera:  # "Nikon D40" of "nus_nikon_d40/fluorescent"
+        above = paths[0].resolve().parent.name
+        if not above.startswith("nus_"):
+            raise ProfileError(f'{paths[0]}: the model does not name its camera; name it, such as --camera "Nikon D40"')
+        words = above.removeprefix("nus_").split("_")
+        camera = " ".join(word.upper() if any(c.isdigit() for c in word) else word.capitalize() for word in words)
     balances = {name: balance for model in models for name, balance in model.white_balances.items()}
     largest = max(models, key=lambda model: len(model.linear)).model
     rows = largest.matrix.sum(axis=1, keepdims=True)
     return CameraProfile(
-        camera=camera or _camera_name(Path(folders[0])),
+        camera=camera,
         matrix=largest.matrix / rows,
         white_balances=balances,
         styles={style: PictureStyle(physical=tuple(model.model for model in models))},
         options={"source": "published model of the thesis's authors"},
     )
-
-
-def _camera_name(folder: Path) -> str:
-    """Read "Nikon D40" off "nus_nikon_d40/fluorescent". Raises ProfileError where nothing names the camera."""
-    above = folder.resolve().parent.name
-    if not above.startswith("nus_"):
-        raise ProfileError(f'{folder}: the model does not name its camera; name it, such as --camera "Nikon D40"')
-    words = above.removeprefix("nus_").split("_")
-    return " ".join(word.upper() if any(c.isdigit() for c in word) else word.capitalize() for word in words)
 
 
 def export_published(profile: CameraProfile, style: str, folder: str | Path) -> list[Path]:
@@ -134,6 +136,14 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
     folders = [Path(folder) / (style if len(models) == 1 else f"{style}_{n}") for n in range(1, len(models) + 1)]
     for model, place in zip(models, folders, strict=True):
         known = {name: profile.white_balances[name] for name in model.white_balances}
+        numbered = {name: re.fullmatch(r"light source (\d{1,5})", name) for name in known}
+        lights = {name: LIGHTS.get(name, int(number[1]) if number else 255) for name, number in numbered.items()}
+        others = [name for name, light in lights.items() if list(lights.values()).count(light) > 1]
+        if others:
+            raise ProfileError(f"white balances {', '.join(others)}: EXIF has one code for them all; export fewer")
+        transform: list[Sequence[float] | Array] = [[len(known)], *model.matrix]
+        for name, balance in known.items():
+            transform += [[lights[name]], *(model.matrix * balance.factors), balance.factors]
         codes = np.linspace(0.0, 1.0, 256)[:, None].repeat(3, axis=1)
         response = _text([[256, 0, 0, 0], *model.response.linearize(codes)])
         sides = {"raw2jpg": model.gamut_map, "jpg2raw": model.inverse_gamut_map}
@@ -142,7 +152,7 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
             images = other.centres if other.centres.shape == side.centres.shape else side(side.centres)
             rows = [*side.coefficients, *side.polynomial]
             for name, text in {
-                "transform": _transform_text(model.matrix, known),
+                "transform": _text(transform),
                 "ctrlPoints": _text([[len(side.centres)], *side.centres]),
                 "destPoints": _text([[len(images)], *images]),
                 "coefs": _text([[len(rows)], *rows]),
@@ -154,67 +164,49 @@ def export_published(profile: CameraProfile, style: str, folder: str | Path) -> 
     return folders
 
 
-def _transform_text(matrix: Array, balances: Mapping[str, WhiteBalance]) -> str:
-    codes = {name: code for code, name in WHITE_BALANCES.items()}
-    numbered = {name: re.fullmatch(r"light source (\d{1,5})", name) for name in balances}
-    found = {name: codes.get(name, int(number[1]) if number else 255) for name, number in numbered.items()}
-    others = [name for name, code in found.items() if list(found.values()).count(code) > 1]
-    if others:
-        raise ProfileError(f"white balances {', '.join(others)}: EXIF has one code for them all; export fewer")
-    rows: list[Sequence[float] | Array] = [[len(balances)], *matrix]
-    for name, balance in balances.items():
-        rows += [[found[name]], *(matrix * balance.factors), balance.factors]
-    return _text(rows)
-
-
 def _text(rows: Iterable[Sequence[float] | Array]) -> str:
     return "".join(" ".join(f"{value:.9g}" for value in row) + "\n" for row in rows)
 
 
 def _read_transform(path: Path) -> tuple[Array, dict[str, WhiteBalance]]:
     """Ts (3, 3) and the white balances: the count, three rows, then blocks of code, Ts·Tw and the diagonal of Tw."""
-    lines = _lines(path)
-    values: list[list[float]] = [_row(path, number, line) for number, line in lines]
-    count = int(values[0][0]) if values and len(values[0]) == 1 else -1
-    if not 1 <= count <= 64 or len(values) != 4 + 5 * count:
+    rows = _rows(path)
+    count = int(rows[0][1][0]) if len(rows[0][1]) == 1 else -1
+    if not 1 <= count <= 64 or len(rows) != 4 + 5 * count:
         raise ProfileError(
-            f"{path}: expected a count n, 3 matrix rows and n blocks of 5 lines; found {len(values)} lines"
+            f"{path}: expected a count n, 3 matrix rows and n blocks of 5 lines; found {len(rows)} lines"
         )
-    shape = [1] + [3] * 3 + ([1] + [3] * 4) * count
-    for (number, line), row, width in zip(lines, values, shape, strict=True):
-        if len(row) != width:
-            raise ProfileError(f'{path}, line {number}: expected {width} numbers, found "{line[:60]}"')
+    for place, (number, row) in enumerate(rows):
+        _require_width(path, number, row, 1 if place == 0 or place % 5 == 4 else 3)
     balances = {}
-    for block in range(count):
-        start = 4 + 5 * block
-        code = int(values[start][0])
-        r, g, b = values[start + 4]
+    for start in range(4, len(rows), 5):
+        code, (number, (r, g, b)) = int(rows[start][1][0]), rows[start + 4]
         if min(r, g, b) <= 0:
-            raise ProfileError(f"{path}, line {lines[start + 4][0]}: white-balance multipliers must be positive")
+            raise ProfileError(f"{path}, line {number}: white-balance multipliers must be positive")
         name = WHITE_BALANCES.get(code, f"light source {code}")
         balances[name] = WhiteBalance((r / g, 1.0, b / g), NAMED_KELVIN.get(name), gain=g)
-    return np.array(values[1:4]), balances
+    return np.array([row for _, row in rows[1:4]]), balances
 
 
-def _read_gamut_map(folder: Path, direction: str, centres: Array) -> GamutMap:
-    path = folder / f"{direction}_coefs.txt"
-    rows = _read_points(path)
-    if len(rows) != len(centres) + 4:
-        raise ProfileError(f"{path}: expected {len(centres)} + 4 rows for {len(centres)} centres, found {len(rows)}")
-    return GamutMap(centres, rows[:-4], rows[-4:])
+def _read_points(path: Path, counted: bool = True) -> Array:
+    """Points (n, 3) behind a first row, which is their count where they are counted."""
+    (first, head), *rows = _rows(path)
+    for number, row in rows:
+        _require_width(path, number, row, 3)
+    if not rows or (counted and head != [len(rows)]):
+        says = " ".join(f"{value:g}" for value in head)
+        raise ProfileError(f"{path}, line {first}: says {says[:20]!r} points, {len(rows)} follow")
+    return np.array([row for _, row in rows])
 
 
-def _read_points(path: Path) -> Array:
-    """A count, then that many points."""
-    lines = _lines(path)
-    points = _numbers(path, 1)
-    if not lines[0][1].strip().isdigit() or int(lines[0][1]) != len(points):
-        raise ProfileError(f"{path}, line 1: says {lines[0][1][:20]!r} points, {len(points)} follow")
-    return points
+def _require_width(path: Path, number: int, row: Sequence[float], width: int) -> None:
+    if len(row) != width:
+        words = " ".join(f"{value:g}" for value in row)
+        raise ProfileError(f'{path}, line {number}: expected {width} numbers, found "{words[:60]}"')
 
 
-def _lines(path: Path) -> list[tuple[int, str]]:
-    """The lines that are not empty, with their numbers."""
+def _rows(path: Path) -> list[tuple[int, list[float]]]:
+    """The rows of numbers with the numbers of their lines; empty lines are passed over."""
     try:
         if path.stat().st_size > 64 << 20:
             raise ProfileError(f"{path}: refused, it is far larger than any published model")
@@ -223,30 +215,16 @@ def _lines(path: Path) -> list[tuple[int, str]]:
         raise ProfileError(f"{path}: cannot read ({error.strerror}); is this a published model folder?") from error
     except UnicodeDecodeError as error:
         raise ProfileError(f"{path}: not a plain text file of numbers") from error
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    if not lines:
-        raise ProfileError(f"{path}: empty")
-    return lines
-
-
-def _row(path: Path, number: int, line: str) -> list[float]:
-    try:
-        row = [float(word) for word in line.split()]
-    except ValueError:
-        raise ProfileError(f'{path}, line {number}: not a row of numbers: "{line[:60]}"') from None
-    if not np.all(np.isfinite(row)):
-        raise ProfileError(f'{path}, line {number}: not finite: "{line[:60]}"')
-    return row
-
-
-def _numbers(path: Path, skip: int = 0) -> Array:
-    """All rows after the first `skip` lines, three numbers each."""
     rows = []
-    for number, line in _lines(path)[skip:]:
-        row = _row(path, number, line)
-        if len(row) != 3:
-            raise ProfileError(f'{path}, line {number}: expected 3 numbers, found "{line[:60]}"')
-        rows.append(row)
+    for number, line in enumerate(text.splitlines(), 1):
+        try:
+            row = [float(word) for word in line.split()]
+        except ValueError:
+            raise ProfileError(f'{path}, line {number}: not a row of numbers: "{line[:60]}"') from None
+        if not np.all(np.isfinite(row)):
+            raise ProfileError(f'{path}, line {number}: not finite: "{line[:60]}"')
+        if row:
+            rows.append((number, row))
     if not rows:
-        raise ProfileError(f"{path}: no rows of numbers")
-    return np.array(rows)
+        raise ProfileError(f"{path}: empty")
+    return rows

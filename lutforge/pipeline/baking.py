@@ -3,7 +3,7 @@
 from __future__ import annotations  # so that help() shows the names of types
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -129,13 +129,28 @@ def bake(
             steps = bake_steps(transform, size, interpolation=method, title=title, comments=comments)
             for at in np.flatnonzero(stepwise):
                 luts.insert(int(at), steps)
-    luts = _with_aces_id(luts, purpose)
+    if kind == "linearize" and purpose.space == "aces2065-1":
+        # The form is that of the transforms of ACES 2: type, namespace, name, version of ACES, own version. Source:
+        # https://docs.acescentral.com/system-components/transform-ids/ (ACES Transform Identifiers).
+        name = re.sub(r"[^A-Za-z0-9]+", "_", purpose.title.removesuffix(" to aces2065-1")).strip("_")
+        identity = f"urn:ampas:aces:transformId:v2.0:CSC.LutForge.{name}_to_ACES.a2.v1"
+        luts = [replace(lut, metadata={ACES_ID: identity}) for lut in luts]
     made = []
     for path, lut in zip(named, luts, strict=False):
         error = verify(lut.write(path), transform, lut, display_referred=displayed)
         made.append((BakedFile(path, f"{lut.summary}, {lut.interpolation}", error), lut))
     made.sort(key=lambda pair: pair[0].error.mean)
-    notes = [*purpose.notes, *notes, *(text for file, _ in made for text in _notes_on(file, purpose))]
+    notes = [*purpose.notes, *notes]
+    for file, _ in made:  # what it cannot hold: whole numbers, linear light; plain cubes, light far above white
+        if kind == "linearize" and format_of(file.path).bits is not None:
+            notes.append(
+                f"{file.path}: whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
+            )
+        if kind == "render" and purpose.space != "raw" and file.error.max_de00 is not None and file.error.max_de00 > 1:
+            light = float(rgb_space(purpose.space).decode(np.array(file.error.worst)).max())
+            if light > 1:  # where a difference that is seen is the largest
+                where = f"at light {light:.0f} times as bright as white"
+                notes.append(f"{file.path}: the largest difference is {where}; a .clf is closer")
     if made and kind in ("render", "linearize"):
         notes.append("; ".join(ends))
     if made and program is not None:
@@ -174,7 +189,15 @@ def bake_files(
     if wanted.target is not None and any(path.suffix.lower() in CAMERA_PROFILES for path in paths):
         wanted = replace(wanted, target=setting_of(camera, wanted.target))
     transform = choose_transform(camera, wanted)
-    profiles = _camera_profiles(paths, camera, transform.purpose, program)
+    purpose = transform.purpose
+    profiles = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
+    for path in profiles:
+        if camera.developer:
+            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.developer}")
+        if (purpose.kind, purpose.space) != ("render", "raw"):
+            raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
+        if program is not None and path.suffix.lower().replace(".icm", ".icc") not in program_named(program).reads:
+            raise LutError(f"{path}: {program} does not read {path.suffix.lower()} files")
     if colours and not (paths and all(path.suffix.lower() in CAMERA_PROFILES[:2] for path in paths)):
         raise SettingsError("--colours goes with an ICC profile: -o look.icc")
     luts = [path for path in paths if path not in profiles]
@@ -197,50 +220,6 @@ def _require_fed(program: str | None, purpose: Purpose, profile: str = "camera.n
         raise SettingsError(f"{program} feeds a LUT with what it developed, never with camera RAW: {helps}")
 
 
-def _notes_on(file: BakedFile, purpose: Purpose) -> Iterator[str]:
-    """Yield what a file of a transform cannot hold: whole numbers, linear light; plain cubes, light far above white.
-
-    The latter is told where a difference that is seen (ΔE00 above 1) is the largest at light above white.
-    """
-    path, error = file.path, file.error
-    if purpose.kind == "linearize" and format_of(path).bits is not None:
-        yield f"{path}: whole numbers band the darks of linear light and lose what is beyond 1; use .clf"
-    if purpose.kind == "render" and purpose.space != "raw" and error.max_de00 is not None and error.max_de00 > 1:
-        light = float(rgb_space(purpose.space).decode(np.array(error.worst)).max())
-        if light > 1:
-            yield f"{path}: the largest difference is at light {light:.0f} times as bright as white; a .clf is closer"
-
-
-def _with_aces_id(luts: Sequence[Lut], purpose: Purpose) -> list[Lut]:
-    """The LUTs, those of an input transform with an id such as "…:CSC.LutForge.Drone_7_standard_auto_to_ACES.a2.v1".
-
-    Its form is that of the transforms of ACES 2: type, namespace, name, version of ACES, own version. Source:
-    https://docs.acescentral.com/system-components/transform-ids/ (ACES Transform Identifiers).
-    """
-    if purpose.kind != "linearize" or purpose.space != "aces2065-1":
-        return list(luts)
-    name = re.sub(r"[^A-Za-z0-9]+", "_", purpose.title.removesuffix(" to aces2065-1")).strip("_")
-    identity = f"urn:ampas:aces:transformId:v2.0:CSC.LutForge.{name}_to_ACES.a2.v1"
-    return [replace(lut, metadata={ACES_ID: identity}) for lut in luts]
-
-
-def _camera_profiles(paths: Sequence[Path], camera: CameraProfile, purpose: Purpose, program: str | None) -> list[Path]:
-    """Return the outputs that are ICC or DNG camera profiles, each once.
-
-    Raises LutError where none can hold what is asked for, or the program does not read it.
-    """
-    found = [path for path in dict.fromkeys(paths) if path.suffix.lower() in CAMERA_PROFILES]
-    for path in found[:1]:
-        if camera.developer:
-            raise LutError(f"{path}: a camera profile renders RAW; this profile is of {camera.developer}")
-        if (purpose.kind, purpose.space) != ("render", "raw"):
-            raise LutError(f"{path}: a camera profile renders RAW: bake … render --to STYLE/WB, without --space")
-    for path in found:
-        if program is not None and path.suffix.lower().replace(".icm", ".icc") not in program_named(program).reads:
-            raise LutError(f"{path}: {program} does not read {path.suffix.lower()} files")
-    return found
-
-
 def _bake_camera_profile(camera: CameraProfile, wanted: TransformRequest, path: Path, colours: bool) -> BakedFile:
     """Write a camera profile of a look, read it back, and compare it with the model behind white balance."""
     look = look_of(camera, wanted.target or "")
@@ -261,18 +240,17 @@ def _files(
     paths: Sequence[Path], program: str | None, title: str, stages: bool
 ) -> tuple[dict[Path, str | None], list[str]]:
     """Files to write, each once, and the program of each; without names, those that suit the program; and notes."""
+    named: dict[Path, str | None] = {}
+    notes = []
     if not paths and program is not None:
         named = files_for(program, title)
         for path in named:
             check_output(path)
-        return named, []
-    outputs: dict[Path, str | None] = {}
-    notes = []
     for path in paths:
-        if path.resolve() in {known.resolve() for known in outputs}:
+        if path.resolve() in {known.resolve() for known in named}:
             notes.append(f"{path}: named twice, written once")
             continue
         if stages and path.suffix.lower() not in PROCESS_LISTS:
             raise LutError(f"{path}: --stages writes {' and '.join(PROCESS_LISTS)}; other files hold one cube")
-        outputs[path] = program
-    return outputs, notes
+        named[path] = program
+    return named, notes

@@ -18,8 +18,7 @@ from lutforge.interpolation import Interpolation
 from lutforge.model.camera_profile import CameraProfile, ModelName, as_profile
 from lutforge.model.raw_transfer import RawTransfer
 from lutforge.pipeline.outputs import Paths, check_output
-from lutforge.pipeline.sample_origin import origin_of
-from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples
+from lutforge.pipeline.sampling import SampledShots, as_samples, gather_samples, origin_of
 from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 
@@ -105,11 +104,17 @@ def write_transfer(
     cameras, CalibrationError where the two did not see the same colours.
     """
     check_output(output, (".json",), (source, target))
-    first = _of_one_camera(source, part(progress, 0.0, 0.5), tell)
-    second = _of_one_camera(target, part(progress, 0.5, 1.0), tell)
-    names = (str(first.camera[0]), str(second.camera[0]))
-    x, y, neutral = pair_samples(first, second)
-    fitted = {kind: fit_raw_transfer(*names, x, y, neutral, kind) for kind in get_args(Form)}
+    both, names = [], []
+    for path, share in ((source, 0.0), (target, 0.5)):
+        sampled = gather_samples(path, part(progress, share, share + 0.5))
+        tell(sampled)
+        cameras = sorted(set(sampled.samples.camera.tolist()))
+        if len(cameras) != 1:
+            raise SampleError(f"{path}: samples of several cameras; give those of one")
+        both.append(sampled.samples)
+        names.append(str(cameras[0]))
+    x, y, neutral = pair_samples(*both)
+    fitted = {kind: fit_raw_transfer(names[0], names[1], x, y, neutral, kind) for kind in get_args(Form)}
     error = fitted[form].error
     if error is not None and error > 0.3:  # of the value: then the two cameras did not see the same colours
         raise CalibrationError(
@@ -118,10 +123,3 @@ def write_transfer(
         )
     fitted[form].save(output)
     return len(x), fitted
-
-
-def _of_one_camera(path: Path, progress: Progress, tell: Callable[[SampledShots], None]) -> SampleSet:
-    samples = gather_samples(path, progress, tell).samples
-    if len(set(samples.camera.tolist())) != 1:
-        raise SampleError(f"{path}: samples of several cameras; give those of one")
-    return samples

@@ -22,7 +22,7 @@ from lutforge.model.camera_profile import CameraProfile
 from lutforge.pipeline.calibration import calibrate
 from lutforge.pipeline.outputs import PROFILE_SUFFIXES, check_output
 from lutforge.pipeline.response import open_bracket
-from lutforge.pipeline.sample_origin import CHART
+from lutforge.pipeline.sampling import CHART
 from lutforge.progress import Progress, part, silent
 from lutforge.samples.chart import RESEMBLANCE, Chart, detector_note, find_chart, patch_codes, resemblance
 from lutforge.samples.chart_kinds import ChartKind
@@ -94,10 +94,21 @@ def write_input_transform(
         raw_space=np.full(count, SPACE),
         developer=np.full(count, f"{CHART}{chart.kind.name} under {chart.light}"),
     )
-    fit = _response(samples)
+    try:
+        fit = fit_bracket(pairs_of_samples(samples))
+    except CalibrationError as error:
+        help_ = "a chart's greys are unsaturated where the white balance is set to the light"
+        raise CalibrationError(f"{error}; {help_}") from None
     true = np.array([fit.exposure_error.get(name, 1.0) for name in names]) * times
     colours = chart.kind.linear_srgb(chart.light) @ matrix_between("linear-srgb", SPACE).T
-    multipliers, scale = _balance_and_level(samples, fit, colours[patch] * true[shot, None])
+    # What the camera makes of the chart's greys tells its white balance beside the light, and where its white is.
+    light = colours[patch] * true[shot, None]
+    grey = 1.0 - light.min(axis=1) / light.max(axis=1) < 0.12
+    if np.count_nonzero(grey) < 6:
+        raise CalibrationError("too few unclipped grey patches: take steps of at most two stops, some of them darker")
+    shown = fit.response.linearize(samples.srgb[grey]) @ matrix_between("linear-srgb", SPACE).T
+    ratio = np.median(shown / light[grey], axis=0)
+    multipliers, scale = ratio / ratio[1], float(ratio[1])
     # Colours with a channel below 0 or above the camera's white have no place in a table of RAW.
     raw = scale * true[shot, None] * colours[patch]
     held = np.all((raw > 0.0) & (raw < 1.0), axis=1)
@@ -108,15 +119,6 @@ def write_input_transform(
     profile = replace(profile, notes=(f"of the {samples.developer[0]}: {chart.kind.source}", told, *profile.notes))
     profile.save(output)
     return FittedChart(profile, samples, fit, dict(zip(names, times, strict=True)), level, found)
-
-
-def _response(samples: SampleSet) -> BracketFit:
-    try:
-        return fit_bracket(pairs_of_samples(samples))
-    except CalibrationError as error:
-        raise CalibrationError(
-            f"{error}; a chart's greys are unsaturated where the white balance is set to the light"
-        ) from None
 
 
 def _patches(
@@ -152,7 +154,12 @@ def _patches(
         raise CalibrationError(
             f"what lies between these corners is no {chart.kind.name}: name them clockwise, the first patch's first"
         )
-    return _below_white(values), tuple(files[index].name for index in sorted(places))
+    # The camera's own white need not be 1. One patch may be the brightest by chance; several that are equally bright
+    # follow the exposure no more.
+    near = values > np.nanmax(values, axis=(0, 1)) - PairingOptions.clipped
+    piled = near & (np.count_nonzero(near, axis=(0, 1)) >= 4)
+    values[piled.any(axis=2)] = np.nan
+    return values, tuple(files[index].name for index in sorted(places))
 
 
 def _codes(file: Path) -> Pixels:
@@ -161,26 +168,3 @@ def _codes(file: Path) -> Pixels:
     if pixels.shape[2] < 3:
         raise CalibrationError(f"{file.name}: a grey image; a chart tells colours")
     return np.asarray(np.clip(255.0 * pixels[..., :3], 0.0, 255.0), dtype=np.float32)
-
-
-def _below_white(values: Array) -> Array:
-    """The values (shots, n, 3) without those at the camera's own white, which need not be 1: NaN there."""
-    ceiling = np.nanmax(values, axis=(0, 1))
-    near = values > ceiling - PairingOptions.clipped
-    # One patch may be the brightest by chance; several that are equally bright follow the exposure no more.
-    piled = near & (np.count_nonzero(near, axis=(0, 1)) >= 4)
-    return np.where(piled.any(axis=2, keepdims=True), np.nan, values)
-
-
-def _balance_and_level(samples: SampleSet, fit: BracketFit, light: Array) -> tuple[Array, float]:
-    """Tw (3,) with green = 1, and what takes the light (n, 3) of the patches to where 1 is the camera's white.
-
-    Both are read from the chart's greys: what the camera makes of them tells its white balance beside the light.
-    """
-    saturation = 1.0 - light.min(axis=1) / light.max(axis=1)
-    grey = saturation < 0.12
-    if np.count_nonzero(grey) < 6:
-        raise CalibrationError("too few unclipped grey patches: take steps of at most two stops, some of them darker")
-    seen = fit.response.linearize(samples.srgb[grey]) @ matrix_between("linear-srgb", SPACE).T
-    ratio = np.median(seen / light[grey], axis=0)
-    return np.asarray(ratio / ratio[1]), float(ratio[1])

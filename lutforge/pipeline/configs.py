@@ -16,7 +16,7 @@ from lutforge.ocio.check import Finding, check_config, load_config
 from lutforge.ocio.config import ARCHIVE_SUFFIX, CONFIG_NAME
 from lutforge.ocio.config import write_config as write
 from lutforge.pipeline.outputs import check_output
-from lutforge.pipeline.sample_origin import is_of_chart
+from lutforge.pipeline.sampling import is_of_chart
 from lutforge.progress import Progress, silent, telling_of_compilation
 
 

@@ -1,24 +1,32 @@
-"""Use case: a profile and samples → its errors."""
+"""Use case: a profile and samples → its errors, and what it makes of each sample."""
 
 from __future__ import annotations  # so that help() shows the names of types
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from lutforge.errors import CalibrationError
+from lutforge.arrays import Array
+from lutforge.calibration.options import options_from_json
+from lutforge.calibration.physical.white_balance import complete_multipliers, with_known_balances
+from lutforge.calibration.shots.falloff import at_the_centre
+from lutforge.calibration.style import style_data, uniform_lattice_errors
+from lutforge.colour.srgb import srgb_encode
+from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.evaluation.evaluate import evaluate as evaluate_profile
 from lutforge.evaluation.evaluate import scene_departures
 from lutforge.evaluation.evaluation import Evaluation
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.model.falloff import falloff_of
+from lutforge.model.profile_data import DIRECTIONS, Direction
 from lutforge.pipeline.outputs import Paths
-from lutforge.pipeline.sample_origin import require_same_origin
-from lutforge.pipeline.sampling import as_samples, gather_samples
+from lutforge.pipeline.sampling import as_samples, gather_samples, require_same_origin
 from lutforge.progress import Progress, silent, telling_of_compilation
 from lutforge.report.tables import Table
 from lutforge.samples.sample_set import SampleSet, with_setting_names
+from lutforge.settings import Multipliers, Selector
 
 
 def evaluate(
@@ -85,3 +93,82 @@ def inspect_scene(
         rows.append((name, corners, *departures.get(name, ("–",) * 3)))
     header = ("shot", "corners", "exposure, EV", "contrast", "saturation")
     return Table(f"Beyond the rendering of {profile}", header, rows), gathered.left_out
+
+
+# --- What a profile makes of samples ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """What a profile makes of samples, all (n, 3); NaN where it does not know their style or white balance.
+
+    scene: Ts Tw E, linear sRGB; linearized: the JPEG value backward, to be compared with it. rendered: the JPEG value
+    of the RAW; transformed, decoded: that, and the measured JPEG value, through the inverse of the response (of a
+    lattice, of its grey axis): what stands before it, h(Ts Tw E), and its measured counterpart.
+    """
+
+    scene: Array
+    linearized: Array
+    rendered: Array
+    transformed: Array
+    decoded: Array
+
+
+def predict(profile: CameraProfile, samples: SampleSet) -> Predicted:
+    """Render the RAW values of samples and linearize their JPEG values by a profile, each under its own settings."""
+    samples = at_the_centre(with_setting_names(samples), profile.falloffs)
+    scene, linearized, rendered, transformed, decoded = (np.full_like(samples.raw, np.nan) for _ in range(5))
+    multipliers = with_known_balances(samples, profile.white_balances).wb
+    columns = [samples.style, samples.white_balance, *np.char.mod("%.9g", multipliers.T)]
+    _, first, group = np.unique(np.stack(columns), axis=1, return_index=True, return_inverse=True)
+    for index, row in enumerate(first):
+        style, name, own = str(samples.style[row]), str(samples.white_balance[row]), multipliers[row]
+        known = profile.white_balances.get(name)
+        if style not in profile.styles:
+            continue
+        if known is not None and (profile.raw_camera or np.allclose(known.multipliers, own, rtol=1e-6)):
+            # The setting has its gain, and its own physical model where there are several.
+            selector, gain = Selector(style, name), 1.0
+        elif profile.raw_camera or not np.all(np.isfinite(own)):
+            continue
+        else:
+            r, g, b = own.tolist()
+            selector, gain = Selector(style, Multipliers((r / g, 1.0, b / g))), 1.0 if known is None else known.gain
+        rows = group.ravel() == index
+        raw, encoded = gain * samples.raw[rows], samples.srgb[rows]
+        scene[rows] = raw @ profile.raw_to_linear_srgb(selector).T
+        linearized[rows] = profile.linearize(selector, "linear-srgb")(encoded)
+        rendered[rows] = np.where(np.isfinite(raw), profile.render(selector)(np.nan_to_num(raw)), np.nan)
+        even = np.linspace(0.0, 1.0, 1025)
+        tones = np.maximum.accumulate(profile.styles[selector.style].tones(even), axis=0)
+        for channel in range(3):
+            transformed[rows, channel] = np.interp(rendered[rows, channel], tones[:, channel], even)
+            decoded[rows, channel] = np.interp(encoded[:, channel], tones[:, channel], even)
+    return Predicted(scene, linearized, rendered, transformed, decoded)
+
+
+def without_a_model(samples: SampleSet) -> Array:
+    """What there is before any fit (n, 3): white-balanced RAW through sRGB's own curve; NaN: unknown white balance."""
+    try:
+        multipliers, _ = complete_multipliers(with_setting_names(samples))
+    except LutForgeError:
+        multipliers = samples.wb
+    return srgb_encode(np.clip(samples.raw * multipliers, 0.0, 1.0))
+
+
+def node_level_errors(
+    profile: CameraProfile, samples: SampleSet
+) -> dict[tuple[str, Direction], tuple[Array, Array, Array]]:
+    """By style and direction, per axis the histogram of the squared error of a uniform lattice (thesis, Fig. 5.4).
+
+    Raises CalibrationError where the samples do not determine the lattices.
+    """
+    samples = with_setting_names(samples)
+    data, _ = style_data(samples, complete_multipliers(samples)[0])
+    options = options_from_json(profile.options)
+    return {
+        (name, direction): uniform_lattice_errors(style, options, direction)
+        for name, style in data.items()
+        if name in profile.styles
+        for direction in DIRECTIONS
+    }

@@ -63,7 +63,7 @@ def inspect(path: str | Path) -> Inspection:
         return Inspection(path, tuple(_profile(profile)), profile)
     if suffix in PICTURE_SUFFIXES:
         rows = _picture(path)
-    elif suffix in _lut_suffixes():
+    elif suffix in {*CAMERA_PROFILES, *lut_suffixes()}:
         use = "a camera profile: a RAW developer" if suffix in CAMERA_PROFILES else "a LUT: apply, check"
         return Inspection(path, lines=(*check(path), f"  use       {use}"))
     else:
@@ -165,15 +165,13 @@ def check(path: str | Path) -> list[str]:
     return report_lines(check_lut(path))
 
 
-def _lut_suffixes() -> frozenset[str]:
-    """The suffixes of the LUT files that OpenColorIO or LutForge reads, and of camera profiles."""
+def lut_suffixes() -> frozenset[str]:
+    """The suffixes of the LUT files that OpenColorIO or LutForge reads."""
     import PyOpenColorIO as OCIO  # noqa: N814 - the name that its documentation uses
 
     from lutforge.luts.sequence import suffixes
 
-    return frozenset(
-        {*CAMERA_PROFILES, *suffixes(), *(f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats())}
-    )
+    return frozenset({*suffixes(), *(f".{suffix.lower()}" for _, suffix in OCIO.FileTransform.getFormats())})
 
 
 def _exposure(time_s: float, aperture: float, iso: float) -> str:

@@ -95,8 +95,10 @@ def write_kit(
     for each in looks:
         _require_source(kit, each)
     target = Path(folder).resolve()  # behind a link stays what it leads to
-    if target.exists() and not _may_be_replaced(target):
-        raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
+    if target.exists():  # an empty folder, or a kit and nothing but what its manifest lists, is replaced
+        names = {path.name for path in target.iterdir()} if target.is_dir() else {target.name}
+        if names and names != set(_manifest(target).get("files", [])):
+            raise LutForgeError(f"{target}: holds other files; name a new folder for the kit")
     check_output(target / "README.md")
     with scratch_folder(beside=target) as scratch:
         filled = scratch / "kit"
@@ -200,14 +202,6 @@ def _manifest(folder: Path) -> dict[str, list[str]]:
         return {}
     lists = data.items() if isinstance(data, dict) else ()
     return {name: [str(each) for each in values] for name, values in lists if isinstance(values, list)}
-
-
-def _may_be_replaced(folder: Path) -> bool:
-    """Whether a folder is empty, or holds a kit and nothing but what its manifest lists."""
-    if not folder.is_dir():
-        return False
-    names = {path.name for path in folder.iterdir()}
-    return not names or names == set(_manifest(folder).get("files", []))
 
 
 def _readme(kit: Kit, looks: Sequence[Look], steps: Sequence[Sequence[str]], files: Sequence[str]) -> str:

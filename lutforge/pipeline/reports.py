@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from lutforge.kits.kit import setting_of
 from lutforge.model.camera_profile import CameraProfile, as_profile
 from lutforge.pipeline.evaluation import evaluate
 from lutforge.pipeline.outputs import Paths, check_output
-from lutforge.pipeline.sample_origin import require_same_origin
-from lutforge.pipeline.sampling import SampledShots, gather_samples
+from lutforge.pipeline.sampling import SampledShots, gather_samples, require_same_origin
 from lutforge.progress import Progress, part, silent, telling_of_compilation
 from lutforge.report.drawing import Drawing
 from lutforge.report.error_maps import ErrorMaps, maps_of_shot, own_method
@@ -92,7 +92,8 @@ def compare(
     check_report_output(output, None, [each for each in (first, second) if not isinstance(each, CameraProfile)])
     a, b = as_profile(first), as_profile(second)
     progress(f"{a.camera} and {b.camera}", 0.0)
-    page = build_comparison(a, one or _first_setting(a), b, other or _first_setting(b))
+    settings = [words or setting_of(each, next(iter(each.styles))) for each, words in ((a, one), (b, other))]
+    page = build_comparison(a, settings[0], b, settings[1])
     write_page(page, output, part(progress, 0.5, 1.0))
     return page
 
@@ -124,11 +125,6 @@ def maps_of_file(
     evaluation = evaluate(profile, samples.select(samples.style == style), progress)
     progress("error maps", 0.9)
     return maps_of_shot(profile, evaluation, shot, raw_file)
-
-
-def _first_setting(profile: CameraProfile) -> str:
-    balances = profile.white_balances
-    return f"{next(iter(profile.styles))}/{'daylight' if 'daylight' in balances else next(iter(balances))}"
 
 
 def check_report_output(

@@ -111,8 +111,20 @@ def open_bracket(bracket: Sequence[Path], exposure_s: Sequence[float] | None, ca
         if len(bracket) == 1 and bracket[0].suffix.lower() in VIDEO_SUFFIXES:
             files = _frames(bracket[0], len(exposure_s or ()), folder)
         else:
-            files = [file for path in bracket for file in _pictures(path)]
-        times = stated_exposures(files) if exposure_s is None else exposure_s
+            files = []
+            for path in bracket:
+                entries = sorted(path.iterdir()) if path.is_dir() else ()
+                pictures = [file for file in entries if file.suffix.lower() in PICTURE_SUFFIXES and file.is_file()]
+                if path.is_dir() and not pictures:
+                    raise CalibrationError(f"{path}: no pictures in this folder")
+                files += pictures or [path]
+        times = exposure_s
+        if times is None:
+            times = [stated_exposure(file) for file in files]
+            unknown = [file.name for file, time in zip(files, times, strict=True) if not time > 0]
+            if unknown:
+                why = "the file states no exposure time; give those of the bracket (--times)"
+                raise CalibrationError(f"{unknown[0]}: {why}")
         check_exposures(files, times)
         of_files = [read_picture_settings(file) for file in files]
         settings, cameras = of_files[0], sorted({each.camera for each in of_files if each.camera})
@@ -174,32 +186,12 @@ def check_exposures(files: Sequence[Path], times: Sequence[float]) -> None:
         raise CalibrationError("an exposure time is not above 0; give seconds, such as 1/60 or 0.5")
 
 
-def stated_exposures(files: Sequence[Path]) -> list[float]:
-    """Relative exposures that the files state. Raises CalibrationError where one states none."""
-    times = [stated_exposure(file) for file in files]
-    for file, time in zip(files, times, strict=True):
-        if not time > 0:
-            raise CalibrationError(
-                f"{file.name}: the file states no exposure time; give those of the bracket (--times)"
-            )
-    return times
-
-
 def parse_times(text: str) -> list[float]:
     """Exposure times of a text such as "1/60, 1/30, 0.5". Raises CalibrationError on a word that is none."""
     try:
         return [float(Fraction(word.strip())) for word in text.split(",")]
     except (ValueError, ZeroDivisionError):
         raise CalibrationError(f'exposure times "{text[:60]}": give seconds, such as 1/60,1/30,0.5') from None
-
-
-def _pictures(path: Path) -> list[Path]:
-    if not path.is_dir():
-        return [path]
-    found = sorted(file for file in path.iterdir() if file.suffix.lower() in PICTURE_SUFFIXES and file.is_file())
-    if not found:
-        raise CalibrationError(f"{path}: no pictures in this folder")
-    return found
 
 
 def _frames(film: Path, count: int, folder: Path) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Use case: RAW files and sample tables → samples."""
+"""Use case: RAW files and sample tables → samples; and what these are of, RAW or pictures in its place."""
 
 from __future__ import annotations  # so that help() shows the names of types
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lutforge.colour.rgb_spaces import rgb_space
-from lutforge.errors import LutForgeError, SampleError, SettingsError, ShotError, in_common
+from lutforge.errors import CalibrationError, LutForgeError, SampleError, SettingsError, ShotError, in_common
 from lutforge.pipeline.outputs import TABLE_SUFFIXES, Paths, several
 from lutforge.progress import Progress, silent
 from lutforge.samples.sample_set import SampleSet, concatenate
@@ -19,6 +19,7 @@ from lutforge.threads import cores
 
 if TYPE_CHECKING:  # tables are read without what decodes RAW files
     from lutforge.images.development import Development
+    from lutforge.model.camera_profile import CameraProfile
     from lutforge.samples.extract import ShotSamples
     from lutforge.shots.geometry import Placement
     from lutforge.shots.shot import Shot
@@ -29,21 +30,15 @@ RawSubstitute = Callable[[Path], "Development"]
 
 @dataclass(frozen=True, eq=False)
 class SampledShots:
-    """The samples of shots and tables, with an account of each shot.
+    """The samples of all usable shots and of tables.
 
-    samples: of all usable shots; shots: the account of each; left_out: one line for each that is not usable; files: the
-    RAW file of each shot by its name.
+    shots: the account of each shot; left_out: a line for each that is not usable; files: the RAW file of each by name.
     """
 
     samples: SampleSet
     shots: tuple[ShotSamples, ...] = ()
     left_out: tuple[str, ...] = ()
     files: Mapping[str, Path] = field(default_factory=dict)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What is to be known of the files, one line for all shots that share it."""
-        return file_notes(self.shots)
 
 
 def file_notes(shots: Iterable[ShotSamples]) -> tuple[str, ...]:
@@ -166,11 +161,12 @@ def sample_by_reference(pictures: Paths, reference: str | Path, progress: Progre
         return replace(shot, name=name)
 
     raw_of, names = dict(pairs), _names([file for file, _ in pairs])
-    found = sample_each(dict(zip(names, raw_of, strict=True)), read, progress, cores())
-    kept = {account.shot: ratios[account.shot] for account in found.shots}
-    known = kept if all(np.isfinite(ratio) for ratio in kept.values()) else dict.fromkeys(kept, 1.0)
-    scale = np.array([known[shot] for shot in found.samples.shot]) / max(known.values())
-    return replace(found, samples=replace(found.samples, raw=found.samples.raw * scale[:, None]), files={})
+    sampled = sample_each(dict(zip(names, raw_of, strict=True)), read, progress, cores())
+    scales = {account.shot: ratios[account.shot] for account in sampled.shots}
+    if not all(map(np.isfinite, scales.values())):
+        scales = dict.fromkeys(scales, 1.0)
+    scale = np.array([scales[shot] for shot in sampled.samples.shot]) / max(scales.values())
+    return replace(sampled, samples=replace(sampled.samples, raw=sampled.samples.raw * scale[:, None]), files={})
 
 
 def _names(files: Sequence[Path]) -> list[str]:
@@ -179,17 +175,11 @@ def _names(files: Sequence[Path]) -> list[str]:
     return [stem if stems.count(stem) == 1 else str(file) for file, stem in zip(files, stems, strict=True)]
 
 
-def gather_samples(
-    paths: Paths,
-    progress: Progress = silent,
-    tell: Callable[[SampledShots], None] = lambda sampled: None,
-    substitute: RawSubstitute | None = None,
-) -> SampledShots:
+def gather_samples(paths: Paths, progress: Progress = silent, substitute: RawSubstitute | None = None) -> SampledShots:
     """Read sample tables, and sample RAW files and folders of them, in any mixture; what is given twice counts once.
 
-    tell: called with the result. substitute: as for `sample_shots`.
-
-    Raises SampleError where nothing is given or a table is malformed, ShotError where no shot is usable.
+    substitute: as for `sample_shots`. Raises SampleError where nothing is given or a table is malformed, ShotError
+    where no shot is usable.
     """
     given = list({path.resolve(): path for path in several(paths)}.values())
     if not given:
@@ -201,13 +191,10 @@ def gather_samples(
         from lutforge.samples.table import read_samples
 
         parts = [read_samples(path) for path in tables]
-    if others:
-        shots = sample_shots(others, progress, substitute)
-        sampled = replace(shots, samples=concatenate([*parts, shots.samples]))
-    else:
-        sampled = SampledShots(concatenate(parts))
-    tell(sampled)
-    return sampled
+    if not others:
+        return SampledShots(concatenate(parts))
+    sampled = sample_shots(others, progress, substitute)
+    return replace(sampled, samples=concatenate([*parts, sampled.samples]))
 
 
 def as_samples(samples: SampleSet | Paths) -> SampleSet:
@@ -216,6 +203,43 @@ def as_samples(samples: SampleSet | Paths) -> SampleSet:
     if not isinstance(samples, SampleSet) and not all(isinstance(path, str | Path) for path in paths):
         raise SampleError("not samples: give a SampleSet (SampleSet.from_arrays makes one of arrays), or paths")
     return samples if isinstance(samples, SampleSet) else sample(samples)
+
+
+# --- What samples are of: RAW, or pictures in its place --------------------------------------------------------------
+
+
+CHART = "chart "
+"""What the developer of samples begins with whose RAW is the known colours of a chart."""
+
+
+def origin_of(samples: SampleSet) -> dict[str, str]:
+    """Name the space and the program of pictures that stand in the place of RAW; empty for RAW.
+
+    Raises CalibrationError where samples of several spaces or programs are mixed.
+    """
+    pairs = sorted(set(zip(samples.raw_space.tolist(), samples.developer.tolist(), strict=True)))
+    if len(pairs) > 1:
+        kinds = ", ".join(f"{developer} ({space})" if space else "RAW" for space, developer in pairs[:4])
+        raise CalibrationError(f"the samples are of several kinds: {kinds}; calibrate each by itself")
+    space, developer = pairs[0] if pairs else ("", "")
+    return {"raw_space": space, "developer": developer} if space else {}
+
+
+def is_of_chart(profile: CameraProfile) -> bool:
+    """True where the known colours of a chart stood in the place of RAW: an input transform of a camera without RAW."""
+    return profile.developer.startswith(CHART)
+
+
+def require_same_origin(profile: CameraProfile, samples: SampleSet) -> None:
+    """Raise CalibrationError, with what helps, where samples are not of what a profile was calibrated on."""
+    given = origin_of(samples)
+    if (profile.options.get("raw_space") or "raw") != given.get("raw_space", "raw"):
+        option = "--developed DIR --developed-space SPACE " if profile.developer else ""
+        raise CalibrationError(
+            f"the profile is of {profile.developer or 'RAW files'}, the samples are of "
+            f"{given.get('developer', 'RAW files')}: sample what the profile is of, lutforge sample SHOT… {option}"
+            "-o samples.csv"
+        )
 
 
 # --- Pictures instead of RAW: what a program exported, or any rendering of the frames --------------------------------

@@ -18,14 +18,7 @@ KINDS = ("render", "linearize", "refinish", "match")
 
 @dataclass(frozen=True)
 class TransformRequest:
-    """The options that ask for a transform.
-
-    kind: "render" (RAW → JPEG), "linearize" (JPEG → scene), "refinish" (JPEG → JPEG) or "match" (camera → camera).
-    source, target: STYLE/WB of the JPEG that comes in, and of the one that comes out. ev: exposure change in stops.
-    space: what render takes and linearize gives, "raw" or a name of `lutforge.colour.rgb_spaces`. model: "lattice" or
-    "rbf", where the profile holds both. look: for match, the profile whose look is wanted; transfers: RAW → RAW to its
-    camera, in steps. Raises SettingsError where an option does not go with the kind.
-    """
+    """The options of `transform`, beside the profile. Raises SettingsError where one does not go with the kind."""
 
     kind: str
     source: str | None = None

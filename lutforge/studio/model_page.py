@@ -15,7 +15,7 @@ from lutforge.evaluation.next_shots import colour_gaps
 from lutforge.interpolation import INTERPOLATIONS
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.gamut_map import GamutMap
-from lutforge.pipeline.predictions import without_a_model
+from lutforge.pipeline.evaluation import without_a_model
 from lutforge.pipeline.reports import compare_methods, maps_of_file
 from lutforge.report import figures
 from lutforge.report.drawing import CHANNELS, Drawing, Panel

@@ -19,7 +19,7 @@ from lutforge.errors import LutForgeError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.white_balance import NAMED_KELVIN
 from lutforge.pipeline.charts import FittedChart
-from lutforge.pipeline.predictions import predict
+from lutforge.pipeline.evaluation import predict
 from lutforge.pipeline.response import FittedResponse
 from lutforge.progress import silent
 from lutforge.studio import ui

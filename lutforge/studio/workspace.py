@@ -23,10 +23,9 @@ from lutforge.calibration.physical.unsaturated import saturation
 from lutforge.errors import CalibrationError, LutForgeError
 from lutforge.model.camera_profile import CameraProfile, ModelName, load_profile
 from lutforge.model.profile_data import Direction
-from lutforge.model.profile_file import save_profile
 from lutforge.model.response import Response
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
-from lutforge.pipeline.predictions import Predicted, node_level_errors, predict
+from lutforge.pipeline.evaluation import Predicted, node_level_errors, predict
 from lutforge.progress import Progress
 from lutforge.samples.sample_set import SampleSet, with_setting_names
 from lutforge.samples.table import read_samples, write_samples
@@ -334,7 +333,7 @@ def save_workspace(workspace: Workspace, path: str | Path) -> None:
         write_samples(folder / SAMPLES, workspace.samples)
         np.save(folder / MARKS, marks, allow_pickle=False)
         for name, model in workspace.models.items():
-            save_profile(model.profile, folder / f"{name}.npz")
+            model.profile.save(folder / f"{name}.npz")
         for name in (SAMPLES, MARKS, *(f"{name}.npz" for name in workspace.models)):
             archive.write(folder / name, name)
 

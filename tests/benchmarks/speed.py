@@ -37,7 +37,6 @@ from lutforge.calibration.style import fit_lattices
 from lutforge.luts.bake import bake_forms
 from lutforge.luts.programs import target_of
 from lutforge.model.camera_profile import CameraProfile, load_profile
-from lutforge.model.profile_file import save_profile
 from lutforge.ocio.config import build_config
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import read_samples, write_samples
@@ -371,7 +370,7 @@ def config_of_many(folder: Path, profile: CameraProfile, cameras: int = 2) -> Fi
     four = {f"style {number}": style for number in range(4)}
     paths = [folder / f"camera_{number}.npz" for number in range(cameras)]
     for path in paths:
-        save_profile(replace(profile, camera=path.stem, styles=four), path)
+        replace(profile, camera=path.stem, styles=four).save(path)
     words = ("render", "--to", "style 0/daylight", "-o", folder / "baked.cube")
     whole, one = alternating(
         lambda: lutforge("config", *paths, "-o", folder / "ocio_of_many", "--replace"),
@@ -446,7 +445,7 @@ def parts(folder: Path) -> Parts:
     """The parts of the table, by the words that ask for them."""
     lut, table, profile = write_cube(folder / "look.cube"), folder / "samples.csv", folder / "camera.npz"
     write_samples(table, samples_of_the_d40(5000))
-    save_profile(calibrate(read_samples(table)).profile, profile)
+    calibrate(read_samples(table)).profile.save(profile)
     return {
         "start": lambda: start_lines(folder, lut, profile),
         "calibrate config": lambda: fit_lines(folder, table, profile),

@@ -13,7 +13,7 @@ from lutforge.calibration.style import unclipped
 from lutforge.errors import ProfileError
 from lutforge.evaluation.evaluate import evaluate
 from lutforge.model.camera_profile import load_profile
-from lutforge.model.falloff import Falloff
+from lutforge.model.falloff import Falloff, falloff_of
 from lutforge.pipeline.calibration import calibrate
 from lutforge.samples.sample_set import SampleSet
 from lutforge.simulate.camera import nikon_d5100
@@ -63,11 +63,16 @@ def test_lens_settings_have_falloffs_of_their_own() -> None:
 
 def test_settings_of_no_sample_take_the_nearest_of_their_lens() -> None:
     falloff = Falloff((0.1, 0.2, 0.3), lens="Nikkor", focal_mm=35.0, aperture=4.0)
-    assert falloff.distance("Nikkor", 35.0, 4.0) == 0.0
-    assert falloff.distance("Nikkor", 35.0, 4.5) == pytest.approx(np.log2(4.5 / 4.0))
-    assert falloff.distance("Zeiss", 35.0, 4.0) == np.inf
-    assert falloff.distance("Nikkor", np.nan, 4.0) == np.inf
-    assert replace(falloff, focal_mm=np.nan).distance("Nikkor", np.nan, 4.0) == 0.0
+    near, unknown = replace(falloff, aperture=4.5), replace(falloff, focal_mm=np.nan)
+    for known, setting, nearest in (
+        ((near, falloff), ("Nikkor", 35.0, 4.0), falloff),
+        ((near,), ("Nikkor", 35.0, 4.0), near),  # a third of a stop off
+        ((falloff,), ("Nikkor", 35.0, 5.0), None),
+        ((falloff,), ("Zeiss", 35.0, 4.0), None),
+        ((falloff,), ("Nikkor", np.nan, 4.0), None),
+        ((falloff, unknown), ("Nikkor", np.nan, 4.0), unknown),
+    ):
+        assert falloff_of(known, *setting) is nearest
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -9,7 +9,6 @@ import pytest
 
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
-from lutforge.model.profile_file import save_profile
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import SampleSet
 from lutforge.samples.table import write_samples
@@ -47,7 +46,7 @@ def test_a_command_loads_no_other_command() -> None:
 
 def test_inspecting_a_profile_loads_numpy_alone(tmp_path: Path) -> None:
     balances = {"daylight": WhiteBalance((2.0, 1.0, 1.5))}
-    save_profile(CameraProfile("A Camera", np.eye(3), balances, {"standard": PictureStyle()}), tmp_path / "camera.npz")
+    CameraProfile("A Camera", np.eye(3), balances, {"standard": PictureStyle()}).save(tmp_path / "camera.npz")
     assert loaded(tmp_path, "inspect", "camera.npz") == {"numpy"}
 
 

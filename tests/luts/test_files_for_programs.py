@@ -13,7 +13,6 @@ from lutforge.luts.reading import file_processor
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.model.lattice import Lattice, uniform_levels
 from lutforge.model.profile_data import PictureStyle
-from lutforge.model.profile_file import save_profile
 from lutforge.model.white_balance import WhiteBalance
 
 NAMED = (
@@ -35,7 +34,7 @@ def profile(tmp_path_factory: pytest.TempPathFactory) -> Path:
         {"standard": PictureStyle(render, linearize)},
     )
     path = tmp_path_factory.mktemp("profile") / "camera.npz"
-    save_profile(camera, path)
+    camera.save(path)
     return path
 
 

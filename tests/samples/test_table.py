@@ -15,7 +15,6 @@ from hypothesis.extra import numpy as hnp
 from lutforge.errors import SampleError
 from lutforge.model.camera_profile import CameraProfile
 from lutforge.model.profile_data import PictureStyle
-from lutforge.model.profile_file import save_profile
 from lutforge.model.white_balance import WhiteBalance
 from lutforge.samples.sample_set import NUMBER_COLUMNS, SampleSet
 from lutforge.samples.table import is_table, read_samples, write_samples
@@ -315,9 +314,8 @@ def test_a_header_that_claims_more_rows_than_the_file_has(tmp_path: Path) -> Non
 
 def test_a_profile_is_no_table(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
-    save_profile(
-        CameraProfile("A", np.eye(3), {"daylight": WhiteBalance((2.0, 1.0, 1.5))}, {"standard": PictureStyle()}), path
-    )
+    balances = {"daylight": WhiteBalance((2.0, 1.0, 1.5))}
+    CameraProfile("A", np.eye(3), balances, {"standard": PictureStyle()}).save(path)
     assert not is_table(path)
     with pytest.raises(SampleError, match="a camera profile; name sample tables"):
         read_samples(path)

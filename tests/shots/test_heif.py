@@ -21,7 +21,7 @@ from lutforge.images.heif import read_heif
 from lutforge.images.icc import to_srgb
 from lutforge.images.read import read_image
 from lutforge.pipeline.inspection import inspect
-from lutforge.pipeline.sampling import gather_samples
+from lutforge.pipeline.sampling import file_notes, gather_samples
 from lutforge.shots.discover import discover, jpeg_beside
 from lutforge.shots.picture_settings import read_picture_settings, stated_exposure
 from lutforge.shots.read import read_shot
@@ -89,7 +89,7 @@ def test_what_is_none_is_said_in_a_line(tmp_path: Path, monkeypatch: pytest.Monk
 def test_a_picture_for_hdr_displays_is_passed_over_and_said_once(tmp_path: Path, transfer: int, name: str) -> None:
     _, dng = pair(tmp_path, "shot", CameraSettings(exposure_s=1 / 30), "still-life", 1)
     write_heif(dng.with_suffix(".HIF"), np.full((440, 648, 3), 0.5), transfer=transfer)
-    notes = [note for note in gather_samples([dng]).notes if "HDR" in note]
+    notes = [note for note in file_notes(gather_samples([dng]).shots) if "HDR" in note]
     assert len(notes) == 1 and f"passed over: {dng.with_suffix('.HIF')}: encoded for HDR ({name})" in notes[0]
 
 

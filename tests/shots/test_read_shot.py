@@ -12,7 +12,7 @@ from lutforge.colour.rgb_spaces import adobe_rgb_profile
 from lutforge.errors import ImageError, LutForgeError, ShotError
 from lutforge.images.read import read_image
 from lutforge.images.write import write_image
-from lutforge.pipeline.sampling import gather_samples
+from lutforge.pipeline.sampling import file_notes, gather_samples
 from lutforge.shots.discover import discover
 from lutforge.shots.read import EMBEDDED, read_shot
 from lutforge.simulate.camera import nikon_d5100
@@ -64,7 +64,9 @@ def test_passes_over_a_jpeg_of_another_scene(folder: Path) -> None:
     assert shot.jpeg_source == EMBEDDED
     assert any("wrong.jpeg" in note and "does not match" in note for note in shot.metadata.notes)
     sampled = gather_samples([folder / "wrong.dng"])
-    assert any(note.startswith("wrong: passed over: ") and "does not match" in note for note in sampled.notes)
+    assert any(
+        note.startswith("wrong: passed over: ") and "does not match" in note for note in file_notes(sampled.shots)
+    )
 
 
 def test_prefers_the_jpeg_that_no_program_has_touched(folder: Path, tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ from lutforge.images.read import read_image
 from lutforge.images.write import write_image
 from lutforge.model.camera_profile import CameraProfile, load_profile
 from lutforge.pipeline.calibration import calibrate
-from lutforge.pipeline.predictions import predict
+from lutforge.pipeline.evaluation import predict
 from lutforge.settings import Selector
 from lutforge.shots.picture_settings import software_tag
 from lutforge.studio.export_page import ExportPage

@@ -14,9 +14,8 @@ from tests.studio.shots_for_the_studio import chart_samples
 pytest.importorskip("panel", reason="the studio needs Panel: pip install 'lutforge[studio]'")
 from lutforge.calibration.options import CalibrationOptions, PhysicalOptions
 from lutforge.calibration.physical.unsaturated import saturation
-from lutforge.model.profile_file import save_profile
 from lutforge.pipeline.calibration import calibrate, calibrate_stages
-from lutforge.pipeline.predictions import predict
+from lutforge.pipeline.evaluation import predict
 from lutforge.samples.sample_set import SampleSet
 from lutforge.studio.workspace import (
     Workspace,
@@ -171,9 +170,9 @@ def test_limits_that_mean_nothing_are_refused(samples: SampleSet, wrong: dict[st
 
 def test_the_profile_is_the_one_of_the_command_line(samples: SampleSet, tmp_path: Path) -> None:
     workspace = Workspace(samples, options=CalibrationOptions(size=9)).mark(np.arange(len(samples)) < 4, 1)
-    save_profile(fitted(workspace, "lattice").models["lattice"].profile, tmp_path / "studio.npz")
+    fitted(workspace, "lattice").models["lattice"].profile.save(tmp_path / "studio.npz")
     chosen = samples.select(workspace.fitting_rows("lattice"))
-    save_profile(calibrate(chosen, workspace.options), tmp_path / "command.npz")
+    calibrate(chosen, workspace.options).save(tmp_path / "command.npz")
     assert (tmp_path / "studio.npz").read_bytes() == (tmp_path / "command.npz").read_bytes()
 
 
