@@ -4,14 +4,8 @@ import numpy as np
 
 from lutforge.model.coverage import FARTHEST, confidence, uncovered
 from lutforge.model.gamut_map import GamutMap
-from lutforge.model.highlights import clipped
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
 from tests.cases.profiles import gamma_response, identity_map, small_profile
-
-
-def test_clipped_is_any_channel_at_an_end() -> None:
-    codes = np.array([[0, 10, 20], [1, 254, 128], [3, 255, 3], [128, 128, 128]]) / 255
-    np.testing.assert_array_equal(clipped(codes), [True, False, True, False])
 
 
 def test_distance_to_the_nearest_centre_in_encoded_values() -> None:

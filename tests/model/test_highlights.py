@@ -70,8 +70,8 @@ def test_what_is_far_from_white_is_what_the_model_says() -> None:
 
 
 def test_a_code_at_either_end_is_clipped() -> None:
-    ends = np.array([[255, 40, 40], [254, 40, 40], [0, 40, 40], [1, 40, 40]]) / 255
-    np.testing.assert_array_equal(clipped(ends), [True, False, True, False])
+    ends = np.array([[255, 40, 40], [254, 40, 40], [0, 10, 20], [1, 254, 128], [3, 255, 3]]) / 255
+    np.testing.assert_array_equal(clipped(ends), [True, False, True, False, True])
 
 
 def test_files_follow_near_white() -> None:

@@ -8,15 +8,22 @@ from lutforge.errors import ImageError, ProfileError, SettingsError
 from lutforge.model.camera_profile import CameraProfile, ModelName, match
 from lutforge.model.lattice import Lattice
 from lutforge.model.profile_data import PhysicalModel, PictureStyle
-from lutforge.model.transform import Clip, Encode, Gain, MatrixStage, Transform, checked_colours
+from lutforge.model.transform import Encode, checked_colours
 from lutforge.model.white_balance import WhiteBalance
 from tests.cases.profiles import GAMMA, MATRIX, gamma_response, identity_map, small_profile
 
 
-def _physical_profile(camera: str, matrix: np.ndarray, daylight: tuple[float, float, float]) -> CameraProfile:
+def _physical_profile(
+    camera: str,
+    matrix: np.ndarray,
+    daylight: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    tungsten: tuple[float, float, float] = (1.3, 1.0, 2.6),
+    raw_transfer: np.ndarray | None = None,
+) -> CameraProfile:
     physical = PhysicalModel(("daylight",), matrix, gamma_response(), identity_map(), identity_map())
-    balances = {"daylight": WhiteBalance(daylight, 5200.0), "tungsten": WhiteBalance((1.3, 1.0, 2.6), 3200.0)}
-    return CameraProfile(camera, matrix, balances, {"standard": PictureStyle(physical=(physical,))})
+    balances = {"daylight": WhiteBalance(daylight, 5200.0), "tungsten": WhiteBalance(tungsten, 3200.0)}
+    styles, reference = {"standard": PictureStyle(physical=(physical,))}, "" if raw_transfer is None else "Reference"
+    return CameraProfile(camera, matrix, balances, styles, raw_camera=reference, raw_transfer=raw_transfer)
 
 
 PROFILE = _physical_profile("One", MATRIX, (2.0, 1.0, 1.5))
@@ -28,20 +35,11 @@ RAW = (
 TRANSFER = np.array([[0.9, 0.1, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]])
 
 
-def test_render_is_the_thesis_equation() -> None:
-    expected = np.clip((RAW * [2.0, 1.0, 1.5]) @ MATRIX.T, 0.0, 1.0) ** (1 / GAMMA)
-    np.testing.assert_allclose(PROFILE.render("standard/daylight")(RAW), expected, atol=1e-4)
-
-
-def test_linearize_undoes_render() -> None:
-    encoded = PROFILE.render("standard/tungsten")(RAW)
-    np.testing.assert_allclose(PROFILE.linearize("standard/tungsten")(encoded), RAW, atol=1e-6)
-
-
-def test_linear_srgb_is_the_matrix_of_balanced_raw() -> None:
-    encoded = PROFILE.render("standard/daylight")(RAW)
-    expected = (RAW * [2.0, 1.0, 1.5]) @ MATRIX.T
-    np.testing.assert_allclose(PROFILE.linearize("standard/daylight", "linear-srgb")(encoded), expected, atol=1e-6)
+def test_render_is_the_thesis_equation_and_linearize_undoes_it() -> None:
+    encoded, linear = PROFILE.render("standard/daylight")(RAW), (RAW * [2.0, 1.0, 1.5]) @ MATRIX.T
+    np.testing.assert_allclose(encoded, np.clip(linear, 0.0, 1.0) ** (1 / GAMMA), atol=1e-4)
+    np.testing.assert_allclose(PROFILE.linearize("standard/daylight")(encoded), RAW, atol=1e-6)
+    np.testing.assert_allclose(PROFILE.linearize("standard/daylight", "linear-srgb")(encoded), linear, atol=1e-6)
 
 
 def test_white_stays_white_in_aces() -> None:
@@ -79,14 +77,6 @@ def test_match_goes_through_the_scene() -> None:
     np.testing.assert_allclose(got, expected, atol=1e-6)
 
 
-def test_lattice_transform_gains_clamps_and_multiplies() -> None:
-    lattice = small_profile().styles["standard"].render
-    assert lattice is not None
-    transform = Transform((Gain(np.array([2.0, 1.0, 3.0])), Clip(), lattice, MatrixStage(MATRIX)))
-    x = np.random.default_rng(4).uniform(size=(50, 3))
-    np.testing.assert_allclose(transform(x), lattice(np.clip(x * [2, 1, 3], 0, 1)) @ MATRIX.T)
-
-
 def test_a_style_answers_with_the_model_asked_for() -> None:
     profile = small_profile()
     assert isinstance(profile.render("standard/daylight").stages[-1], Lattice)
@@ -106,23 +96,10 @@ def test_unknown_settings_list_the_known_ones() -> None:
 
 
 def test_a_profile_through_a_reference_camera_refinishes_but_has_no_raw() -> None:
-    model = PhysicalModel(("daylight", "tungsten"), MATRIX, gamma_response(), identity_map(), identity_map())
-    balances = {
-        "daylight": WhiteBalance((1.0, 1.0, 1.0), 5200.0),
-        "tungsten": WhiteBalance((0.7, 1.0, 1.4), 3200.0),
-    }
-    transfer = np.array([[0.9, 0.1, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]])
-    profile = CameraProfile(
-        "No RAW",
-        MATRIX,
-        balances,
-        {"standard": PictureStyle(physical=(model,))},
-        raw_camera="Reference",
-        raw_transfer=transfer,
-    )
+    profile = _physical_profile("No RAW", MATRIX, tungsten=(0.7, 1.0, 1.4), raw_transfer=TRANSFER)
     near_grey = RAW * [2.0, 1.0, 1.5]
     before = profile.render("standard/tungsten")(near_grey)
-    expected = np.clip((near_grey @ transfer.T) * [0.7, 1, 1.4] @ MATRIX.T, 0, 1) ** (1 / GAMMA)
+    expected = np.clip((near_grey @ TRANSFER.T) * [0.7, 1, 1.4] @ MATRIX.T, 0, 1) ** (1 / GAMMA)
     np.testing.assert_allclose(before, expected, atol=1e-4)
     after = profile.refinish("standard/tungsten", "standard/daylight")(before)
     np.testing.assert_allclose(after, profile.render("standard/daylight")(near_grey), atol=1e-6)
@@ -131,19 +108,13 @@ def test_a_profile_through_a_reference_camera_refinishes_but_has_no_raw() -> Non
     between = profile.multipliers("standard/4000K")  # between the settings that it knows
     assert 0.7 < between[0] < 1.0 and 1.0 < between[2] < 1.4
     scene = profile.linearize("standard/daylight", "linear-srgb")(profile.render("standard/daylight")(near_grey))
-    np.testing.assert_allclose(scene, near_grey @ (MATRIX @ transfer).T, atol=1e-6)
+    np.testing.assert_allclose(scene, near_grey @ (MATRIX @ TRANSFER).T, atol=1e-6)
 
 
 def test_a_match_through_a_common_reference_joins_both_transfers() -> None:
     """Tc from one camera without RAW to another is that of both to their reference (thesis 6.3)."""
-    balances = {"daylight": WhiteBalance((1.0, 1.0, 1.0), 5200.0)}
-    model = PhysicalModel(("daylight",), MATRIX, gamma_response(), identity_map(), identity_map())
-    styles = {"standard": PictureStyle(physical=(model,))}
-    one, other = np.diag([0.8, 1.0, 0.9]), np.array([[0.9, 0.1, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]])
-    first, second = (
-        CameraProfile(name, MATRIX, balances, styles, raw_camera="Reference", raw_transfer=transfer)
-        for name, transfer in (("A", one), ("B", other))
-    )
+    one, other = np.diag([0.8, 1.0, 0.9]), TRANSFER
+    first, second = (_physical_profile(name, MATRIX, raw_transfer=tc) for name, tc in (("A", one), ("B", other)))
     grey = RAW * [1.6, 0.8, 1.2]
     matched = match(first, "standard/daylight", second, "standard/daylight")(first.render("standard/daylight")(grey))
     np.testing.assert_allclose(matched, second.render("standard/daylight")(grey), atol=1e-6)

@@ -1,6 +1,7 @@
 """White balances by name, temperature, tint and multipliers."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -167,19 +168,15 @@ def test_two_settings_of_one_temperature_are_averaged() -> None:
     np.testing.assert_allclose(resolve(Kelvin(kelvin), known, MATRIX), [1.1 * r, g, b / 1.1], rtol=1e-12)
 
 
-@pytest.mark.parametrize("bad", [(0.0, 1.0, 1.0), (1.0, 1.0, -2.0), (float("nan"), 1.0, 1.0), (1.0, 1.0, float("inf"))])
-def test_multipliers_are_positive_numbers(bad: tuple[float, float, float]) -> None:
-    with pytest.raises(ProfileError, match="positive"):
-        WhiteBalance(bad)
-
-
-@pytest.mark.parametrize("kelvin", [-5.0, 0.0, 1e9, float("nan"), "hot"])
-def test_a_temperature_is_one_that_light_can_have(kelvin: float) -> None:
-    with pytest.raises(ProfileError, match="not a temperature"):
-        WhiteBalance((2.0, 1.0, 1.5), kelvin)
-
-
-@pytest.mark.parametrize("spread", [-0.1, float("nan"), float("inf")])
-def test_a_spread_is_a_share(spread: float) -> None:
-    with pytest.raises(ProfileError, match="spread"):
-        WhiteBalance((2.0, 1.0, 1.5), None, spread)
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        *(((bad, 1.0), "positive") for bad in (0.0, -2.0, float("nan"), float("inf"))),
+        *(((2.0, 1.5, bad), "not a temperature") for bad in (-5.0, 0.0, 1e9, float("nan"), "hot")),
+        *(((2.0, 1.5, None, bad), "spread") for bad in (-0.1, float("nan"), float("inf"))),
+    ],
+)
+def test_numbers_that_no_light_has_are_refused(values: tuple[Any, ...], says: str) -> None:
+    red, blue, *others = values
+    with pytest.raises(ProfileError, match=says):
+        WhiteBalance((red, 1.0, blue), *others)
